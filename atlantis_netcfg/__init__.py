@@ -1,8 +1,8 @@
-"""ATLANTIS provisioning toolkit: from boxes of hardware to a verified maritime-robotics test site.
+"""Provision and verify the network of a maritime-robotics test site from one inventory.
 
-An inventory declares the pilot; pure planners compare it with what was observed on the devices; one executor applies
-the difference under the device's own protection and reports what it read back. Every package below does one of these
-steps, and data flows one way: `inventory` -> capability package (`routeros`, `links`, `computers`) -> `runs`, events.
+Planners without side effects compare the inventory with the state read from the devices. One executor applies the
+difference under each device's own rollback protection and reports what it read back. Data flows one way: `inventory` ->
+capability package (`routeros`, `links`, `computers`) -> `runs`, events.
 """
 
 __version__ = "0.1.0"

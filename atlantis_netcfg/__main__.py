@@ -1,7 +1,7 @@
-"""What the launcher runs, as `python -S atlantis_netcfg/__main__.py`.
+"""Entry point of the launcher, run as `python -S atlantis_netcfg/__main__.py`.
 
-Until the command line answers stop signals itself, and once it has ended, one of them ends the process or changes
-nothing: Python's own handler would print a traceback in the middle of an import, or lose the signal there.
+Stop signals end the process or are ignored before the command line handles them, and after it has finished. Python's
+own handler would print a traceback in the middle of an import, or lose the signal there.
 """
 
 import _signal  # type: ignore[import-not-found] # built in; `signal` imports much before it can answer any

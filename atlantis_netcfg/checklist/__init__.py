@@ -1,8 +1,8 @@
-"""The pre-test checklist of a site: what has to be found out, what was, by whom, and who vouches for it.
+"""The pre-test checklist of a site: required checks, their results, who confirmed them, and who signs.
 
-The list is worked out from the declaration alone, and no X of Table 3 can drop out of it: what no program sees, a
-person confirms. What is found is kept line by line on disk, so that an interrupted checklist goes on where it stood.
-The closed list is signed by a named person over everything in it, and whoever has it can verify it.
+The list is computed from the inventory alone, and no X of Table 3 can be omitted: what no program can check, a person
+confirms. Results are stored line by line on disk, so that an interrupted checklist can be continued. The closed list is
+signed in full by a named person, and anybody who has it can verify it.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
-"""The log of one checklist: a line a record, each holding the hash of the line before, on disk before anything follows.
+"""The log of one checklist: one record per line with the hash of the previous line, synced before the next step.
 
-A kill leaves at most a last line without its end; nobody was told of that record, so it is cut off. A last line that
-has its end and cannot be read is what a power cut leaves: it is cut off too, and told. Anything else is damage.
+An interruption leaves at most an unterminated last line; that record was not acknowledged, so it is cut off. A
+terminated last line that cannot be read is the result of a power cut: it is cut off too, and reported. Anything else is
+damage.
 
-Photos and files that people give as evidence: copied beside the records, and known by their SHA-256.
+Photos and files supplied as evidence are copied beside the records and identified by their SHA-256.
 
-A telephone writes into a photo where and when it was taken, and with what. A report goes to partners, so that of a
-photo only the picture is kept: decoded, set upright and encoded anew. What cannot be decoded here is not taken.
+A telephone stores in a photo where and when it was taken, and with what. A report goes to partners, so only the picture
+itself is kept: decoded, rotated upright and encoded again. A photo that cannot be decoded here is rejected.
 """
 
 from __future__ import annotations
@@ -43,27 +44,27 @@ class _ChecklistRecord(BaseModel):
 
 
 class ChecklistBegun(_ChecklistRecord):
-    """The list as it was worked out; once more when it is gone on with and is another one."""
+    """The computed list; recorded again if a continued checklist has a different list."""
 
     record: Literal["begun"] = "begun"
     document: Document
 
 
 class GoneOn(_ChecklistRecord):
-    """Somebody opened the book again."""
+    """A checklist was opened again."""
 
     record: Literal["gone on"] = "gone on"
 
 
 class RecordedResult(_ChecklistRecord):
-    """An item as it is from now on; what it was before stands above."""
+    """New state of an item; earlier records hold its previous states."""
 
     record: Literal["settled", "confirmed", "overridden"]
     item: Item
 
 
 class SupersedeResultRecord(_ChecklistRecord):
-    """A new book was begun in its place."""
+    """The checklist was replaced by a new one."""
 
     record: Literal["superseded"] = "superseded"
     why: str
@@ -83,7 +84,7 @@ class ChecklistEntry:
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """A log as it was found."""
+    """Content of a log file, with its damage if any."""
 
     records: tuple[ChecklistEntry, ...] = ()
     good: int = 0
@@ -97,7 +98,7 @@ class Lines:
 
 
 def read(path: Path) -> Lines:
-    """Every record up to the first line that is not as it was written."""
+    """Read all records up to the first invalid line."""
     try:
         lines, rest = split(_signing.content(path))
     except OSError as error:
@@ -117,7 +118,7 @@ def read(path: Path) -> Lines:
 
 
 def _record(line: bytes, before: str) -> ChecklistEntry | str:
-    """A line's record, or what is wrong with the line."""
+    """Parse a line's record; return an error message if the line is invalid."""
     try:
         data = _signing.parse_json(line)
         at, follows = datetime.fromisoformat(data.pop("at")), data.pop("before")
@@ -128,7 +129,7 @@ def _record(line: bytes, before: str) -> ChecklistEntry | str:
 
 
 def rebuild_document(lines: Lines) -> Document | None:
-    """The checklist as the records leave it, unsigned; None where there is not even a list."""
+    """Rebuild the unsigned checklist from the records; None if they contain no list."""
     documents = [entry.record.document for entry in lines.records if isinstance(entry.record, ChecklistBegun)]
     if not documents:
         return None
@@ -141,10 +142,10 @@ def rebuild_document(lines: Lines) -> Document | None:
 
 
 class ChecklistLog(EventLog):
-    """The log, open for appending. After a failed write it refuses every other one."""
+    """The log, open for appending. After a failed write it rejects all further writes."""
 
     def __init__(self, path: Path, now: Callable[[], datetime] = runs.utc_now) -> None:
-        """Open it, or make it; a torn end is cut off. Damage is for the caller to look for before."""
+        """Open or create the log and cut off an incomplete end. The caller has to check for damage before."""
         lines = read(path) if path.exists() else Lines()
         self._now = now
         self._last = lines.last
@@ -152,7 +153,7 @@ class ChecklistLog(EventLog):
         self.cut(lines.good)
 
     def write(self, record: ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord) -> None:
-        """Put a record on disk. Raises JournalFailed, and from then on always."""
+        """Append a record and sync it. Raises JournalError, and after the first failure always."""
         line = self._line(record)
         self.append(line + b"\n")
         self._last = hashlib.sha256(line).hexdigest()
@@ -190,7 +191,7 @@ _NAME_LENGTH = 80
 
 @dataclass(frozen=True, slots=True)
 class CopiedFile:
-    """A file that is kept."""
+    """An evidence file copied into the checklist's folder."""
 
     file: str
     """Beside the document: `files/0123456789ab-photo.jpg`."""
@@ -199,7 +200,7 @@ class CopiedFile:
 
 
 def wrong_with(path: Path) -> tuple[str, str] | None:
-    """Why a file cannot be evidence, and what to do; None if it can."""
+    """Return why a file cannot be evidence, and what to do; None if it can."""
     try:
         status = path.lstat()
     except OSError:
@@ -215,7 +216,7 @@ def wrong_with(path: Path) -> tuple[str, str] | None:
 
 
 def is_picture(path: Path) -> bool:
-    """Whether a file begins as a photo or a drawing does that can be kept."""
+    """Return whether a file starts like a supported picture format."""
     try:
         with path.open("rb") as file:
             start = file.read(16)
@@ -225,7 +226,7 @@ def is_picture(path: Path) -> bool:
 
 
 def keep(book: Path, files: Iterable[Path]) -> tuple[CopiedFile, ...]:
-    """Copy all of them into the book's folder, or none. Raises Refused, JournalFailed."""
+    """Copy all files into the checklist's folder, or none. Raises ChecklistUsageError, JournalError."""
     data = [(path.name, _picture(path, _bytes(path))) for path in files]
     return tuple(_store_copy(book, name, item) for name, item in data)
 
@@ -247,7 +248,7 @@ def _bytes(path: Path) -> bytes:
 
 
 def _picture(path: Path, data: bytes) -> bytes:
-    """A photo without all that is not the picture; any other file as it is. Raises Refused."""
+    """Strip a photo of everything but the picture; return other files unchanged. Raises ChecklistUsageError."""
     kind = next((name for name, start in _PICTURES.items() if start.match(data)), None)
     if kind is None:
         return data
@@ -275,7 +276,7 @@ def _picture(path: Path, data: bytes) -> bytes:
 
 
 def _encode(image: Any, kind: str) -> bytes:  # noqa: ANN401 - Pillow is imported where it is needed
-    """The pixels alone, the same for the same photo."""
+    """Encode only the pixels; the result is the same for the same photo."""
     from PIL import Image  # noqa: PLC0415 - as above
 
     mode = {"JPEG": "L" if image.mode == "L" else "RGB"}.get(kind, "RGBA" if image.has_transparency_data else "RGB")

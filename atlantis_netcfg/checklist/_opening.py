@@ -1,4 +1,4 @@
-"""Which book an opened checklist goes on with, and how a new one begins."""
+"""Find the checklist to continue, or start a new one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SAME_DAY = timedelta(hours=18)
 
 @dataclass(frozen=True, slots=True)
 class BookHead:
-    """What a document has besides the list and what was found."""
+    """Metadata of a checklist document, besides its list and results."""
 
     is_rehearsal: bool
     tool: str
@@ -40,7 +40,7 @@ class BookHead:
 
 @dataclass(frozen=True, slots=True)
 class FoundBook:
-    """The book to go on with, if there is one."""
+    """The checklist to continue, if there is one."""
 
     folder: Path | None
     words: str
@@ -48,7 +48,7 @@ class FoundBook:
 
 
 def runs(folder: Path) -> list[Path]:
-    """The books of a site, oldest first, whatever is left of each; a folder that was made and nothing more is none."""
+    """Return the checklist folders of a site, oldest first, including damaged ones; empty folders do not count."""
     if not folder.is_dir():
         return []
     books = (path for path in folder.iterdir() if path.is_dir() and any(path.iterdir()))
@@ -58,7 +58,7 @@ def runs(folder: Path) -> list[Path]:
 def find_open_book(
     folder: Path, checklist: Checklist, head: BookHead, *, anew: bool, now: Callable[[], datetime]
 ) -> FoundBook:
-    """Look for the open book of the same list; one that no longer fits is closed as unfinished, and that is told."""
+    """Find the open checklist with the same list; one that no longer fits is closed as unfinished and reported."""
     words = ""
     for run in reversed(runs(folder)):
         lines = _ledger.read(run / _ledger.FILE)
@@ -84,7 +84,7 @@ def _of_another_list(document: Document, checklist: Checklist) -> bool:
 
 
 def _old(age: timedelta) -> str:
-    """What was seen on another day may be otherwise now."""
+    """Return a warning if the checklist was started on another day, because conditions may have changed."""
     if age < _SAME_DAY:
         return ""
     ago = f"{age.days} days" if age.days > 1 else "a day"
@@ -98,7 +98,7 @@ def _over(run: Path, lines: _ledger.Lines) -> bool:
 
 
 def _other(document: Document, head: BookHead) -> str:
-    """Why a book is not that of this checklist; empty if it is."""
+    """Return why a checklist does not belong to this list; empty if it does."""
     if document.inventory != head.inventory:
         return "the inventory has changed since"
     if document.tool != head.tool:
@@ -117,7 +117,7 @@ def _go_on(run: Path, before: Document, checklist: Checklist, head: BookHead, no
 
 
 def begin(folder: Path, checklist: Checklist, head: BookHead, now: Callable[[], datetime]) -> Path:
-    """Put a new book's list on disk, and give its folder. Raises JournalFailed."""
+    """Write a new checklist to disk and return its folder. Raises JournalError."""
     start = now()
     with os_errors_as("the checklist", folder):
         make_private(folder)

@@ -1,4 +1,4 @@
-"""Sign a checklist: canonical JSON and the Ed25519 key (RFC 8032) of this computer, for a person who is named."""
+"""Sign a checklist for a named person: canonical JSON and this computer's Ed25519 key (RFC 8032)."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ if TYPE_CHECKING:
 
 
 def content(path: Path) -> bytes:
-    """The bytes of a file. Raises OSError; a pipe in a file's place is an error too, and does not keep us waiting."""
+    """Return the bytes of a file. Raises OSError, also for a pipe instead of a file, which would block."""
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, os.strerror(errno.EINVAL), str(path))
     return path.read_bytes()
 
 
 def canonical(data: object) -> bytes:
-    """The form that is hashed and signed: sorted keys, no blanks, UTF-8."""
+    """Encode for hashing and signing: sorted keys, no whitespace, UTF-8."""
     return json.dumps(data, ensure_ascii=False, allow_nan=False, sort_keys=True, separators=(",", ":")).encode(
         errors="replace"
     )
 
 
 def render_json(data: object) -> bytes:
-    """The form in which a file is kept: whoever prints it prints no control character of a device."""
+    """Encode for storage: control characters from devices are escaped, so that printing the file is safe."""
     return lines(json.dumps(data, ensure_ascii=False, allow_nan=False, indent=1)).encode() + b"\n"
 
 
@@ -71,17 +71,17 @@ def _reject_constant(word: str) -> NoReturn:
 
 
 class ChecklistUsageError(errors.UsageError):
-    """What a person asks of the checklist does not fit it; nothing was written down."""
+    """The request does not fit the checklist; nothing was recorded."""
 
 
 class SigningError(errors.NetcfgError):
-    """Something is open, so that nobody can vouch for the whole; the book stays open."""
+    """The checklist has open items and cannot be signed as a whole; it stays open."""
 
     exit = errors.ExitCode.CHECKS_FAILED
 
 
 class SigningKeyError(errors.NetcfgError):
-    """The key with which this computer signs cannot be used."""
+    """The signing key of this computer cannot be used."""
 
     exit = errors.ExitCode.FAILED
 
@@ -92,13 +92,13 @@ _OTHERS = 0o077
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """The private key."""
+    """A private signing key."""
 
     private: Ed25519PrivateKey
 
     @classmethod
     def load(cls, path: Path) -> SigningKey | None:
-        """The key of this computer; None before its first signature. Raises KeyDamaged."""
+        """Load this computer's key; None before its first signature. Raises SigningKeyError."""
         try:
             data, mode = path.read_bytes(), path.stat().st_mode
         except FileNotFoundError:
@@ -114,7 +114,7 @@ class SigningKey:
 
     @classmethod
     def load_or_create(cls, path: Path) -> SigningKey:
-        """The key of this computer, made if there is none. Of two who make it at once, one wins and both use that."""
+        """Load this computer's key or create it. If two processes create it at once, both use the winner's key."""
         if (key := cls.load(path)) is not None:
             return key
         pem = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
@@ -128,16 +128,16 @@ class SigningKey:
 
     @property
     def public(self) -> str:
-        """The public half, raw, base64."""
+        """Public key: raw, base64."""
         return _text(self.private.public_key().public_bytes(Encoding.Raw, PublicFormat.Raw))
 
     @property
     def fingerprint(self) -> str:
-        """What people compare: `SHA256:…`."""
+        """Fingerprint of the public key for comparison by people: `SHA256:…`."""
         return fingerprint(self.public)
 
     def sign(self, data: bytes) -> str:
-        """The signature, base64."""
+        """Return the signature, base64."""
         return _text(self.private.sign(data))
 
 
@@ -147,7 +147,7 @@ def fingerprint(public: str) -> str:
 
 
 def fits(public: str, signature: str, data: bytes) -> bool:
-    """Whether the holder of the key has signed exactly this."""
+    """Return whether the signature is valid for the public key and exactly these data."""
     try:
         Ed25519PublicKey.from_public_bytes(_raw(public)).verify(_raw(signature), data)
     except (ValueError, InvalidSignature):
@@ -171,7 +171,7 @@ def _text(data: bytes) -> str:
 
 
 def _raw(text: str) -> bytes:
-    """Bytes of base64, of which each has one way to be written. Raises ValueError."""
+    """Decode canonical base64, in which data have exactly one encoding. Raises ValueError."""
     data = base64.b64decode(text, validate=True)
     if _text(data) != text:
         raise ValueError("not as it is written")
@@ -184,7 +184,7 @@ MANIFEST = "manifest.json"
 
 @dataclass(frozen=True, slots=True)
 class SigningTrouble:
-    """Something that is not as it was signed."""
+    """A difference from the signed state."""
 
     file: str
     """In the folder of the checklist."""
@@ -199,7 +199,7 @@ def digest(data: dict[str, Any]) -> str:
 
 
 def sign_document(document: Document, by: str, at: datetime, key: SigningKey) -> Document:
-    """The document with its signature."""
+    """Return the document with its signature."""
     block = Signature(
         by=by,
         at=at,
@@ -213,7 +213,7 @@ def sign_document(document: Document, by: str, at: datetime, key: SigningKey) ->
 
 
 def sign_data(data: dict[str, Any], key: SigningKey) -> dict[str, Any]:
-    """The data with a signature over all of it: `key` and `public` say whose."""
+    """Return the data with a signature over all of it; `key` and `public` identify the signer."""
     whole = data | {"key": key.fingerprint, "public": key.public}
     whole.pop("signature", None)
     return whole | {"signature": key.sign(canonical(whole))}
@@ -222,9 +222,9 @@ def sign_data(data: dict[str, Any], key: SigningKey) -> dict[str, Any]:
 def broken_seal(
     data: dict[str, Any], trusted_keys: Collection[str], *, is_explicit: bool = False
 ) -> Iterator[tuple[str, str]]:
-    """What is wrong with such a signature, and what to do.
+    """Yield what is wrong with the signature of data, and what to do.
 
-    `trusted_keys`: fingerprints of keys that are trusted; `is_explicit`: a person has named them, and no other will do.
+    `trusted_keys`: fingerprints of trusted keys; `is_explicit`: a person has named them, and no other key is accepted.
     """
     rest = {name: value for name, value in data.items() if name != "signature"}
     public, signature = str(data.get("public", "")), str(data.get("signature", ""))
@@ -252,7 +252,7 @@ def _goes_on(document: dict[str, Any]) -> str:
 
 
 def check_report(data: bytes, trusted_keys: Collection[str], *, is_explicit: bool = False) -> Iterator[SigningTrouble]:
-    """Everything in a `report.json` that is not as it was signed."""
+    """Yield everything in a `report.json` that differs from what was signed."""
     try:
         document = parse_json(data)
         same = render_json(document) == data

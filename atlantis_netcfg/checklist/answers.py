@@ -1,19 +1,21 @@
-"""The file of answers: what people say to a checklist, written before it runs; read whole, or not at all.
+"""The answer file: a person's answers to a checklist, written before it runs; accepted completely or not at all.
+
+A file:
 
     name: A. Technician                 # signs, and answers where `by` is not given
-    consents:                           # to what only a person may allow; `all:` is to all that is not answered below
+    consents:                           # to actions that need a person's consent; `all:` covers every item not below
       sparus/usbl/ping: in the water, nobody dives near it
     answers:
       stork/rc_rf/failsafe: {verdict: PASS, note: motors stopped after 2 s, files: [failsafe.jpg]}
       mares/items/battery: {verdict: PASS, value: 16.1}
-    overrides:                          # taken where the item has not passed; one that has passed needs none
+    overrides:                          # used if the item has not passed; not needed if it has
       zarco/wifi: {reason: tested with the cable today}
-    leave:                              # open on purpose at the signature; the document is not green then
+    leave:                              # left open on purpose when signing; the document is not green then
       mares/usbl: Mares comes tomorrow
     sign: true
 
-Files are looked for from the folder of the file of answers. What is said of items that a narrower list leaves out is
-passed over, so that the file for a whole site serves for one of its vehicles.
+File paths are relative to the folder of the answer file. Entries for items that a narrower list leaves out are ignored,
+so that the file for a whole site also serves for one of its vehicles.
 """
 
 from __future__ import annotations
@@ -52,7 +54,7 @@ Person = Annotated[Text, Field(max_length=100)]
 
 
 class _StatedWord(StrEnum):
-    """What a person can say."""
+    """Verdicts that a person can give."""
 
     PASS = "PASS"  # noqa: S105 - a verdict
     WARN = "WARN"
@@ -84,7 +86,7 @@ class _EvidenceFile(Model):
 
 
 class AnswersInvalid(UsageError):
-    """The file of answers has errors; nothing was written, nobody was asked."""
+    """The answer file has errors; nothing was written, nobody was prompted."""
 
     def __init__(self, findings: tuple[Finding, ...]) -> None:
         self.findings = tuple(sorted(set(findings)))
@@ -93,7 +95,7 @@ class AnswersInvalid(UsageError):
 
 @dataclass(frozen=True, slots=True)
 class Overriding:
-    """What a person takes the responsibility for, if it does not pass."""
+    """A person's acceptance of responsibility for an item that does not pass."""
 
     reason: str
     by: str
@@ -101,7 +103,7 @@ class Overriding:
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What people say to one checklist."""
+    """A person's answers to one checklist."""
 
     confirmations: Mapping[str, Confirmation]
     consent_by_item: Mapping[str, str]
@@ -114,7 +116,7 @@ class Answers:
 
     @classmethod
     def read(cls, path: Path, checklist: Checklist) -> Self:
-        """Read a file for a list. Raises UsageError, and AnswersInvalid with every error of the file."""
+        """Read an answer file for a list. Raises UsageError, or AnswersInvalid with all errors of the file."""
         block = yaml_file.read(path, _EvidenceFile, "the file of answers")
         answers = cls(*_collect_answers(block.value, checklist, path.parent)) if block.value is not None else None
         findings = (*block.findings, *_CheckAnswer(block, checklist, path.parent, answers).findings())
@@ -123,17 +125,17 @@ class Answers:
         return answers
 
     def confirmation(self, item: str) -> Confirmation | None:
-        """The answer to a step; None: there is none."""
+        """Return the answer to a step; None if there is none."""
         return self.confirmations.get(item)
 
     def consents(self, item: str) -> str | None:
-        """Who consents to an active step, and in which words; None: nobody."""
+        """Return who consents to an active step, in that person's words; None if nobody does."""
         return self.consent_by_item.get(item)
 
     def write_down(self, book: Book, on_settle: Callable[[Item], None] = lambda _: None) -> tuple[str, ...]:
-        """Write answers, then overrides into a book; `on_settle` is called for each item. Return what was not needed.
+        """Record answers, then overrides; call `on_settle` for each item. Return the overrides that were not needed.
 
-        The probes have to be through: an override is taken only of what has not passed.
+        Call it after the probes: an override is used only for an item that has not passed.
         """
         for name, confirmation in self.confirmations.items():
             on_settle(book.confirm(name, confirmation))
@@ -172,7 +174,7 @@ def _collect_answers(
 
 
 def _collect_consents(file: _EvidenceFile, items: Mapping[str, Item]) -> dict[str, str]:
-    """Consents by item; `all` is to every active item that is neither answered nor left open."""
+    """Return consents by item; `all` covers every active item that is neither answered nor left open."""
     active = [name for name, item in items.items() if item.kind is ItemKind.ACTIVE and item.open]
     everything = file.consents.get(ALL)
     words = {} if everything is None else dict.fromkeys(active, everything)
@@ -181,7 +183,7 @@ def _collect_consents(file: _EvidenceFile, items: Mapping[str, Item]) -> dict[st
 
 
 class _CheckAnswer:
-    """What holds between the file and the list; looks at the parts that are there, whatever else is wrong."""
+    """Checks of the answer file against the list; valid parts are checked even if others are wrong."""
 
     def __init__(
         self, block: yaml_file.Block[_EvidenceFile], checklist: Checklist, folder: Path, answers: Answers | None
@@ -243,7 +245,7 @@ class _CheckAnswer:
                 yield self._block.wrong((*path, "files", number), *unfit)
 
     def _people(self, answers: Answers) -> Iterator[Finding]:
-        """Whoever is named may answer, override or sign."""
+        """Yield a finding for each named person who may not answer, override or sign."""
         people = [(("answers", item), answer.by, "answer") for item, answer in answers.confirmations.items()]
         people += [(("overrides", item), override.by, "override it") for item, override in answers.overrides.items()]
         for path, by, what in people:
@@ -256,7 +258,7 @@ class _CheckAnswer:
                 yield self._block.wrong_key(("sign",), *wrong)
 
     def _evidence(self, answers: Answers) -> Iterator[Finding]:
-        """What an item asks for besides the answer is given; of a file that is not there it is told already."""
+        """Yield a finding for required evidence that is missing; files that do not exist are reported elsewhere."""
         for item, answer in answers.confirmations.items():
             there = not any(map(wrong_with, answer.files))
             wrong = missing_evidence(self._steps[item].evidence, answer) if there else None

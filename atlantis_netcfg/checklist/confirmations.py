@@ -1,4 +1,4 @@
-"""What people say about an item, and what becomes of the item."""
+"""People's answers to checklist items, and the resulting state of the item."""
 
 from __future__ import annotations
 
@@ -63,24 +63,24 @@ class Confirmation:
 
 
 def refused_person(by: str, people: Sequence[str], what: str) -> tuple[str, str] | None:
-    """Why this person may not answer, override or sign, and who may; None: they may. `people` empty: anybody may."""
+    """Return why `by` may not answer, override or sign, and who may; None if allowed. `people` empty: anybody may."""
     if not people or _same(by) in map(_same, people):
         return None
     return f"{by} may not {what}: the declaration names others", f"it takes the word of: {', '.join(people)}"
 
 
 def _same(name: str) -> str:
-    """A name however its letters and blanks are typed."""
+    """Normalise a name: letter case and whitespace are ignored."""
     return " ".join(name.split()).casefold()
 
 
 def is_photo(path: Path) -> bool:
-    """Whether a file is one that an item which asks for a photo takes."""
+    """Return whether a file is accepted as a photo."""
     return is_picture(path)
 
 
 def missing_evidence(request: base.EvidenceRequest, confirmation: Confirmation) -> tuple[str, str] | None:
-    """What an answer lacks to be taken, and what to do; None: nothing. Only what holds needs evidence."""
+    """Return the evidence missing from an answer, and what to do; None if complete. PASS and WARN need evidence."""
     value, words, missing = confirmation.value, request.words, False
     if value is not None and request.kind is not EvidenceKind.NUMBER:
         return "no number is asked for here", "remove the number"
@@ -106,7 +106,7 @@ _GIVE = {
 
 
 def clean_text(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
-    """A person's words in one line. Raises Refused where there are none."""
+    """Return a person's text as one line. Raises ChecklistUsageError if it is empty, too long or not printable."""
     line = " ".join(text.split())
     if not line:
         raise ChecklistUsageError(f"{what} is missing", hint="it stands in the report: somebody vouches for it")
@@ -118,7 +118,7 @@ def clean_text(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
 
 
 def unskippable(item: report.Item) -> tuple[str, str] | None:
-    """Why nobody can say that an item does not apply, and what to do instead; None: that can be said."""
+    """Return why an item cannot be skipped, and what to do instead; None if it can."""
     if item.endpoint != "site" or item.id.rpartition("/")[2] not in _ALWAYS:
         return None
     hint = "answer what was seen, or INCONCLUSIVE (`unclear`) and override it with a reason"
@@ -126,12 +126,12 @@ def unskippable(item: report.Item) -> tuple[str, str] | None:
 
 
 def clean_name(name: str) -> str:
-    """A person's name as it stands in the report. Raises Refused."""
+    """Return a person's name as printed in the report. Raises ChecklistUsageError."""
     return clean_text(name, "a name", most=_NAME_LENGTH)
 
 
 def _require_sayable(item: report.Item, verdict: Verdict) -> None:
-    """Raise Refused where a person cannot give this verdict for the item."""
+    """Raise ChecklistUsageError if a person cannot give this verdict for the item."""
     if item.kind is report.ItemKind.AUTOMATIC:
         hint = "let it be looked at again, or override it with a reason"
         raise ChecklistUsageError(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
@@ -149,9 +149,9 @@ def confirm_item(
     at: datetime,
     step: base.Step | None = None,
 ) -> report.Item:
-    """The item as a person has answered it. Raises Refused for what a person cannot say of it.
+    """Return the item with a person's answer. Raises ChecklistUsageError if the answer is not allowed.
 
-    `step`: who may answer, and what has to be given besides.
+    `step`: who may answer, and what evidence is required.
     """
     by = clean_name(confirmation.by)
     request = step.evidence if step is not None else base.EvidenceRequest()
@@ -211,7 +211,7 @@ EARLIER_OVERRIDE = "earlier override, replaced"
 
 
 class PersonAnswer(NamedTuple):
-    """A person's answer in short, to tell whether another is the same."""
+    """Short form of a person's answer, to compare two answers."""
 
     verdict: Verdict
     by: str
@@ -219,9 +219,9 @@ class PersonAnswer(NamedTuple):
 
 
 def earlier(item: report.Item, answer: PersonAnswer | None = None) -> tuple[report.Evidence, ...]:
-    """What people have said of an item before, where another result takes its place: the report shows both.
+    """Return the earlier answers for an item that gets another result: the report shows both.
 
-    `answer`: the new one; the same answer once more replaces nothing.
+    `answer`: the new one; an identical answer replaces nothing.
     """
     evidence_list = [evidence for evidence in item.evidence if evidence.what in {EARLIER, EARLIER_OVERRIDE}]
     before = _answer_of(item)
@@ -242,7 +242,7 @@ def _earlier_evidence(what: str, value: str, by: str, at: datetime | None) -> re
 
 
 def _answer_of(item: report.Item) -> PersonAnswer | None:
-    """The answer that an item stands on; None: it is open, or a program has looked."""
+    """Return the person's answer that decides an item; None if it is open or was decided by a program."""
     is_answer = not item.open and [finding.code for finding in item.findings] == [SAYABLE.get(item.verdict)]
     first = item.evidence[0] if item.evidence else None
     if not is_answer or first is None or first.type is not report.EvidenceType.CONFIRMED or first.by is None:
@@ -265,9 +265,9 @@ def _file_evidence(stored_file: CopiedFile, by: str, at: datetime) -> report.Evi
 
 
 def overridden(item: report.Item, reason: str, by: str, at: datetime, people: Sequence[str] = ()) -> report.Item:
-    """The item with a person's responsibility taken. Raises Refused where there is nothing to take.
+    """Return the item with an override. Raises ChecklistUsageError if there is nothing to override.
 
-    `people`: names of those who alone may take it; none: anybody.
+    `people`: names of those allowed to override; empty: anybody.
     """
     if (wrong := refused_person(by, people, "override it")) is not None:
         raise ChecklistUsageError(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
@@ -279,7 +279,7 @@ def overridden(item: report.Item, reason: str, by: str, at: datetime, people: Se
 
 
 def _with_override(item: report.Item, override: report.Override) -> tuple[report.Evidence, ...]:
-    """Its evidence, and the override that another one replaces; the same once more replaces nothing."""
+    """Return the item's evidence with the override that is replaced; an identical override replaces nothing."""
     before = item.override
     if before is None or (before.reason, before.by) == (override.reason, override.by):
         return item.evidence

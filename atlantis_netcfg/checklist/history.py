@@ -1,4 +1,4 @@
-"""What was checked before, of a site and of each vehicle, and what is otherwise than when it was last green."""
+"""Earlier checklists of a site and of each vehicle, and the changes since the last green one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class VehicleState(StrEnum):
-    """How far a kept checklist came."""
+    """State of a stored checklist."""
 
     OPEN = "open"
     """It can be gone on with."""
@@ -30,7 +30,7 @@ class VehicleState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SavedChecklist:
-    """A checklist of the history."""
+    """A stored checklist."""
 
     folder: Path
     state: VehicleState
@@ -41,12 +41,12 @@ class SavedChecklist:
 
     @property
     def run(self) -> str:
-        """Its name, sortable by time."""
+        """Name of the checklist, sortable by time."""
         return self.folder.name
 
 
 def books(folder: Path) -> tuple[SavedChecklist, ...]:
-    """Every checklist of a site (`folder`: its `checks`), newest last."""
+    """Return every checklist of a site (`folder`: its `checks`), newest last."""
     return tuple(checklist for run in runs(folder) if (checklist := _load_checklist(run)) is not None)
 
 
@@ -69,7 +69,7 @@ def _load_checklist(run: Path) -> SavedChecklist | None:
 
 
 def _load_signed(run: Path) -> SavedChecklist:
-    """A signed one by its report, which has to fit its own digest and signature, whosesoever the key is."""
+    """Load a signed checklist; its report must match its own digest and signature, whoever's key it is."""
     try:
         data = _signing.content(run / _signing.REPORT)
         key = str((_signing.parse_json(data)["signed"] or {}).get("key"))
@@ -83,7 +83,7 @@ def _load_signed(run: Path) -> SavedChecklist:
 
 
 def filter_by_scope(document: report.Document, scope: Mapping[str, tuple[str, ...]]) -> report.Document:
-    """The document with the items of a scope only."""
+    """Return the document with only the items of a scope."""
     items = tuple(item for item in document.items if _inside(item, scope))
     return document.model_copy(update={"items": items})
 
@@ -96,10 +96,10 @@ def _inside(item: report.Item, scope: Mapping[str, tuple[str, ...]]) -> bool:
 def last_green(
     folder: Path, scope: Mapping[str, tuple[str, ...]] | None = None, *, but: str = ""
 ) -> report.Document | None:
-    """The newest signed checklist in which all of a scope was looked at and was green, with the items of that scope.
+    """Return the newest signed checklist whose items in a scope were all checked and green, limited to that scope.
 
-    A vehicle's last green may so be a checklist of the whole site in which another vehicle failed. `but`: a run that
-    does not count.
+    So a vehicle's last green checklist may be one of the whole site in which another vehicle failed. `but`: a run to
+    ignore.
     """
     expected_scope = dict(scope or {})
     for run in reversed(runs(folder)):
@@ -123,7 +123,7 @@ def _covers(wide: Mapping[str, tuple[str, ...]], scope: Mapping[str, tuple[str, 
 
 
 def since(green: report.Document | None, now: report.Document) -> report.SinceGreen | None:
-    """What a document says of the last green one; None: there was none."""
+    """Compare a document with the last green one; None if there was none."""
     if green is None:
         return None
     at = green.signed.at if green.signed is not None else green.started
@@ -131,7 +131,7 @@ def since(green: report.Document | None, now: report.Document) -> report.SinceGr
 
 
 def changes(green: report.Document, now: report.Document) -> tuple[report.ItemChange, ...]:
-    """Every item that is otherwise now: another verdict or reason, overridden or no longer, new, open, or gone."""
+    """Return every changed item: other verdict or reason, override added or removed, new, open, or gone."""
     before = {item.id: item for item in filter_by_scope(green, now.scope).items}
     after = {item.id: item for item in now.items}
     return (*_of_now(before, after), *_find_removed_items(before, after))
@@ -152,7 +152,7 @@ def _of_now(before: Mapping[str, report.Item], after: Mapping[str, report.Item])
 
 
 def _state(item: report.Item) -> tuple[object, ...]:
-    """What has to be the same: figures differ each time, the reason for a warning is by its code."""
+    """Return the values to compare: measured figures always differ, and the reason for a warning is its code."""
     reasons = {finding.code for finding in item.findings if finding.verdict not in {Verdict.PASS, Verdict.SKIP}}
     return item.verdict, item.open, item.override is not None, reasons
 

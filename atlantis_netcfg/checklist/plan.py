@@ -1,6 +1,6 @@
-"""From the declaration to the list: every X of Table 3, every row, every check of the site, narrowed to a scope.
+"""Compute the checklist from the inventory: every X of Table 3, every row, every site check, limited to a scope.
 
-The drawing of a site, from its declaration: what stands there, what carries it, and which items speak of each.
+Also the drawing of a site: its hosts, its links, and the items that concern each.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """What a checklist is narrowed to; empty: everything."""
+    """Filter of a checklist; empty: everything."""
 
     vehicles: tuple[str, ...] = ()
     """With a vehicle, the location's own items are left out."""
@@ -37,24 +37,24 @@ class Scope:
 
     @property
     def alone(self) -> report.Phase | None:
-        """The phase that is a list by itself, signed by itself; None: the list before a test."""
+        """Phase that is a separate list with its own signature; None: the list before a test."""
         return next((phase for phase in self.phases if phase.is_alone), None)
 
     def has(self, item: report.Item | model.SiteCheckItem) -> bool:
-        """Whether an item belongs to this list, narrowed or not; a record of integration is one robot's."""
+        """Return whether an item belongs to this list, filtered or not; an integration record is for one robot."""
         if self.alone is report.Phase.INTEGRATION and item.phase is report.Phase.INTEGRATION:
             return item.vehicle in self.vehicles
         return item.phase is self.alone if self.alone else not item.phase.is_alone
 
     def as_dict(self) -> dict[str, tuple[str, ...]]:
-        """In the words of the command line; what is not narrowed is not in it."""
+        """Return the filter as command-line arguments; unused filters are left out."""
         words = {"vehicle": self.vehicles, "endpoint": self.endpoints, "phase": tuple(map(str, self.phases))}
         return {name: values for name, values in words.items() if values}
 
 
 @dataclass(frozen=True, slots=True)
 class PlanEntry:
-    """One line that is still open, and what settles it."""
+    """An open item and the step that settles it."""
 
     item: report.Item
     step: probes.Step
@@ -81,7 +81,7 @@ class Checklist:
 
 
 def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Checklist:
-    """Work out the list. Raises NothingMatched for words that name nothing, and where nothing is left."""
+    """Compute the list. Raises NoMatchError for unknown names, or if the result is empty."""
     scope = scope or Scope()
     _refuse_unknown(declaration, site, scope)
     robots = RobotFiles.read(declaration, site)
@@ -130,7 +130,7 @@ def _refuse_unknown(declaration: Declaration, site: str, scope: Scope) -> None:
 
 
 def _refuse_mixed(declaration: Declaration, site: str, scope: Scope) -> None:
-    """A list by itself has no other phases, and a record of integration one robot."""
+    """Raise UsageError if a separate list is mixed with other phases, or an integration record has several robots."""
     here = declaration.sites[site].checklist.vehicles
     if scope.alone is report.Phase.INTEGRATION and len(scope.vehicles) != 1:
         every = scope.vehicles or [key for key in declaration.vehicles if here is None or key in here] or ["NAME"]
@@ -166,7 +166,7 @@ def _nothing(site: str, scope: Scope) -> errors.NoMatchError:
 
 
 def _rows(every: Iterable[report.Row], entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.Row]:
-    """The rows of a list; one that is a list by itself has those with an item in it, and nothing of Table 3."""
+    """Yield the rows of a list; a separate list has only rows with items, and nothing of Table 3."""
     cells = {(entry.cell.row, entry.item.endpoint) for entry in entries}
     for row in every:
         beside = tuple(name for name in row.beside if (row.key, name) in cells)
@@ -212,7 +212,7 @@ def _every_row(declaration: Declaration, site: str, mission: str, robots: RobotF
 
 
 def _items(declaration: Declaration, site: str, vehicle: str | None, mission: str) -> tuple[str, ...]:
-    """The column of what is declared for a row, where something is."""
+    """Return the column for inventory items of a row, if the row has any."""
     return (
         (probes.ITEMS,)
         if any(True for _ in items_of(probes.Cell(declaration, site, vehicle, probes.ITEMS, mission)))
@@ -269,7 +269,7 @@ def _inside(entry: PlanEntry, scope: Scope) -> bool:
 
 
 def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.LeftOut]:
-    """Name what the scope takes away, cell by cell."""
+    """Yield what the scope excludes, cell by cell."""
     words = " ".join(f"{name}={','.join(values)}" for name, values in scope.as_dict().items())
     away = dict.fromkeys(
         (entry.cell.name, registry.TITLES[entry.item.endpoint]) for entry in entries if not _inside(entry, scope)
@@ -279,7 +279,7 @@ def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.Lef
 
 
 def _notes(declaration: Declaration, site: str) -> Iterator[str]:
-    """Say where the policy cannot keep robots apart; a vehicle without a declared partner may be anybody's."""
+    """Yield notes where policy cannot separate robots; a vehicle with no partner in the inventory may be anybody's."""
     reserved_keys = {row.name for row in declaration.sites[site].lan.reservations}
     robots = {key: vehicle for key, vehicle in declaration.vehicles.items() if key in reserved_keys}
     if len({vehicle.partner or f"unknown: {key}" for key, vehicle in robots.items()}) > 1:
@@ -292,14 +292,14 @@ def _notes(declaration: Declaration, site: str) -> Iterator[str]:
 
 
 def _notes_of_robots(rows: Iterable[report.Row]) -> Iterator[str]:
-    """Name the robots of which nobody knows what they should publish."""
+    """Yield a note about robots without a file that lists what they should publish."""
     names = [row.name for row in rows if row.kind != "location" and probes.ROBOT not in row.beside]
     if names:
         yield f"not looked at, for there is no file of theirs below robots/: what {', '.join(names)} publish"
 
 
 def _notes_of_guests(declaration: Declaration, rows: Iterable[report.Row]) -> Iterator[str]:
-    """Name the rows that the report does not have."""
+    """Yield a note about each guest vehicle, whose row the report's table does not have."""
     for row in rows:
         vehicle = declaration.vehicles.get(row.key) if row.kind != "location" else None
         if vehicle is not None and vehicle.guest:
@@ -309,7 +309,7 @@ def _notes_of_guests(declaration: Declaration, rows: Iterable[report.Row]) -> It
 
 
 def _notes_of_items(declaration: Declaration, site: str, scope: Scope, every: Iterable[PlanEntry]) -> Iterator[str]:
-    """Say which mission it is for, what is left to another one, and what is asked when the vehicles are back."""
+    """Yield notes on the selected mission, items left to other missions, and items asked when vehicles return."""
     missions = declaration.sites[site].checklist.missions
     other = [mission.name for mission in missions if any(scope.has(item) for item in mission.items)]
     selected_mission = next((mission for mission in missions if mission.name == scope.mission), None)
@@ -334,7 +334,7 @@ _PARTNERS, _INTERNET = "partners", "internet"
 
 
 def drawing(declaration: Declaration, checklist: Checklist) -> report.Drawing:
-    """Draw the site of a checklist; the order is the inventory's, so that it is the same every time."""
+    """Draw the site of a checklist, in the order of the inventory, so that the result is reproducible."""
     return _DrawingBuilder(declaration, checklist).drawing()
 
 
@@ -367,16 +367,16 @@ class _DrawingBuilder:
 
     @property
     def _middle(self) -> str:
-        """Who stands for the site where nobody else does."""
+        """Node that represents the site: its router, else its gateway, else the site itself."""
         return next((host.name for host in (self._router, self._gateway) if host is not None), self._site)
 
     @property
     def _other_end(self) -> str:
-        """Where the bearers lead: to the site of the VPN's server, or from there into the world."""
+        """Node to which the links lead: the site of the VPN server, or the Internet if that is this site."""
         return _INTERNET if self._server.site == self._site else self._server.site
 
     def _far(self) -> Iterator[report.DrawnNode]:
-        """The VPN's server first, for the lines to it run along that side."""
+        """Yield the remote nodes, the VPN's server first, because lines to it run along that side."""
         if self._server.site != self._site:
             yield self._host(self._server)
         names = ", ".join(partner.full_name for partner in self._declaration.partners.values())
@@ -416,7 +416,7 @@ class _DrawingBuilder:
         )
 
     def _general_items(self) -> tuple[str, ...]:
-        """The site's own items that speak of no host in particular."""
+        """Return the site's own items that concern no particular host."""
         names = {host.name for host in (*self._hosts, self._server)}
         local = [
             entry
@@ -454,7 +454,7 @@ class _DrawingBuilder:
         )
 
     def _speaks(self, entry: PlanEntry, bearer: model.Bearer) -> bool:
-        """A site may have two links of one kind: what concerns the box of one of them is not the other's."""
+        """Return whether an item concerns a link; with two links of one kind, items for the other's device do not."""
         others = {item.device for item in self._site_config.bearers if item.name != bearer.name} - {bearer.device, None}
         return bearer.device in entry.step.concerns or others.isdisjoint(entry.step.concerns)
 
@@ -470,7 +470,7 @@ class _DrawingBuilder:
             )
 
     def _local(self) -> Iterator[report.DrawnLink]:
-        """The cables of the router; a box of a link on the port of that link, all else in the LAN."""
+        """Yield the router's cables: a link's device on the port of that link, everything else in the LAN."""
         if self._router is None or not isinstance(self._router.device, model.Router):
             return
         on = {port.link: port for port in self._router.device.ports if port.link is not None}
@@ -499,7 +499,7 @@ class _DrawingBuilder:
                 yield report.DrawnLink(a=row.key, b=by, label=registry.TITLES[endpoint], kind=endpoint, items=items)
 
     def _seen_by(self, endpoints: model.Endpoints, endpoint: str) -> str:
-        """The host that hears the vehicle, as far as it is declared."""
+        """Return the host that sees the vehicle over an endpoint, as far as the inventory defines it."""
         endpoint_config = getattr(endpoints, endpoint, None)
         if (by := getattr(endpoint_config, "seen_by", None)) is not None and by in {host.name for host in self._hosts}:
             return str(by)

@@ -1,12 +1,14 @@
-"""The book of one checklist: everything found and answered, on disk before anything else happens, until it is signed.
+"""Storage of one checklist: each result and answer is on disk before anything else happens, until it is signed.
 
-    <state>/checklist.key                                       with which this computer signs
-    <state>/<real|rehearsal>/<site>/checks/lock                 who works on a checklist of the site now
-    <state>/<real|rehearsal>/<site>/checks/<run>/records.jsonl  one record a line, chained by hash
+Files:
+
+    <state>/checklist.key                                       this computer's signing key
+    <state>/<real|rehearsal>/<site>/checks/lock                 the current user of the site's checklists
+    <state>/<real|rehearsal>/<site>/checks/<run>/records.jsonl  one record per line, chained by hash
     <state>/<real|rehearsal>/<site>/checks/<run>/files/…        photos and files, by their hash
     <state>/<real|rehearsal>/<site>/checks/<run>/report.json, report.html, …, manifest.json      once it is signed
 
-A book is signed when its manifest is there, which is written last: a kill leaves an open book or a signed one.
+A checklist is signed when its manifest exists, which is written last: an interruption leaves an open or a signed one.
 """
 
 from __future__ import annotations
@@ -30,12 +32,12 @@ _FEW = 8
 
 
 class Book:
-    """An open book; `Book.open` finds or begins it, `close` (or leaving `with`) lets others at them."""
+    """An open checklist; `Book.open` finds or starts it, `close` (or leaving `with`) releases its lock."""
 
     def __init__(
         self, folder: Path, checklist: Checklist, lock: SiteLock, words: str, now: Callable[[], datetime]
     ) -> None:
-        """For `open`, which holds the lock and has put the list on disk."""
+        """Used by `open`, which holds the lock and has written the list to disk."""
         self.folder = folder
         """The run's own."""
         self.words = words
@@ -63,9 +65,9 @@ class Book:
         anew: bool = False,
         command: str = "provision check",
     ) -> Self:
-        """Go on with the open book of the same list, or begin one. `folder`: `checks` of the site.
+        """Continue the open checklist with the same list, or start one. `folder`: `checks` of the site.
 
-        Raises SiteBusy, naming who works on a checklist of the site; JournalFailed.
+        Raises SiteBusy, naming the current user of the site's checklists; JournalError.
         """
         lock = SiteLock(folder / "lock", f"the checklist of {checklist.site}", command)
         lock.__enter__()
@@ -79,22 +81,22 @@ class Book:
 
     @property
     def run(self) -> str:
-        """The book's name, sortable by time."""
+        """Name of the checklist, sortable by time."""
         return self.folder.name
 
     @property
     def items(self) -> tuple[report.Item, ...]:
-        """Every item as it is now, in the list's order."""
+        """Current state of every item, in the list's order."""
         return tuple(self._items.values())
 
     @property
     def files(self) -> Mapping[str, bytes]:
-        """The evidence that the items name, by `Evidence.file`."""
+        """Evidence files of the items, by `Evidence.file`."""
         names = dict.fromkeys(evidence.file for item in self.items for evidence in item.evidence if evidence.file)
         return {name: (self.folder / name).read_bytes() for name in names}
 
     def item(self, name: str) -> report.Item:
-        """One item by its id. Raises Refused."""
+        """Return one item by its id. Raises ChecklistUsageError."""
         if name not in self._items:
             near = nearest(name, self._items)
             hint = f"did you mean `{near}`?" if near else f"`provision check site={self._document.site}` shows every id"
@@ -102,24 +104,24 @@ class Book:
         return self._items[name]
 
     def settle(self, item: report.Item) -> report.Item:
-        """Write down what a probe has found; a second result takes the place of the first, which stays in the log."""
+        """Record the result of a probe; a second result replaces the first, which stays in the log."""
         evidence = (*item.evidence, *confirmations.earlier(self.item(item.id)))
         return self._record("settled", item.model_copy(update={"open": False, "override": None, "evidence": evidence}))
 
     def confirm(self, name: str, confirmation: confirmations.Confirmation) -> report.Item:
-        """Write down a person's answer, with copies of the files. Raises Refused: nothing is written then."""
+        """Record a person's answer, with copies of the files. Raises ChecklistUsageError: nothing is written then."""
         item, step = self.item(name), self._entries[name].step
         confirmations.confirm_item(item, confirmation, (), self._now(), step)
         files = _ledger.keep(self.folder, confirmation.files)
         return self._record("confirmed", confirmations.confirm_item(item, confirmation, files, self._now(), step))
 
     def override(self, name: str, reason: str, by: str) -> report.Item:
-        """Write down that a person takes the responsibility. Raises Refused where there is none to take."""
+        """Record an override. Raises ChecklistUsageError if there is nothing to override."""
         item, people = self.item(name), self._entries[name].step.by
         return self._record("overridden", confirmations.overridden(item, reason, by, self._now(), people))
 
     def document(self) -> report.Document:
-        """The checklist as it stands."""
+        """Return the checklist in its current state."""
         document = self._document.model_copy(update={"items": self.items})
         return document.model_copy(update={"since_green": since(self._green, document)})
 
@@ -130,12 +132,12 @@ class Book:
         *,
         leave: Mapping[str, str] | None = None,
     ) -> report.Document:
-        """Close the book in a person's name; `pages` makes the files that are signed with it.
+        """Sign and close the checklist for a person; `pages` builds the files that are signed with it.
 
-        A failed item does not stand in the way: what is signed is that it failed. An open one does: it is settled,
-        overridden, or left open on purpose (`leave`: id to reason), and then the document is not green. What is in
-        `leave` and was settled meanwhile is settled.
-        Raises NotSigned while something is open, Refused, JournalFailed.
+        A failed item does not prevent signing: the signature covers that it failed. An open one does: it must be
+        settled, overridden, or left open on purpose (`leave`: id to reason), and then the document is not green. An
+        item in `leave` that has been settled meanwhile stays settled. Raises SigningError while an item is open,
+        ChecklistUsageError, JournalError.
         """
         self._refuse_signed()
         name, left_out = confirmations.clean_name(by), self._find_left_out(leave or {})
@@ -152,7 +154,7 @@ class Book:
         return document
 
     def close(self) -> None:
-        """Let others at the site's checklists; everything is on disk."""
+        """Release the site's checklists for others; everything is on disk."""
         self._ledger.close()
         self._lock.__exit__()
 
@@ -163,7 +165,7 @@ class Book:
         self.close()
 
     def _find_left_out(self, leave: Mapping[str, str]) -> tuple[report.LeftOut, ...]:
-        """What stays open on purpose."""
+        """Return the items left open on purpose. Raises SigningError if others are open."""
         waiting = {item.id: item for item in self.items if item.open and item.override is None}
         for name in leave:
             self.item(name)

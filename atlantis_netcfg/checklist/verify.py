@@ -1,13 +1,13 @@
-"""Whether a signed checklist is still the one that was signed.
+"""Verify that a signed checklist is unchanged.
 
-Every byte that is kept is covered: the report by its digest and signature, every file by the manifest's SHA-256, the
-manifest by a signature of its own, the records also by their chain. What this cannot do: a person who has the key of
-the computer (whoever can read its state directory) can write another checklist and sign that; and a checklist of which
-nobody else has the fingerprint or a copy can be removed whole. Against the first, send the report, or the digest that
-it prints, to somebody else when it is signed; the second is seen as a gap in the history only by who remembers it.
-Before it is signed nobody vouches for anything: the chain finds accidents then, and not who writes it anew.
+Every stored byte is covered: the report by its digest and signature, every file by the manifest's SHA-256, the manifest
+by its own signature, the records also by their hash chain. Limits: a person who has the computer's key (anybody who can
+read its state directory) can write another checklist and sign it; and a checklist whose fingerprint or copy nobody else
+has can be removed completely. Against the first, send the report, or the digest that it prints, to somebody else when
+it is signed; the second shows as a gap in the history only to those who remember it. Before signing nothing is
+guaranteed: the hash chain then detects accidents, but not deliberate rewriting.
 
-The last step of a book: report, pages and manifest on disk, the manifest last.
+Also the last step of signing: report, pages and manifest are written to disk, the manifest last.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _PAGE = re.compile(r"[a-z0-9][a-z0-9_-]*\.[a-z0-9]+")
 
 
 def close_book(folder: Path, document: Document, pages: Mapping[str, bytes], key: SigningKey) -> None:
-    """Write everything that is signed. Raises NotSigned for a stranger's file in the folder, JournalFailed."""
+    """Write everything that is signed. Raises SigningError for an unknown file in the folder, JournalError."""
     wrong = [name for name in pages if not _PAGE.fullmatch(name) or name in {REPORT, MANIFEST, _ledger.FILE}]
     if wrong:
         raise ValueError(f"no names for pages: {wrong}")
@@ -69,13 +69,13 @@ def _contents(folder: Path, document: Document, names: list[str]) -> dict[str, o
 
 
 def list_files(folder: Path) -> list[str]:
-    """Everything in a book's folder but the manifest, sorted: files, and folders without a file in them."""
+    """List everything in a checklist's folder except the manifest, sorted: files, and folders without files."""
     every = [path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir() or not any(path.iterdir())]
     return sorted(name for path in every if (name := path.relative_to(folder).as_posix()) != MANIFEST)
 
 
 def _clear(folder: Path, local: set[str]) -> None:
-    """Remove what a kill has left of ours; a file that somebody else has put here is not ours to remove or to sign."""
+    """Remove our own leftovers of an interruption; a file of another origin is neither removed nor signed."""
     records = _ledger.read(folder / _ledger.FILE).records
     results = [record.record.item for record in records if isinstance(record.record, _ledger.RecordedResult)]
     evidence_files = {evidence.file for item in results for evidence in item.evidence if evidence.file}
@@ -99,10 +99,10 @@ _ORIGINAL = "do not rely on it; ask whoever signed for the original"
 
 
 def verify(folder: Path, *, key: Path | None = None, required_keys: Collection[str] = ()) -> tuple[SigningTrouble, ...]:
-    """List what differs from the signed state in the folder of one checklist; an empty result: nothing does.
+    """List differences from the signed state in the folder of one checklist; empty if there are none.
 
-    `key`: the key of this computer, by default the one of the state directory of the folder; `required_keys`:
-    fingerprints, one of which must have signed, also in place of that key. Raises KeyDamaged.
+    `key`: this computer's key, by default the one in the state directory of the folder; `required_keys`: fingerprints,
+    one of which must have signed, instead of that key. Raises SigningKeyError.
     """
     path = folder.absolute()
     local = key or (path.parents[3] / KEY if len(path.parents) > 3 else path / KEY)  # noqa: PLR2004 - see `book`
@@ -115,12 +115,12 @@ def verify(folder: Path, *, key: Path | None = None, required_keys: Collection[s
 
 
 def verify_report(data: bytes, *, key: Path, required_keys: Collection[str] = ()) -> tuple[SigningTrouble, ...]:
-    """The same for a `report.json` alone, as it comes by mail: what is not as it was signed. Raises KeyDamaged."""
+    """List differences from the signed state in a single `report.json`, as received by mail. Raises SigningKeyError."""
     return tuple(check_report(data, _find_trusted_keys(key, required_keys), is_explicit=bool(required_keys)))
 
 
 def _find_trusted_keys(key: Path, required_keys: Collection[str]) -> set[str]:
-    """Who names keys asks for one of these, and not for the one of this computer."""
+    """Return the required keys if there are any, otherwise the key of this computer."""
     local = SigningKey.load(key) if not required_keys else None
     return {local.fingerprint} if local is not None else set(required_keys)
 
@@ -142,7 +142,7 @@ def _manifest(folder: Path, trusted_keys: Collection[str], *, is_explicit: bool)
 
 
 def _read(data: bytes) -> dict[str, Any] | None:
-    """The manifest, if it is one, written as we write it."""
+    """Parse the manifest; None if it is invalid, or not in our format."""
     try:
         manifest = parse_json(data)
         files = manifest["files"]
@@ -184,7 +184,7 @@ def _report(folder: Path, trusted_keys: Collection[str], *, is_explicit: bool) -
 
 
 def _records(folder: Path) -> Iterator[SigningTrouble]:
-    """The records by themselves, and whether the report says what they say."""
+    """Yield damage of the records, and differences between records and report."""
     lines = _ledger.read(folder / _ledger.FILE)
     if lines.damage or lines.tail_error:
         yield SigningTrouble(_ledger.FILE, lines.damage or lines.tail_error, _ORIGINAL)

@@ -1,8 +1,8 @@
 """The command line: `provision site=coastal --plan`.
 
-Every way to end goes through `main`: a NetcfgError is told in words with its exit code, anything else in one sentence
-with its traceback in a log file. Commands are modules of this package, listed in `_commands`; what they need is
-imported when they run, so that `--help` answers at once.
+Every exit goes through `main`: a NetcfgError is printed with its exit code, any other exception as one sentence with
+its traceback in a log file. Commands are modules of this package, listed in `base/commands.py`; their dependencies are
+imported when they run, so that `--help` responds at once.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _HELP = frozenset({"-h", "--help"})
 
 
 def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = commands.COMMANDS) -> int:
-    """Run one command line and give its exit code; `table` stands in for the commands in tests."""
+    """Run one command line and return its exit code; tests replace `table`."""
     command_line = list(sys.argv[1:] if argv is None else argv)
     gc.set_threshold(_OBJECTS)
     # Python's end looks at all objects for garbage, a sixth of a run's time; what must be closed is, by its `with`.
@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = comman
 
 
 class _CommandLine:
-    """One command line on its way to its end."""
+    """Parses and runs one command line."""
 
     def __init__(self, command_line: list[str], table: Mapping[str, str]) -> None:
         self.command_line = command_line
@@ -61,7 +61,7 @@ class _CommandLine:
         self.command: CommandSpec | None = None
 
     def end(self) -> ExitCode:
-        """Run it, and end in words whatever happens."""
+        """Run the command; report every error as a message."""
         if self.command_line[:1] == ["complete"]:
             return _print_candidates(self.command_line[1:], self.table)
         as_json = "--json" in self.command_line
@@ -77,7 +77,7 @@ class _CommandLine:
         return code
 
     def interrupt(self, stop: KeyboardInterrupt) -> ExitCode:
-        """End after a stop."""
+        """Report an interruption by the user."""
         stop_signals.ignore()
         return output.report_interrupt(self.command, self.command_line, stop, as_json="--json" in self.command_line)
 
@@ -103,9 +103,9 @@ class _CommandLine:
         return entry.run(arguments)
 
     def _choose_language(self) -> None:
-        """Take `--lang pt` out of the line, else ask the environment. Raises UsageError.
+        """Remove `--lang pt` from the line, or read the language from the environment. Raises UsageError.
 
-        Every command knows the flag, and none has to declare it.
+        Every command accepts the flag, and none has to define it.
         """
         from atlantis_netcfg.core import language
 
@@ -113,9 +113,9 @@ class _CommandLine:
         language.use(language.of_environment() if language_code is None else language.parse_language(language_code))
 
     def _group(self) -> str:
-        """The first word of several commands, where it is asked what they are: `provision vpn --help`; else empty.
+        """Return the command group whose help is requested, as in `provision vpn --help`; otherwise empty.
 
-        One that is a command itself tells of the others in its own help.
+        A group that is itself a command lists its subcommands in its own help.
         """
         words = [argument for argument in self.command_line if argument not in _HELP]
         alone = len(words) == 1 and words != self.command_line and words[0] not in self.table
@@ -130,7 +130,7 @@ class _CommandLine:
 
 
 def _without_language(command_line: Sequence[str]) -> tuple[str | None, list[str]]:
-    """The value of `--lang`, and the line without it; the last one counts."""
+    """Return the value of `--lang`, and the line without it; the last one counts."""
     language_code, rest, arguments = None, [], iter(command_line)
     for argument in arguments:
         name, separator, value = argument.partition("=")
@@ -149,7 +149,7 @@ def _print_group(word: str, table: Mapping[str, str]) -> ExitCode:
 
 
 def _print_candidates(command_line: Sequence[str], table: Mapping[str, str]) -> ExitCode:
-    """What the completion of a shell asks for at every Tab; it is no command that a person types."""
+    """Print the candidates for shell completion; only shells call this command, at every Tab."""
     from atlantis_netcfg.cli.shell._suggestions import answer
 
     return answer(command_line, table)
@@ -163,13 +163,13 @@ def _print_help(command: CommandSpec) -> ExitCode:
 
 
 class _PatientStream(io.FileIO):
-    """A stream whose reader may leave (`provision runs | head`, a terminal that is closed): the rest goes nowhere.
+    """A stream that tolerates a closed reader (`provision runs | head`, a closed terminal): the rest is discarded.
 
-    That changes neither what is done nor the exit code.
+    This affects neither the actions nor the exit code.
     """
 
     def write(self, data: Any, /) -> int:  # noqa: ANN401 - any buffer, as FileIO has it
-        """Write; once nobody reads any more, pretend."""
+        """Write the data; after the reader has closed, report success."""
         try:
             return super().write(data)
         except OSError as error:
@@ -182,9 +182,9 @@ class _PatientStream(io.FileIO):
 
 
 def _open_streams() -> None:
-    """A console that cannot show a character gets a question mark, and one that is closed nothing: neither a crash.
+    """Make output robust: unsupported characters become question marks, and a closed stream causes no error.
 
-    Whatever is printed goes through a `Printer`: nothing that a device has said moves the cursor or turns the text.
+    All output goes through a `Printer`, so that text from a device cannot move the cursor or reverse the text.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         # `provision … <&-`: else the next file that is opened becomes our standard input.
@@ -209,7 +209,7 @@ def _open_streams() -> None:
 
 
 def _shows_ascii_only(stream: io.TextIOWrapper) -> bool:
-    """A terminal of somebody who has said that it knows no other letters (`LC_ALL=C`); files and pipes stay UTF-8."""
+    """Return whether a terminal is limited to ASCII by `LC_ALL=C`; files and pipes stay UTF-8."""
     return os.environ.get("LC_ALL") in {"C", "POSIX"} and stream.isatty()
 
 

@@ -1,8 +1,8 @@
-"""Commands of first contact: `adopt` a router out of its box, and `trust` the certificate of a device.
+"""Commands of first contact: `adopt` a factory-fresh router, and `trust` the certificate of a device.
 
-`provision adopt`: first contact with a router that comes out of its box.
+`provision adopt`: first contact with a router in factory state.
 
-`provision trust`: who answers at the devices of a site, shown to a person who agrees or does not.
+`provision trust`: shows the identity of a site's devices to a person, who accepts or rejects it.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ ADOPT = syntax.CommandSpec(
 
 
 def run_adopt(arguments: syntax.Arguments) -> ExitCode:
-    """Look, show the steps, ask, adopt."""
+    """Run `adopt`: read the device, show the steps, ask for consent, adopt."""
     from contextlib import ExitStack
 
     from atlantis_netcfg.cli.base.output import progress
@@ -142,7 +142,7 @@ def _seconds(text: str | None) -> float:
 
 
 def _passwords(arguments: syntax.Arguments, name: str) -> Iterator[Secret]:
-    """The factory user's: out of the file; or empty, and if that is wrong what a person types."""
+    """Yield the factory user's password: from the file; or empty, and if that fails, one typed by the user."""
     import sys
     from getpass import getpass
     from pathlib import Path
@@ -224,7 +224,7 @@ TRUST = syntax.CommandSpec(
 
 
 def run_trust(arguments: syntax.Arguments) -> ExitCode:
-    """Look at each device, ask where something is new, and keep the answers."""
+    """Run `trust`: read each device, ask about new identities, and save the answers."""
     import sys
 
     from atlantis_netcfg.cli.vpn._common import load_declaration
@@ -251,7 +251,7 @@ def run_trust(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _trust_device(declaration: Declaration, host: Host, request: Request) -> ExitCode:
-    """One device; what is wrong with it keeps no other from being looked at."""
+    """Handle one device; its errors do not stop the others."""
     from atlantis_netcfg.cli.base.output import tell
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
     from atlantis_netcfg.operations.computers._access import is_computer

@@ -1,4 +1,4 @@
-"""`provision asbuilt`: what each device of a site says of itself, as a record that is kept, compared and printed."""
+"""`provision asbuilt`: a stored record of each device's reported state, for comparison and printing."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ ASBUILT = syntax.CommandSpec(
 
 
 def run_asbuilt(arguments: syntax.Arguments) -> ExitCode:
-    """Ask every device at once, keep the record, tell."""
+    """Run `asbuilt`: read all devices at once, store the record, report."""
     import sys
 
     from atlantis_netcfg.cli.base.session import session
@@ -76,7 +76,7 @@ def _refuse_all(site: str) -> None:
 
 
 def _make_record(session: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
-    """The record, the folder in which it is kept, and the SHA-256 of its `as-built.json`. Raises NetcfgError."""
+    """Return the record, its folder, and the SHA-256 of its `as-built.json`. Raises NetcfgError."""
     import hashlib
     import json
 
@@ -102,7 +102,7 @@ def _make_record(session: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
 
 
 def _read(session: CommandSession) -> AsBuiltRecord:
-    """Ask, once it is agreed what the asking may cost."""
+    """Read the devices, after consent to the cost."""
     import asyncio
 
     from atlantis_netcfg import __version__

@@ -1,6 +1,6 @@
-"""Commands that only read the declaration: `validate` and `dds`.
+"""Commands that only read the inventory: `validate` and `dds`.
 
-`provision validate`: check the whole pilot, contact nothing.
+`provision validate`: check the whole inventory, without contacting a device.
 
 `provision dds`: the DDS profiles of a computer, one set for each link of its site.
 """
@@ -37,7 +37,7 @@ VALIDATE = syntax.CommandSpec(
 
 
 def run_validate(arguments: syntax.Arguments) -> ExitCode:
-    """Say what was checked, or list every error."""
+    """Run `validate`: print what was checked, or list every error."""
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
@@ -93,9 +93,9 @@ def _confirm(declaration: Declaration, warnings: Sequence[Finding], arguments: s
 
 
 def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
-    """What is allowed and yet not as it should be.
+    """Return warnings about valid but questionable entries.
 
-    What links carry is worked out only where a budget is declared, or what a vehicle publishes.
+    The load of links is computed only if the inventory has a budget, or a vehicle's published data.
     """
     result = declaration.warnings
     if any(bearer.has_standing_budget for site in declaration.sites.values() for bearer in site.bearers):
@@ -166,7 +166,7 @@ DDS = syntax.CommandSpec(
 
 
 def run_dds(arguments: syntax.Arguments) -> ExitCode:
-    """Make the files, write or print them, and say what they hold."""
+    """Run `dds`: generate the files, write or print them, and describe them."""
     from pathlib import Path
 
     from atlantis_netcfg.computers.dds import profile_views, profiles
@@ -193,7 +193,7 @@ def run_dds(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _write(folder: Path, files: Mapping[str, str]) -> dict[str, bool]:
-    """Put each file there whole, and say whether that changed it. Raises UsageError."""
+    """Write each file atomically, and return whether it changed. Raises UsageError."""
     from atlantis_netcfg.core.atomic_files import write_atomically
     from atlantis_netcfg.core.errors import UsageError
 

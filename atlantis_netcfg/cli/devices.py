@@ -1,4 +1,4 @@
-"""Commands that look at devices and care for them: `drift`, `backup`, `verify`, `restore`, `upgrade`."""
+"""Commands for inspection and maintenance of devices: `drift`, `backup`, `verify`, `restore`, `upgrade`."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _report(session: CommandSession, devices: Mapping[str, Mapping[str, Any]]) -
 
 
 def _unfinished_runs(session: CommandSession) -> dict[str, Run]:
-    """The runs that left the outcome on one of these devices open; of emulated devices none is left."""
+    """Return the unfinished runs with an unknown outcome for one of these devices; none in a rehearsal."""
     if session.is_rehearsal:
         return {}
     sites = {host.name: host.site for host in session.handled_hosts}
@@ -98,7 +98,7 @@ def _unfinished_runs(session: CommandSession) -> dict[str, Run]:
 
 
 def _file(name: str | None) -> Path | None:
-    """Where to write, looked at before any device is asked. Raises UsageError."""
+    """Return the output path, checked before any device is contacted. Raises UsageError."""
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import UsageError
@@ -115,7 +115,7 @@ def _file(name: str | None) -> Path | None:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """Put the whole file there at once: a build server may look at any moment."""
+    """Write a file atomically, as other programs may read it at any time."""
     from atlantis_netcfg.core.atomic_files import write_atomically
     from atlantis_netcfg.core.errors import UsageError
 
@@ -155,7 +155,7 @@ BACKUP = syntax.CommandSpec(
 
 
 def run_backup(arguments: syntax.Arguments) -> ExitCode:
-    """Save an export of each device under a run of its own."""
+    """Save an export of each device as a separate run."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations import Mode
@@ -201,7 +201,7 @@ VERIFY = syntax.CommandSpec(
 
 
 def run_verify(arguments: syntax.Arguments) -> ExitCode:
-    """Ask what it may cost, ask the device, tell."""
+    """Run `verify`: ask for consent to the cost, test the device, report."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations import Mode
@@ -245,7 +245,7 @@ def run_verify(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _check_privilege(*, silence: bool) -> None:
-    """Refuse before any device is asked. Raises UsageError."""
+    """Raise UsageError if silencing lacks privileges, before any device is contacted."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.routeros.api import may_cut_off
 
@@ -277,7 +277,7 @@ def _host(declaration: Declaration, name: str, *, tries: bool) -> Host:
 
 
 def _verify(session: CommandSession, verifying: Verifying) -> VerifiedDevice:
-    """Ask; where rows are added nobody else may work at the site meanwhile."""
+    """Test the device; if rows are added, hold the lock of the site."""
     if not (verifying.tries or verifying.silence):
         return verifying.run()
     with session.store.lock(session.site, f"provision verify device={verifying.host.name} --try"):
@@ -285,7 +285,7 @@ def _verify(session: CommandSession, verifying: Verifying) -> VerifiedDevice:
 
 
 def _pay(session: CommandSession, verifying: Verifying) -> None:
-    """Tell what it costs where that is paid by the byte. Raises CostRefused; a rehearsal costs nothing."""
+    """Show the cost on a metered link. Raises CostRefusal; a rehearsal costs nothing."""
     from atlantis_netcfg.cli.base.consent import pay
 
     cost = verifying.cost
@@ -332,7 +332,7 @@ RESTORE = syntax.CommandSpec(
 
 
 def run_restore(arguments: syntax.Arguments) -> ExitCode:
-    """Find the state, show what it changes on the device, ask, apply, read back."""
+    """Run `restore`: find the state, show its changes, ask for consent, apply, verify."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import ALL
     from atlantis_netcfg.operations.restore import confirmed_state
@@ -363,7 +363,7 @@ def run_restore(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _tell(session: CommandSession, state: SavedState) -> None:
-    """Say what is put where: after the first run on the replacement, `latest` is a state of its own."""
+    """Print which state is restored to which device; later, `latest` will be the replacement's own state."""
     if session.as_json:
         return
     from atlantis_netcfg.core.times import time_text
@@ -412,7 +412,7 @@ UPGRADE = syntax.CommandSpec(
 
 
 def run_upgrade(arguments: syntax.Arguments) -> ExitCode:
-    """Read the files, look at the device, show, ask, send, reboot, read back."""
+    """Run `upgrade`: read the files and the device, show, ask for consent, send, reboot, verify."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.output import progress
@@ -454,7 +454,7 @@ def run_upgrade(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _show(session: CommandSession, preparation: PreparedUpgrade) -> None:
-    """Print what would be sent, what it costs, and what it brings with it."""
+    """Print what would be sent, its cost, and the changes that come with it."""
     from atlantis_netcfg.core import printable
 
     if session.as_json:
@@ -479,7 +479,7 @@ def _show(session: CommandSession, preparation: PreparedUpgrade) -> None:
 
 
 def _ask(session: CommandSession, preparation: PreparedUpgrade, request: Request) -> Request:
-    """Ask for a person's money, then for the reboot; return the request with the first answer."""
+    """Ask for consent to the cost, then to the reboot; return the request with the first consent."""
     from atlantis_netcfg.cli.base.consent import pays, require_agreement
 
     if session.rehearsal is not None:

@@ -1,4 +1,4 @@
-"""`provision fit`: whether what a vehicle publishes fits the links of a site, what to thin, and what it costs."""
+"""`provision fit`: whether a vehicle's data fit each link of a site, what to reduce, and the cost."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _WIDTH = 80
 
 
 def run_fit(arguments: syntax.Arguments) -> ExitCode:
-    """Work it out and tell."""
+    """Run `fit`: compute and report."""
     import sys
     from pathlib import Path
 
@@ -92,7 +92,7 @@ def run_fit(arguments: syntax.Arguments) -> ExitCode:
 def _listen(
     arguments: syntax.Arguments, declaration: Declaration
 ) -> tuple[MeasuredTelemetry, TelemetryChange] | tuple[None, None]:
-    """Listen where that was asked for, and write what was heard where that was. Raises UsageError."""
+    """Listen if requested, and write the result if requested. Raises UsageError."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations import robots
     from atlantis_netcfg.operations.fit import measured_telemetry, require_vehicle
@@ -132,7 +132,7 @@ def _as_json(telemetry: MeasuredTelemetry, change: TelemetryChange, *, is_writte
 
 
 def rows(fit: VehicleFit) -> Iterator[Row]:
-    """The lines for a person, none of them longer than 80 columns but for long names."""
+    """Yield the lines for a person, at most 80 columns wide unless names are long."""
     count = len(fit.links[0].topics)
     yield translate(f"{fit.vehicle} at {fit.site}: {count} topics by {fit.middleware.value}")
     centres = "a control centre" if fit.subscribers == 1 else f"{fit.subscribers} control centres, a copy to each"
@@ -217,6 +217,6 @@ def _topic(topic: TopicFit) -> str:
 
 
 def _message(words: str, indent: int = 2) -> Iterator[str]:
-    """A message, translated whole, in lines."""
+    """Yield the lines of a message, translated as a whole."""
     lines = wrap(translate(words), _WIDTH - indent, subsequent_indent="  ", break_long_words=False)
     yield from (f"{'':<{indent}}{line}" for line in lines)

@@ -1,8 +1,9 @@
-"""Commands for robots that are here for a while: `guest add`, `guest end`.
+"""Commands for temporary robots: `guest add`, `guest end`.
 
-`provision guest add`: declare the robot of a future partner, let it into the VPN until its last day, hand out profiles.
+`provision guest add`: add a future partner's robot to the inventory, give it VPN access until its last day, and
+generate its profiles.
 
-`provision guest end`: put it out of the VPN, take its entry and its files away, and look whether anything is left.
+`provision guest end`: revoke its VPN access, remove its entry and files, and verify that nothing is left.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ GUEST_ADD = syntax.CommandSpec(
 
 
 def run_guest_add(arguments: syntax.Arguments) -> ExitCode:
-    """Check everything, declare, issue, hand out, tell the server. Raises SiteBusy while another one does so."""
+    """Run `guest add`: validate, write, issue, generate, update the server. Raises SiteBusy if another one runs."""
     with _alone(arguments):
         return _add(arguments)
 
@@ -123,7 +124,7 @@ def _add(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _alone(arguments: syntax.Arguments) -> AbstractContextManager[object]:
-    """The lock of whoever changes guests on this computer: of two at once, one would write away what the other has."""
+    """Return the lock for changes of guests on this computer, so that two commands do not overwrite each other."""
     if arguments.flag("plan"):
         return nullcontext()
     from atlantis_netcfg.core import paths
@@ -134,7 +135,7 @@ def _alone(arguments: syntax.Arguments) -> AbstractContextManager[object]:
 
 
 def _entry(arguments: syntax.Arguments) -> GuestEntry:
-    """What was typed. Raises UsageError for a name or a day that is none; the rest is judged with the declaration."""
+    """Parse the arguments. Raises UsageError for an invalid name or day; the rest is validated with the inventory."""
     from datetime import date
 
     from atlantis_netcfg.core.errors import UsageError
@@ -160,9 +161,10 @@ def _entry(arguments: syntax.Arguments) -> GuestEntry:
 
 
 def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, Declaration]:
-    """The file that declares the guest, and the pilot with it; no file where it is declared already.
+    """Return the file that adds the guest, and the inventory with it; no file if the guest is there already.
 
-    Raises UsageError for another vehicle or guest of that name, InventoryInvalid for what does not fit the pilot.
+    Raises UsageError for another vehicle or guest of that name, InventoryInvalid for data that do not fit the
+    inventory.
     """
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations import guests
@@ -180,7 +182,7 @@ def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, 
 
 
 def _refuse_unknown(declaration: Declaration, entry: GuestEntry) -> None:
-    """Tell a word that was typed as a word, before it would be told as a line of a file."""
+    """Raise an error for an unknown argument value, before it would be reported as a line of a file."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.inventory.findings import suggest
 
@@ -195,7 +197,7 @@ def _refuse_unknown(declaration: Declaration, entry: GuestEntry) -> None:
 
 
 def _device(arguments: syntax.Arguments, entry: GuestEntry) -> DeviceWords:
-    """The same as the words of `vpn onboard`."""
+    """Return the same data as the arguments of `vpn onboard`."""
     from atlantis_netcfg.vpn.requests import DeviceWords
 
     return DeviceWords(
@@ -212,7 +214,7 @@ def _device(arguments: syntax.Arguments, entry: GuestEntry) -> DeviceWords:
 
 @contextmanager
 def _declared_until_issued(before: Declaration, name: str, authority: Authority, text: str | None) -> Iterator[None]:
-    """Declare the guest, and take that back where nothing was issued for it: a wrong passphrase leaves nothing."""
+    """Add the guest to the inventory; undo this if nothing was issued for it, as after a wrong passphrase."""
     from atlantis_netcfg.operations import guests
     from atlantis_netcfg.operations.common import inventory_files
 
@@ -241,7 +243,7 @@ def _steps_of_add(entry: GuestEntry, request: EnrolmentRequest, *, is_declared: 
 
 
 def _tell_plan(arguments: syntax.Arguments, steps: Sequence[str]) -> ExitCode:
-    """Say what would be done; nothing was changed."""
+    """Print what would be done; nothing was changed."""
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
 
@@ -287,7 +289,7 @@ GUEST_END = syntax.CommandSpec(
 
 
 def run_guest_end(arguments: syntax.Arguments) -> ExitCode:
-    """Ask, revoke, take the entry away, tell the server, look. Raises SiteBusy while another one does so."""
+    """Run `guest end`: ask, revoke, remove the entry, update the server, verify. Raises SiteBusy if locked."""
     with _alone(arguments):
         return _end(arguments)
 
@@ -329,7 +331,7 @@ def _end(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _to_revoke(authority: Authority, members: Sequence[Member]) -> tuple[Member, ...]:
-    """Those who are in the VPN, or of whom the server has not confirmed that they are out."""
+    """Return the members in the VPN, and those whose removal the server has not confirmed."""
     queued_names = set(authority.membership().queued_names)
     return tuple(
         member
@@ -339,7 +341,7 @@ def _to_revoke(authority: Authority, members: Sequence[Member]) -> tuple[Member,
 
 
 def _agree(arguments: syntax.Arguments, name: str, steps: Sequence[str]) -> None:
-    """Show what will be done, and return when a person agrees. Raises Declined, UsageError."""
+    """Show what will be done, and ask for consent. Raises ConsentRefusal, UsageError."""
     from atlantis_netcfg.cli.base.consent import require_agreement
 
     if not arguments.flag("yes"):
@@ -350,7 +352,7 @@ def _agree(arguments: syntax.Arguments, name: str, steps: Sequence[str]) -> None
 def _put_out(
     arguments: syntax.Arguments, after: Declaration, authority: Authority, members: Sequence[Member], reason: str
 ) -> DeployResult:
-    """Record that they are revoked, and see that the server lets none of them in any more."""
+    """Record the revocation, and make the server reject the members."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
@@ -372,7 +374,7 @@ def _tell_end(
     *,
     already: bool,
 ) -> ExitCode:
-    """Tell who is out, by which evidence, and what was looked for and is not there any more."""
+    """Report the members removed, with the evidence, and the leftovers that were searched for."""
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.guests import GuestLeftOver

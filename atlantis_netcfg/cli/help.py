@@ -1,8 +1,8 @@
 """`provision help` and `provision version`.
 
-`provision help`: the overview; `provision COMMAND --help` tells one command.
+`provision help`: the overview; `provision COMMAND --help` describes one command.
 
-`provision version`: what to quote in a question to us.
+`provision version`: the versions to quote in a support request.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _COLUMN = 26
 
 
 def overview(table: Mapping[str, str]) -> str:
-    """What `provision --help` prints."""
+    """Return the text of `provision --help`."""
     lines = [
         *_paragraph("provision: plan, guard, apply and verify the sites of the ATLANTIS pilot"),
         "",
@@ -68,7 +68,7 @@ def overview(table: Mapping[str, str]) -> str:
 
 
 def of_group(word: str, table: Mapping[str, str]) -> str:
-    """What `provision vpn --help` prints: the commands whose first word is this one."""
+    """Return the text of `provision vpn --help`: the commands whose first word is this one."""
     commands = [load(name, table).command for name in table if name.startswith(f"{word} ")]
     lines = [f"{translate('Usage')}:", f"  provision {word} COMMAND [words] [--flags]", ""]
     lines += _paragraph(f"`provision {word} COMMAND --help` tells the words and flags of a command.")
@@ -76,12 +76,12 @@ def of_group(word: str, table: Mapping[str, str]) -> str:
 
 
 def _command_form(command: syntax.CommandSpec) -> str:
-    """How a person types it: of the default command its first word is the name."""
+    """Return the form in which a command is typed; that of the default command is its first argument."""
     return "site=NAME" if command.name == DEFAULT else command.name
 
 
 def group_commands(commands: Sequence[syntax.CommandSpec]) -> Iterator[tuple[str, list[syntax.CommandSpec]]]:
-    """The commands by the title of their group, in the order of the groups; none is left out."""
+    """Yield the commands with the title of their group, in the order of the groups; none is left out."""
     for group in (*syntax.Group, None):
         members = [command for command in commands if command.group is group]
         if members:
@@ -89,7 +89,7 @@ def group_commands(commands: Sequence[syntax.CommandSpec]) -> Iterator[tuple[str
 
 
 def of_command(command: syntax.CommandSpec) -> str:
-    """What `provision COMMAND --help` prints."""
+    """Return the text of `provision COMMAND --help`."""
     required_words = [word.usage for word in command.words if word.is_required]
     optional = [f"[{word.usage}]" for word in command.words if not word.is_required]
     flags = [f"[--{flag.name}{f' {flag.takes}' if flag.takes else ''}]" for flag in command.flags]
@@ -105,7 +105,7 @@ def of_command(command: syntax.CommandSpec) -> str:
 
 
 def word_text(word: syntax.Word) -> str:
-    """What help says about a word: its choices too, where they do not stand in its form."""
+    """Return the help text of an argument, with its choices unless its usage contains them."""
     text = translate(word.help)
     if word.choices and "|".join(word.choices) not in word.usage:
         text += f": {', '.join(word.choices)}"
@@ -113,7 +113,7 @@ def word_text(word: syntax.Word) -> str:
 
 
 def _wrap_usage(start: str, pieces: list[str]) -> list[str]:
-    """The usage line, broken between its pieces where a console would break it anywhere."""
+    """Return the usage line, wrapped between its parts."""
     lines = [f"  {start}"]
     for piece in pieces:
         if len(lines[-1]) + 1 + len(piece) > WIDTH:
@@ -123,7 +123,7 @@ def _wrap_usage(start: str, pieces: list[str]) -> list[str]:
 
 
 def _columns(rows: Iterable[tuple[str, str]], width: int = 0) -> list[str]:
-    """A table of two columns; `width` is that of its left one, where other tables stand beside it."""
+    """Format a table of two columns; `width` is that of the left one, to align several tables."""
     table = list(rows)
     width = width or max((len(left) for left, _ in table if len(left) <= _COLUMN), default=_COLUMN)
     lines: list[str] = []
@@ -145,7 +145,7 @@ _NO_BREAK = "\xa0"
 
 
 def _fill(text: str, width: int) -> list[str]:
-    """Lines of at most so many columns: no word is broken, and nothing between back quotes, which people type."""
+    """Wrap text without breaking words or commands between back quotes."""
     from textwrap import wrap
 
     together = re.sub(r"`[^`]*`", lambda match: match[0].replace(" ", _NO_BREAK), text)
@@ -162,7 +162,7 @@ VERSION = syntax.CommandSpec(
 
 
 def run_version(arguments: syntax.Arguments) -> ExitCode:
-    """Print the versions without importing what they belong to."""
+    """Print the versions without importing the packages."""
     versions = _versions()
     if arguments.flag("json"):
         import json

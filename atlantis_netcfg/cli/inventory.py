@@ -1,4 +1,4 @@
-"""`provision init`: an inventory of one's own, by questions, from a file of answers, or from the example."""
+"""`provision init`: create a new inventory, from prompts, from an answer file, or from the example."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ INIT = syntax.CommandSpec(
 
 
 def run_init(arguments: syntax.Arguments) -> ExitCode:
-    """Collect the answers, write the folder, and say what is in it."""
+    """Run `init`: collect the answers, write the folder, and describe it."""
     from pathlib import Path
 
     from atlantis_netcfg.inventory import InventoryInvalid
@@ -63,7 +63,7 @@ def run_init(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _source(arguments: syntax.Arguments) -> str:
-    """`example`, `questions`, or the path of the file with the answers. Raises UsageError."""
+    """Return `example`, `questions`, or the path of the answer file. Raises UsageError."""
     import sys
 
     from atlantis_netcfg.core.errors import UsageError
@@ -97,7 +97,7 @@ def _read(path: Path) -> tuple[InventoryAnswers, None] | InventoryInvalid:
 
 
 def _ask_person() -> tuple[InventoryAnswers, Mapping[str, Any]]:
-    """Ask a person. Raises DeviceFailed when they stop: nothing was written."""
+    """Prompt for the answers. Raises UsageError at the end of input; then nothing was written."""
     from atlantis_netcfg.core import printable
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.language import translate
@@ -118,7 +118,7 @@ def _ask_person() -> tuple[InventoryAnswers, Mapping[str, Any]]:
 
 
 def _encrypt(*, ask: bool) -> Callable[[str], str] | None:
-    """What encrypts a new secret; None where there is no password for the vault."""
+    """Return the function that encrypts a new secret; None if there is no vault password."""
     from getpass import getpass
 
     from atlantis_netcfg.core.errors import UsageError
@@ -148,7 +148,7 @@ def _files(answers: InventoryAnswers, encrypt: Callable[[str], str] | None) -> d
 
 
 def _readme(folder: Path, *, is_encrypted: bool | None) -> str:
-    """The next steps, as a file beside the inventory; `is_encrypted` is None for the copied example."""
+    """Return a file with the next steps; `is_encrypted` is None for the copied example."""
     vault = (
         "Passwords were made new and are encrypted. Keep the vault's password outside this folder:"
         " `ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …`, or type it when you are asked."
@@ -184,7 +184,7 @@ def _refuse(error: InventoryInvalid, where: str, *, as_json: bool) -> ExitCode:
 
 
 def _keep(error: InventoryInvalid, folder: Path, raw_answers: Mapping[str, Any] | None, *, as_json: bool) -> ExitCode:
-    """Answers that contradict each other: say how, and keep what a person has typed."""
+    """Report answers that contradict each other, and save the user's answers."""
     import sys
 
     import yaml

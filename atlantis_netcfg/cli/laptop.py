@@ -1,4 +1,4 @@
-"""`provision doctor`: whether this laptop is ready for a site; what is not, and what to type."""
+"""`provision doctor`: check whether this laptop is ready for a site, and what to type if not."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _NAME = 19
 
 
 def run_doctor(arguments: syntax.Arguments) -> ExitCode:
-    """Look, and tell."""
+    """Run `doctor`: check and report."""
     from pathlib import Path
 
     from atlantis_netcfg.core import paths, printable
@@ -131,12 +131,12 @@ def _item_rows(item: DoctorItem, arguments: syntax.Arguments) -> Iterator[Row]:
 
 
 def _wrap(text: str, column: int) -> list[str]:
-    """The lines of a text, behind a column; a path or a name is not broken."""
+    """Wrap text at a column, without breaking paths or names."""
     return textwrap.wrap(text, _WIDTH - column, break_long_words=False, break_on_hyphens=False) or [""]
 
 
 def _complete_commands(commands: tuple[str, ...], arguments: syntax.Arguments) -> list[str]:
-    """The commands as they can be typed here: ours with what this one was told, and by the name of the launcher."""
+    """Complete commands so that they can be typed: with this command's arguments and the launcher's name."""
     from atlantis_netcfg.cli.base.output import as_typed, carried_words
 
     words = carried_words(arguments)
@@ -144,7 +144,7 @@ def _complete_commands(commands: tuple[str, ...], arguments: syntax.Arguments) -
 
 
 def _end(diagnosis: Diagnosis, arguments: syntax.Arguments) -> Iterator[Row]:
-    """The last lines: verdict, counts, the worst item, what to type."""
+    """Yield the last lines: verdict, counts, the worst item, what to type."""
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.core.printable import Style, StyledText

@@ -1,8 +1,8 @@
 """Commands that measure links: `links` and `prove`.
 
-`provision links`: how every link of a site is, which one carries the traffic, and what is wrong.
+`provision links`: the state of every link of a site, the active link, and the problems.
 
-`provision prove`: whether the satellite lets through what is declared, and nothing else.
+`provision prove`: whether the satellite allows exactly the traffic in the inventory.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ LINKS = syntax.CommandSpec(
 
 
 def run_links(arguments: syntax.Arguments) -> ExitCode:
-    """Ask every box of the site's links at once, and tell."""
+    """Run `links`: read all devices of the site's links at once, and report."""
     from atlantis_netcfg.cli.base.session import session
 
     _one_site(arguments.word("site"))
@@ -71,7 +71,7 @@ def _one_site(site: str) -> None:
 
 
 def read_links(session: CommandSession) -> LinksStatus:
-    """Look, once it is agreed what the looking may cost."""
+    """Read the links, after consent to the cost."""
     import asyncio
 
     from atlantis_netcfg.cli.base.output import progress
@@ -133,7 +133,7 @@ PROVE = syntax.CommandSpec(
 
 
 def run_prove(arguments: syntax.Arguments) -> ExitCode:
-    """Ask what it may cost, probe, tell."""
+    """Run `prove`: ask for consent to the cost, probe, report."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.allow_list_test.site import satellite_of
@@ -167,7 +167,7 @@ def run_prove(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _prove(session: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]]:
-    """The proof, what it was expected to cost at most, and by link what it did: only what is paid by the byte."""
+    """Return the test result, the maximum expected cost, and the actual cost of metered links."""
     import time
     from contextlib import ExitStack
     from dataclasses import replace
@@ -227,7 +227,7 @@ def _is_metered(session: CommandSession, name: str) -> bool:
 
 
 def _evidence_findings(session: CommandSession, terminal: Host) -> tuple[BearerFinding, ...]:
-    """What the terminal's evidence and the names of the allow-list say; in a rehearsal no name is asked for."""
+    """Return findings on the terminal's evidence and the allow-list's names; a rehearsal looks up no names."""
     from datetime import UTC, datetime
     from pathlib import Path
 
@@ -253,7 +253,7 @@ def _request(session: CommandSession) -> Request:
 
 
 def _pay(session: CommandSession, cost_previews: tuple[Preview, ...]) -> None:
-    """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
+    """Show the cost and ask for consent. Raises CostRefusal; a rehearsal costs nothing."""
     from atlantis_netcfg.cli.base.consent import pay
 
     words = [item.words for item in cost_previews]

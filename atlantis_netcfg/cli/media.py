@@ -1,8 +1,8 @@
 """Commands that write media for a site: `image` (a gateway's card) and `bundle` (packages for a site without internet).
 
-`provision image`: make the card of a computer.
+`provision image`: write the card of a computer.
 
-`provision bundle`: everything that the gateways of a site take from elsewhere, for a place without internet.
+`provision bundle`: all external files that the gateways of a site need, for a place without internet.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ IMAGE = syntax.CommandSpec(
 
 
 def run_image(arguments: syntax.Arguments) -> ExitCode:
-    """Check everything that can be known at once, ask, make the image, write it and read it back."""
+    """Run `image`: check all inputs first, ask, build the image, write it and read it back."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.output import progress
@@ -78,7 +78,7 @@ def run_image(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _file(arguments: syntax.Arguments) -> Path | None:
-    """Where the image goes to, if not to a card."""
+    """Return the output file of the image; None if it goes to a card."""
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import UsageError
@@ -98,7 +98,7 @@ def _file(arguments: syntax.Arguments) -> Path | None:
 
 
 def _card(arguments: syntax.Arguments, declaration: Declaration) -> Card:
-    """The card, once a person has said that this one is meant. Raises DeviceRefused, UsageError, Declined."""
+    """Return the card after the user's confirmation. Raises BlockDeviceError, UsageError, ConsentRefusal."""
     from pathlib import Path
 
     from atlantis_netcfg.computers.image.blocks import BlockTree, admit, require_confirmation
@@ -127,7 +127,7 @@ def _card(arguments: syntax.Arguments, declaration: Declaration) -> Card:
 
 
 def _ask_serial(card: Card) -> str:
-    """What a person types at the question. Raises UsageError when nobody is there to be asked."""
+    """Ask the user for the card's serial. Raises UsageError without a terminal."""
     import sys
 
     from atlantis_netcfg.cli.base.consent import read_line
@@ -145,7 +145,7 @@ def _ask_serial(card: Card) -> str:
 
 
 def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, Any]:
-    """Put the image where it goes to; what became of it, for people and programs."""
+    """Write the image to the file or card; return the result, for people and programs."""
     from dataclasses import asdict
 
     if file is not None:
@@ -219,7 +219,7 @@ BUNDLE = syntax.CommandSpec(
 
 
 def run_bundle(arguments: syntax.Arguments) -> ExitCode:
-    """Make the bundle, or open one, and say what is in it."""
+    """Run `bundle`: build or open a bundle, and list its content."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.passphrase import vault_of

@@ -1,8 +1,8 @@
-"""`provision apply`: carry out a plan that was shown, saved and looked at, and no other.
+"""`provision apply`: apply a saved plan after review, and only that plan.
 
-A saved plan is bound to the inventory (its revision) and to each device (the hash of the planned actions with what was
-found there): when either has changed it is refused, and nothing is changed. A device that is as planned already counts
-as done, so that a plan of which one device could not be reached is applied again.
+A saved plan is bound to the inventory (its revision) and to each device (the hash of the planned actions with the state
+that they start from): when either has changed, the plan is rejected, and nothing is changed. A device already in the
+planned state counts as done, so that a plan can be applied again after one device could not be reached.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ APPLY = syntax.CommandSpec(
 
 
 def run_apply(arguments: syntax.Arguments) -> ExitCode:
-    """Read the plan, look whether it still holds, ask, apply, read back."""
+    """Run `apply`: read the plan, check that it is still valid, ask, apply, verify."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.session import session
@@ -82,7 +82,7 @@ def _show(plan: Mapping[str, Any], *, as_json: bool) -> ExitCode:
 
 
 def _command(plan: Mapping[str, Any], file: Path) -> str:
-    """The command that makes such a plan anew."""
+    """Return the command that makes the plan again."""
     import shlex
 
     words = [f"site={plan['site']}"]
@@ -94,7 +94,7 @@ def _command(plan: Mapping[str, Any], file: Path) -> str:
 
 
 def refuse_place(file: Path) -> None:
-    """Refuse a file that cannot be written, or that is something else, before a device is asked. Raises UsageError."""
+    """Raise UsageError for an unusable output file, before a device is contacted."""
     if not file.parent.is_dir():
         raise UsageError(
             f"`--save {file}`: there is no folder {file.parent}", hint="name a file in a folder that exists"
@@ -109,10 +109,10 @@ def refuse_place(file: Path) -> None:
 
 
 def save(session: CommandSession, report: RunReport, file: Path) -> str:
-    """Keep a plan in a file that only its owner can read; the command that carries it out, empty if there is nothing.
+    """Save a plan in a file readable by its owner only; return the command that applies it, empty if it is empty.
 
-    A plan in which a device has no part, because it could not be read or was refused, is not kept: it would be
-    carried out by halves. Raises UsageError.
+    A plan that lacks a device, because it could not be read or was refused, is not saved: it would be applied only in
+    part. Raises UsageError.
     """
     import json
     import shlex
@@ -147,7 +147,7 @@ def save(session: CommandSession, report: RunReport, file: Path) -> str:
 
 
 def _read(file: Path) -> Mapping[str, Any]:
-    """A saved plan. Raises UsageError."""
+    """Read a saved plan. Raises UsageError."""
     import json
 
     try:
@@ -166,7 +166,7 @@ def _read(file: Path) -> Mapping[str, Any]:
 
 
 def _digest(plan: Mapping[str, Any]) -> str:
-    """A hash of all that a person has seen of the plan, and of all that is applied."""
+    """Return a hash of everything shown of the plan, and of everything that is applied."""
     import hashlib
     import json
 
@@ -177,7 +177,7 @@ _HINT = "`provision site=NAME --plan --save FILE` saves the plan of a site"
 
 
 def _is_whole(plan: Mapping[str, Any]) -> bool:
-    """Whether each value is of its kind: the file may have been edited, and it decides what is changed."""
+    """Return whether all values have the right type: the file may have been edited, and it decides what is changed."""
     texts = [
         plan["site"],
         plan["revision"],

@@ -79,7 +79,7 @@ _LED_ALONG = "whatever else is in this computer's tunnel goes there as well, bes
 
 
 def run_qualify(arguments: syntax.Arguments) -> ExitCode:
-    """Say what it costs, measure one link after the other, tell."""
+    """Run `qualify`: show the cost, measure the links one after the other, report."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.qualify.run import links_of_site, router_of
@@ -117,7 +117,7 @@ def run_qualify(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _unit(declaration: Declaration, bearer: Bearer) -> Host | None:
-    """The box of a 4G link that can be read."""
+    """Return the device of a 4G link; None if there is none, or it cannot be read."""
     from atlantis_netcfg.inventory.model import BearerKind, LteDriver, LteRouter
 
     host = declaration.hosts.get(bearer.device or "") if bearer.kind is BearerKind.LTE else None
@@ -126,7 +126,7 @@ def _unit(declaration: Declaration, bearer: Bearer) -> Host | None:
 
 
 def _facts(session: CommandSession, bearer: Bearer, request: Request) -> dict[str, str]:
-    """What the box of a 4G link says: nothing of it goes over the link itself."""
+    """Return the data of a 4G link's device, read without using the link itself."""
     from atlantis_netcfg.records.survey.radio import UnitRadio, facts_of
 
     unit = _unit(session.declaration, bearer)
@@ -147,7 +147,7 @@ def _over_vpn(arguments: syntax.Arguments) -> bool:
 
 
 def _far_end(declaration: Declaration, arguments: syntax.Arguments) -> MeasuredFarEnd:
-    """Raises NothingToQualify, UsageError."""
+    """Return the remote end of the measurement. Raises NothingToQualify, UsageError."""
     from atlantis_netcfg.operations.qualify.far_end import far_end_of
 
     return far_end_of(declaration, over_vpn=_over_vpn(arguments), other=arguments.optional("far"))
@@ -160,7 +160,7 @@ def _selection(arguments: syntax.Arguments) -> Selection:
 
 
 def _limits(arguments: syntax.Arguments) -> BudgetLimits:
-    """What a person allows for all links together. Raises UsageError."""
+    """Return the user's limits for all links together. Raises UsageError."""
     from decimal import Decimal
 
     from atlantis_netcfg.links.qualify.measured_run import BudgetLimits
@@ -191,7 +191,7 @@ def _number(arguments: syntax.Arguments, name: str) -> Decimal | None:
 
 
 def _measure(session: CommandSession, limits: BudgetLimits) -> SeveralResults:
-    """Measure the links one after the other. What ends the only one with an error is raised."""
+    """Measure the links one after the other. If there is only one, its error is raised."""
     from contextlib import ExitStack
 
     from atlantis_netcfg.cli.base.output import progress
@@ -270,7 +270,7 @@ def _link(
 
 
 def _cap_limits(session: CommandSession, bearer: Bearer, limits: BudgetLimits) -> BudgetLimits:
-    """Within the cap of a metered link, whatever a person allows; a limit in EUR needs a tariff, and means it alone."""
+    """Restrict the limits to the cap of a metered link; a limit in EUR applies only to metered links."""
     from atlantis_netcfg.operations.common.site_links import link_of
 
     link = link_of(session.declaration, session.site, bearer.name)
@@ -280,7 +280,7 @@ def _cap_limits(session: CommandSession, bearer: Bearer, limits: BudgetLimits) -
 
 
 def _pay(session: CommandSession, links: tuple[Bearer, ...], selection: Selection, limits: BudgetLimits) -> None:
-    """Say what is sent, how long it takes and what it costs; return when somebody pays. Raises CostRefused."""
+    """Show data volume, duration and cost, and ask for consent. Raises CostRefusal."""
     from atlantis_netcfg.cli.base.consent import pay
 
     previews = [_preview(session, bearer, selection, limits) for bearer in links]
@@ -298,7 +298,7 @@ def _pay(session: CommandSession, links: tuple[Bearer, ...], selection: Selectio
 
 
 def _preview(session: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits) -> Preview:
-    """What a link costs at most: the whole plan, or the limits where these are less. Raises CostRefused."""
+    """Estimate the maximum cost of a link: of the whole plan, or of the limits if lower. Raises CostRefusal."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.links.cost import preview
     from atlantis_netcfg.operations.common.site_links import link_of

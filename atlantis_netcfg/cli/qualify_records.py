@@ -1,6 +1,6 @@
-"""Commands of measured links that are kept: `qualify show`, `qualify compare` and `qualify history`.
+"""Commands for stored measurements: `qualify show`, `qualify compare` and `qualify history`.
 
-Nothing is measured, and no device is contacted: they read what `provision qualify` has left in the state folder.
+Nothing is measured, and no device is contacted: they read the results of `provision qualify` in the state folder.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def run_qualify_compare(arguments: syntax.Arguments) -> ExitCode:
 
 
 def run_qualify_history(arguments: syntax.Arguments) -> ExitCode:
-    """Print the headline figures of every run."""
+    """Print the main results of every run."""
     import sys
 
     from atlantis_netcfg.core.errors import ExitCode

@@ -1,4 +1,4 @@
-"""`provision retrieve`: recordings of a gateway or a robot to the control centre, over whatever link the site has."""
+"""`provision retrieve`: copy recordings of a gateway or a robot to the control centre, over any link of the site."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ RETRIEVE = syntax.CommandSpec(
 
 
 def run_retrieve(arguments: syntax.Arguments) -> ExitCode:
-    """Look, say what it costs, begin and watch; or tell how it stands, or end it."""
+    """Run `retrieve`: show files and cost, start and watch; or report the status, or stop the transfer."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
@@ -100,7 +100,7 @@ def run_retrieve(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _rehearse(arguments: syntax.Arguments) -> ExitCode:
-    """Let both programs of a transfer run on this computer. Raises UsageError, NothingMatched."""
+    """Run both programs of a transfer on this computer. Raises UsageError, NoMatchError."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core.errors import ExitCode, UsageError
@@ -150,7 +150,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _refuse_mixed(arguments: syntax.Arguments, order: str | None) -> None:
-    """Raises UsageError where the words do not go together."""
+    """Raise UsageError for arguments that exclude each other."""
     from atlantis_netcfg.core.errors import UsageError
 
     if order is None:
@@ -162,13 +162,13 @@ def _refuse_mixed(arguments: syntax.Arguments, order: str | None) -> None:
 
 
 def _given_words(arguments: syntax.Arguments, *words: str) -> list[str]:
-    """Which of these words, and of the flags about how a transfer is begun, a person has typed."""
+    """Return those of the arguments, and of the flags for starting a transfer, that were given."""
     flags = [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
     return [*(f"`{name}=`" for name in words if arguments.optional(name) is not None), *flags]
 
 
 def _nothing(session: CommandSession, program: retrieve.RetrievalProgram, look: dict[str, Any]) -> ExitCode:
-    """Done where all that matches was retrieved before; else nothing has matched."""
+    """Report that there is nothing to send: done if all matching files were retrieved before, otherwise no match."""
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.retrieve import left_out
 
@@ -179,7 +179,7 @@ def _nothing(session: CommandSession, program: retrieve.RetrievalProgram, look: 
 
 
 def _make_plan(session: CommandSession, source: retrieve.Source, look: dict[str, Any]) -> retrieve.RetrievalPlan:
-    """Over the link that a person names, or that the router says is in use. Raises UsageError, DeviceFailed."""
+    """Plan over the link given, or over the router's active link. Raises UsageError, DeviceError."""
     from atlantis_netcfg.operations.common.site_links import bearer_named
     from atlantis_netcfg.operations.retrieve import plan
 
@@ -193,7 +193,7 @@ def _make_plan(session: CommandSession, source: retrieve.Source, look: dict[str,
 
 
 def _in_use(session: CommandSession) -> str:
-    """Ask the router which link carries the traffic. Raises DeviceFailed where it does not say so of one alone."""
+    """Read the active link from the router. Raises DeviceError unless there is exactly one."""
     from atlantis_netcfg.cli.links import read_links
     from atlantis_netcfg.core.errors import DeviceError
     from atlantis_netcfg.operations.use import router_of
@@ -217,7 +217,7 @@ def _begin(
     plan: retrieve.RetrievalPlan,
     selection: retrieve.RetrievalSelection,
 ) -> ExitCode:
-    """Raises CostRefused, NotBegun, BeginningUnknown."""
+    """Ask for consent to the cost, and start the transfer. Raises CostRefusal, NotBegun, BeginningUnknown."""
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.retrieve import new_number, shown_by
@@ -236,7 +236,7 @@ def _begin(
 
 
 def _watch(session: CommandSession, program: retrieve.RetrievalProgram) -> ExitCode:
-    """Tell how it stands until it has ended; whoever stops watching does not stop the transfer."""
+    """Report the progress until the end; to stop watching does not stop the transfer."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.core.errors import OutcomeUnknown
     from atlantis_netcfg.core.events import Event, Stage
@@ -262,7 +262,7 @@ _pause = time.sleep
 
 
 def _patient(program: retrieve.RetrievalProgram) -> retrieve.RetrievalStatus | None:
-    """How it stands; None while the gateway is not reached: it goes on without us."""
+    """Return the status; None while the gateway is not reachable: the transfer continues."""
     from atlantis_netcfg.operations.retrieve import GatewayAway
 
     try:

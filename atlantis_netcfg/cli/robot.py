@@ -1,4 +1,4 @@
-"""`provision robot`: robots' configuration files, who is heard on the network, and mock robots."""
+"""`provision robot`: robots' configuration files, robots detected on the network, and mock robots."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _DAY_S = 86_400
 
 
 def run_robot_validate(arguments: syntax.Arguments) -> ExitCode:
-    """Say what each robot declares, or list every error."""
+    """Run `robot validate`: print the content of each robot's file, or list every error."""
     from atlantis_netcfg.inventory import InventoryInvalid
     from atlantis_netcfg.inventory.robots.reading import NO_ROBOT_CONTACTED, key_names
 
@@ -61,7 +61,7 @@ def run_robot_validate(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _sources(arguments: syntax.Arguments, declaration: Declaration, names: KeyNames) -> list[RobotSource]:
-    """The files that were asked for, read. Raises UsageError and NothingMatched."""
+    """Read the requested files. Raises UsageError and NoMatchError."""
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import NoMatchError, UsageError
@@ -159,7 +159,7 @@ ROBOT_DISCOVER = syntax.CommandSpec(
 
 
 def run_robot_discover(arguments: syntax.Arguments) -> ExitCode:
-    """Listen, and say who was heard."""
+    """Run `robot discover`: listen, and print the robots detected."""
     from dataclasses import replace
 
     from atlantis_netcfg.cli.base.passphrase import vault_of
@@ -197,7 +197,7 @@ def run_robot_discover(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _record(arguments: syntax.Arguments, declaration: Declaration) -> BagRecorder | None:
-    """What writes the recording that was asked for. Raises UsageError."""
+    """Return the recorder, if a recording was requested. Raises UsageError."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations import robots
 
@@ -238,7 +238,7 @@ def _tell_recording(record: BagRecorder | None) -> None:
 def _listen(
     arguments: syntax.Arguments, declaration: Declaration, site: str, seconds: int, record: BagRecorder | None
 ) -> tuple[RobotObservation, list[RobotReport]]:
-    """Listen here, or at the computer of `from=`. Raises UsageError, ListeningFailed."""
+    """Listen here, or on the computer given by `from=`. Raises UsageError, ListenError."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.inventory.findings import suggest
     from atlantis_netcfg.inventory.model import ServerComputer
@@ -264,7 +264,7 @@ def _listen(
 def _pay(
     arguments: syntax.Arguments, declaration: Declaration, site: str, seconds: int, address: Callable[[], str]
 ) -> None:
-    """Ask for consent where listening brings the robots' topics over a link that is paid by the byte."""
+    """Ask for consent if listening brings the robots' topics over a metered link."""
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.links.cost import CostRefusal
     from atlantis_netcfg.operations.robots.listening_cost import listening_cost

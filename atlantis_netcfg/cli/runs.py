@@ -1,6 +1,6 @@
 """Commands of runs: `run` (the default, `provision site=…`) and `runs`.
 
-`provision runs`: what ran, how it ended, and what is still open.
+`provision runs`: past runs, their results, and what is still open.
 
 `provision site=coastal`: plan, ask, change, verify.
 """
@@ -34,7 +34,7 @@ RUNS = syntax.CommandSpec(
 
 
 def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
-    """List them, oldest first; exit 7 when there is none."""
+    """List the runs, oldest first; exit code 7 if there are none."""
     from atlantis_netcfg.cli.base.output import json_text
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.runs import Store
@@ -68,7 +68,7 @@ def _sites(store: Store, site: str | None) -> tuple[str, ...]:
 
 
 def _rows(store: Store, site: str, archived_runs: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """One row a run; each journal is read once."""
+    """Yield one row per run; each journal is read once."""
     from atlantis_netcfg.runs import find_unfinished
 
     runs = store.runs(site)
@@ -110,7 +110,7 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _device(name: str, outcome: dict[str, Any]) -> str:
-    """How it ended, how many actions were confirmed, and whether `provision restore` can take its state."""
+    """Format a device's status, its confirmed actions, and whether `provision restore` can use its state."""
     state_note = ", state kept" if outcome["confirmed_state"] else ""
     return f"{name} {outcome['status']} ({outcome['confirmed']}{state_note})"
 
@@ -142,7 +142,7 @@ SITE = syntax.CommandSpec(
 
 
 def run_site(arguments: syntax.Arguments) -> errors.ExitCode:
-    """Plan, ask, apply, read back."""
+    """Run the default command: plan, ask, apply, verify."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.cli.plans import save
 
@@ -165,7 +165,7 @@ def run_site(arguments: syntax.Arguments) -> errors.ExitCode:
 
 
 def _plan_file(arguments: syntax.Arguments) -> Path | None:
-    """Where the plan is to be kept. Raises UsageError, also for a flag of `--plan` without it."""
+    """Return where to save the plan. Raises UsageError, also if a flag needs `--plan`."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.plans import refuse_place
@@ -183,7 +183,7 @@ def _plan_file(arguments: syntax.Arguments) -> Path | None:
 
 
 def _bundle(arguments: syntax.Arguments) -> Path | None:
-    """The bundle that was named. Raises UsageError where it cannot be used."""
+    """Return the bundle given by `--offline`. Raises UsageError if it cannot be used."""
     from pathlib import Path
 
     path_text = arguments.value("offline")

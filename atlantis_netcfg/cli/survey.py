@@ -94,7 +94,7 @@ def _one_site(arguments: syntax.Arguments) -> None:
 
 
 def _plan(arguments: syntax.Arguments) -> SurveyPlan:
-    """What was typed of steps, time and budget. Raises UsageError."""
+    """Parse steps, time and budget. Raises UsageError."""
     from dataclasses import replace
 
     from atlantis_netcfg.operations.use import span_s
@@ -131,7 +131,7 @@ def _made_again(arguments: syntax.Arguments, coast: Coast | None) -> ExitCode:
 
 
 def _measure(session: CommandSession, plan: SurveyPlan) -> Path:
-    """Survey; the folder in which everything is."""
+    """Run the survey; return the folder with its files."""
     from contextlib import ExitStack
 
     from atlantis_netcfg.links.qualify.samples import SampleWriter
@@ -203,7 +203,7 @@ def _site(session: CommandSession, plan: SurveyPlan) -> SiteSurvey:
 
 
 def _confirm_cost(session: CommandSession, link: Bearer, plan: SurveyPlan) -> None:
-    """Say what it may cost, and return when somebody pays. Raises CostRefused."""
+    """Show the possible cost and ask for consent. Raises CostRefusal."""
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.links.cost import preview
     from atlantis_netcfg.operations.common.site_links import link_of
@@ -224,7 +224,7 @@ def _confirm_cost(session: CommandSession, link: Bearer, plan: SurveyPlan) -> No
 
 
 def _begin_words(session: CommandSession, survey: RunningSurvey) -> None:
-    """Say how it goes, and how it ends."""
+    """Print how the survey works, and how to stop it."""
     if session.as_json:
         return
     link, plan = survey.link, survey.plan
@@ -239,7 +239,7 @@ def _begin_words(session: CommandSession, survey: RunningSurvey) -> None:
 
 
 def _by_clicks(survey: RunningSurvey) -> str:
-    """Take a point for each position that a person types; why it ended."""
+    """Take a point for each position that the user types; return why it ended."""
     from atlantis_netcfg.links.qualify.session import EndReason
     from atlantis_netcfg.records.survey.measure import STOP_REASON
     from atlantis_netcfg.records.survey.site import TypedPositions
@@ -260,7 +260,7 @@ def _by_clicks(survey: RunningSurvey) -> str:
 
 
 def _line(point: SurveyPoint) -> str:
-    """A point on the screen, in the language of the person."""
+    """Format a point for the screen, translated."""
     where = translate(point.no_position)
     if point.position is not None:
         where = f"{point.latitude:.5f}, {point.longitude:.5f}"
@@ -273,7 +273,7 @@ def _line(point: SurveyPoint) -> str:
 
 
 def _report(arguments: syntax.Arguments, folder: Path, coast: Coast | None, is_rehearsal: bool) -> ExitCode:  # noqa: FBT001 - as it is
-    """Make the files, and say what there is."""
+    """Generate the files, and list them."""
     from pathlib import Path
 
     from atlantis_netcfg.records.survey.archive import EXPORTS, export, outcome

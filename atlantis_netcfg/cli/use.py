@@ -1,4 +1,4 @@
-"""`provision use`: let a link carry the traffic of a site for a time; the router puts its own order back by itself."""
+"""`provision use`: route a site's traffic over one link for a limited time; the router then restores its own order."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ USE = syntax.CommandSpec(
 
 
 def run_use(arguments: syntax.Arguments) -> ExitCode:
-    """Look at the link, show what would change and what it may cost, ask, change, and say when it ends."""
+    """Run `use`: read the link, show changes and possible cost, ask, change, and print when it ends."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.common.site_links import bearer_named
@@ -78,7 +78,7 @@ def run_use(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _for_s(arguments: syntax.Arguments) -> int | None:
-    """How long; None: to its end. Raises UsageError where the words do not go together."""
+    """Return the duration; None ends the current use. Raises UsageError for arguments that exclude each other."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.use import span_s
 
@@ -101,7 +101,7 @@ def _for_s(arguments: syntax.Arguments) -> int | None:
 
 
 def _settle(session: CommandSession) -> None:
-    """Configure the emulated router, and let it run for as long as it needs to judge its links."""
+    """Configure the emulated router, and wait until it has judged its links."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.routeros.link_use import SETTLED_S
 
@@ -111,7 +111,7 @@ def _settle(session: CommandSession) -> None:
 
 
 def _wait(session: CommandSession, seconds: float) -> None:
-    """Put the clock of the emulated router forward."""
+    """Advance the clock of the emulated router."""
     assert session.rehearsal is not None  # noqa: S101 - only a rehearsal comes here
     session.rehearsal.twins.do(session.hosts[0].name, "wait", seconds=seconds)
 
@@ -146,7 +146,7 @@ def _end(session: CommandSession) -> RunReport:
 
 
 def _pay(session: CommandSession, use_request: UseRequest) -> None:
-    """Tell what the traffic of the site may cost over the link, and return when somebody pays. Raises CostRefused."""
+    """Show the possible cost of the site's traffic over the link, and ask for consent. Raises CostRefusal."""
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.operations.common.site_links import link_of
 
@@ -162,7 +162,7 @@ def _pay(session: CommandSession, use_request: UseRequest) -> None:
 
 
 def _rehearse(session: CommandSession, use_request: UseRequest) -> RunReport:
-    """There and back: the link carries the traffic, a run changes nothing of it, and at the end the order is back."""
+    """Rehearse: the link carries the traffic, a run changes nothing, and at the end the order is restored."""
     from atlantis_netcfg.operations import Mode
 
     report = session.perform(Mode.APPLY)
@@ -180,7 +180,7 @@ def _rehearse(session: CommandSession, use_request: UseRequest) -> RunReport:
 
 
 def _see(session: CommandSession, link: str, words: str) -> None:
-    """Say so when the link carries the traffic of the emulated router. Raises NetcfgError."""
+    """Check that the link carries the emulated router's traffic, and print this. Raises NetcfgError."""
     from atlantis_netcfg.cli.links import read_links
     from atlantis_netcfg.core.errors import NetcfgError
 

@@ -1,10 +1,10 @@
-"""Part `gateway_base`: what every gateway and control centre has, whatever runs on it.
+"""Part `gateway_base`: the basic configuration of every gateway and control centre.
 
-Locale, name, time that does not need the VPN, SSH by key only, a firewall that never locks out who loads it, a journal
-that does not fill the card, the watchdog. Chapters 3, 9 and 11 of the facts; Debian 12, Ubuntu 20.04 to 24.04.
+Locale, host name, time that does not need the VPN, SSH with keys only, a firewall that never locks out its user, a
+journal that does not fill the card, the watchdog. Chapters 3, 9 and 11 of the facts; Debian 12, Ubuntu 20.04 to 24.04.
 
-The steps run in the computer's shell, after its files are in place. The templates see `BaseView`: words and numbers,
-a pure function of the declaration.
+The steps run in the computer's shell, after its files are in place. The templates use `BaseView`: text and numbers, a
+pure function of the inventory.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ CHECKS = (
 
 @dataclass(frozen=True, slots=True)
 class DdsPorts:
-    """The UDP ports of the pilot's domain, by the formula of DDSI-RTPS 9.6.2.3 with its default numbers."""
+    """UDP ports of the pilot's DDS domain: DDSI-RTPS formula 9.6.2.3 with default values."""
 
     domain: int
     ports: range
@@ -111,7 +111,7 @@ class DdsPorts:
 
 @dataclass(frozen=True, slots=True)
 class OpenPort:
-    """The port of a declared service, and from where it is reached."""
+    """Port of a service in the inventory, and the networks that may reach it."""
 
     name: str
     """Of the service."""
@@ -123,7 +123,7 @@ class OpenPort:
 
 @dataclass(frozen=True, slots=True)
 class DeclaredNeighbour:
-    """Another computer of the pilot."""
+    """Another computer of the pilot, as an entry of the host list."""
 
     name: str
     address: str
@@ -133,7 +133,7 @@ class DeclaredNeighbour:
 
 @dataclass(frozen=True, slots=True)
 class WayOut:
-    """Where the stations of the gateway's access point get through it: to the server of the VPN."""
+    """Forwarding rule for stations of the gateway's access point: they reach only the VPN server."""
 
     network: str
     """Of the stations."""
@@ -144,7 +144,7 @@ class WayOut:
 
 @dataclass(frozen=True, slots=True)
 class BaseView:
-    """One computer."""
+    """Values that the base templates use for one computer."""
 
     name: str
     site: str
@@ -175,7 +175,7 @@ class BaseView:
 
 
 def base_view(declaration: Declaration, host: Host) -> BaseView:
-    """Of a host whose base system is ours."""
+    """Build the template values for a host whose base system this toolkit manages."""
     device = host.device
     assert isinstance(device, model.ServerComputer)  # noqa: S101 - `gateway_base` has looked
     site = declaration.sites[host.site]
@@ -221,9 +221,9 @@ def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | No
 def _open_ports(
     declaration: Declaration, host: str, device: model.ServerComputer, lan: IPv4Network
 ) -> Iterator[OpenPort]:
-    """Its own services, then what the pilot offers all partners on it; the VPN's server lets the same come so far.
+    """Yield a host's own services, then its shared partner services, which the VPN server opens as well.
 
-    Then what our own computers of other sites ask it for their checklists, and what vehicles send.
+    Then the ports that our computers of other sites read for their checklists, and the ports of vehicle streams.
     """
     vpn = declaration.pilot.vpn
     ours = {model.ServiceNetwork.LAN: lan, model.ServiceNetwork.VPN: vpn.infrastructure}
@@ -252,7 +252,7 @@ _EPHEMERAL = "32768-60999"
 
 
 def _streams(declaration: Declaration, host: str, lan: IPv4Network) -> Iterator[OpenPort]:
-    """What vehicles send without being asked, and the checklist listens to: the autopilot's stream, by MAVLink."""
+    """Yield ports for unsolicited streams: the autopilot's MAVLink stream, read by the checklist."""
     site = declaration.hosts[host].site
     computer, vehicle_keys = declaration.computer_of(site), declaration.sites[site].checklist.vehicles
     if computer is None or computer.name != host:
@@ -268,12 +268,12 @@ def _streams(declaration: Declaration, host: str, lan: IPv4Network) -> Iterator[
 
 
 def _collapse(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
-    """Without those that lie in others: nft refuses overlapping elements of a set."""
+    """Merge networks that contain each other: nft refuses overlapping set elements."""
     return tuple(str(network) for network in collapse_addresses(networks))
 
 
 def _neighbours(declaration: Declaration, host: Host) -> tuple[DeclaredNeighbour, ...]:
-    """Those of the LAN by their addresses there, gateways and servers of other sites by those in the VPN."""
+    """List computers of the LAN by LAN address, and gateways and servers of other sites by VPN address."""
     lan = declaration.sites[host.site].lan
     neighbours = {
         reservation.name: DeclaredNeighbour(reservation.name, str(reservation.address), lan.domain)
@@ -308,7 +308,7 @@ _RESOLVED_CONF = "/etc/systemd/resolved.conf.d/60-atlantis.conf"
 
 @dataclass(frozen=True, slots=True)
 class GatewayBase:
-    """What the role installs and configures."""
+    """Desired state that the role `gateway_base` installs and configures."""
 
     packages: tuple[Package, ...]
     configuration: Configuration
@@ -325,7 +325,7 @@ class GatewayBase:
     """The word in the place of the key of the far end of measured links; None: it has none."""
 
     def as_dict(self) -> dict[str, Any]:
-        """The parameters of its modules."""
+        """Return the parameters of the role's modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
         network = None if self.network is None else self.network.as_dict()
         parts = {"configure": self.configuration.as_dict(), "network": network}
@@ -342,9 +342,10 @@ class GatewayBase:
 def gateway_base(
     declaration: Declaration, host: Host, *, is_rehearsal: bool = False, images: Mapping[str, str] | None = None
 ) -> GatewayBase:
-    """Pure. In a rehearsal the network of a computer is that of this machine, which its tools do not own.
+    """Build the desired base system of a host (pure).
 
-    `images`: of a rehearsal, name of a service to the SHA-256 of the archive that stands for its image.
+    In a rehearsal the network is not managed: it belongs to the machine that runs the rehearsal. `images` (rehearsal
+    only): name of a service to the SHA-256 of the archive that replaces its image.
     """
     assert isinstance(host.device, model.SiteComputer)  # noqa: S101 - callers choose computers that are no server of the VPN
     network = None if is_rehearsal else computer_network(declaration, host)

@@ -1,11 +1,11 @@
-"""Containers of a computer: what podman runs for a declared service, from an archive and never from a registry.
+"""Containers: podman runs a service of the inventory from an archive, never from a registry.
 
-Each has a script, which its unit calls and a look at the computer as well. The image is loaded from the archive with
-the declared SHA-256, and its own digest is kept beside that: what runs later has to be the same. The container is a
-process of its unit, so that systemd holds it within its bounds; its root can only be read, it has no privileges, and
-it writes to one folder. It shares the computer's network: whom a port is open to, the firewall says.
+Each container has a script that its systemd unit and the drift check call. The image is loaded from the archive with
+the inventory's SHA-256, and its digest is stored: later runs must have the same digest. The container is a process of
+its unit, so that systemd enforces its limits. Its root is read-only, it has no privileges, and it writes to one folder.
+It shares the computer's network: the firewall decides who can reach a port.
 
-Tried with podman 4.3.1 of Debian 12. Its engine is `crun`: `runc` does not leave a container in the groups of its unit.
+Tried with podman 4.3.1 of Debian 12. Its engine is `crun`: `runc` moves a container out of the cgroups of its unit.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ UNITS = tuple(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PodmanContainer:
-    """What the template of its script sees."""
+    """Values for the template of a container's script."""
 
     name: str
     """Of its unit, without the ending, and podman's."""
@@ -63,21 +63,21 @@ class PodmanContainer:
 
     @property
     def script(self) -> str:
-        """The path of its script."""
+        """Path of the container's script."""
         return f"{FOLDER}/{self.name}"
 
     @property
     def environment(self) -> str:
-        """The path of its own environment."""
+        """Path of the container's environment file."""
         return f"{self.script}.env"
 
     @property
     def topics_file(self) -> str:
-        """The path of that further file, inside as well."""
+        """Path of the bridge's topics file, the same inside the container."""
         return f"{self.script}.yaml"
 
     def files(self) -> Iterator[parts.File]:
-        """Its script, its environment for root's eyes, and the topics of a bridge."""
+        """Yield the script, the environment (readable only by root) and the topics of a bridge."""
         names = {"images": IMAGES, "bundles": _BUNDLES, "missing": _MISSING}
         text = environment().get_template("gateway/container.sh.j2").render(container=self, **names)
         yield parts.File(self.script, text, mode="0755", validate=("sh", "-n", "%s"))
@@ -89,12 +89,12 @@ class PodmanContainer:
             yield parts.File(self.topics_file, self.topics)
 
     def step(self) -> parts.ConvergeStep:
-        """Load its image, if the archive is there."""
+        """Return the step that loads the image, if the archive is present."""
         run = ("sh", "-c", f'"$1" load || [ $? -eq {_MISSING} ]', "sh", self.script)
         return parts.ConvergeStep(f"load the image of {self.service}", run, (self.script,))
 
     def check(self) -> parts.Check:
-        """The image is the declared one, and it is the one that runs."""
+        """Return the check that the container runs the image of the inventory."""
         return parts.Check(
             (self.script, "image"),
             f"the service `{self.service}` does not run from the declared image",
@@ -103,7 +103,7 @@ class PodmanContainer:
 
 
 def within_budget(service: str, folder: str, budget_mb: int) -> parts.Check:
-    """What stands in its folder."""
+    """Return the check that a service's folder is not larger than its budget."""
     look = f'[ ! -d "$1" ] || [ "$(du -s -B {_MB} "$1" | cut -f 1)" -le "$2" ]'
     return parts.Check(
         ("sh", "-c", look, "sh", folder, str(budget_mb)),

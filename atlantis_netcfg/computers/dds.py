@@ -1,10 +1,10 @@
-"""Part `gateway_dds`: DDS profiles from the declaration, and the environment of the processes that read them.
+"""Part `gateway_dds`: DDS profiles from the inventory, and the environment of the processes that read them.
 
-Unicast peers, a lease that outlives a satellite's silence, and sizes of datagrams for each kind of link. A participant
-gets a profile for each implementation of DDS. Pure: a view is a function of the declaration, a file a function of a
-view; the templates see the view. `provision dds` prints the files.
+Profiles have unicast peers, a lease that outlives gaps of a satellite link, and datagram sizes for each kind of link.
+Each DDS implementation has its own profile. Pure: a view is computed from the inventory, and a file from a view; the
+templates see the view. `provision dds` prints the files.
 
-`RELEASES` has what each release of ROS 2 brings as middleware, and how the versions differ. A new release is a row.
+`RELEASES` lists the middleware of each ROS 2 release, and how the versions differ. A new release is a row.
 Sources: `ros2.repos` on each branch of ros2/ros2 for the versions; the schemas `etc/cyclonedds.xsd` and
 `fastRTPS_profiles.xsd` of each version for the elements.
 """
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 
 
 def profiles(view: ProfileView, templates: Path | None = None) -> dict[str, str]:
-    """Name below `PROFILES` -> text, of one link; `templates` overrides where the templates are looked for."""
+    """Render the profiles of one link: file name below `PROFILES` to text; `templates` overrides the folder."""
     folder = f"{services.PROFILES}/{view.bearer}"
     return {f"{view.bearer}/{name}": text for name, text in _files(view, folder, templates).items()}
 
 
 def _files(view: ProfileView, folder: str, templates: Path | None = None) -> dict[str, str]:
-    """Name in `folder` -> text."""
+    """Render the profiles: file name in `folder` to text."""
     files = {"cyclonedds.xml": "cyclonedds.xml.j2"}
     if view.release.fast_dds is not None:
         files["fastdds.xml"] = "fastdds.xml.j2"
@@ -58,7 +58,7 @@ def _files(view: ProfileView, folder: str, templates: Path | None = None) -> dic
 
 @cache
 def _environment(templates: Path) -> Environment:
-    """Undefined names are errors; in XML values are escaped."""
+    """Return the template environment: undefined names are errors, and XML values are escaped."""
     return Environment(
         loader=FileSystemLoader(templates),
         bytecode_cache=render.get_template_cache(__file__),
@@ -72,7 +72,7 @@ def _environment(templates: Path) -> Environment:
 
 @dataclass(frozen=True, slots=True)
 class Cyclone:
-    """A line of Cyclone DDS. It does not start on an element that it does not know: one file cannot serve all."""
+    """A version line of Cyclone DDS: it refuses to start on unknown elements, so each line has its own file."""
 
     version: str
     interfaces: bool
@@ -85,7 +85,7 @@ class Cyclone:
 
 @dataclass(frozen=True, slots=True)
 class DdsRelease:
-    """What one release of ROS 2 runs on; `pypi` is the laptop without ROS (`pip install cyclonedds`)."""
+    """Middleware of one ROS 2 release; `pypi` is a laptop without ROS (`pip install cyclonedds`)."""
 
     name: str
     cyclone: Cyclone
@@ -134,7 +134,7 @@ Foxy's 2.1 has no such module, and nobody has looked at Humble's and Jazzy's bui
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """Of one kind of link."""
+    """DDS settings for one kind of link."""
 
     announce_s: int
     """Two announcements and the longest gap fit into every lease that can be declared."""
@@ -159,7 +159,7 @@ TUNING: Mapping[model.Pace, Tuning] = {
 
 @dataclass(frozen=True, slots=True)
 class ProfileView:
-    """One computer on one link."""
+    """Values for the profile templates of one computer on one link."""
 
     host: str
     bearer: str
@@ -181,32 +181,33 @@ class ProfileView:
 
     @property
     def announcing(self) -> standing_traffic.Announcing:
-        """How its processes keep themselves known.
+        """Discovery traffic of the computer's processes.
 
-        Cyclone DDS gives out indexes below `MaxAutoParticipantIndex`, and announces itself to that one's port, too.
+        Cyclone DDS assigns indexes below `MaxAutoParticipantIndex`, and also announces itself to the port of that
+        index.
         """
         ports = self.participants + (self.middleware is model.RosMiddleware.CYCLONE_DDS)
         return standing_traffic.Announcing(self.processes, ports, self.tuning.announce_s, self.sizes)
 
     @property
     def messages(self) -> standing_traffic.DdsMessages:
-        """How messages of its topics go over the link."""
+        """How messages of the computer's topics are split on the link."""
         return standing_traffic.DdsMessages(self.tuning.message_bytes, self.tuning.fragment_bytes, self.sizes, self.vpn)
 
     @property
     def sizes(self) -> standing_traffic.DdsSizes:
-        """Of the implementation that the processes use."""
+        """Message sizes of the DDS implementation in use."""
         return SIZES[model.RosMiddleware.CYCLONE_DDS if self.release.fast_dds is None else self.middleware]
 
     @property
     def announced_mb_a_day(self) -> float:
-        """What one ROS process sends to stay known, in 10^6 bytes a day: reckoned, not measured on this link."""
+        """Discovery traffic of one ROS process in 10^6 bytes a day: computed, not measured."""
         return replace(self.announcing, processes=1).announcement_bytes(len(self.peers) - 1, self.vpn) / 1e6
 
 
 @dataclass(frozen=True, slots=True)
 class _DdsHost:
-    """A computer of the pilot that talks DDS."""
+    """A computer of the pilot that uses DDS."""
 
     name: str
     address: str
@@ -219,9 +220,10 @@ class _DdsHost:
 
 
 def profile_views(declaration: Declaration, host: Host, release: str | None = None) -> tuple[ProfileView, ...]:
-    """One view for each link of the host's site, in order of preference.
+    """Build one view for each link of the host's site, in order of preference.
 
-    `release` overrides the declared distribution. Raises UsageError where nothing is declared or the host talks no DDS.
+    `release` overrides the ROS 2 release of the inventory. Raises UsageError if the inventory has no DDS, or the host
+    uses no DDS.
     """
     dds = _require_dds(declaration)
     if not isinstance(host.device, model.ServerComputer):
@@ -257,7 +259,7 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
 
 @dataclass(frozen=True, slots=True)
 class MemberDds:
-    """A computer in the VPN that is no host of the inventory: a partner's robot or laptop."""
+    """A VPN member that is no host of the inventory: a partner's robot or laptop."""
 
     name: str
     address: str
@@ -270,9 +272,9 @@ class MemberDds:
 
 
 def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
-    """A partner's computer in the VPN. Raises UsageError where the pilot declares no DDS.
+    """Build the view of a partner's computer in the VPN. Raises UsageError if the inventory has no DDS.
 
-    On a fast link it is tuned as on a mobile one: what carries the tunnel's other end is not known.
+    On a fast link the settings are those of a mobile link: the link at the tunnel's other end is not known.
     """
     dds = _require_dds(declaration)
     return ProfileView(
@@ -293,12 +295,12 @@ def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
 
 
 def member_files(view: ProfileView) -> dict[str, str]:
-    """What such a computer puts into `PROFILES`: name -> text."""
+    """Render the files for a member's `PROFILES` folder: file name to text."""
     return _files(view, services.PROFILES)
 
 
 def _tuning(declaration: Declaration, kind: model.BearerKind, sites: set[str | None]) -> Tuning:
-    """Of the slowest link on the way: what a control centre announces, a vessel receives over its satellite."""
+    """Return the settings for the slowest link between the sites: a vessel receives announcements over satellite."""
     far = {bearer.kind for name, site in declaration.sites.items() if name in sites for bearer in site.bearers}
     return TUNING[max(each.traits.pace for each in {kind, *far})]
 
@@ -319,7 +321,7 @@ _KINDS = (model.ControlCentre, model.Gateway)
 
 
 def _participants(declaration: Declaration, dds: model.Dds) -> list[_DdsHost]:
-    """Hosts, then the peers that are declared; in LANs also the vehicles that have a reservation there."""
+    """List hosts, then the inventory's DDS peers; on LANs also vehicles with a reservation."""
     result = [
         _DdsHost(name, dds.address_of(host.device), host.site, *(isinstance(host.device, kind) for kind in _KINDS))
         for name, host in declaration.hosts.items()
@@ -352,7 +354,7 @@ _NARROWS = {"ROS_LOCALHOST_ONLY": "0"}
 
 @dataclass(frozen=True, slots=True)
 class GatewayDds:
-    """What the role lays down. Without declared DDS nothing, and what it once laid down is taken away."""
+    """DDS files of a computer; without DDS in the inventory, the role removes them."""
 
     in_use: str | None = None
     """The link whose profile the environment names: the slowest of the site, because a process keeps what it read."""
@@ -362,7 +364,7 @@ class GatewayDds:
     """Variables that nothing else on the computer may set otherwise: that would shut the VPN out, silently."""
 
     def as_dict(self) -> dict[str, Any]:
-        """The parameters of the role's tasks."""
+        """Return the parameters of the role's tasks."""
         read = [
             path
             for path in self.files
@@ -381,7 +383,7 @@ class GatewayDds:
 
 
 def gateway_dds(declaration: Declaration, host: Host) -> GatewayDds:
-    """Pure. The declaration is valid: a gateway that talks over the VPN has an address in it."""
+    """Build the DDS files of a host (pure); a valid inventory gives each VPN gateway an address."""
     if declaration.pilot.dds is None:
         return GatewayDds()
     views = profile_views(declaration, host)
@@ -395,7 +397,7 @@ def gateway_dds(declaration: Declaration, host: Host) -> GatewayDds:
 
 
 def profile_in_use(declaration: Declaration, host: Host) -> ProfileView:
-    """The profile that the processes of a computer keep, whichever link carries the traffic: that of the slowest.
+    """Return the profile that processes use on every link of a computer: that of the slowest link.
 
     Raises UsageError as `profile_views` does.
     """
@@ -403,5 +405,5 @@ def profile_in_use(declaration: Declaration, host: Host) -> ProfileView:
 
 
 def _slowest(views: tuple[ProfileView, ...]) -> ProfileView:
-    """Announces itself most rarely; of two alike the one that is less preferred."""
+    """Return the profile with the rarest announcements; of two alike, the less preferred link."""
     return max(reversed(views), key=lambda view: view.tuning.announce_s)

@@ -1,11 +1,12 @@
-"""Keep the DDS of a gateway off the links of its site that no DDS may cross.
+"""Block the DDS traffic of a gateway on links of its site where DDS is not allowed.
 
-The gateway cannot see which link carries its traffic, but its router can: the router refuses a certain echo exactly
-where DDS may not go (templates/routeros/parts/firewall.rsc.j2). A unit sends that echo all the time, and the firewall
-of the gateway drops DDS before the tunnel while refusals come. So the tunnel stays idle, and its keep-alives go on.
+The gateway cannot see which link carries its traffic, but its router can. The router rejects a certain echo request
+exactly where DDS is not allowed (templates/routeros/parts/firewall.rsc.j2). A unit sends that echo continuously, and
+the firewall of the gateway drops DDS before the tunnel while rejections arrive. The tunnel stays idle, and its
+keep-alives continue.
 
-A mark on the packets that the router would drop is no way: `passtos` of OpenVPN leaves the mark of the last packet on
-all that follows, its pings and handshakes too, and a dropped packet counts as sent, so that no ping would be due.
+Marking the packets for the router to drop does not work: `passtos` of OpenVPN copies the mark of the last packet to
+all later ones, pings and handshakes included. A dropped packet also counts as sent, so that no ping would be due.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _UNIT = f"/etc/systemd/system/{SERVICE}"
 
 @dataclass(frozen=True, slots=True)
 class DdsLink:
-    """How a gateway learns whether DDS may cross the link in use."""
+    """Echo test by which a gateway learns whether DDS may use the active link."""
 
     endpoint: str
     """Where the echoes are sent; they get two hops far."""
@@ -40,7 +41,7 @@ class DdsLink:
 
 
 def links_without_dds(declaration: Declaration, site: str) -> tuple[str, ...]:
-    """Links of a site over which its computers send no DDS."""
+    """Return the links of a site on which its computers must not send DDS."""
     dds = declaration.pilot.dds
     if dds is None or declaration.router_of(site) is None:
         return ()
@@ -48,7 +49,7 @@ def links_without_dds(declaration: Declaration, site: str) -> tuple[str, ...]:
 
 
 def dds_link(declaration: Declaration, host: Host) -> DdsLink | None:
-    """Of a computer with a tunnel, at a site with such links."""
+    """Return the echo test of a computer with a tunnel, at a site where some links forbid DDS."""
     assert isinstance(host.device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
     if host.device.vpn_address is None or not links_without_dds(declaration, host.site):
         return None
@@ -59,7 +60,7 @@ def dds_link(declaration: Declaration, host: Host) -> DdsLink | None:
 
 
 def dds_link_unit(link: DdsLink | None) -> parts.Configuration:
-    """Pure. What asks the router; None: what is taken away."""
+    """Build the unit that sends the echo (pure); None: the step that removes it."""
     away = taken_away("stop asking whether DDS may cross the link in use", SERVICE)
     if link is None:
         return parts.Configuration(absent=(_UNIT,), steps=(away,))

@@ -1,7 +1,7 @@
-"""Part `gateway_interop`: the interoperability library with its examples, the data gateway as a service, and its test.
+"""Part `gateway_interop`: the interoperability library with examples, the data gateway as a service, and a test.
 
-The service lives as long as the VPN's interface: systemd starts it when that appears and ends it when that goes, for a
-participant of DDS which started before its interface had an address is never heard (facts 5.5).
+systemd starts the service when the VPN interface appears and stops it when the interface goes. A DDS participant that
+starts before its interface has an address is never discovered (facts 5.5).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _BUILD_RECORD = f"{PREFIX}/current/build.json"
 
 @dataclass(frozen=True, slots=True)
 class GatewayInterop:
-    """What the role installs, builds, configures and tries. Without a declared library: what is taken away."""
+    """Desired state of the role; without a library in the inventory, what it removes."""
 
     packages: tuple[parts.Package, ...] = ()
     build: dict[str, Any] | None = None
@@ -43,7 +43,7 @@ class GatewayInterop:
     """Parameters of the module `connection_test`."""
 
     def as_dict(self) -> dict[str, Any]:
-        """The parameters of its modules."""
+        """Return the parameters of the role's modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
         return {
             "packages": {"packages": packages},
@@ -54,7 +54,7 @@ class GatewayInterop:
 
 
 def gateway_interop(declaration: Declaration, host: Host) -> GatewayInterop:
-    """Pure. The declaration is valid: where a library is built, there is a release of ROS 2."""
+    """Build the desired state of a host (pure); a valid inventory has a ROS 2 release where a library is built."""
     assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
     interop = declaration.pilot.gateways.interop
     dds = declaration.pilot.dds

@@ -1,8 +1,7 @@
-"""The words in which the parts of a computer are told to the modules `configure` and `packages` of the collection.
+"""Parameters of the collection's modules `configure` and `packages`, and the `network` part of a computer.
 
-Part `network` of a computer: the interface of the LAN, in the language of the tool that configures it.
-
-The files have the names and say the words that `provision image` gives a card, so that a fresh computer is as declared.
+The network part configures the LAN interface, in the format of the tool that manages it. Its files have the same names
+and contents as those that `provision image` writes to a card, so that a fresh computer has no drift.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ class Package:
 
 
 def run_on(file: str, *program: str) -> tuple[str, ...]:
-    """What a step runs with a file as its last argument: nothing where the file has been taken away."""
+    """Return a step that runs a program with a file as last argument, or does nothing if the file is gone."""
     return ("sh", "-c", '[ ! -e "$1" ] || { file="$1"; shift; exec "$@" "$file"; }', "sh", file, *program)
 
 
@@ -47,18 +46,18 @@ class Configuration(DesiredState):
     """The parameters of `atlantis.netcfg.configure`."""
 
     def merge(self, more: Configuration) -> Configuration:
-        """Both in one round of the link; the way in stays this one's."""
+        """Combine both configurations for one run of the module; `way_in` of this one is kept."""
         lists = (item.name for item in fields(self) if item.name != "way_in")
         both: dict[str, Any] = {name: (*getattr(self, name), *getattr(more, name)) for name in lists}
         return replace(self, **both)
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON-able data; what is left out is the module's default."""
+        """Return JSON-able data; omitted keys have the module's default."""
         return {key: _plain(value) for key, value in asdict(self).items() if value}
 
 
 def _plain(result: Any) -> Any:  # noqa: ANN401 - JSON
-    """Lists for tuples, and no keys without a value."""
+    """Convert tuples to lists, and drop keys without a value."""
     if isinstance(result, dict):
         return {key: _plain(value) for key, value in result.items() if value is not None}
     return [_plain(value) for value in result] if isinstance(result, list | tuple) else result
@@ -82,7 +81,7 @@ _TOOLS = {
 
 @dataclass(frozen=True, slots=True)
 class _LanPart:
-    """What the templates see."""
+    """Values for the network templates."""
 
     interface: str
     address: str
@@ -95,7 +94,7 @@ class _LanPart:
 
 @dataclass(frozen=True, slots=True)
 class NetworkPart:
-    """The parameters of `atlantis.netcfg.network`, but its action."""
+    """Parameters of `atlantis.netcfg.network`, except its action."""
 
     by: str
     interface: str
@@ -110,13 +109,13 @@ class NetworkPart:
     rollback_s: int
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON-able data; what is left out is the module's default."""
+        """Return JSON-able data; omitted keys have the module's default."""
         values = asdict(self) | {"replaces": list(self.replaces)}
         return {key: value for key, value in values.items() if value is not None}
 
 
 def computer_network(declaration: Declaration, host: Host) -> NetworkPart | None:
-    """Pure. None where no network is declared: it then stays as the image has it."""
+    """Build the network part (pure); None if the inventory has none: the image's network is then kept."""
     device = host.device
     assert isinstance(device, model.SiteComputer)  # noqa: S101 - callers choose computers
     if device.network is None:

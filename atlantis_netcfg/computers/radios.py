@@ -1,10 +1,10 @@
-"""The radios of a gateway computer: they join access points of vehicles, which an AUV has on the surface.
+"""Radios of a gateway computer: they join access points of vehicles, such as a surfaced AUV.
 
-One more may be an access point itself, for vehicles that are stations. A unit of systemd for each radio runs
-wpa_supplicant or hostapd as long as the radio is there; systemd-networkd gives it its address, and takes no route,
-name server or time from a robot. The firewall forwards nothing from or to a radio, but to the server of the VPN where
-that is declared: robots of different partners meet in the VPN alone, where its policy says who may reach whom. The keys
-are no part of this: a file has a word in the place of each, and the role puts the key there.
+One radio may also be an access point for vehicles that are stations. Each radio has a systemd unit that runs
+wpa_supplicant or hostapd while the radio is present. systemd-networkd sets its address, and accepts no route, name
+server or time from a robot. The firewall forwards nothing from or to a radio, except to the VPN server if the
+inventory allows it: robots of different partners meet only in the VPN, under its policy. Keys are not handled here:
+the file has a placeholder for each, and the role inserts the key.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ ACCEPT_SUPPLICANT = (
 
 
 def quote_ssid(ssid: str) -> str:
-    """The name of a network in quotes where it is plain, else as hexadecimal digits (wpa_supplicant.conf)."""
+    """Quote a network name if it is printable ASCII, else encode it as hex (wpa_supplicant.conf)."""
     return f'"{ssid}"' if ssid.isascii() and ssid.isprintable() else ssid.encode().hex()
 
 
 @dataclass(frozen=True, slots=True)
 class AccessPoint:
-    """One that a radio may join."""
+    """An access point that a radio may join."""
 
     vehicle: str
     """Its key in the declaration."""
@@ -63,53 +63,53 @@ class AccessPoint:
 
     @property
     def ssid(self) -> str:
-        """As wpa_supplicant takes it."""
+        """SSID in the format of wpa_supplicant."""
         return quote_ssid(self.wifi.ssid or "")
 
     @property
     def pattern(self) -> str:
-        """As systemd-networkd takes it: in quotes, with nothing that stands for something else (systemd.network)."""
+        """SSID as a systemd-networkd pattern: quoted, with wildcards escaped (systemd.network)."""
         name = self.wifi.ssid or ""
         return '"' + "".join(f"\\{letter}" if letter in '*?[]\\"' else letter for letter in name) + '"'
 
     @property
     def placeholder(self) -> str:
-        """The word in the place of its key."""
+        """Placeholder of the Wi-Fi key in the file."""
         return f"@wifi-key-of-{self.vehicle}@"
 
     @property
     def address(self) -> str | None:
-        """Of the radio in its network, with the prefix length; None: by DHCP."""
+        """Address of the radio in the vehicle's network, with prefix length; None: DHCP."""
         client = self.wifi.client
         return None if client is None else f"{client.address}/{client.network.prefixlen}"
 
 
 @dataclass(frozen=True, slots=True)
 class JoiningRadio:
-    """One radio of a gateway."""
+    """A radio of a gateway that joins access points."""
 
     interface: str
     access_points: tuple[AccessPoint, ...]
 
     @property
     def file(self) -> str:
-        """What wpa_supplicant reads."""
+        """Path of the wpa_supplicant configuration."""
         return f"{FOLDER}/{self.interface}.conf"
 
     @property
     def unit(self) -> str:
-        """What runs it."""
+        """Name of the systemd unit."""
         return f"atlantis-radio@{self.interface}.service"
 
     @property
     def networks(self) -> dict[str, AccessPoint]:
-        """What systemd-networkd reads, a file for each access point."""
+        """Paths of the systemd-networkd files, one for each access point."""
         return {f"{NETWORKS}/{PREFIX}{self.interface}-{item.vehicle}.network": item for item in self.access_points}
 
 
 @dataclass(frozen=True, slots=True)
 class OpenedNetwork:
-    """The radio that is an access point itself."""
+    """The radio that is an access point."""
 
     radio: model.GatewayAccessPoint
 
@@ -117,54 +117,54 @@ class OpenedNetwork:
 
     @property
     def interface(self) -> str:
-        """Its name."""
+        """Name of the radio's interface."""
         return self.radio.interface
 
     @property
     def file(self) -> str:
-        """What hostapd reads."""
+        """Path of the hostapd configuration."""
         return f"{FOLDER}/{self.interface}.conf"
 
     @property
     def unit(self) -> str:
-        """What runs it."""
+        """Name of the systemd unit."""
         return f"atlantis-access-point@{self.interface}.service"
 
     @property
     def network(self) -> str:
-        """What systemd-networkd reads."""
+        """Path of the systemd-networkd file."""
         return f"{NETWORKS}/{PREFIX}{self.interface}.network"
 
     @property
     def ssid(self) -> str:
-        """As hostapd takes it in `ssid2` (hostapd.conf)."""
+        """SSID in the format of hostapd's `ssid2` (hostapd.conf)."""
         return quote_ssid(self.radio.ssid)
 
     @property
     def channel(self) -> int:
-        """Number of the channel (IEEE 802.11, annex E)."""
+        """Channel number (IEEE 802.11, annex E)."""
         return (self.radio.frequency_mhz - (2407 if self.radio.band == "2ghz" else 5000)) // 5
 
     @property
     def address(self) -> str:
-        """Of the gateway in it, with the prefix length."""
+        """Address of the gateway in that network, with prefix length."""
         return f"{self.radio.address}/{self.radio.network.prefixlen}"
 
 
 def interfaces(declaration: Declaration, host: Host) -> tuple[str, ...]:
-    """Every radio in a network of robots."""
+    """Return the interfaces of all radios in networks of robots."""
     access_point = opened_radio(host)
     names = [radio.interface for radio in radios(declaration, host)]
     return tuple(names if access_point is None else [*names, access_point.interface])
 
 
 def opened_radio(host: Host) -> model.GatewayAccessPoint | None:
-    """The radio that opens a network; None: no radio does. Only gateways have radios."""
+    """Return the access point radio, or None; only gateways have radios."""
     return host.device.access_point if isinstance(host.device, model.Gateway) else None
 
 
 def radios(declaration: Declaration, host: Host) -> tuple[JoiningRadio, ...]:
-    """The radios of a gateway that join somebody: by the vehicles that are tested at its site, in their order."""
+    """Return the radios that join a vehicle's access point; vehicles of the site's checklist, in their order."""
     if not isinstance(host.device, model.Gateway):
         return ()
     vehicle_keys = declaration.sites[host.site].checklist.vehicles
@@ -181,7 +181,7 @@ def radios(declaration: Declaration, host: Host) -> tuple[JoiningRadio, ...]:
 
 @dataclass(frozen=True, slots=True)
 class GatewayRadios:
-    """What a gateway gets for its radios; without one: what is taken away."""
+    """Desired state of a gateway's radios; without radios, what is removed."""
 
     radios: tuple[JoiningRadio, ...]
     country: str
@@ -193,19 +193,19 @@ class GatewayRadios:
 
     @property
     def packages(self) -> tuple[parts.Package, ...]:
-        """What runs a radio."""
+        """Packages that run the radios."""
         joining = (parts.Package("wpasupplicant"),) if self.radios else ()
         return joining if self.access_point is None else (*joining, parts.Package("hostapd"))
 
     @property
     def absent(self) -> tuple[str, ...]:
-        """Units that nothing needs."""
+        """Paths of unit files that are no longer needed."""
         needs_by_unit = {UNIT: bool(self.radios), ACCESS_POINT_UNIT: self.access_point is not None}
         return tuple(path for path, there in needs_by_unit.items() if not there)
 
     @property
     def files(self) -> Iterator[parts.File]:
-        """Unit, networks and keys."""
+        """Unit files, network files and key files."""
         for radio in self.radios:
             text = _render("radio.conf.j2", radio=radio, country=self.country)
             yield parts.File(radio.file, text, mode="0600", validate=ACCEPT_SUPPLICANT)
@@ -225,7 +225,7 @@ class GatewayRadios:
 
     @property
     def _running(self) -> list[tuple[str, str, str, str]]:
-        """Interface, unit, the unit's file, and the file that its program reads."""
+        """Interface, unit, unit file and program configuration of each radio."""
         joining = [(radio.interface, radio.unit, UNIT, radio.file) for radio in self.radios]
         if self.access_point is None:
             return joining
@@ -241,7 +241,7 @@ class GatewayRadios:
 
     @property
     def steps(self) -> tuple[parts.ConvergeStep, ...]:
-        """What is declared no more is taken away before what is declared is started."""
+        """Steps in order: radios no longer in the inventory are removed before others are started."""
         names = " ".join(unit for _, unit, _, _ in self._running)
         remove = parts.ConvergeStep(
             "take away the radios that are declared no more",
@@ -263,7 +263,7 @@ class GatewayRadios:
 
     @property
     def units(self) -> Iterator[parts.Unit]:
-        """A radio that is not plugged in is not waited for; with one that is, systemd-networkd starts."""
+        """Units to enable; an unplugged radio is not waited for, and systemd-networkd starts with a plugged one."""
         for _, unit, file, read in self._running:
             yield parts.Unit(unit, enabled=True, after=(file, read), wait=False)
         if self.access_point is not None:
@@ -272,7 +272,7 @@ class GatewayRadios:
 
     @property
     def brought(self) -> tuple[parts.Brought, ...]:
-        """A radio is a thing that a person plugs in."""
+        """Radios that a person has to plug in."""
         notes = {radio.interface: self._joins(radio) for radio in self.radios}
         if self.access_point is not None:
             notes[self.access_point.interface] = self._opens(self.access_point)
@@ -292,7 +292,7 @@ class GatewayRadios:
 
     @property
     def checks(self) -> tuple[parts.Check, ...]:
-        """Nobody else drives the radios."""
+        """Checks that no other program manages the radios."""
         names = [name for name, _, _, _ in self._running]
         if not names:
             return ()
@@ -302,12 +302,12 @@ class GatewayRadios:
 
     @property
     def secrets(self) -> dict[str, str]:
-        """Word in a file to the vehicle whose key stands there."""
+        """Placeholder in a file, mapped to the vehicle whose key replaces it."""
         return {item.placeholder: item.vehicle for radio in self.radios for item in radio.access_points}
 
 
 def gateway_radios(declaration: Declaration, host: Host, *, is_rehearsal: bool = False) -> GatewayRadios:
-    """Pure. Of another computer: none, so that what stands there of ours is taken away."""
+    """Build the desired state of a host's radios (pure); on other computers all our files are removed."""
     country = channels.COUNTRY_CODES[declaration.pilot.country]
     access_point = opened_radio(host)
     return GatewayRadios(

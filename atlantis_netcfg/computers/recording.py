@@ -1,7 +1,7 @@
-"""The declared recording of a gateway: topics of ROS 2 as bags of rosbag2, in a folder that keeps within its budget.
+"""Recording on a gateway: ROS 2 topics as rosbag2 bags, in a folder limited by a budget.
 
-The service lives as long as the VPN's interface, as the data gateway does. The packages' names are those of the
-archives of ROS 2; no package of ROS was to be had here, so the real recorder has not been run by us.
+The service runs while the VPN interface is present, like the data gateway. Package names are those of the ROS 2
+archives; no ROS package was available, so that we have not run the real recorder.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _CLOSE_S = 30
 
 
 def packages(release: str) -> tuple[str, ...]:
-    """What records; `ros-base` has it since Humble, and Foxy's has not."""
+    """Return the recorder's packages; `ros-base` includes them since Humble, but not in Foxy."""
     return tuple(
         f"ros-{release}-{name}" for name in ("ros2bag", "rosbag2-transport", "rosbag2-storage-default-plugins")
     )
 
 
 def recording(config: Recording | None, release: str) -> parts.Configuration:
-    """Pure. None: what is taken away."""
+    """Build the recording's configuration (pure); None: remove it."""
     files = tuple(_files(config, release)) if config is not None else ()
     file_paths = {file.path for file in files}
     return parts.Configuration(

@@ -1,12 +1,11 @@
-"""Two small programs of ours on every gateway and control centre, which answer other computers.
+"""Two small responders on gateways and control centres, for checklists and for link measurements.
 
-One answers the checklists of the other computers: it is bound to the address in the VPN alone, and the firewall lets
-only the pilot's own computers come to it (`computers.base`). It shows that data arrive and come back, not that any
-program of a partner works.
+The first responds to checklists of other computers. It is bound to the VPN address only, and the firewall admits only
+the pilot's own computers (`computers.base`). It proves that data arrive and return, not that a partner's program works.
 
-The other is the far end of measured links, the folder `links/qualify/reflector` as it is: it answers who has the key.
-It runs on the control centre alone that `pilot.qualify` names, open to everybody, since each link has another public
-address. A measurement starts it, and it ends by itself: its port is closed at other times.
+The second is the far end of measured links, from the folder `links/qualify/reflector`: it responds to clients that have
+the key. It runs only on the control centre in `pilot.qualify`, open to everybody, since each link has another public
+address. A measurement starts it, and it exits at the end: its port is closed at other times.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ systemctl daemon-reload
 
 
 def reflector(host: Host) -> parts.Configuration:
-    """Pure. What answers checklists; of a computer that is not in the VPN: what is taken away."""
+    """Build the checklist responder (pure); on a computer without VPN, remove it."""
     assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - `gateway_base` has looked
     away = taken_away("take the answers to checklists away", SERVICE)
     if host.device.vpn_address is None:
@@ -66,12 +65,12 @@ def reflector(host: Host) -> parts.Configuration:
 
 
 def measured_at(host: str, pilot: model.Pilot) -> model.Qualify | None:
-    """Give what is declared of measured links if this computer is their far end."""
+    """Return the inventory's measurement settings if this computer is the far end, else None."""
     return pilot.qualify if pilot.qualify is not None and pilot.qualify.reflector == host else None
 
 
 def far_end(host: str, pilot: model.Pilot) -> parts.Configuration:
-    """Pure. What answers the test packets of measured links; of another computer: what is taken away."""
+    """Build the responder for measured links (pure); on other computers, remove it."""
     away = taken_away("take the far end of measured links away", QUALIFY_SERVICE)
     qualify = measured_at(host, pilot)
     if qualify is None:
@@ -113,7 +112,7 @@ def _unit(**values: str | bool) -> str:
 
 
 def taken_away(words: str, service: str) -> parts.ConvergeStep:
-    """Stop a service whose unit file is gone."""
+    """Return the step that stops a service without unit file."""
     return parts.ConvergeStep(words, ("sh", "-c", _TAKE_AWAY, "sh", service), (f"{_UNITS}/{service}",))
 
 

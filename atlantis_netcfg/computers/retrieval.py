@@ -1,15 +1,15 @@
-"""Recordings from gateways and robots to the control centre: what each end needs, laid down with `gateway_base`.
+"""Transfer of recordings from gateways and robots to the control centre; deployed with `gateway_base`.
 
-A gateway logs in to an account of its own kind at the control centre, through the VPN. Its key there is its SSH host
-key, which is declared: nothing is exchanged between the two, and a card that is set up anew brings no key that nobody
-knows. sshd gives that key, from that address, one program alone, which writes below one folder and nothing else. The
-gateway in its turn takes nothing but the declared host key of the control centre.
+A gateway logs in to its account at the control centre, through the VPN. Its key is its SSH host key, which is in the
+inventory: no key exchange is needed, and a new card brings no unknown key. For that key and address sshd allows a
+single program, which writes below one folder only. The gateway accepts only the control centre's host key of the
+inventory.
 
-What is on a robot is collected by its gateway first. The robot's computer is its owner's: nothing is laid down there,
-and the owner admits the gateway by one line (`line_for_robot`), to one folder, to read it alone.
+Recordings on a robot are first collected by its gateway. The robot's computer belongs to its owner: nothing is deployed
+there. The owner admits the gateway by one line (`line_for_robot`), read-only, to one folder.
 
-Both let SSH in from the VPN, as every computer of the pilot does, and the policy of the VPN lets our own hosts reach
-one another: no row of a firewall is added.
+Both accept SSH from the VPN, as every computer of the pilot does, and the VPN policy lets our own hosts reach each
+other: no firewall rule is added.
 """
 
 from __future__ import annotations
@@ -55,21 +55,21 @@ Match User {USER}
 
 
 def sources_of(declaration: Declaration, host: str) -> tuple[model.RetrievalSource | model.RetrievalRobot, ...]:
-    """What is declared to be sent by a gateway: its own recordings, then those of robots."""
+    """Return the sources that a gateway sends: its own recordings, then those of robots."""
     retrieval = declaration.pilot.retrieval
     sources = () if retrieval is None else retrieval.all_sources
     return tuple(source for source in sources if source.host == host)
 
 
 def packages(declaration: Declaration, host: Host) -> tuple[str, ...]:
-    """What either end runs."""
+    """Return the packages needed at both ends of a transfer."""
     retrieval = declaration.pilot.retrieval
     ends = () if retrieval is None else (retrieval.to, *(source.host for source in retrieval.all_sources))
     return PACKAGES if host.name in ends else ()
 
 
 def robot_address(declaration: Declaration, robot: model.RetrievalRobot) -> str:
-    """The declared address, else that of the robot's reservation at the gateway's site."""
+    """Return a robot's address: from the inventory, else from its reservation at the gateway's site."""
     if robot.address is not None:
         return str(robot.address)
     lan = declaration.sites[declaration.hosts[robot.host].site].lan
@@ -77,13 +77,13 @@ def robot_address(declaration: Declaration, robot: model.RetrievalRobot) -> str:
 
 
 def line_for_robot(declaration: Declaration, robot: model.RetrievalRobot) -> str:
-    """For `authorized_keys` of the robot's account: one folder, to read it and nothing else."""
+    """Return a line for the robot's `authorized_keys`: read-only access to one folder."""
     kind, key = (_computer(declaration, robot.host).ssh.host_key or "").split(" ")[:2]
     return f'restrict,command="rrsync -ro {robot.folder}" {kind} {key} {robot.host}'
 
 
 def retrieval(declaration: Declaration, host: Host, *, is_rehearsal: bool = False) -> parts.Configuration:
-    """Pure. Where nothing is declared of a computer: what is taken away. In a rehearsal it has another host key."""
+    """Build the transfer configuration (pure); without one, remove it. A rehearsal uses another host key."""
     config, sources = declaration.pilot.retrieval, sources_of(declaration, host.name)
     sends = () if config is None or not sources else _sender(declaration, host, config, sources)
     takes = () if config is None or config.to != host.name else _receiver(declaration, config)

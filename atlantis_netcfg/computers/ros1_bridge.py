@@ -1,8 +1,8 @@
-"""The bridge to ROS 1 as a package: on Ubuntu 20.04, where Foxy's archive has one and no podman is.
+"""The ROS 1 bridge as a package, for Ubuntu 20.04: Foxy's archive has it, and there is no podman.
 
 ROS 1 is Noetic, the release of that Ubuntu. The names of packages and archives are those of osrf/docker_images,
-`ros/foxy/ubuntu/focal/ros1-bridge/Dockerfile`. Neither archive was queried from here, and the real bridge has not been
-run by us; `services` has the bridge in a container.
+`ros/foxy/ubuntu/focal/ros1-bridge/Dockerfile`. Neither archive was queried, and we have not run the real bridge;
+`services` has the bridge in a container.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _UNIT = f"/etc/systemd/system/{SERVICE}"
 
 
 def packages(release: str) -> tuple[str, ...]:
-    """The bridge, and of ROS 1 what its set-up and `rosparam` are in."""
+    """Return the packages: the bridge, and of ROS 1 the set-up files and `rosparam`."""
     return f"ros-{release}-ros1-bridge", f"ros-{ROS1}-ros-comm"
 
 
 def ros1_bridge(config: Ros1Bridge | None, release: str) -> parts.Configuration:
-    """Pure. None, or one in a container: what is taken away."""
+    """Build the bridge's configuration (pure); None or a container: remove it."""
     files = tuple(_files(config, release)) if config is not None and config.archive is None else ()
     file_paths = {file.path for file in files}
     return parts.Configuration(

@@ -1,16 +1,16 @@
-"""Part `gateway_ros2`: ROS 2 from the declared archive, at the declared versions, proved by a talker and a listener.
+"""Part `gateway_ros2`: ROS 2 from the inventory's archive and versions, tested by a talker and a listener.
 
-The key that signs the archive comes from the inventory; it is compared and dated before any gateway is contacted.
+The archive's signing key comes from the inventory; key and expiry are checked before any gateway is contacted.
 
 A new release of ROS 2 is a row of `RELEASES`. Nothing here is fetched. Sources, read in November 2026:
-- systems and ends of life: ros2/ros2_documentation, `Releases.rst`; where it names a month, its last day stands here;
+- systems and ends of life: ros2/ros2_documentation, `Releases.rst`; for a month, its last day is used;
 - the live archive and its key: ros-infrastructure/ros-apt-source, `ros-apt-source/debian/rules` and
   `ros-apt-source/keys/ros2-archive-keyring.gpg` (made 2019-05-30, renewed 2025-04-30, good until 2030-06-01);
 - the snapshots and their key: osrf/docker_images, `ros/foxy/ubuntu/focal/ros-core/Dockerfile` and issue 697. An archive
   called `final` exists only once a release has ended;
 - localhost only: ROS 2 manual, Improved Dynamic Discovery (since Iron).
 
-These archives were not queried from here: a run on a board shows whether they still have arm64 of focal.
+These archives were not queried: a run on a board shows whether they still have arm64 of focal.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _WARN = timedelta(days=60)
 
 @dataclass(frozen=True, slots=True)
 class ArchiveKey:
-    """A public key as apt reads it."""
+    """A public key in the format of apt."""
 
     content: bytes
     """Binary, whatever the file was."""
@@ -55,7 +55,7 @@ class ArchiveKey:
 
 
 def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: datetime) -> ArchiveKey:
-    """Read the declared key, or the archive's own, which has to be the one that we know. Raises UsageError."""
+    """Read the inventory's key; the archive's default key must match its known fingerprint. Raises UsageError."""
     name = key_file or archive.key_file
     path = inventory / FOLDER / name
     content = _read(path, archive)
@@ -110,7 +110,7 @@ ARCHITECTURES = ("amd64", "arm64")
 
 @dataclass(frozen=True, slots=True)
 class Archive:
-    """Where packages come from, and the key that signs them."""
+    """A package archive and its signing key."""
 
     url: str
     key_file: str
@@ -122,7 +122,7 @@ class Archive:
 
 @dataclass(frozen=True, slots=True)
 class RosRelease:
-    """A release of ROS 2 and the Ubuntu that it is made for."""
+    """A release of ROS 2 and its Ubuntu version."""
 
     name: str
     codename: str
@@ -187,7 +187,7 @@ _COLCON = "python3-colcon-common-extensions"
 
 @dataclass(frozen=True, slots=True)
 class StandIn:
-    """An archive of stand-ins in place of that of ROS, and the system that they are made for."""
+    """An archive of stub packages that replaces the ROS archive in a rehearsal, and its target system."""
 
     url: str
     key: ArchiveKey
@@ -197,7 +197,7 @@ class StandIn:
 
 @dataclass(frozen=True, slots=True)
 class GatewayRos2:
-    """What the role installs, writes and tries. Without declared ROS 2 nothing."""
+    """Desired state that the role installs, writes and tests; empty if the inventory has no ROS 2."""
 
     packages: tuple[parts.Package, ...] = ()
     sources: Mapping[str, str] = field(default_factory=dict)
@@ -210,7 +210,7 @@ class GatewayRos2:
     notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """The parameters of its modules."""
+        """Return the parameters of the role's modules."""
         if self.key is None:
             return {"packages": None, "configure": None}
         key = {
@@ -239,7 +239,7 @@ class GatewayRos2:
 def gateway_ros2(
     declaration: Declaration, host: Host, stand_in: StandIn | None = None, now: datetime | None = None
 ) -> GatewayRos2:
-    """Reads the key of the archive, and is pure beside that. Raises UsageError. `now`: by this computer's clock."""
+    """Build the desired state; reads the archive's key, else pure. Raises UsageError. `now`: current time."""
     assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
     ros2, dds = declaration.pilot.gateways.ros2, declaration.pilot.dds
     if ros2 is None or not host.device.has_ros2:
@@ -296,7 +296,7 @@ def gateway_ros2(
 
 
 def _archive(release: RosRelease, ros2: model.Ros2) -> Archive:
-    """The declared archive; a mirror of a snapshot is signed by the key of the snapshots."""
+    """Return the archive of the inventory; a mirror of a snapshot is signed by the snapshots' key."""
     archive = release.archives.get(ros2.origin)
     if archive is None and ros2.mirror is not None:
         archive = next(match for row in RELEASES.values() if (match := row.archives.get(ros2.origin)) is not None)
@@ -326,7 +326,7 @@ def _packages(release: RosRelease, ros2: model.Ros2, dds: model.Dds, more: tuple
 
 
 def _configuration(release: RosRelease, dds: model.Dds, packages: tuple[parts.Package, ...]) -> parts.Configuration:
-    """The environment of people who log in, and the test: repeated when a package of ROS is another one."""
+    """Return the login environment and the test, which runs again after a change of ROS packages."""
     home = f"/opt/ros/{release.name}"
     variables = {
         **release.alone,

@@ -1,10 +1,10 @@
-"""The declared services of a computer: what is started for them, and whether it listens where it is declared.
+"""Services of a computer in the inventory: their units, and a check that each listens on its port.
 
-The program is its partner's, who brings it; the unit, the account, the folder and the bounds are ours. Whom its port is
-open to stands in the computer's firewall (`computers.base`), and for partners also in that of the VPN's server
-(`vpn.policy`). That a program answers well is not looked at here: only that it runs and holds its port.
+The partner provides the program; we provide the unit, the account, the folder and the limits. The computer's firewall
+(`computers.base`) defines who reaches the port, and for partners also the firewall of the VPN server (`vpn.policy`).
+The check covers only that the program runs and holds its port, not that it responds correctly.
 
-`StartedService` is what any unit of ours is made of; one that takes part in DDS lives as long as the VPN's interface.
+`StartedService` describes each of our units; units that use DDS run only while the VPN interface is present.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ exit 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartedService:
-    """What the template of a unit sees."""
+    """Values for the unit template."""
 
     name: str
     """Of the unit, with its ending."""
@@ -120,22 +120,22 @@ class StartedService:
 
     @property
     def path(self) -> str:
-        """Of its unit."""
+        """Path of the unit file."""
         return f"{_UNITS}/{self.name}"
 
     def unit(self) -> parts.File:
-        """Its unit."""
+        """Render the unit file."""
         template = environment().get_template("gateway/service.service.j2")
         return parts.File(self.path, template.render(service=self, interface=VPN_INTERFACE, environment=ENVIRONMENT))
 
 
 def with_the_vpn(words: str, service: str) -> parts.ConvergeStep:
-    """Start what has a unit, and end what has none; `service` is the name of the unit."""
+    """Return the step that starts a service if its unit exists, else stops it; `service` is the unit's name."""
     return parts.ConvergeStep(words, ("sh", "-c", _UP_OR_DOWN, "sh", service), (f"{_UNITS}/{service}",))
 
 
 def runs_with_the_vpn(finding: str, service: str) -> parts.Check:
-    """It runs as long as the VPN's interface is there."""
+    """Return the check that the service runs while the VPN interface is present."""
     return parts.Check(("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service), finding, _tells_why(service))
 
 
@@ -144,9 +144,9 @@ def _tells_why(unit: str) -> str:
 
 
 def services(computer: model.ServerComputer, images: Mapping[str, str] | None = None) -> parts.Configuration:
-    """Pure. Without a service that is started here: what is taken away.
+    """Build the configuration of a computer's services (pure); without one, remove it.
 
-    `images`: a rehearsal's archives, name of a service -> SHA-256.
+    `images` (rehearsal only): name of a service to the SHA-256 of its archive.
     """
     service_by_name = {
         service.name: started_service
@@ -191,19 +191,19 @@ def services(computer: model.ServerComputer, images: Mapping[str, str] | None = 
 
 
 def packages(computer: model.ServerComputer) -> tuple[str, ...]:
-    """What runs containers, where one is declared."""
+    """Return the packages that run containers, if any is needed."""
     has_container = any(service.container is not None for service in computer.services)
     bridge = computer.ros1_bridge
     return containers.PACKAGES if has_container or (bridge is not None and bridge.archive is not None) else ()
 
 
 def secret_word(service: str, variable: str) -> str:
-    """What stands in a file for a secret of a service's environment."""
+    """Return the placeholder of a service's secret in a file."""
     return f"@secret {variable} of {service}@"
 
 
 def secret_words(computer: model.ServerComputer) -> tuple[str, ...]:
-    """All of a computer, in the order in which the secrets are declared."""
+    """Return all placeholders of a computer, in inventory order."""
     return tuple(
         secret_word(service.name, variable.name)
         for service in computer.services
@@ -276,13 +276,13 @@ _DECLARED_TOPICS = "sh -c 'rosparam load {topics} && exec ros2 run ros1_bridge p
 
 
 def bridged_topics(config: model.Ros1Bridge) -> str:
-    """The parameter `topics` of the master, from where the bridge takes them; empty: all."""
+    """Render the ROS master's parameter `topics`, which the bridge reads; empty: all topics."""
     rows = "".join(f"  - {{topic: {each.topic}, type: {each.type}, queue_size: {_QUEUE}}}\n" for each in config.topics)
     return f"topics:\n{rows}" if rows else ""
 
 
 def _bridge(config: model.Ros1Bridge, archive: str) -> StartedService:
-    """Between the master of ROS 1 and DDS over the VPN, with the profile that every participant here has."""
+    """Build the bridge between the ROS 1 master and DDS over the VPN, with the usual DDS profile."""
     user, stem = f"svc-{model.ROS1_BRIDGE}", _stem(model.ROS1_BRIDGE)
     topics = f"{containers.FOLDER}/{stem}.yaml"
     box = PodmanContainer(
@@ -324,7 +324,7 @@ def _files(all_services: Iterable[StartedService]) -> Iterator[parts.File]:
 
 
 def _build_unit(service: StartedService) -> parts.Unit:
-    """One that lives with the VPN's interface is started by that."""
+    """Build the unit; a unit bound to the VPN interface is started by that interface."""
     box = service.container
     after = (service.path, *(file.path for file in (box.files() if box is not None else ())))
     return parts.Unit(service.name, enabled=True, active=None if service.dds else True, after=after, wait=False)

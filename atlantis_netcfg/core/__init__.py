@@ -1,1 +1,1 @@
-"""What every part uses: errors, exit codes, events, verdicts, secrets, versions, places of files, text for a screen."""
+"""Shared basics: errors, exit codes, events, verdicts, secrets, versions, paths, terminal text."""

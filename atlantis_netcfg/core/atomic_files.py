@@ -1,8 +1,8 @@
-"""The one way to write a file on the technician's computer: a draft beside it, exclusively made, that takes its place.
+"""Atomic file writes on the technician's computer: an exclusive temporary file is renamed into place.
 
-Nobody who may write to the folder can have a draft go elsewhere: its name is random, and a link is never followed. A
-link at the file's own name is replaced, not followed; the folders above may be links. The writer holds a lock
-(flock(2)) on its draft: one that nobody has locked is of a process that was killed, and the next writer removes it.
+Other users of the folder cannot redirect a draft: its name is random, and links are never followed. A link at the
+file's own name is replaced, not followed; the folders above may be links. The writer holds a lock (flock(2)) on its
+draft. An unlocked draft belongs to a killed process, and the next writer removes it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _DIGITS = 16
 
 
 def draft_of(path: Path) -> Path:
-    """Name a draft of a file or a folder, which nobody can foresee."""
+    """Return an unpredictable name for a draft of a file or folder."""
     return path.with_name(f".{path.name}.{secrets.randbelow(10**_DIGITS):0{_DIGITS}}")
 
 
@@ -68,7 +68,7 @@ def write_atomically(  # noqa: PLR0913 - what a file has besides its content
 
 
 def sync_directory(path: Path) -> None:
-    """Put a directory's entries on disk: a new file is only safe when its name is."""
+    """Sync a directory to disk, so that the names of new files survive a power cut."""
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
@@ -77,12 +77,12 @@ def sync_directory(path: Path) -> None:
 
 
 def open_lock(path: Path) -> int:
-    """Open a file that is there to be locked, and make it if need be; a link is refused (OSError)."""
+    """Open a lock file, creating it if needed; a link is refused (OSError)."""
     return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
 
 
 def _new_draft(path: Path, mode: int) -> tuple[Path, int]:
-    """Make it and lock it. Who looks for orphans may come in between and take it for one: then once more."""
+    """Create and lock a draft; retry if an orphan clean-up removed it before it was locked."""
     while True:
         draft = draft_of(path)
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
@@ -94,7 +94,7 @@ def _new_draft(path: Path, mode: int) -> tuple[Path, int]:
 
 
 def remove_orphans(path: Path) -> None:
-    """Remove drafts of a file that killed processes of this user have left: one may hold a key."""
+    """Remove drafts of a file left by killed processes of this user: they may hold keys."""
     orphan = re.compile(rf"\.{re.escape(path.name)}\.[0-9]{{{_DIGITS}}}")
     with suppress(OSError), os.scandir(path.parent) as entries:
         for draft in [path.with_name(entry.name) for entry in entries if orphan.fullmatch(entry.name)]:

@@ -1,10 +1,9 @@
-"""Messages of one language by their English text, whole or with values in them.
+"""Catalogue of translations for one language, keyed by English messages with or without values.
 
-A message reaches a person as text that is already made: `3 changes left`. The catalogue holds it with its values left
-open, `{changes} changes left` (gettext's python-brace-format). The literal parts tell which message a text is; the
-values are taken out, translated where they are messages themselves, and put into the translation. A value of a single
-word is never translated (it is a name, a number or a verdict), nor is what stands between backquotes. What is unknown
-stays as it is, and no text is ever lost.
+Messages arrive as finished text: `3 changes left`. The catalogue has them with placeholders, `{changes} changes left`
+(gettext's python-brace-format). The literal parts identify the message. The values are extracted, translated if they
+are messages themselves, and inserted into the translation. A value of a single word is never translated (it is a name,
+a number or a verdict), nor is text between backquotes. Unknown text stays unchanged, and no text is ever lost.
 """
 
 from __future__ import annotations
@@ -52,9 +51,9 @@ _ESCAPES = {"n": "\n", "t": "\t", "r": "\r"}
 
 
 def read(path: Path) -> dict[str, str]:
-    """The translations of a .po file as `tools/messages.py` writes it: no contexts and no plurals; fuzzy ones not.
+    """Parse a .po file of `tools/messages.py` without contexts and plurals; fuzzy entries are skipped.
 
-    Babel's reader, import included, takes 0.7 s for 7000 messages, and this one 0.02 s: a command begins in less.
+    Babel's reader takes 0.7 s for 7000 messages, import included, and this one 0.02 s: commands start faster.
     """
     result = {}
     for notes, msgid, msgstr in _ENTRY.findall(path.read_text(encoding="utf-8") + "\n"):
@@ -73,7 +72,7 @@ def _unquote(text: str) -> str:
 
 @dataclass(frozen=True)
 class Template:
-    """A message with values in it."""
+    """A message with placeholders."""
 
     literals: tuple[str, ...]
     """What stands before, between and behind the values: one more than there are values."""
@@ -82,7 +81,7 @@ class Template:
 
     @classmethod
     def of(cls, msgid: str, translation: str) -> Template:
-        """Take it apart; a command in it is a value as well."""
+        """Parse a message into literals and placeholders; a command in it becomes a placeholder."""
         commands = _COMMAND.findall(msgid) if "provision " in msgid else ()
         for place, command in enumerate(dict.fromkeys(commands)):
             msgid = msgid.replace(command, f"{{{_COMMAND_PREFIX}{place}}}")
@@ -97,29 +96,29 @@ class Template:
 
     @cached_property
     def letters(self) -> int:
-        """How many letters of it are its own."""
+        """Number of letters in the literal parts."""
         return sum(map(str.isalpha, "".join(self.literals)))
 
     @cached_property
     def pattern(self) -> re.Pattern[str]:
-        """What recognises it."""
+        """Regular expression that matches the message."""
         return re.compile("(.*?)".join(map(re.escape, self.literals)))
 
     @cached_property
     def verbatim(self) -> tuple[bool, ...]:
-        """Of each value, whether it is a command or stands between backquotes."""
+        """For each value, whether it is a command or between backquotes."""
         quote_flags = ("".join(self.literals[: place + 1]).count("`") % 2 == 1 for place in range(len(self.names)))
         return tuple(
             name.startswith(_COMMAND_PREFIX) or inside for name, inside in zip(self.names, quote_flags, strict=True)
         )
 
     def words(self) -> Iterable[str]:
-        """Words of its own that stand as whole words in any text that is this message."""
+        """Return literal words that appear as whole words in every text of this message."""
         result: list[str] = _OWN_WORD.findall("\0".join(self.literals))
         return result
 
     def fill(self, values: Sequence[str]) -> str:
-        """The translation with these values in it."""
+        """Return the translation with the values inserted."""
         value_by_name = dict(zip(self.names, values, strict=True))
         pieces = []
         for literal, name, _, _ in _PARSE(self.translation):
@@ -128,9 +127,9 @@ class Template:
 
 
 class Catalogue:
-    """All messages of one language; `translate` is what a person reads.
+    """All messages of one language; `translate` returns the text for the user.
 
-    `contractions`: what two words become where a value begins with the second one, as `de o` is `do`.
+    `contractions`: replacements for two words where a value begins with the second one, as `de o` becomes `do`.
     """
 
     def __init__(self, messages: Mapping[str, str], contractions: Mapping[str, str] | None = None) -> None:
@@ -162,7 +161,7 @@ class Catalogue:
         self._lists: dict[str, str | None] = {}
 
     def translate(self, text: str) -> str:
-        """Translate each line; the blanks around it stay."""
+        """Translate each line; surrounding blanks are kept."""
         return "\n".join(map(self._line, text.split("\n")))
 
     def _line(self, line: str) -> str:
@@ -174,7 +173,7 @@ class Catalogue:
         return line[:start] + (self._text(text) or self._columns(text)) + line[start + len(text) :]
 
     def _columns(self, text: str) -> str:
-        """Cells of a table, which stay below each other where there is room."""
+        """Translate the cells of a table, keeping their columns aligned where there is room."""
         pieces = _COLUMNS.split(text)
         for place in range(0, len(pieces), 2):
             cell = pieces[place]
@@ -185,13 +184,13 @@ class Catalogue:
         return "".join(pieces)
 
     def _text(self, text: str) -> str | None:
-        """A message, or messages with one of the joints between them; None where nothing of it is known."""
+        """Translate a message, or joined messages; None if no part is known."""
         if text in self._known:
             return self._known[text]
         return self._remember(self._known, text, self._look_up(text))
 
     def _remember(self, cache: dict[str, str | None], text: str, result: str | None) -> str | None:
-        """The result, remembered unless it may be missing only because the line was too long to be read to its end."""
+        """Cache and return the result, unless the search limit was reached and the result may be incomplete."""
         if self._tried <= _MOST_TRIED:
             cache[text] = result
         return result
@@ -242,9 +241,10 @@ class Catalogue:
         return sorted(candidates, key=lambda template: self._ranks[id(template)])
 
     def _values(self, template: Template, values: Sequence[str]) -> list[str | None] | None:
-        """The values in the person's language, None for those that are unknown.
+        """Translate the values; None for unknown ones.
 
-        None in all where so few letters are the template's own that an unknown value says it is another message.
+        Returns None instead of a list if the template has few literal letters: then an unknown value means another
+        message.
         """
         read: list[str | None] = []
         for value, verbatim in zip(values, template.verbatim, strict=True):
@@ -265,7 +265,7 @@ class Catalogue:
         return None if translation is None else value.replace(text, translation, 1)
 
     def _list(self, text: str) -> str | None:
-        """Messages with `, ` between them, all of them known, of which data such as `12.4 kB` need not be."""
+        """Translate messages joined by `, `; all must be known, except data such as `12.4 kB`."""
         if ", " not in text:
             return None
         if text in self._lists:
@@ -322,7 +322,7 @@ class Catalogue:
         return f"{first} {rest}"
 
     def _unit(self, text: str) -> str | None:
-        """What is known as a whole: data, a message, or a list of both, with more in parentheses behind it."""
+        """Translate a unit that is known as a whole: data, a message, or a list, with an optional parenthesis."""
         if _is_data(text):
             return text
         left, joint, right = text.partition(" (")
@@ -331,26 +331,26 @@ class Catalogue:
         return self._list(text) or sure or (self._in_parentheses(left, right) if joint else None)
 
     def _sentence(self, text: str) -> str | None:
-        """A piece of a text: a message, or messages that are joined."""
+        """Translate a part of a text: one message, or joined messages."""
         return self._list(text) or self._piece(text) or (self._translate_joint(text) if " " in text.strip() else None)
 
     def _piece(self, text: str) -> str | None:
-        """One message of several words."""
+        """Translate one message of several words."""
         return self._message(text) if " " in text.strip() else None
 
 
 def _is_whole(text: str) -> bool:
-    """Whether it may be a value: what opens in it ends in it."""
+    """Return whether a text may be a value: its parentheses and backquotes are balanced."""
     return text.count("(") == text.count(")") and text.count("`") % 2 == 0
 
 
 def _is_data(text: str) -> bool:
-    """Figures, units and names in capitals, which are no message."""
+    """Return whether a text is only numbers, units and upper-case names."""
     return _PROSE.search(text) is None
 
 
 def _index(templates: Sequence[Template]) -> tuple[dict[str, list[Template]], list[Template]]:
-    """Templates by the rarest of their words; and those that have none."""
+    """Index templates by their rarest word; return those without words separately."""
     words = {id(template): set(template.words()) for template in templates}
     number = Counter(word for word_set in words.values() for word in word_set)
     by_word: dict[str, list[Template]] = {}

@@ -1,4 +1,4 @@
-"""Faults of ours: one sentence for the person, the traceback in a log file."""
+"""Internal errors: one sentence for the user, the traceback in a log file."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 class InternalError(NetcfgError):
-    """Something that nobody foresaw; `str()` and `hint` are what a person may see of it."""
+    """An unexpected internal error; `str()` and `hint` are the parts shown to the user."""
 
 
 def report_crash(error: BaseException, doing: str, state: Callable[[], Path]) -> InternalError:
-    """Write the traceback below the state directory and say so; without a place for it, name the cause instead."""
+    """Write the traceback below the state directory and report it; if that fails, report the cause instead."""
     message = f"provision itself failed ({type(error).__name__}): this is our fault, not a mistake of yours"
     try:
         text = "".join(traceback.format_exception(error))
@@ -34,7 +34,7 @@ def report_crash(error: BaseException, doing: str, state: Callable[[], Path]) ->
 
 
 def write_log(text: str, doing: str, state: Path) -> Path:
-    """Keep a text for us in a file below the state directory and name it. Raises OSError, UsageError."""
+    """Write a log file below the state directory and return its path. Raises OSError, UsageError."""
     directory = private_directory(state / "log")
     path = directory / f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}-{os.getpid()}.txt"
     head = f"provision {__version__}, Python {platform.python_version()}, {platform.platform()}\n{doing}\n\n"

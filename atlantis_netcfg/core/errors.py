@@ -1,6 +1,6 @@
-"""The one exception root and the exit codes, so that every door (command line, Ansible) ends a run in the same way.
+"""The exception root and the exit codes, shared by all front ends (command line, Ansible).
 
-Near misses: the word that a person most likely meant, for every message that offers one.
+Also near-miss suggestions: the word that a person most likely meant.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class ExitCode(IntEnum):
-    """How a command ends; the table that technicians read is docs/exit-codes.md."""
+    """Exit codes; technicians find them in docs/exit-codes.md."""
 
     DONE = 0
     OUR_FAULT = 1
@@ -26,7 +26,7 @@ class ExitCode(IntEnum):
 
     @property
     def unproven_code(self) -> ExitCode:
-        """The code of what ended so, where that could not be proved or recorded: never a green one."""
+        """Exit code if the outcome could not be proved or recorded: never a success code."""
         return ExitCode.CHECKS_FAILED if self in (ExitCode.DONE, ExitCode.CHANGES) else self
 
 
@@ -49,15 +49,15 @@ WORST_FIRST = (
 
 
 def worst(codes: Iterable[ExitCode]) -> ExitCode:
-    """The code that needs somebody most; NOTHING where nothing else is among them (docs/exit-codes.md)."""
+    """Return the most urgent exit code, or NOTHING if there is no other (docs/exit-codes.md)."""
     code_set = frozenset(codes)
     return next((code for code in WORST_FIRST if code in code_set), ExitCode.NOTHING)
 
 
 def complete(text: str, *, site: str, device: str = "") -> str:
-    """A hint with its `site=…`, `device=…` and `host=…` filled in, so that it can be typed as it stands.
+    """Fill in `site=…`, `device=…` and `host=…` of a hint, so that it can be typed as shown.
 
-    For texts of those who know neither (pure judges, programs on a gateway), by the first who knows.
+    For hints of code that does not know them (pure checks, programs on a gateway); called by the first code that does.
     """
     for word, value in (("site", site), ("device", device), ("host", device)):
         if value:
@@ -66,7 +66,7 @@ def complete(text: str, *, site: str, device: str = "") -> str:
 
 
 class NetcfgError(Exception):
-    """Root of every error that a person may see: `str()` says what is wrong, `hint` what to type next."""
+    """Root of all errors shown to a user: `str()` is the problem, `hint` what to type next."""
 
     exit: ExitCode = ExitCode.OUR_FAULT
 
@@ -82,7 +82,7 @@ class UsageError(NetcfgError):
 
 
 class NoMatchError(NetcfgError, LookupError):
-    """A site, host or run that does not exist: never a green nothing."""
+    """A site, host or run that does not exist; an empty selection is never a success."""
 
     exit = ExitCode.NOTHING
 
@@ -94,7 +94,7 @@ class DeviceError(NetcfgError):
 
 
 class OutcomeUnknown(NetcfgError):
-    """The link was lost before the outcome could be read back."""
+    """The connection was lost before the outcome could be verified."""
 
     exit = ExitCode.UNKNOWN
 
@@ -104,7 +104,7 @@ _ALIKE = 0.65
 
 
 def nearest(word: str, candidates: Iterable[str]) -> str | None:
-    """The known word nearest to `word`, or None; neither case counts, nor which of `-`, `_` and space stands."""
+    """Return the known word most similar to `word`, or None; ignores case, `-`, `_` and spaces."""
     from difflib import get_close_matches  # noqa: PLC0415 - only errors need it
 
     by_key = {_key(candidate): candidate for candidate in candidates}

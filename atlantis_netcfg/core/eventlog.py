@@ -1,6 +1,6 @@
-"""An append-only file of lines: each append is on disk when it returns, and a torn end is recognised.
+"""Append-only log file: each append is on disk when it returns, and an incomplete last line is detected.
 
-The journal, the VPN's ledger and the records of a checklist are such files. What a line holds is theirs.
+The journal, the VPN's ledger and the records of a checklist are such files. They define the contents of a line.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ if TYPE_CHECKING:
 
 
 def write_all(descriptor: int, data: bytes) -> None:
-    """Write every byte or raise OSError; a full disk first shows as a short write."""
+    """Write all bytes or raise OSError; on a full disk the first write may be short."""
     rest = memoryview(data)
     while rest:
         rest = rest[os.write(descriptor, rest) :]
 
 
 def split(data: bytes) -> tuple[list[bytes], bytes]:
-    """The whole lines of a file without their ends, and the rest: a line whose writer was killed, or nothing."""
+    """Split a file into complete lines and the rest: an unfinished line, or nothing."""
     *lines, rest = data.split(b"\n")
     return lines, rest
 
 
 class EventLog:
-    """The file, open for appending by one process. After a failed write it refuses every other one."""
+    """An append-only file opened by one process; after a failed write it refuses all others."""
 
     def __init__(self, path: Path, error: Callable[[OSError], NetcfgError], *, create: bool = True) -> None:
-        """Open it, or make it if `create`. `error` makes the exception that every failed write raises."""
+        """Open the file, or create it if `create`; `error` builds the exception raised by failed writes."""
         self.path = path
         self.failure: NetcfgError | None = None
         self._error = error
@@ -45,7 +45,7 @@ class EventLog:
 
     @property
     def present(self) -> bool:
-        """Whether the path still leads to the open file: what is written to a deleted one is lost."""
+        """Whether the path still leads to the open file; writes to a deleted file would be lost."""
         ours = os.fstat(self._descriptor)
         try:
             there = self.path.stat()
@@ -54,7 +54,7 @@ class EventLog:
         return (there.st_dev, there.st_ino) == (ours.st_dev, ours.st_ino)
 
     def append(self, data: bytes) -> None:
-        """Put whole lines on disk: one write, one fsync. If it raises, nothing of them is left in the file."""
+        """Append whole lines: one write, one fsync. On error none of them remains in the file."""
         if self.failure is not None:
             raise self.failure
         size = os.fstat(self._descriptor).st_size
@@ -71,14 +71,14 @@ class EventLog:
             raise
 
     def end_torn_line(self) -> None:
-        """End a line that a killed process left open, so that the next one stands on its own."""
+        """Terminate a line left unfinished by a killed process."""
         with self._closed_if_it_fails():
             size = os.fstat(self._descriptor).st_size
             if size and os.pread(self._descriptor, 1, size - 1) != b"\n":
                 write_all(self._descriptor, b"\n")
 
     def cut(self, size: int) -> None:
-        """Remove what stands after the first `size` bytes: a torn end."""
+        """Truncate the file to `size` bytes, removing an incomplete end."""
         with self._closed_if_it_fails():
             os.ftruncate(self._descriptor, size)
             os.fsync(self._descriptor)
@@ -96,7 +96,7 @@ class EventLog:
         self.close()
 
     def _take_back(self, size: int, failure: BaseException) -> None:
-        """Half a record is worse than none; if even this fails, reading tolerates the torn line."""
+        """Remove a half-written record; if that fails too, readers tolerate the incomplete line."""
         try:
             os.ftruncate(self._descriptor, size)
         except OSError as second:

@@ -1,6 +1,6 @@
-"""What happens during a run, told to whoever subscribes: progress line, journal, JSON. The engine never prints.
+"""Events of a run for subscribers (progress line, journal, JSON), and verdicts; the engine never prints.
 
-The six words in which anything that was looked at is judged, worst last.
+The six verdicts rate anything that was checked, worst last.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 
 class Stage(StrEnum):
-    """Where a device is in its run, in the order in which a person sees it."""
+    """Stage of a device in its run, in the order shown to the user."""
 
     CONNECTING = "connecting"
     OBSERVED = "observed"
@@ -29,9 +29,9 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One thing that happened to one device; `done_count` of `total` actions are confirmed.
+    """One event of one device; `done_count` of `total` actions are confirmed.
 
-    `limit_s`: after so many seconds without another event it is given up; 0 where there is no such limit.
+    `limit_s`: the device times out after that many seconds without another event; 0: no limit.
     """
 
     device: str
@@ -47,11 +47,11 @@ Subscriber = Callable[[Event], None]
 
 
 def ignore(_event: Event) -> None:
-    """The subscriber of those who do not want to know."""
+    """Ignore an event."""
 
 
 class Verdict(StrEnum):
-    """What is known of one thing that was to hold."""
+    """Verdict of one check."""
 
     SKIP = "SKIP"
     """It does not apply; the reason stands beside it."""
@@ -71,5 +71,5 @@ _ORDER = tuple(Verdict)
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return the worst of them; of none, SKIP."""
+    """Return the worst verdict; SKIP if there is none."""
     return max(verdicts, key=_ORDER.index, default=Verdict.SKIP)

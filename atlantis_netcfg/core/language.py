@@ -1,9 +1,9 @@
-"""The language in which a person is addressed: English, or European Portuguese.
+"""Language of messages: English or European Portuguese.
 
-Messages are made, kept and sent in English: JSON, journals, signed checklists and logs hold nothing else, and neither
-exit codes nor what a program reads depend on this module. They are translated where they meet a person, by `translate`,
-which knows whole messages and messages with values in them (`{count} changes`). No native speaker has read the
-Portuguese texts yet; docs/pt/glossario.md holds their terms.
+Messages are made, stored and sent in English: JSON, journals, signed checklists and logs have nothing else, and neither
+exit codes nor program input depend on this module. They are translated when shown to a person, by `translate`, which
+knows whole messages and messages with values in them (`{count} changes`). No native speaker has read the Portuguese
+texts yet; docs/pt/glossario.md has their terms.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Language(StrEnum):
-    """What there is a catalogue for; the value is the one of `--lang` and the first letters of `LANG`."""
+    """Languages with a catalogue; the value is that of `--lang` and the first letters of `LANG`."""
 
     ENGLISH = "en"
     PORTUGUESE = "pt"
@@ -57,18 +57,18 @@ _current_language = Language.ENGLISH
 
 
 def use(language: Language) -> None:
-    """Address people in this language from now on, in this process."""
+    """Set the language of this process."""
     global _current_language  # noqa: PLW0603 - a process speaks one language, as gettext's own does
     _current_language = language
 
 
 def current() -> Language:
-    """The language in which people are addressed."""
+    """Return the current language."""
     return _current_language
 
 
 def of_environment(environment: Mapping[str, str] = os.environ) -> Language:
-    """The language that POSIX's variables choose, the first that is set: LC_ALL, LC_MESSAGES, LANG. Else English."""
+    """Return the language of the first POSIX variable set: LC_ALL, LC_MESSAGES, LANG; else English."""
     for name in ("LC_ALL", "LC_MESSAGES", "LANG"):
         if value := environment.get(name, ""):
             return Language.PORTUGUESE if value.lower().startswith("pt") else Language.ENGLISH
@@ -76,7 +76,7 @@ def of_environment(environment: Mapping[str, str] = os.environ) -> Language:
 
 
 def parse_language(name: str) -> Language:
-    """The language that `--lang` names, as `pt` or `pt_PT`. Raises UsageError."""
+    """Parse `--lang`, such as `pt` or `pt_PT`. Raises UsageError."""
     for language in Language:
         if name.lower().replace("-", "_").partition("_")[0] == language:
             return language
@@ -84,7 +84,7 @@ def parse_language(name: str) -> Language:
 
 
 def catalogue_file(language: Language) -> Path:
-    """The file of its messages; English has none."""
+    """Return the path of a language's catalogue; English has none."""
     return CATALOGUES / _FOLDERS[language] / "LC_MESSAGES" / "provision.po"
 
 
@@ -96,8 +96,8 @@ def _catalogue(language: Language) -> Catalogue:
 
 
 def translate(text: str) -> str:
-    """A message in the language of the person; what the catalogue lacks stays in English.
+    """Translate a message; parts missing in the catalogue stay in English.
 
-    Also several messages, one a line, or with `; ` or `: ` between them. Values in them stay as they are.
+    The text may be several messages, one a line, or joined by `; ` or `: `. Values in them stay unchanged.
     """
     return text if _current_language is Language.ENGLISH else _catalogue(_current_language).translate(text)

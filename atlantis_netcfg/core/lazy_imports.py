@@ -1,4 +1,4 @@
-"""Names of a package that are imported when they are asked for: a command loads only what it uses."""
+"""Lazy imports of a package's names: a command loads only the modules that it uses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def homes(package: str, names: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
-    """Make the `__getattr__` of a package (PEP 562) from its modules and the names that each is home to."""
+    """Build a package's `__getattr__` (PEP 562) from its modules and the names that each defines."""
     home = {name: f"{package}.{module}" for module, local in names.items() for name in local}
 
     def find(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for

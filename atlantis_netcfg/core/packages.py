@@ -1,6 +1,6 @@
-"""The Python packages of this environment against the pins; told also where one that nearly all needs is missing.
+"""Compare installed Python packages with the pinned versions; works without third-party packages.
 
-Nothing but the standard library is needed here.
+Only the standard library is used, so that a missing package can be reported.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ RESTORE = "rm .venv/run.stamp"
 
 
 def pinned_packages(lock_file: str) -> dict[str, str]:
-    """Name and version of each package that this computer gets by a lock file of pip."""
+    """Return name and version of each package that a pip lock file installs on this computer."""
     lines = re.findall(r"^([A-Za-z0-9][^\s=]*)==([^\s;\\]+)[ \t]*(?:;([^\\\n]+))?", lock_file, re.MULTILINE)
     return {name: version for name, version, marker in lines if not marker.strip() or _holds(marker)}
 
 
 def _holds(marker: str) -> bool:
-    """Whether a line is for this computer; it is left out where that cannot be worked out."""
+    """Return whether an environment marker applies here; False if it cannot be evaluated."""
     try:
         from packaging.markers import Marker  # noqa: PLC0415 - it may be what is missing
     except ImportError:
@@ -34,7 +34,7 @@ def _holds(marker: str) -> bool:
 
 
 def installed_version(name: str) -> str | None:
-    """The version in this environment; None where the package is missing."""
+    """Return the installed version, or None if the package is missing."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
@@ -42,7 +42,7 @@ def installed_version(name: str) -> str | None:
 
 
 def drift(pins: Mapping[str, str], version_of: Callable[[str], str | None] = installed_version) -> list[str]:
-    """What is not as pinned, in a few words each."""
+    """Describe each package that differs from its pin."""
     versions = {name: version_of(name) for name in pins}
     return [
         f"{name} is missing" if versions[name] is None else f"{name} is {versions[name]}, pinned is {version}"
@@ -52,7 +52,7 @@ def drift(pins: Mapping[str, str], version_of: Callable[[str], str | None] = ins
 
 
 def drift_of(checkout: Path) -> list[str]:
-    """The same for a checkout; nothing where it has no lock file."""
+    """Describe the drift of a checkout; empty if it has no lock file."""
     try:
         text = (checkout / LOCK).read_text(encoding="utf-8")
     except OSError:
@@ -61,6 +61,6 @@ def drift_of(checkout: Path) -> list[str]:
 
 
 def summarise(wrong: list[str], most: int = 3) -> str:
-    """Some of them in words, and how many more there are."""
+    """Join the first few entries, and count the rest."""
     more = f"; and {len(wrong) - most} more" if len(wrong) > most else ""
     return f"{'; '.join(wrong[:most])}{more}"

@@ -1,4 +1,4 @@
-"""Sizes of packets that the declaration and the devices' costs both reckon with."""
+"""Packet sizes shared by the inventory checks and the cost estimates."""
 
 from __future__ import annotations
 

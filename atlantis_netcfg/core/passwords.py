@@ -1,4 +1,4 @@
-"""How hard a password is to guess, as zxcvbn estimates it: it knows words, names, dates and keyboards."""
+"""Password strength as estimated by zxcvbn: it knows words, names, dates and keyboard patterns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _WORDS = ("atlantis", "netcfg", "provision", "openvpn", "mikrotik", "routeros")
 
 
 def guesses(text: str, words: Iterable[str] = ()) -> tuple[float, str]:
-    """Estimate how many guesses find it, and say why so few (empty: no reason); a guesser knows our `words`, too."""
+    """Estimate the guesses needed, with zxcvbn's warning (or empty); `words` count as known to an attacker."""
     from zxcvbn import zxcvbn  # noqa: PLC0415 - its lists of words are read when it is imported
 
     estimate = zxcvbn(text[:_MOST_CHARACTERS], user_inputs=[*_WORDS, *words])

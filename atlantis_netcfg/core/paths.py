@@ -1,4 +1,4 @@
-"""Where things are: the checkout, the cache, and what must outlive a run (journals, backups, certificates, logs)."""
+"""Paths: the checkout, the cache, and the state that outlives a run (journals, backups, certificates, logs)."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _CACHE_HINT = "name a directory of your own: XDG_CACHE_HOME=/some/directory prov
 
 
 def checkout() -> Path:
-    """The checkout that this package runs from: it holds inventory/, playbooks/, roles/ and templates/."""
+    """Return this package's checkout, with inventory/, playbooks/, roles/ and templates/."""
     return Path(__file__).resolve().parents[2]
 
 
 def state_dir(environ: Mapping[str, str] | None = None) -> Path:
-    """The state directory, made with mode 0700 if it is missing; UsageError when there is no place for it.
+    """Return the state directory, creating it with mode 0700. Raises UsageError if that is impossible.
 
     `$ATLANTIS_STATE`, else `atlantis` under `$XDG_STATE_HOME` (absolute paths only, as the XDG Base Directory
     Specification has it), else under `~/.local/state`.
@@ -33,12 +33,12 @@ def state_dir(environ: Mapping[str, str] | None = None) -> Path:
 
 
 def state_place(environ: Mapping[str, str] | None = None) -> Path:
-    """Where the state directory is or would be: nothing is made. UsageError when there is no place for it."""
+    """Return the path of the state directory without creating it. Raises UsageError if there is none."""
     return _state_path(os.environ if environ is None else environ)
 
 
 def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
-    """The directory of what can be made again, made if it is missing; UsageError when there is no place for it.
+    """Return the cache directory, creating it if missing. Raises UsageError if that is impossible.
 
     `atlantis` under `$XDG_CACHE_HOME` (absolute paths only), else under `~/.cache`.
     """
@@ -51,7 +51,7 @@ def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
 
 
 def cache_place(environ: Mapping[str, str] | None = None) -> Path:
-    """Where the cache is or would be: nothing is made. UsageError when there is no place for it."""
+    """Return the path of the cache without creating it. Raises UsageError if there is none."""
     environment = os.environ if environ is None else environ
     cache_home = Path(environment.get("XDG_CACHE_HOME", ""))
     home = cache_home if cache_home.is_absolute() else _home(environment, "the cache", _CACHE_HINT) / ".cache"
@@ -59,9 +59,9 @@ def cache_place(environ: Mapping[str, str] | None = None) -> Path:
 
 
 def private_cache(name: str) -> Path | None:
-    """A folder of the cache that nobody else can write to, for code that is run as it stands there.
+    """Return a cache folder that only this user can write to, for code that is executed from it.
 
-    None where there is no such place (a foreign HOME under `sudo`, a full disk): then things are made anew each time.
+    None if there is no such folder (a foreign HOME under `sudo`, a full disk): then nothing is cached.
     """
     try:
         folder = cache_dir() / name
@@ -77,13 +77,13 @@ def private_cache(name: str) -> Path | None:
 
 
 def from_home(path: Path) -> str:
-    """A path as a person types it."""
+    """Shorten a path below the home directory to `~/…`."""
     home = os.environ.get("HOME")
     return f"~/{path.relative_to(home)}" if home and path.is_relative_to(home) else str(path)
 
 
 def private_directory(path: Path) -> Path:
-    """Make a directory that only its owner can read, or correct the mode of the one that is there."""
+    """Create a directory readable only by its owner, or correct the mode of an existing one."""
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         hold_own(path, _HINT)
@@ -97,15 +97,15 @@ def private_directory(path: Path) -> Path:
 
 
 def write_private(path: Path, data: bytes) -> None:
-    """Write what can be made again, atomically, in a folder that is made if need be."""
+    """Write a reproducible file atomically, creating its folder if needed."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     write_atomically(path, data, durable=False)
 
 
 def hold_own(folder: Path, hint: str) -> None:
-    """Hold that a folder, and the link that leads to it, belong to who works. Raises UsageError, OSError.
+    """Raise UsageError if a folder, or the link to it, belongs to another user; OSError if it cannot be read.
 
-    Whoever owns it can exchange what lies in it: pins, journals, the key that signs. A link may also be root's.
+    Its owner could exchange the contents: pins, journals, the signing key. A link may also belong to root.
     """
     me = os.geteuid()
     for owner, allowed_owners in ((folder.lstat().st_uid, (me, 0)), (folder.stat().st_uid, (me,))):
@@ -117,7 +117,7 @@ def hold_own(folder: Path, hint: str) -> None:
 
 
 def _state_path(environ: Mapping[str, str]) -> Path:
-    """Where the state directory is, or would be made; UsageError when there is no place for it."""
+    """Return the path of the state directory. Raises UsageError if there is none."""
     if local := environ.get("ATLANTIS_STATE"):
         return Path(local).absolute()
     state_home = environ.get("XDG_STATE_HOME", "")

@@ -1,7 +1,7 @@
-r"""Text for a screen or a page: what a terminal would obey, or what hides or turns the text beside it, is written out.
+r"""Safe text for terminals and pages: control, hidden and direction-changing characters are escaped.
 
-Every stream of the command line is a `Printer`, so that no text of a device, a file or a person reaches a terminal in
-another way. The form `\u001b` is that of JSON as well, so that one filter serves both.
+Every stream of the command line is a `Printer`, so that text of a device, a file or a person cannot bypass it. Escapes
+have the form of JSON (backslash, `u` and four hex digits), so that one filter serves both.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ _BMP = 0xFFFF
 
 
 def line(text: str) -> str:
-    """Text of one line."""
+    """Escape unprintable characters in a text of one line."""
     return text if text.isprintable() else "".join(item if item.isprintable() else _escape(item) for item in text)
 
 
 def lines(text: str) -> str:
-    """Text whose line ends are those of the layout."""
+    """Escape unprintable characters, but keep line feeds."""
     return "\n".join(map(line, text.split("\n")))
 
 
 def below(text: str, column: int) -> str:
-    """Words of more than one line, or with a line end that a device has sent: the lines stand below each other."""
+    """Indent the second and later lines to a column."""
     return text.replace("\n", f"\n{'':<{column}}")
 
 
 def clean(value: Any) -> Any:  # noqa: ANN401 - JSON of any shape
-    """Data for another program that prints it, as Ansible does."""
+    """Escape all text in data for another program that prints it, such as Ansible."""
     if isinstance(value, str):
         return lines(value)
     if isinstance(value, Mapping):
@@ -56,7 +56,7 @@ def _escape(character: str) -> str:
 
 
 def visible(text: str) -> str:
-    """Text for a page, where what cannot be seen is written out as `U+202E`."""
+    """Write invisible characters as `U+202E` in a text for a page."""
     return _UNSEEN.sub(lambda match: f"U+{ord(match[0]):04X}", text.replace("\r\n", "\n"))
 
 
@@ -66,19 +66,19 @@ class _PrintableStream(Protocol):
 
 
 class Printer:
-    """A text stream that shows every character and obeys none but the line feed."""
+    """A text stream that escapes every control character except the line feed."""
 
     def __init__(self, stream: _PrintableStream) -> None:
         self.stream = stream
         """For those who draw on the terminal, and filter what they are told themselves."""
 
     def write(self, text: str, /) -> int:
-        """Write, and say how much as the stream itself would."""
+        """Write the escaped text; return the length of the original."""
         self.stream.write(lines(text))
         return len(text)
 
     def writelines(self, texts: Any, /) -> None:  # noqa: ANN401 - any iterable of texts
-        """Write them all."""
+        """Write all texts."""
         for text in texts:
             self.write(text)
 
@@ -105,7 +105,7 @@ codecs.register_error(ASCII, _to_ascii)
 
 
 class Style(Enum):
-    """What a colour says; it never says it alone: a word or a symbol stands beside it. The value is the SGR code."""
+    """Meaning of a colour, always repeated by a word or symbol; the value is the SGR code."""
 
     GOOD = "32"
     WARNING = "33"
@@ -118,7 +118,7 @@ class Style(Enum):
 
 @dataclass(frozen=True, slots=True)
 class StyledText:
-    """A piece of a line, with its style."""
+    """A styled piece of a line."""
 
     text: str
     style: Style
@@ -133,15 +133,15 @@ NARROW = 80
 
 
 def plain(row: Row) -> str:
-    """The text of a line."""
+    """Return the text of a line without styles."""
     pieces = row if isinstance(row, tuple) else (row,)
     return "".join(piece if isinstance(piece, str) else piece.text for piece in pieces)
 
 
 def wrap_row(row: Row, width: int, indent: int) -> list[Row]:
-    """A line as lines of at most `width` columns, broken between words; 0: as it is. Words that are longer stay whole.
+    """Wrap a line between words to `width` columns (0: unlimited); longer words are not split.
 
-    All but the first begin at column `indent`.
+    All lines but the first begin at column `indent`.
     """
     if not width or all(len(line) <= width for line in plain(row).split("\n")):
         return [row]
@@ -162,19 +162,19 @@ def wrap_row(row: Row, width: int, indent: int) -> list[Row]:
 
 
 def _without_blanks(pieces: list[str | StyledText]) -> Row:
-    """A line that ends with its last word: blanks in the last column would make a line of their own."""
+    """Remove trailing blanks: in the last column they would wrap to an extra line."""
     while len(pieces) > 1 and not plain((pieces[-1],)).strip():
         pieces.pop()
     return tuple(pieces)
 
 
 def shows_colour(stream: Any, environment: Mapping[str, str] = os.environ) -> bool:  # noqa: ANN401 - any text stream
-    """Whether a person sees colours there: a terminal that knows them, and nobody has said `NO_COLOR`."""
+    """Return whether a stream shows colours: a terminal that supports them, and `NO_COLOR` is not set."""
     return bool(stream.isatty()) and not environment.get("NO_COLOR") and environment.get("TERM", "dumb") != "dumb"
 
 
 def paint(rows: Iterable[Row], *, colour: bool) -> str:
-    """Lines as they are written to a terminal, with or without colours. Only styles are obeyed: texts are filtered."""
+    """Render lines for a terminal, with or without colours; all texts are escaped."""
     return "".join(
         "".join(_paint_piece(piece, colour=colour) for piece in (row if isinstance(row, tuple) else (row,))) + "\n"
         for row in rows

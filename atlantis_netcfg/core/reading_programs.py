@@ -1,4 +1,4 @@
-"""Programs that the checklist may run on a gateway or on this computer: a closed list, and all of them only read."""
+"""Allow-list of read-only programs that the checklist may run on a gateway or on this computer."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _PATTERNS = tuple(re.compile(program) for program in PROGRAMS)
 
 
 def is_allowed(argv: tuple[str, ...]) -> bool:
-    """Whether a command line is on the list."""
+    """Return whether a command line is on the allow-list."""
     if any(not argument or re.search(r"\s", argument) for argument in argv):
         return False
     return any(pattern.fullmatch(" ".join(argv)) for pattern in _PATTERNS)
 
 
 def names() -> tuple[str, ...]:
-    """The programs by their names, each once, in the order of the list."""
+    """Return the names of the programs, without duplicates, in the order of the list."""
     return tuple(dict.fromkeys(program.split(" ", 1)[0] for program in PROGRAMS))

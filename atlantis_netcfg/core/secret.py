@@ -7,7 +7,7 @@ EXAMPLE_PREFIX = "EXAMPLE-"
 
 
 class Secret:
-    """A value whose text form is masked; `reveal()` is the only way out, so it can be found by searching."""
+    """A value with masked text form; `reveal()` is the only access, so that all uses can be found by search."""
 
     __slots__ = ("_value",)
 
@@ -15,12 +15,12 @@ class Secret:
         self._value = value
 
     def reveal(self) -> str:
-        """The value itself: for the wire and for 0600 files, nowhere else."""
+        """Return the plain value, only for sending and for files with mode 0600."""
         return self._value
 
     @property
     def is_example(self) -> bool:
-        """True for values that ship with the inventory and must be replaced before a real run."""
+        """Whether the value is an example of the inventory that must be replaced before a real run."""
         return self._value.startswith(EXAMPLE_PREFIX)
 
     def __repr__(self) -> str:

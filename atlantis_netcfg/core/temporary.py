@@ -1,12 +1,12 @@
-"""Temporary folders that have an owner: what a killed process has left, the next one removes.
+"""Temporary folders with an owner: folders of killed processes are removed by the next one.
 
     with temporary.folder("image", temporary.roomy()) as place:
         …
 
 Its name begins with `atlantis-` and ends with `.tmp`, and its owner holds a lock (flock(2)) on it as long as it lives.
-The kernel lets go of the lock when the owner ends, whatever ends it, and knows it in every PID namespace. So what bears
-the mark, belongs to this user and is not locked has no owner any more. Likewise a control socket of SSH that nobody
-listens to: Ansible keeps those of its connections in a folder of its own.
+The kernel releases the lock whenever the owner ends, and the lock works across PID namespaces. So a folder with that
+name, of this user and without lock, has no owner any more. The same is done for SSH control sockets without listener:
+Ansible keeps those of its connections in another folder.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ _OPEN = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 
 
 def roomy() -> Path:
-    """Where images of gigabytes have room: `$TMPDIR`, else /var/tmp."""
+    """Return a folder with room for images of several gigabytes: `$TMPDIR`, else /var/tmp."""
     return Path(os.environ.get("TMPDIR") or _LARGE)
 
 
 @contextmanager
 def folder(purpose: str, place: Path | None = None) -> Iterator[Path]:
-    """Make a private folder that ends with the context, or after its owner; orphans of others are removed first.
+    """Make a private folder that is removed with the context; orphans of other processes are removed first.
 
-    `place`: where, the usual one (`$TMPDIR`, /tmp) if left out.
+    `place`: parent folder; by default the usual one (`$TMPDIR`, /tmp).
     """
     where = place or Path(tempfile.gettempdir())
     remove_orphans(where)
@@ -58,10 +58,10 @@ def folder(purpose: str, place: Path | None = None) -> Iterator[Path]:
 
 
 def remove_orphans(*places: Path) -> tuple[Path, ...]:
-    """Remove what processes of this user have left that are dead; gives what was removed.
+    """Remove folders and sockets left by dead processes of this user; return their paths.
 
-    Looked through are the usual places and those of the caller, not the folders below them. A place that cannot be
-    read, and a thing that cannot be removed, is left as it is: nobody's work fails because of another's leftovers.
+    Searches the usual places and those of the caller, not the folders below them. Whatever cannot be read or removed is
+    skipped: leftovers never make the work fail.
     """
     every = dict.fromkeys((_SMALL, _LARGE, roomy(), Path(tempfile.gettempdir()), *places))
     folders = [path for place in every for path in _find_by_name(_FOLDER_NAME, place) if _remove_orphan(path)]
@@ -70,13 +70,13 @@ def remove_orphans(*places: Path) -> tuple[Path, ...]:
 
 
 def remaining() -> tuple[Path, ...]:
-    """Folders of this user that are dead and could not be removed; those of running processes are not among them."""
+    """Return orphaned folders of this user that could not be removed."""
     every = dict.fromkeys((_SMALL, _LARGE, roomy(), Path(tempfile.gettempdir())))
     return tuple(path for place in every for path in _find_by_name(_FOLDER_NAME, place) if _is_dead(path))
 
 
 def _is_dead(path: Path) -> bool:
-    """Whether a folder is of this user, and nobody has locked it."""
+    """Return whether a folder belongs to this user and is not locked."""
     with suppress(OSError):
         lock = os.open(path, _OPEN)
         try:
@@ -88,7 +88,7 @@ def _is_dead(path: Path) -> bool:
 
 
 def _make_locked_folder(prefix: str, where: Path) -> tuple[Path, int]:
-    """Make and lock it. Somebody who looks for orphans may come in between and take it for one: then once more."""
+    """Create and lock a folder; retry if an orphan clean-up removed it before it was locked."""
     while True:
         path = Path(tempfile.mkdtemp(".tmp", prefix, where))
         with suppress(FileNotFoundError):
@@ -101,7 +101,7 @@ def _make_locked_folder(prefix: str, where: Path) -> tuple[Path, int]:
 
 
 def _is_there(path: Path, descriptor: int) -> bool:
-    """Whether what is open is still what stands at the path."""
+    """Return whether the open file is still the one at the path."""
     try:
         return os.path.samestat(path.lstat(), os.fstat(descriptor))
     except FileNotFoundError:
@@ -120,7 +120,7 @@ def _control_sockets() -> Path:
 
 
 def _remove_dead(path: Path) -> bool:
-    """Remove a socket of this user that nobody listens to; gives whether it is gone."""
+    """Remove a socket of this user without listener; return whether it is gone."""
     with suppress(OSError):
         status = path.lstat()
         if stat.S_ISSOCK(status.st_mode) and status.st_uid == os.geteuid():
@@ -135,7 +135,7 @@ def _remove_dead(path: Path) -> bool:
 
 
 def _remove_orphan(path: Path) -> bool:
-    """Remove a folder of this user that nobody has locked; gives whether it is gone."""
+    """Remove an unlocked folder of this user; return whether it is gone."""
     with suppress(OSError):
         lock = os.open(path, _OPEN)
         try:
@@ -149,7 +149,7 @@ def _remove_orphan(path: Path) -> bool:
 
 
 def _mounted_below(path: Path) -> bool:
-    """Whether something is mounted in it, which would be deleted with it."""
+    """Return whether something is mounted below a path; it would be deleted with it."""
     place = str(path.resolve()).replace(" ", r"\040")
     points = (line.split()[4] for line in _MOUNTS.read_text(encoding="utf-8").splitlines())
     return any(point == place or point.startswith(f"{place}/") for point in points)

@@ -1,4 +1,4 @@
-"""Times as a person reads them: in the pilot's zone, with UTC beside it. Data, journals and signed texts keep UTC."""
+"""Times for people: in the pilot's time zone, with UTC; data, journals and signed texts keep UTC."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ _DATE, _MINUTE = "%Y-%m-%d", "%H:%M"
 
 
 def time_text(at: datetime, zone: str = "") -> str:
-    """`2026-11-25 15:37 WET (15:37 UTC)`; the date of UTC stands there only where it is another day.
+    """Format a time as `2026-11-25 15:37 WET (15:37 UTC)`; UTC has a date only if it is another day.
 
-    `zone`: IANA name, as `time_zone` of the pilot has it. Where it is empty, or not known on this computer, it is UTC
-    alone. A time of which nobody knows the zone says so.
+    `zone`: IANA name, as in `time_zone` of the pilot. If it is empty or unknown on this computer, only UTC is shown. A
+    time without time zone is marked as such.
     """
     if at.tzinfo is None:
         return f"{at:{_DATE} {_MINUTE}} (time zone unknown)"

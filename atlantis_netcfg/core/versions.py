@@ -1,4 +1,4 @@
-"""RouterOS' version numbers, which compare as MikroTik releases them."""
+"""RouterOS version numbers, ordered as MikroTik releases them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Self
 
 @dataclass(frozen=True, order=True, slots=True)
 class Version:
-    """A RouterOS version, `MAJOR.MINOR[.PATCH][betaN|rcN]`; a stable one is above its rc, an rc above its beta."""
+    """A RouterOS version, `MAJOR.MINOR[.PATCH][betaN|rcN]`; order: beta, rc, stable."""
 
     major: int
     minor: int
@@ -19,7 +19,7 @@ class Version:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read `7.18.2 (stable)` as `/system/resource` prints it. Raises ValueError on anything else."""
+        """Parse `7.18.2 (stable)` as printed by `/system/resource`. Raises ValueError on anything else."""
         match = re.fullmatch(r"(\d+)\.(\d+)(?:\.(\d+))?(?:(beta|rc)(\d+))?(?: \(.+\))?", text.strip())
         if match is None:
             raise ValueError(f"not a RouterOS version: {text!r}")

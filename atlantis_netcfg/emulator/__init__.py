@@ -1,1 +1,1 @@
-"""Emulated devices, as strict as the real ones: what a rehearsal and the tests talk to instead of a site."""
+"""Emulated devices for rehearsals and tests, as strict as the real ones."""

@@ -1,8 +1,8 @@
-"""Mobile coverage whose truth depends on the place: an emulation, and a picture of no real network.
+"""Emulated mobile coverage that depends on the position; it represents no real network.
 
 Two masts on land; the level falls with the distance (log-distance model, exponent 3.5), the stronger one serves, and
-quality, rate and delay follow from the level. Beyond the reach there is no service. Not modelled: fading, waves, load
-of the cells, the hysteresis with which a unit changes cells.
+quality, rate and delay follow from the level. Out of range there is no service. Not modelled: fading, waves, cell load,
+hysteresis of cell changes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _GOOD_DBM, _POOR_DBM = -85.0, -115.0
 
 @dataclass(frozen=True, slots=True)
 class Mast:
-    """Where a cell is sent from; `level_dbm`: RSRP at a distance of 100 m."""
+    """Position of a cell's antenna; `level_dbm`: RSRP at a distance of 100 m."""
 
     cell_id: int
     latitude: float
@@ -30,7 +30,7 @@ class Mast:
 
 @dataclass(frozen=True, slots=True)
 class PlaceTruth:
-    """What is on the air at a place; whole numbers, as units tell them. `rate` and `delay`: of the best."""
+    """Radio conditions at a position, in whole numbers as units report; `rate_share`, `delay_factor`: of the best."""
 
     cell_id: int
     rsrp_dbm: int
@@ -41,18 +41,18 @@ class PlaceTruth:
 
     @property
     def has_service(self) -> bool:
-        """Whether a unit finds service."""
+        """Whether a unit has service."""
         return self.rsrp_dbm > _REACH_DBM
 
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """A made-up network."""
+    """An invented network."""
 
     masts: tuple[Mast, ...]
 
     def at(self, latitude: float, longitude: float) -> PlaceTruth:
-        """What is heard there."""
+        """Return the radio conditions at a position."""
         levels = sorted(((_level(mast, latitude, longitude), mast) for mast in self.masts), key=lambda pair: -pair[0])
         best, serving = levels[0]
         other = levels[1][0] if len(levels) > 1 else -140.0
@@ -69,7 +69,7 @@ def _level(mast: Mast, latitude: float, longitude: float) -> float:
 
 
 def two_masts(latitude: float, longitude: float) -> Coverage:
-    """A network around a place: a mast 1 km east of it, and one 3 km north of it."""
+    """Return a network around a position: one mast 1 km east, and one 3 km north."""
     degree = 1000.0 / _METRES
     east = degree / math.cos(math.radians(latitude))
     return Coverage((Mast(3103242, latitude, longitude + east), Mast(3103499, latitude + 3 * degree, longitude)))
@@ -77,14 +77,14 @@ def two_masts(latitude: float, longitude: float) -> Coverage:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A voyage at one speed from place to place, and then back and forth."""
+    """A voyage at constant speed along positions, back and forth."""
 
     places: tuple[tuple[float, float], ...]
     """Latitude and longitude."""
     speed_m_s: float = 3.0
 
     def at(self, seconds: float) -> tuple[float, float]:
-        """Where the vessel is."""
+        """Return the vessel's position after some seconds."""
         legs = list(zip(self.places, self.places[1:], strict=False))
         way = seconds * self.speed_m_s
         for begin, end in (*legs, *((end, begin) for begin, end in reversed(legs))):
@@ -102,7 +102,7 @@ def _length(begin: tuple[float, float], end: tuple[float, float]) -> float:
 
 
 def out_and_back(latitude: float, longitude: float) -> Track:
-    """A voyage from a place: 4.5 km to the west, 5 km to the north, and the same way back."""
+    """Return a voyage: 4.5 km west, 5 km north, and back."""
     degree = 1000.0 / _METRES
     west = longitude - 4.5 * degree / math.cos(math.radians(latitude))
     return Track(((latitude, longitude), (latitude, west), (latitude + 5 * degree, west)))

@@ -1,10 +1,10 @@
-"""An emulated GNSS receiver: behind gpsd, behind a server that passes NMEA on over TCP, or behind a serial port.
+"""An emulated GNSS receiver behind gpsd, behind an NMEA server on TCP, or on a serial port.
 
-It stands for what the two protocols tell in every state of a receiver, and for servers that are not there, serve one
-client only, or say nothing. It computes no positions, and time goes on with this computer's. Whatever would change a
-receiver is not obeyed but counted in `forbidden`.
+It covers what both protocols report in every state of a receiver, and servers that are absent, serve only one client,
+or send nothing. It computes no positions, and uses this computer's clock. Requests that would change a receiver are
+not executed but counted in `forbidden`.
 
-Emulated receivers: what they show, their reports as gpsd or as NMEA, and the threads that serve them.
+The module has the receiver's state, its reports as gpsd or NMEA, and the threads that serve them.
 """
 
 from __future__ import annotations
@@ -46,18 +46,18 @@ _INDICATOR = {None: "A", 2: "D", 3: "R", 4: "F", 5: "E", 6: "A", 7: "M", 8: "S"}
 
 
 def encode_reports(*objects: dict[str, Any]) -> bytes:
-    """Objects as gpsd ends them."""
+    """Encode objects as JSON with the line ends of gpsd."""
     return b"".join(json.dumps(row, separators=(",", ":")).encode() + b"\r\n" for row in objects)
 
 
 def line(body: str) -> bytes:
-    """A sentence with its checksum."""
+    """Return an NMEA sentence with its checksum."""
     return f"${body}*{reduce(xor, body.encode(), 0):02X}\r\n".encode()
 
 
 @dataclass
 class GnssSource:
-    """What one client hears, report by report."""
+    """Reports for one client, one at a time."""
 
     spec: GnssSpec
     now: Callable[[], float] = time.time
@@ -65,12 +65,12 @@ class GnssSource:
     _first: float = field(init=False)
 
     def __post_init__(self) -> None:
-        """Remember the time that a stale receiver repeats."""
+        """Store the time that a stale receiver repeats."""
         self._first = self.now()
 
     @property
     def speaks(self) -> bool:
-        """Whether another report comes at all."""
+        """Whether another report will come."""
         over = self.spec.silent_after is not None and self.report_count >= self.spec.silent_after
         return self.spec.speech is not Speech.NOTHING and not over
 
@@ -92,7 +92,7 @@ class GnssSource:
         return (0.0, 0.0) if spec.null else place
 
     def next(self, *, objects: bool = False, sentences: bool = False) -> bytes:
-        """The next report: as gpsd's JSON, as NMEA sentences, or as both."""
+        """Return the next report: gpsd's JSON, NMEA sentences, or both."""
         whole = self._sentences() if sentences else b""
         whole += self._tpv() + self._sky() if objects else b""
         self.report_count += 1
@@ -160,7 +160,7 @@ _FLAG = r'"%s"\s*:\s*([^,}\s]*)'
 
 
 class GnssClient:
-    """One connection."""
+    """A client's connection to gpsd."""
 
     def __init__(self, spec: GnssSpec) -> None:
         self.spec = spec
@@ -170,7 +170,7 @@ class GnssClient:
         self._activated = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.000Z")
 
     def hear(self, data: bytes) -> tuple[bytes, list[str]]:
-        """What is answered, and which requests would have changed the receiver, or are none."""
+        """Return the response, and the requests that are invalid or would have changed the receiver."""
         text = data.decode("utf-8", "replace").removesuffix("\n").removesuffix("\r") + "\n"
         answer = b""
         forbidden: list[str] = []
@@ -213,7 +213,7 @@ class GnssClient:
 
 
 class Speech(StrEnum):
-    """What comes out of it."""
+    """Kind of output."""
 
     POSITIONS = "positions"
     NOTHING = "nothing"
@@ -235,7 +235,7 @@ class GnssAccess(StrEnum):
 
 
 class GnssSpec(BaseModel):
-    """A receiver, and the program or port that passes its data on."""
+    """A receiver, and the program or port that forwards its data."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -281,7 +281,7 @@ _AT_MOST = 4096
 
 
 class _Running:
-    """A thread, and the pipe that ends it."""
+    """Base class: a thread, and the pipe that ends it."""
 
     def __init__(self, spec: GnssSpec) -> None:
         self.spec = spec
@@ -316,7 +316,7 @@ class _Running:
 
 
 class _GnssListener(Protocol):
-    """What one connection says and hears."""
+    """Sends reports to one connection and handles its input."""
 
     def greet(self) -> bytes: ...
     def hear(self, data: bytes) -> tuple[bytes, list[str]]: ...
@@ -349,7 +349,7 @@ class _NmeaClient:
         return b""
 
     def hear(self, data: bytes) -> tuple[bytes, list[str]]:
-        """Whatever is sent reaches the receiver."""
+        """Count all input as sent to the receiver."""
         del self
         return b"", [data.decode("ascii", "replace")]
 
@@ -358,7 +358,7 @@ class _NmeaClient:
 
 
 class _GnssServer(_Running):
-    """A TCP server; `host` and `port` are where it listens (or, refused, where nothing does)."""
+    """A TCP server; `host` and `port` are its address (or, when refusing, an address without listener)."""
 
     host = "127.0.0.1"
 
@@ -438,21 +438,21 @@ class _GnssServer(_Running):
 
 
 class RunningGpsd(_GnssServer):
-    """gpsd with one receiver."""
+    """An emulated gpsd with one receiver."""
 
     def _listener(self) -> _GnssListener:
         return _GpsdClient(self.spec)
 
 
 class RunningNmea(_GnssServer):
-    """A server that passes a receiver's sentences on to every client."""
+    """A server that forwards a receiver's sentences to every client."""
 
     def _listener(self) -> _GnssListener:
         return _NmeaClient(self.spec)
 
 
 class RunningNmeaPort(_Running):
-    """A receiver at a serial port; `path` is the port."""
+    """A receiver on a serial port with path `path`."""
 
     path = ""
 
@@ -490,7 +490,7 @@ class RunningNmeaPort(_Running):
             self.forbidden.append(data.decode("ascii", "replace"))
 
     def _send(self, data: bytes) -> None:
-        """Bytes are lost as well where whoever has the port open reads too slowly."""
+        """Write to the port; as on a real one, bytes are lost if the reader is too slow."""
         size = 1 if self.spec.piecewise else len(data)
         with suppress(OSError):
             for place in range(0, len(data), size):

@@ -1,9 +1,9 @@
-"""An emulated autopilot, as far as the MAVLink stream tells that its companion computer forwards by UDP.
+"""An emulated autopilot: the MAVLink stream that its companion computer forwards by UDP.
 
-It stands for the messages that speak of the remote control, with real frames of version 1 or 2 packed by pymavlink. It
-flies nothing and obeys nothing: every datagram that is sent to it is counted in `forbidden`.
+It sends the messages about the remote control, in real frames of version 1 or 2 packed by pymavlink. It executes no
+command: every received datagram is counted in `forbidden`.
 
-The emulated autopilot: its specification, the messages that it sends, and the thread that sends them.
+The module has its specification, its messages, and the thread that sends them.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _TURN_S = 2.0
 
 @dataclass
 class Rounds:
-    """All frames, round by round."""
+    """Frames, one round at a time."""
 
     spec: AutopilotSpec
     round_count: int = 0
@@ -51,7 +51,7 @@ class Rounds:
     _packers: dict[int, Any] = field(default_factory=dict)
 
     def next(self) -> list[bytes]:
-        """The frames of the next round; none: it is silent."""
+        """Return the frames of the next round; empty if it is silent."""
         spec = self.spec
         self.round_count += 1
         if spec.silent or (spec.silent_after is not None and self.round_count > spec.silent_after):
@@ -118,10 +118,10 @@ _IP_RECVERR = 11
 
 
 class RunningAutopilot:
-    """Sends to `host` and `port` while the context lasts, whether anybody listens there or not.
+    """Sends to `host` and `port` during the context, with or without a listener.
 
-    Port 0: one that is free when the context begins. It is not held, for whoever listens needs it. What the
-    specification counts in rounds begins anew with whoever comes to listen.
+    Port 0: a free port, chosen when the context begins. It is not reserved, because the listener needs it. Counters of
+    rounds in the specification restart with each new listener.
     """
 
     host = "127.0.0.1"
@@ -155,7 +155,7 @@ class RunningAutopilot:
 
     @property
     def source(self) -> tuple[str, int]:
-        """Where its datagrams come from."""
+        """Source address of the datagrams."""
         host, port = self._socket.getsockname()
         return str(host), int(port)
 
@@ -181,7 +181,7 @@ class RunningAutopilot:
         return [whole[place : place + 16] for place in range(0, cut, 16)]
 
     def _hear(self) -> None:
-        """Take what was sent, and what the system says of earlier datagrams: that nobody listened."""
+        """Read received datagrams and socket errors; an error means that an earlier datagram had no listener."""
         with suppress(BlockingIOError):
             while True:
                 self._socket.recvmsg(0, _LONGEST, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)
@@ -206,7 +206,7 @@ _used_ports: set[int] = set()
 
 
 def _free_port(host: str) -> int:
-    """A port on which nobody listens, and that no other twin of this process has sent to."""
+    """Return a port without listener, unused by other emulators of this process."""
     while True:
         port = secrets.choice(_PORTS)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):

@@ -1,8 +1,8 @@
-"""An emulated 4G modem behind a pseudo-terminal, which answers reads and counts whatever else it is sent.
+"""An emulated 4G modem behind a pseudo-terminal: it responds to reads, and counts everything else.
 
-It stands for the dialogue (echo, unsolicited lines, noise, slow bytes, errors as numbers, words or bare) and for the
-states of a card and a network; the figures are constant. A command that sets something is not obeyed but counted in
-`forbidden`: our driver has to be one that never sends any.
+It emulates the dialogue (echo, unsolicited lines, noise, slow bytes, errors as numbers, text or bare) and the states of
+a card and a network; the figures are constant. Commands that set something are not executed but counted in `forbidden`:
+our driver must never send any.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ABSENT = "+CME ERROR: 10"
 
 
 class AtModemSpec(BaseModel):
-    """One emulated modem, its card, and what is on the air."""
+    """An emulated modem, its card, and the radio conditions."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -58,7 +58,7 @@ class AtModemSpec(BaseModel):
     """Answers so many commands, then none."""
 
     def answer(self, command: str) -> list[str] | None:
-        """Lines with the final result last; None for what is no read that it knows."""
+        """Return the response lines, final result last; None if the command is no known read."""
         stats = {"AT+CEREG?": self.eps, "AT+CGREG?": self.packet, "AT+CREG?": self.circuit}
         if command in stats:
             stat = stats[command]
@@ -93,7 +93,7 @@ class AtModemSpec(BaseModel):
 
 
 class RunningModem:
-    """The modem in a thread; `path` is its port while the context lasts."""
+    """The modem, running in a thread; `path` is its port during the context."""
 
     def __init__(self, spec: AtModemSpec) -> None:
         self.spec = spec
@@ -140,7 +140,7 @@ class RunningModem:
                 self._hear(line.decode("ascii", "replace").strip("\n"))
 
     def _nobody(self) -> None:
-        """The far end is closed: poll reports that at once and for ever, so look again in a moment."""
+        """Pause briefly: with a closed far end, poll returns at once every time."""
         select.select([self._stop], [], [], 0.01)
 
     def _hear(self, line: str) -> None:

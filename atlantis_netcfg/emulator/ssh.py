@@ -1,8 +1,8 @@
-"""In the place of ssh, sshd and systemctl in a rehearsal without root: what is sent is sent, and nothing is encrypted.
+"""Stubs of ssh, sshd and systemctl for rehearsals without root: real transfers, but no encryption.
 
-Run as a program it is what its first argument says, and needs nothing but Python. `ssh` goes by its `ProxyCommand` to
-`CommandServer`; without one it runs the command in the folder that `ROBOT` names. `systemctl` starts, shows and stops
-one unit: the command that `UNIT` holds.
+The program's first argument selects the stub; it needs only Python. `ssh` connects by its `ProxyCommand` to
+`CommandServer`; without one it runs the command in the folder of the variable `ROBOT`. `systemctl` starts, shows and
+stops one unit: the command in `UNIT`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _LOST_CODE = 255
 
 
 class CommandServer:
-    """Takes connections of the stand-in for ssh on the loopback, and runs one command, whatever was typed."""
+    """Server on the loopback for the ssh stub; it runs a fixed command, whatever the client requests."""
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
         class Handler(socketserver.BaseRequestHandler):
@@ -52,7 +52,7 @@ class CommandServer:
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     def close(self) -> None:
-        """Take no more connections."""
+        """Stop accepting connections."""
         self._server.shutdown()
         self._server.server_close()
 
@@ -98,7 +98,7 @@ def _serve(connection: socket.socket, command: Sequence[str], environment: Mappi
 
 
 def _copy(source: IO[bytes], target: IO[bytes]) -> None:
-    """Until the source ends; then the target is closed."""
+    """Copy until the source ends, then close the target."""
     with contextlib.suppress(OSError, ValueError):
         while data := source.read1(_PIECE):  # type: ignore[attr-defined]
             target.write(data)

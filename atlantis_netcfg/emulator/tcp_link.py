@@ -1,9 +1,9 @@
-"""What a link makes of a TCP connection that a relay leads over it: delay, rate, and stalls in place of loss.
+"""Effect of a link on TCP connections through a relay: delay, rate, and stalls instead of loss.
 
-A relay cannot lose octets that it has taken. A segment that the link loses, at random or in a gap, is sent again after
-a timeout that doubles each time, and what is behind it on its connection waits: the stall that TCP makes of loss. So
-after a gap of 70 s a connection may be silent for two minutes, as a real one. Not modelled: fast retransmission, a
-congestion window that shrinks, and the loss of acknowledgements.
+A relay cannot lose octets that it has accepted. A segment that the link loses, at random or in a gap, is sent again
+after a timeout that doubles each time, and later data of its connection wait: TCP turns loss into stalls. So a
+connection may be silent for two minutes after a gap of 70 s, like a real one. Not modelled: fast retransmission, a
+shrinking congestion window, and the loss of acknowledgements.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _LEAST_TIMEOUT_S: Final = 0.2
 
 
 def retransmission_s(rtt_s: float) -> float:
-    """TCP's first timeout: about twice the round trip, which is what its variation adds (RFC 6298)."""
+    """Return TCP's first timeout: about twice the round trip, because of its variation (RFC 6298)."""
     return max(_LEAST_TIMEOUT_S, 2 * rtt_s)
 
 
 class TcpLink:
-    """What all connections over a link share; its gaps are counted from the first segment on."""
+    """Link state shared by all connections; gaps are timed from the first segment."""
 
     def __init__(self, up: LinkShape, down: LinkShape, seed: int = 0) -> None:
         self.up = LinkModel(up, random.Random(seed))  # noqa: S311 - an emulation
@@ -37,7 +37,7 @@ class TcpLink:
         self._begin: float | None = None
 
     def arrival(self, size: int, now: float, *, up: bool) -> float:
-        """When a segment that is handed over now has arrived; times are of any clock."""
+        """Return when a segment sent now arrives; times are of any clock."""
         if self._begin is None:
             self._begin = now
         model = self.up if up else self.down

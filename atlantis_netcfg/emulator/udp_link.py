@@ -1,14 +1,13 @@
-"""A link whose truth is known: rate, delay, jitter, loss, copies, order, gaps, queue and MTU of each direction.
+"""An emulated link with known rate, delay, jitter, loss, duplicates, order, gaps, queue and MTU per direction.
 
-`LinkModel` is pure: it is given a packet's size and the time, and says when it arrives. `UdpRelay` puts two of them
-between a client and a server of the loopback; `tcp_link` is for the relays of emulated devices. The same seed gives the
-same fate to the same packets. Sizes count IPv4 and UDP headers.
+`LinkModel` is pure: it takes a packet's size and time, and returns its arrival. `UdpRelay` puts two of them between a
+client and a server on the loopback; `tcp_link` is for the relays of emulated devices. The same seed gives the same
+result for the same packets. Sizes include IPv4 and UDP headers.
 
-The model of a direction: what is longer than the MTU, or finds no room in the queue, is dropped; the rest is sent at
-the rate, lost at random after that, and arrives after the delay and a half-normal jitter, in order. A reordered packet
-is delayed once more, and holds up no other. In a gap everything that was sent is lost. Delays may be those that were
-measured (`delays_s`), and gaps drawn from lengths that were (`gaps`). Not modelled: a rate that changes, loss in
-bursts shorter than a gap.
+The model of a direction: packets longer than the MTU, or without room in the queue, are dropped; the rest is sent at
+the rate, then lost at random, and arrives in order after the delay and a half-normal jitter. A reordered packet is
+delayed once more, and delays no other. In a gap everything is lost. Delays may be measured ones (`delays_s`), and gaps
+drawn from measured lengths (`gaps`). Not modelled: a changing rate, loss in bursts shorter than a gap.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ _APART_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class DrawnGap:
-    """A time in which the link carries nothing; when it comes is drawn."""
+    """A period in which the link carries nothing, at a random time."""
 
     seconds: float
     carries: bool = False
@@ -46,7 +45,7 @@ class DrawnGap:
 
 @dataclass(frozen=True, slots=True)
 class LinkShape:
-    """What one direction does; the default does nothing."""
+    """Properties of one direction; the default has no effect."""
 
     rate_bps: float | None = None
     delay_s: float = 0.0
@@ -98,7 +97,7 @@ class LinkModel:
     _cycle: tuple[int, tuple[tuple[float, float], ...]] = field(default=(-1, ()), init=False)
 
     def offer(self, size: int, now: float) -> tuple[float, ...]:
-        """Send a packet of `size` octets, headers included; when it arrives: not at all, once or twice."""
+        """Send a packet of `size` octets, headers included; return its arrival times: none, one or two."""
         self.sent_count += 1
         self.sent_bytes += size
         shape = self.shape
@@ -129,7 +128,7 @@ class LinkModel:
         return times
 
     def carry(self, size: int, now: float, timeout_s: float) -> float:
-        """When a segment of TCP has arrived: what is lost is sent again after a timeout that doubles each time."""
+        """Return when a TCP segment arrives; lost ones are repeated after a timeout that doubles each time."""
         self.sent_count += 1
         self.sent_bytes += size
         leaves = self._serialise(size, now)
@@ -172,7 +171,7 @@ class LinkModel:
         return any(begin <= now < end for begin, end in shape.gaps_s)
 
     def _leave(self, size: int, now: float) -> float | None:
-        """When its last octet is sent; None: it is dropped."""
+        """Return when the packet's last octet is sent; None: dropped."""
         shape = self.shape
         if shape.mtu is not None and size > shape.mtu:
             return None
@@ -189,7 +188,7 @@ class LinkModel:
 
 
 class _EvenShare:
-    """Says of a share of questions yes, at a random place in each stretch in which there is to be one."""
+    """Random choice of a fixed share, with one hit at a random place in each interval."""
 
     def __init__(self, share: float, generator: random.Random) -> None:
         self._share, self._random = share, generator
@@ -197,7 +196,7 @@ class _EvenShare:
         self._place = generator.random() / share
 
     def next(self) -> bool:
-        """Answer the next question."""
+        """Return whether the next event is chosen."""
         yes = self._place < self._questions + 1
         self._questions += 1
         if yes:
@@ -207,7 +206,7 @@ class _EvenShare:
 
 
 def gaps_of_cycle(shape: LinkShape, number: int) -> tuple[tuple[float, float], ...]:
-    """Begin and end of the gaps of this direction in one cycle, drawn apart from each other."""
+    """Return begin and end of this direction's gaps in one cycle; they do not overlap."""
     draw = random.Random(f"{shape.gap_seed} {number}")  # noqa: S311 - an emulation
     gaps = list(shape.gaps)
     draw.shuffle(gaps)
@@ -224,9 +223,9 @@ def gaps_of_cycle(shape: LinkShape, number: int) -> tuple[tuple[float, float], .
 
 
 class UdpRelay:
-    """Listens on 127.0.0.1 and carries datagrams between whoever sends there and a server, over two models.
+    """Relay on 127.0.0.1 for datagrams between clients and a server, through two link models.
 
-    `headers`: octets that each has on the link beside its payload.
+    `headers`: octets of each datagram on the link beside its payload.
     """
 
     def __init__(
@@ -250,7 +249,7 @@ class UdpRelay:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Where clients send to."""
+        """Address for clients."""
         host, port = self._near.getsockname()
         return host, port
 

@@ -1,10 +1,10 @@
-"""The declaration of the pilot, read from an Ansible inventory and checked as a whole.
+"""The pilot's inventory: an Ansible inventory, parsed and validated as a whole.
 
-The inventory is plain YAML with final values, so that Ansible and this package read the same thing. `load` turns it
-into frozen models and remembers the file and line of every value; every error of a pass is collected and told together.
-Nothing downstream reads YAML.
+The inventory is plain YAML with final values, so that Ansible and this package read the same. `load` converts it to
+immutable models, and keeps file and line of every value. All errors of a pass are collected and reported together.
+Other modules do not read YAML.
 
-What needs pydantic or PyYAML is imported when it is asked for: the command line imports this package to ask for help.
+Pydantic and PyYAML are imported lazily: the command line imports this package even for help.
 """
 
 from __future__ import annotations

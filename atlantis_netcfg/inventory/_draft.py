@@ -1,4 +1,4 @@
-"""The declaration as far as its parts are valid, with the place of every value: what the rules look at."""
+"""Validated parts of the inventory with the place of every value: input of the validation rules."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One block of the declaration: `pilot`, `partner inesc`, `site coastal`, `device coastal-router`."""
+    """One block of the inventory: `pilot`, `partner inesc`, `site coastal`, `device coastal-router`."""
 
     sort: str
     name: str = ""
@@ -24,7 +24,7 @@ class Part:
 
 @dataclass(slots=True)
 class Draft:
-    """Valid parts only; a reference to a part that is declared but invalid is neither right nor wrong."""
+    """Valid parts only; a reference to an invalid part of the inventory is neither right nor wrong."""
 
     layout: HostLayout
     nodes: dict[Part, Node] = field(default_factory=dict)
@@ -36,39 +36,39 @@ class Draft:
     devices: dict[str, Device] = field(default_factory=dict)
 
     def names(self, sort: str) -> list[str]:
-        """The declared parts of a sort, valid or not."""
+        """Return the names of all parts of a sort, valid or not."""
         return [part.name for part in self.nodes if part.sort == sort]
 
     def mark(self, part: Part, *path: str | int) -> Mark:
-        """The place of a value; of a block, the place of its key."""
+        """Return the place of a value; for a block, the place of its key."""
         node = self.nodes[part].at(*path)
         return node.place if isinstance(node.value, dict | list) else node.mark
 
     def wrong(self, part: Part, path: tuple[str | int, ...], message: str, hint: str) -> Finding:
-        """An error at a value."""
+        """Build a finding at a value."""
         return Finding.at(self.mark(part, *path), message, hint)
 
     def where(self, part: Part, *path: str | int) -> str:
-        """A place in words: `inventory/group_vars/scc.yml:6`."""
+        """Format a place as `inventory/group_vars/scc.yml:6`."""
         mark = self.mark(part, *path)
         return f"{mark.file}:{mark.line}"
 
     def boxes(self, model: type[_Box]) -> Iterator[tuple[str, str, _Box]]:
-        """Host, site and device of every valid device of a kind."""
+        """Yield host, site and device for every valid device of a kind."""
         for host, site in self.layout.hosts.items():
             device = self.devices.get(host)
             if isinstance(device, model):
                 yield host, site, device
 
     def router_of(self, site: str) -> tuple[str, Router] | None:
-        """The router of a site, if there is exactly one and it is valid."""
+        """Return the router of a site, if there is exactly one valid router."""
         here = [name for name, place in self.layout.hosts.items() if place == site]
         routers = [name for name in here if self.kind_of(name) == "router"]
         device = self.devices.get(routers[0]) if len(routers) == 1 else None
         return (routers[0], device) if isinstance(device, Router) else None
 
     def kind_of(self, host: str) -> str | None:
-        """What a host is: its own word, else its group's."""
+        """Return a host's kind: from its own file, else from its group."""
         device = self.devices.get(host)
         return device.kind if device is not None else self.layout.kinds.get(host)
 

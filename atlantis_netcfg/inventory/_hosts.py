@@ -1,4 +1,4 @@
-"""`hosts.yml`: every host once under its site and once under what it is."""
+"""`hosts.yml`: every host once under its site and once under its kind."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _RESERVED_NAMES = ("all", "ungrouped", "sites", *KIND_GROUPS)
 
 @dataclass(slots=True)
 class HostLayout:
-    """Who is where, and what it is; all in the file's order."""
+    """Sites and kinds of all hosts, in file order."""
 
     start: Mark
     sites: dict[str, Mark] = field(default_factory=dict)
@@ -44,12 +44,12 @@ class HostLayout:
     findings: list[Finding] = field(default_factory=list)
 
     def wrong(self, mark: Mark, message: str, hint: str) -> None:
-        """Note an error."""
+        """Record an error."""
         self.findings.append(Finding.at(mark, message, hint))
 
 
 def lay_out(root: Node) -> HostLayout:
-    """Read the groups."""
+    """Parse the groups of hosts.yml."""
     layout = HostLayout(root.mark)
     children = _block(layout, _block(layout, root, "hosts.yml", ("all",)).get("all"), "all", ("children", "vars"))
     groups = _block(layout, children.get("children"), "all.children", ("sites", *KIND_GROUPS))
@@ -67,7 +67,7 @@ def lay_out(root: Node) -> HostLayout:
 def _block(
     layout: HostLayout, node: Node | None, name: str, allowed_keys: tuple[str, ...] | None = None
 ) -> dict[str, Node]:
-    """The keys of a block; an empty one has none. A misspelt key is told, and taken for what was meant."""
+    """Return the keys of a block; a misspelt key is reported and corrected."""
     if node is None or node.value is None:
         return {}
     if isinstance(node.value, list):
@@ -117,7 +117,7 @@ def _add_kind(layout: HostLayout, group: str, kind: str, node: Node | None) -> N
 
 
 def _check_vars(layout: HostLayout, node: Node | None, name: str = "vars") -> None:
-    """Only Ansible's own variables may stand in hosts.yml."""
+    """Report variables in hosts.yml other than Ansible's own."""
     for key, value in _block(layout, node, name).items():
         if not key.startswith("ansible_"):
             hint = "move it to group_vars/ or host_vars/"

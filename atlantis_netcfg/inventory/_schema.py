@@ -1,7 +1,4 @@
-"""The model's fields as data: which keys a block has, and what each of them wants, in words.
-
-pydantic's errors in a technician's words, each at the place of the value it is about.
-"""
+"""Field types of the models as data, and pydantic's errors in a technician's wording, with file and line."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def unwrap(annotation: Any) -> Any:  # noqa: ANN401 - a type, whatever it is
-    """The type below `Annotated` and `| None`."""
+    """Return the type inside `Annotated` and `| None`."""
     while True:
         if get_origin(annotation) is Annotated:
             annotation = get_args(annotation)[0]
@@ -38,24 +35,24 @@ def unwrap(annotation: Any) -> Any:  # noqa: ANN401 - a type, whatever it is
 
 
 def optional(annotation: Any) -> bool:  # noqa: ANN401 - as above
-    """Whether null is a value of it."""
+    """Return whether a type allows null."""
     return get_origin(annotation) in {Union, UnionType} and NoneType in get_args(annotation)
 
 
 def model_of(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401 - as above
-    """The model that a field holds, if it holds one."""
+    """Return the model class of a field, or None."""
     plain = unwrap(annotation)
     return plain if isinstance(plain, type) and issubclass(plain, BaseModel) else None
 
 
 def item_of(annotation: Any) -> Any:  # noqa: ANN401 - as above
-    """The type of a list's entries; None if it is no list."""
+    """Return the item type of a list, or None for other types."""
     plain = unwrap(annotation)
     return get_args(plain)[0] if get_origin(plain) is tuple else None
 
 
 def choices_of(annotation: Any) -> tuple[str | int, ...]:  # noqa: ANN401 - as above
-    """The words that a field may hold; empty if it is free."""
+    """Return the allowed values of a field; empty if any value is allowed."""
     plain = unwrap(annotation)
     if get_origin(plain) is Literal:
         return get_args(plain)
@@ -65,7 +62,7 @@ def choices_of(annotation: Any) -> tuple[str | int, ...]:  # noqa: ANN401 - as a
 
 
 def at(model: type[BaseModel], path: Sequence[str | int]) -> Any:  # noqa: ANN401 - as above
-    """The type of the field at a path; None if there is none."""
+    """Return the type of the field at a path, or None."""
     annotation: Any = model
     for step in path:
         if isinstance(step, int):
@@ -83,7 +80,7 @@ def at(model: type[BaseModel], path: Sequence[str | int]) -> Any:  # noqa: ANN40
 
 
 def expected_type(annotation: Any) -> str:  # noqa: ANN401 - as above
-    """What to write for a field."""
+    """Describe what to write for a field."""
     plain = unwrap(annotation)
     if words := choices_of(plain):
         return "one of " + ", ".join(map(str, words))
@@ -120,14 +117,14 @@ _Path = tuple[str | int, ...]
 
 
 def model_key(path: _Path) -> str:
-    """The key at a path as the model calls it."""
+    """Return the key at a path as the model names it."""
     return str(path[-1])
 
 
 def explain(
     error: ErrorDetails, root: Node, model: type[BaseModel], name: str, key_of: Callable[[_Path], str] = model_key
 ) -> Finding:
-    """One error of a block called `name`; `key_of` gives the keys as its file calls them."""
+    """Convert one validation error of block `name`; `key_of` returns keys as the file names them."""
     path = error["loc"]
     if error["type"] == "missing":
         return _missing(path, root, model, name, key_of)
@@ -139,7 +136,7 @@ def explain(
 
 
 def label_of(path: _Path, name: str, key_of: Callable[[_Path], str] = model_key) -> str:
-    """What a person calls the place: its key, or the list it is an entry of."""
+    """Describe a place for the user: a key, or an entry of a list."""
     if not path:
         return f"`{name}`"
     if isinstance(path[-1], int):
@@ -167,7 +164,7 @@ def _of_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[
 
 
 def _wrong_shape(error: ErrorDetails, node: Node) -> str:
-    """What is wrong before the value itself is looked at; empty if nothing is."""
+    """Return an error of the value's form, before its content is checked; empty if there is none."""
     if isinstance(node.value, Secret):
         return "cannot be vaulted: only passwords and keys may be"
     if node.value is None:
@@ -186,7 +183,7 @@ def _shape(node: Node) -> str:
 
 
 def _misread(node: Node) -> str:
-    """As what YAML has read a text without quotes."""
+    """Return the type that YAML assumed for an unquoted text."""
     if isinstance(node.value, bool):
         return "yes or no"
     if isinstance(node.value, int | float):

@@ -1,9 +1,9 @@
-"""YAML with the place of every value, and without what an inventory of final values must not hold.
+"""YAML parser that keeps the place of every value and refuses what an inventory must not contain.
 
-The C parser of PyYAML gives nodes with their marks; this turns them into `Node`s and tells duplicate keys, Jinja, tags,
-aliases and keys that are not text. PyYAML itself silently keeps the last of two equal keys, and so does Ansible.
+PyYAML's C parser returns nodes with marks; this module converts them to `Node`s, and reports duplicate keys, Jinja,
+tags, aliases and keys that are not text. PyYAML itself silently keeps the last of two equal keys, and so does Ansible.
 
-A value is an example in a line that ends with a comment `# EXAMPLE`, and below a key that has one.
+A value is an example if its line ends with a comment `# EXAMPLE`, or if it is below such a key.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Scalar = str | int | float | bool | date | Secret | None
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A value of the inventory and where it stands."""
+    """A value of the inventory and its place."""
 
     mark: findings.Mark
     value: dict[str, Node] | list[Node] | Scalar
@@ -46,16 +46,16 @@ class Node:
 
     @property
     def keys(self) -> dict[str, Node]:
-        """The values of a block; nothing for anything else."""
+        """Values of a block by key; empty for other values."""
         return self.value if isinstance(self.value, dict) else {}
 
     @property
     def place(self) -> findings.Mark:
-        """Where a person looks for it: at its key, else at the value."""
+        """Place to show to a person: the key, else the value."""
         return self.key or self.mark
 
     def at(self, *path: str | int) -> Node:
-        """What stands at a path, or the nearest above it that is written out (the rest are defaults)."""
+        """Return the node at a path, or its nearest written parent (the rest are defaults)."""
         node = self
         for step in path:
             below: dict[Any, Node] = {}
@@ -69,7 +69,7 @@ class Node:
         return node
 
     def data(self) -> Any:  # noqa: ANN401 - what YAML holds
-        """The value without its places."""
+        """Return the value without places."""
         if isinstance(self.value, dict):
             return {key: node.data() for key, node in self.value.items()}
         if isinstance(self.value, list):
@@ -97,33 +97,33 @@ Decrypt = Callable[[str], str]
 
 
 class VaultError(UsageError):
-    """A vaulted value that is damaged or does not open."""
+    """A vaulted value is damaged or cannot be decrypted."""
 
 
 class SealedSecret(Secret):
-    """A secret that nobody has decrypted: equal only to the same vault text, and it cannot be revealed.
+    """A secret that is still encrypted: equal only to the same vault text, and not revealable.
 
-    Sealed values are enough to validate an inventory, and no password is asked for.
+    Sealed values are enough to validate an inventory without a password.
     """
 
     __slots__ = ()
 
     def reveal(self) -> NoReturn:
-        """Refuse: the value is not known here."""
+        """Raise UsageError: the value is still encrypted."""
         raise UsageError(
             "a secret of the inventory is still encrypted",
             hint="give the vault's password: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …, or `--ask-vault-pass`",
         )
 
     def decrypt_with(self, decrypt: Decrypt) -> Secret:
-        """The secret that is sealed. Raises UsageError."""
+        """Return the decrypted secret. Raises UsageError."""
         return unseal(self._value, decrypt)
 
 
 def unseal(text: str, decrypt: Decrypt | None, *, strict: bool = True) -> Secret:
-    """The secret in a vault text; sealed if there is nothing to decrypt it with.
+    """Decrypt a vault text; without `decrypt` the secret stays sealed.
 
-    Raises VaultError, or the UsageError of a `decrypt` that has no password at all.
+    Raises VaultError, or the UsageError of a `decrypt` without password.
     """
     if strict and not text.startswith("$ANSIBLE_VAULT;"):
         raise VaultError("this is not a vaulted value", hint="make one: ansible-vault encrypt_string")
@@ -171,7 +171,7 @@ _UNCLOSED_ERRORS = ("did not find expected ',' or", "unexpected end of stream")
 
 
 def explain(error: yaml.YAMLError, file_name: str, text: str) -> findings.Finding:
-    """A syntax error with its place."""
+    """Convert a YAML syntax error to a finding."""
     if isinstance(error, yaml.reader.ReaderError):
         before = text[: error.position]
         mark = findings.Mark(file_name, before.count("\n") + 1, error.position - before.rfind("\n"))
@@ -195,14 +195,14 @@ def _character(text: str, mark: yaml.Mark) -> str:
 
 
 def _place(error: yaml.YAMLError, text: str) -> yaml.Mark | None:
-    """Where to look: what is not closed is best seen where it was opened."""
+    """Return the place to show: for unclosed constructs their beginning."""
     context_mark: yaml.Mark | None = getattr(error, "context_mark", None)
     problem_mark: yaml.Mark | None = getattr(error, "problem_mark", None)
     return context_mark if any(part in text for part in _UNCLOSED_ERRORS) else problem_mark or context_mark
 
 
 def _inside(text: str, mark: yaml.Mark) -> tuple[int, int]:
-    """PyYAML may point behind the end of the file; an editor cannot go there."""
+    """Limit a place to the end of the file, since PyYAML may point after it."""
     lines = text.splitlines() or [""]
     return (mark.line + 1, mark.column + 1) if mark.line < len(lines) else (len(lines), len(lines[-1]) + 1)
 
@@ -219,7 +219,7 @@ _EXAMPLE = re.compile(r"\bEXAMPLE\b(?!-)")
 
 
 def _marked_lines(text: str, root: yaml.Node) -> frozenset[int]:
-    """The lines, counted from 0, whose comment has the word EXAMPLE; a `#` inside a text begins no comment."""
+    """Return the lines (from 0) with a comment EXAMPLE; a `#` inside a text begins no comment."""
     candidates = {number: line for number, line in enumerate(text.split("\n")) if "#" in line and _EXAMPLE.search(line)}
     if not candidates:
         return frozenset()
@@ -235,7 +235,7 @@ def _marked_lines(text: str, root: yaml.Node) -> frozenset[int]:
 
 
 def _scalars(root: yaml.Node) -> Iterator[yaml.ScalarNode]:
-    """Every key and value of one word or text, each once."""
+    """Yield every scalar key and value once."""
     waiting, seen_ids = [root], set[int]()
     while waiting:
         node = waiting.pop()
@@ -251,7 +251,7 @@ def _scalars(root: yaml.Node) -> Iterator[yaml.ScalarNode]:
 
 
 def _inside_line(number: int, start: yaml.Mark, end: yaml.Mark, is_block: bool) -> tuple[float, float]:  # noqa: FBT001
-    """The columns of a line that a text takes; the first line of a block (`|`) is its sign alone."""
+    """Return the columns that a text occupies in a line; the first line of a block (`|`) is only its sign."""
     if is_block and number == start.line:
         return start.column, start.column + 1
     low = start.column if number == start.line else 0
@@ -259,7 +259,7 @@ def _inside_line(number: int, start: yaml.Mark, end: yaml.Mark, is_block: bool) 
 
 
 def parse(data: bytes, file_name: str, decrypt: Decrypt | None) -> tuple[Node | None, list[findings.Finding]]:
-    """Read one file's bytes; `file_name` is its name in errors. None if it is empty or cannot be parsed."""
+    """Parse one file; `file_name` is used in errors. None if it is empty or invalid."""
     start = findings.Mark(file_name, 1, 1)
     try:
         text = data.decode("utf-8-sig")
@@ -287,7 +287,7 @@ _DEEPEST = 100
 
 
 def _too_deep(text: str) -> Any:  # noqa: ANN401 - a mark of PyYAML or of its C parser, or None
-    """Return where the text is nested too deeply: the C parser composes by recursion, and would overrun its stack."""
+    """Return the place of too deep nesting: the C parser is recursive and would overflow its stack."""
     indents = (len(line) - len(line.lstrip(" -?")) for line in text.splitlines())
     if text.count("[") + text.count("{") + max(indents, default=0) <= _DEEPEST:
         return None
@@ -309,7 +309,7 @@ def _compose(text: str) -> yaml.Node | None:
 
 
 class _Converter:
-    """Turns PyYAML's nodes into ours and collects what is wrong on the way."""
+    """Converts PyYAML's nodes to `Node`s and collects errors."""
 
     def __init__(self, file_name: str, text: str, decrypt: Decrypt | None) -> None:
         self.file_name = file_name
@@ -322,7 +322,7 @@ class _Converter:
         self.constructor: Any = yaml.constructor.SafeConstructor()
 
     def convert(self, root: yaml.Node) -> tuple[Node | None, list[findings.Finding]]:
-        """The tree and all errors of it."""
+        """Return the tree and its errors."""
         self.marked = _marked_lines(self.text, root)
         try:
             return self._node(root), self.findings
@@ -355,7 +355,7 @@ class _Converter:
             self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "remove it")
 
     def _alias(self, node: yaml.Node) -> None:
-        """An alias has lost its own place in the node tree; the event stream still has it."""
+        """Report aliases at their own places, which only the event stream has."""
         events = yaml.parse(self.text, Loader=_Loader)
         aliases: list[Any] = [event for event in events if isinstance(event, yaml.AliasEvent)]
         for item in aliases or [node]:
@@ -417,7 +417,7 @@ class _Converter:
         return Node(mark, value, text, plain, key, is_reported=len(self.findings) > errors, example=example)
 
     def _value(self, node: yaml.Node, text: str) -> Scalar:
-        """The value of a plain or quoted scalar; its text if it is wrong."""
+        """Return the value of a plain or quoted scalar; its text if invalid."""
         kind = node.tag.removeprefix(_STANDARD)
         if kind not in _SCALARS:
             self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes")

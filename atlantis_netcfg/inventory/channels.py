@@ -1,18 +1,18 @@
-"""Radio channels that a directional Wi-Fi bridge may use outdoors, as data.
+"""Radio channels allowed for a directional outdoor Wi-Fi bridge, as data.
 
 5 GHz, both countries alike, because both follow the same harmonised decisions:
 
 - 5150-5250 MHz: indoors; outdoors only without a fixed outdoor antenna, so never for a bridge.
 - 5250-5350 MHz: indoors only.
 - 5470-5725 MHz: indoors and outdoors, 1 W EIRP with transmit power control and 500 mW without, radar detection (DFS).
-- 5725-5875 MHz: short-range devices, 25 mW EIRP, which is no bridge.
+- 5725-5875 MHz: short-range devices, 25 mW EIRP, too little for a bridge.
 
 2.4 GHz: 2400-2483.5 MHz, 100 mW EIRP, indoors and outdoors.
 
 Sources: ECC Decision (04)08 and Commission Implementing Decision (EU) 2022/179 (it replaced 2005/513/EC) for RLANs at
 5 GHz, ETSI EN 301 893; Decision 2006/771/EC and ETSI EN 300 440 for short-range devices; ETSI EN 300 328 for 2.4 GHz;
 the entries PT and BE of wireless-regdb (`db.txt`), which agree with each other and with the above. Channel blocks: IEEE
-802.11, annex E. `frequency` is that of the control channel, as RouterOS has it.
+802.11, annex E. `frequency` is that of the control channel, as in RouterOS.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """A range of the spectrum and who may use it; bounds in MHz."""
+    """A frequency range and its rule; bounds in MHz."""
 
     low: float
     high: float
@@ -73,12 +73,12 @@ WIDTHS: dict[str, tuple[int, ...]] = {
 
 
 def is_channel(band: str, frequency: int) -> bool:
-    """Whether a frequency is the centre of a control channel of the band."""
+    """Return whether a frequency is the centre of a control channel of the band."""
     return frequency in CHANNELS[band]
 
 
 def legal(country: str, band: str, width: int, *, outdoors: bool) -> tuple[int, ...]:
-    """The control channels that may be used at a width."""
+    """Return the control channels allowed at a width."""
     return tuple(
         frequency
         for frequency in CHANNELS[band]
@@ -87,20 +87,20 @@ def legal(country: str, band: str, width: int, *, outdoors: bool) -> tuple[int, 
 
 
 def why_illegal(country: str, band: str, frequency: int, width: int, *, outdoors: bool) -> str | None:
-    """The rule that forbids a channel, None if it is allowed; one of the ways to widen it must be."""
+    """Return the rule that forbids a channel, or None; one allowed extension of the channel is enough."""
     reasons = [_why_not(country, band, low, low + width, outdoors=outdoors) for low in _lower_edges(frequency, width)]
     return None if None in reasons else reasons[0]
 
 
 def lower_edge(country: str, band: str, frequency: int, width: int, *, outdoors: bool) -> float:
-    """Where a channel begins, in MHz: of the ways to widen its control channel, the first that is allowed."""
+    """Return a channel's lower edge in MHz: of its possible extensions, the first that is allowed."""
     edges = _lower_edges(frequency, width)
     good = (edge for edge in edges if _why_not(country, band, edge, edge + width, outdoors=outdoors) is None)
     return next(good, edges[0])
 
 
 def eirp_dbm(country: str, band: str, frequency: int, width: int, *, outdoors: bool) -> float | None:
-    """The most that may be radiated on a channel, antenna included; None if the channel is not allowed."""
+    """Return a channel's highest EIRP, antenna included; None if the channel is not allowed."""
     if why_illegal(country, band, frequency, width, outdoors=outdoors) is not None:
         return None
     low = lower_edge(country, band, frequency, width, outdoors=outdoors)
@@ -118,7 +118,7 @@ def _why_not(country: str, band: str, low: float, high: float, *, outdoors: bool
 
 
 def _lower_edges(frequency: int, width: int) -> tuple[float, ...]:
-    """Lower edges of the blocks that the control channel may belong to."""
+    """Return the lower edges of the blocks to which the control channel may belong."""
     first = frequency - 10
     origin = next((edge for edge in _ORIGINS if edge <= first), None)
     if origin is not None:

@@ -1,4 +1,4 @@
-"""Which values of an inventory are still examples: marked `# EXAMPLE`, or made so that nobody can own them."""
+"""Values of an inventory that are still examples: marked `# EXAMPLE`, or of a form that nobody can own."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SSH_KEY = "this SSH key"
 
 @dataclass(frozen=True, slots=True, order=True)
 class Example:
-    """A value that nobody has replaced yet."""
+    """An example value that has not been replaced yet."""
 
     file: str
     line: int
@@ -37,7 +37,7 @@ class Example:
 
 
 def by_line(examples: Iterable[Example]) -> list[str]:
-    """One line of a file each, with its keys; files are named as below the inventory."""
+    """Group examples by file line, with their keys; file names are relative to the inventory."""
     lines: dict[str, list[str]] = {}
     for example in examples:
         place = re.sub(r"^.*?(?=(?:group|host)_vars/)", "", example.file)
@@ -46,7 +46,7 @@ def by_line(examples: Iterable[Example]) -> list[str]:
 
 
 def examples_in(nodes: Iterable[Node]) -> tuple[Example, ...]:
-    """Every example at or below the nodes, by place."""
+    """Return all examples at or below the nodes, sorted by place."""
     return tuple(sorted({example for node in nodes for example in _below(node, "")}))
 
 
@@ -68,7 +68,7 @@ def _example(mark: Mark, key: str, reason: str | None) -> Example:
 
 
 def recognise(value: object) -> str | None:
-    """What an example value is by its own look; None where a person has to say it."""
+    """Return why a value is recognisably an example, or None."""
     text = value if isinstance(value, str) else ""
     if text.startswith(EXAMPLE_PREFIX):
         return f"what begins with {EXAMPLE_PREFIX}"

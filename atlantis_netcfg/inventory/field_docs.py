@@ -1,4 +1,4 @@
-"""What the keys of the model are for, in the words of its source: for the schema of editors and the key reference."""
+"""Descriptions of the model's keys, from its source, for the editors' schema and the key reference."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @cache
 def field_docs(model: type[BaseModel]) -> dict[str, str]:
-    """The strings below the fields of a model and of what it inherits from."""
+    """Return the docstrings of a model's fields, inherited ones included."""
     docs: dict[str, str] = {}
     for cls in reversed(model.__mro__):
         if not cls.__module__.startswith(f"{_schema.MODEL}."):
@@ -32,7 +32,7 @@ def field_docs(model: type[BaseModel]) -> dict[str, str]:
 
 
 def meaning(model: type[BaseModel], name: str) -> str:
-    """What a key is for: its own words, else those of the block or choice that it holds. Empty: nobody has said."""
+    """Return a key's description, else that of its block or choice; empty if there is none."""
     annotation = model.model_fields[name].annotation
     item = _schema.item_of(annotation)
     inner = _schema.unwrap(annotation if item is None else item)
@@ -42,6 +42,6 @@ def meaning(model: type[BaseModel], name: str) -> str:
 
 
 def sentence(words: str | None) -> str:
-    """One paragraph that begins like a sentence and ends like one."""
+    """Format words as one paragraph with an initial capital and a full stop."""
     plain = " ".join((words or "").split())
     return plain[:1].upper() + plain[1:] + ("" if plain.endswith(".") else ".")

@@ -1,6 +1,6 @@
-"""What is wrong in the inventory, where, and what to type instead: the form in which every error of it is told.
+"""Errors of the inventory: what is wrong, where, and what to type instead.
 
-Hints about words of the inventory: near misses, what else there is, and what a name may look like.
+Also hints about names in the inventory: near misses, alternatives, and valid names.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Mark:
-    """A place in a file as an editor counts it: both numbers begin with 1."""
+    """A place in a file, as editors count: line and column begin with 1."""
 
     file: str
     line: int
@@ -40,7 +40,7 @@ class Finding:
 
     @classmethod
     def at(cls, mark: Mark, message: str, hint: str) -> Finding:
-        """An error at a place; what was typed is shortened where it is long."""
+        """Build a finding at a place; long user input is shortened."""
         return cls(mark.file, mark.line, mark.column, _shorten(message), _shorten(hint))
 
     def __str__(self) -> str:
@@ -65,14 +65,14 @@ class InventoryInvalid(UsageError):
 
     @property
     def errors(self) -> tuple[UsageError, ...]:
-        """Each error by itself, up to MOST_SHOWN, and how many more there are."""
+        """Single errors, up to MOST_SHOWN, and the number of remaining ones."""
         errors = [UsageError(str(finding), hint=finding.hint) for finding in self.findings[:MOST_SHOWN]]
         more = len(self.findings) - MOST_SHOWN
         return (*errors, *([UsageError(_more(more))] if more > 0 else []))
 
 
 def report(findings: Sequence[Finding], where: str = _WHERE, *, warnings: bool = False) -> str:
-    """Errors or warnings as a technician reads them: place, what is wrong, what to type; the count comes last."""
+    """Format errors or warnings for a technician: place, problem, correction; and the count at the end."""
     lines = [f"{finding}\n  -> {finding.hint}" for finding in findings[:MOST_SHOWN]]
     lines += [_more(len(findings) - MOST_SHOWN)] if len(findings) > MOST_SHOWN else []
     alone, many = ("1 warning", f"{len(findings)} warnings") if warnings else ("1 error", f"{len(findings)} errors")
@@ -88,7 +88,7 @@ _MANY = 12
 
 
 def suggest(word: str, known_words: Iterable[str], *, none: str) -> str:
-    """The hint for an unknown word: the near miss, else all that is known, else `none`."""
+    """Return a hint for an unknown word: the near miss, else all known words, else `none`."""
     words = list(known_words)
     near = nearest(word, words)
     if near is not None:
@@ -97,19 +97,19 @@ def suggest(word: str, known_words: Iterable[str], *, none: str) -> str:
 
 
 def choices(words: Iterable[str]) -> str:
-    """The words, comma-separated; a long list is cut."""
+    """Join words with commas; a long list is shortened."""
     every = list(words)
     return ", ".join(every[:_MANY]) + (f" … ({len(every)} in all)" if len(every) > _MANY else "")
 
 
 def shown_key(key: str) -> str:
-    """A key as errors may show it: only its first word, because a slip of the finger can put a password behind it."""
+    """Return only the first word of a key: a typing error may put a password after it."""
     word = re.match(r"[\w.-]*", key)
     return key if word is None or word.group() == key else f"{word.group()}…"
 
 
 def why_no_name(text: str) -> tuple[str, str] | None:
-    """What is wrong with a name and what to type instead; None if it is an RFC 1123 label of at most 32 characters."""
+    """Return what is wrong with a name, and a correction; None: an RFC 1123 label of at most 32 characters."""
     if re.fullmatch(r"[a-z0-9](?:[a-z0-9-]{0,30}[a-z0-9])?", text):
         return None
     near = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:32].strip("-")

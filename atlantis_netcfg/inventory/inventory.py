@@ -1,4 +1,4 @@
-"""The whole pilot as frozen models, and the choice of hosts from it."""
+"""The whole inventory as immutable models, and the selection of hosts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class Host:
-    """A device and where it stands."""
+    """A device and its site."""
 
     name: str
     site: str
@@ -50,15 +50,15 @@ class Declaration:
     """What its vaulted values were opened with, for files beside it that have some as well."""
 
     def site_hosts(self, site: str) -> tuple[Host, ...]:
-        """The hosts of a site, in the order of hosts.yml."""
+        """Return the hosts of a site, in the order of hosts.yml."""
         return tuple(host for host in self.hosts.values() if host.site == site)
 
     def router_of(self, site: str) -> Host | None:
-        """The router of a site; None: it has none."""
+        """Return the router of a site, or None."""
         return next((host for host in self.site_hosts(site) if isinstance(host.device, model.Router)), None)
 
     def computer_of(self, site: str) -> Host | None:
-        """The computer that programs look from: the site's gateway, else its control centre."""
+        """Return the computer from which a site is probed: its gateway, else its control centre."""
         here = self.site_hosts(site)
         computers = [
             host for kind in (model.Gateway, model.ServerComputer) for host in here if isinstance(host.device, kind)
@@ -67,7 +67,7 @@ class Declaration:
 
 
 def choose(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
-    """The hosts of a site (`all`: of every site), narrowed to `only`. Raises NothingMatched with what exists."""
+    """Select the hosts of a site (`all`: every site), limited to `only`. Raises NoMatchError with the known names."""
     if site != ALL and site not in declaration.sites:
         raise NoMatchError(f"there is no site `{site}`", hint=_suggest(site, "sites", [*declaration.sites, ALL]))
     here = tuple(host for host in declaration.hosts.values() if site in {ALL, host.site})

@@ -1,7 +1,7 @@
-"""JSON schemas of the inventory's files, made from the model, for editors that read `# yaml-language-server: $schema=`.
+"""JSON schemas of the inventory's files, built from the model, for `# yaml-language-server: $schema=`.
 
-A schema sees one file, and of a text its form alone: what must hold between files is checked by `provision validate`.
-`python -m atlantis_netcfg.inventory.json_schema` writes the shipped ones; a test holds them equal to the model.
+A schema sees one file, and of a text only its form: `provision validate` checks conditions between files.
+`python -m atlantis_netcfg.inventory.json_schema` writes the included ones; a test compares them with the model.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _FILES: Mapping[str, tuple[str, type[BaseModel], bool]] = {
 
 
 def schemas() -> dict[str, dict[str, Any]]:
-    """Every schema by the name of its file, without `.json`."""
+    """Return all schemas by file name, without `.json`."""
     return {
         "hosts": _hosts(),
         "robot": _robot(),
@@ -52,19 +52,19 @@ def schemas() -> dict[str, dict[str, Any]]:
 
 
 def texts() -> dict[str, str]:
-    """File name -> what it holds."""
+    """Return the schema files: name to contents."""
     return {
         f"{name}.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n" for name, schema in schemas().items()
     }
 
 
 def modeline(schema: str, depth: int) -> str:
-    """The first line of a file that lies so many folders below the inventory."""
+    """Return the schema comment for a file `depth` folders below the inventory."""
     return f"# yaml-language-server: $schema={'../' * depth}{FOLDER}/{schema}.json"
 
 
 def write(inventory: Path) -> list[Path]:
-    """Write the schemas below an inventory."""
+    """Write the schemas into an inventory; return their paths."""
     folder = inventory / FOLDER
     folder.mkdir(exist_ok=True)
     paths = []
@@ -76,7 +76,7 @@ def write(inventory: Path) -> list[Path]:
 
 
 def _definitions(model: type[BaseModel]) -> dict[str, Any]:
-    """The schemas of a model and of all that it holds, with what each key means."""
+    """Return the schemas of a model and its nested models, with descriptions of the keys."""
     inner = model.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
     defs = {**inner.pop("$defs", {}), model.__name__: inner}
     for inner_model in _models(model):
@@ -85,7 +85,7 @@ def _definitions(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def _robot() -> dict[str, Any]:
-    """A robot's file has its keys at its beginning, for it is not Ansible's."""
+    """Return the schema of a robot's file, whose keys are at the top level: it is not Ansible's."""
     defs = _definitions(RobotFile)
     return {"$schema": _DRAFT, "title": "robot", **defs.pop(RobotFile.__name__), "$defs": defs}
 
@@ -127,7 +127,7 @@ def _pattern_of(annotation: Any) -> str:  # noqa: ANN401 - a type
 
 
 def _models(model: type[BaseModel], seen_models: set[type[BaseModel]] | None = None) -> Iterator[type[BaseModel]]:
-    """The model and all that it holds, each once."""
+    """Yield the model and its nested models, each once."""
     seen_models = set() if seen_models is None else seen_models
     if model in seen_models:
         return
@@ -141,7 +141,7 @@ def _models(model: type[BaseModel], seen_models: set[type[BaseModel]] | None = N
 
 
 def _describe(model: type[BaseModel], schema: dict[str, Any]) -> None:
-    """Say what each key means, in place of the titles that pydantic makes of the keys."""
+    """Replace pydantic's key titles by the descriptions."""
     schema.pop("title", None)
     schema["description"] = sentence(inspect.getdoc(model))
     for name, entry in schema["properties"].items():

@@ -1,6 +1,6 @@
-"""`docs/inventory.md`: every key that an inventory may hold, made from the model; the examples are the shipped values.
+"""`docs/inventory.md`: every key of an inventory, built from the model; examples are the included values.
 
-`python -m atlantis_netcfg.inventory.key_reference` writes the page; a test holds it equal to the model.
+`python -m atlantis_netcfg.inventory.key_reference` writes the page; a test compares it with the model.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ class _BlockOfKeys(NamedTuple):
 
 
 def text(inventory: Path) -> str:
-    """The page; `inventory` is the shipped one."""
+    """Render the page; `inventory` is the included example inventory."""
     examples = _examples(inventory)
     blocks = list(_blocks())
     titles = {block.model: block.title for block in blocks}
@@ -168,7 +168,7 @@ def text(inventory: Path) -> str:
 
 
 def _blocks() -> Iterator[_BlockOfKeys]:
-    """Every model once, under the first key that holds it; what is below comes after."""
+    """Yield every model once, under the first key that contains it; nested ones follow."""
     seen_models: set[type[BaseModel]] = set()
     roots: list[tuple[str, type[BaseModel]]] = [
         ("pilot", Pilot),
@@ -220,7 +220,7 @@ def _type(field: FieldInfo) -> str:
 
 
 def _kind_of_text(field: FieldInfo) -> str:
-    """What sort of text a validator of the model lets pass."""
+    """Return the kind of text that the field's validator accepts."""
     parts = [*field.metadata, *_annotations(field.annotation)]
     names = [getattr(part.func, "__name__", "") for part in parts if isinstance(part, BeforeValidator)]
     return next((_TEXTS[name] for name in names if name in _TEXTS), "")
@@ -277,7 +277,7 @@ def _bounds(field: FieldInfo) -> str:
 
 
 def _annotations(annotation: Any) -> Iterator[object]:  # noqa: ANN401 - a type
-    """The bounds that stand inside `… | None` or inside a list."""
+    """Yield the constraints inside `… | None` or a list."""
     for part in get_args(annotation):
         for inner in getattr(part, "__metadata__", ()):
             yield from getattr(inner, "metadata", None) or (inner,)
@@ -317,7 +317,7 @@ def _render(value: object) -> str:
 
 
 def example_of(model: type[BaseModel], name: str, examples: Mapping[_Key, str]) -> str:
-    """What a value looks like; empty where nobody has said it."""
+    """Return an example value; empty if there is none."""
     field = model.model_fields[name]
     if (model, name) in examples:
         return examples[model, name]
@@ -341,7 +341,7 @@ _EXAMPLES: Mapping[Any, str] = {
 
 
 def _examples(inventory: Path) -> dict[_Key, str]:
-    """The first value of each key in the shipped inventory."""
+    """Return the first value of each key in the included inventory."""
     result: dict[_Key, str] = {}
     for path in sorted((inventory / "group_vars").rglob("*.yml")) + sorted((inventory / "host_vars").glob("*.yml")):
         root, _ = parse(path.read_bytes(), path.name, None)
@@ -381,7 +381,7 @@ def _walk(node: Node, model: type[BaseModel], examples: dict[_Key, str]) -> None
 
 
 def _quote(value_text: str, node: Node) -> str:
-    """Text that YAML would read as something else keeps its quotes."""
+    """Quote a text that YAML would otherwise read as another type."""
     return f'"{value_text}"' if not isinstance(node.value, list) and not node.plain and node.text else value_text
 
 

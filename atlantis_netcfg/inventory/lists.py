@@ -1,7 +1,8 @@
-"""A list of records in a file that somebody has sent: YAML or CSV, read with the place of every value.
+"""Lists of records in a received file, YAML or CSV, with the place of every value.
 
-It is read as strictly as the inventory (no aliases, tags, merges, Jinja, duplicate keys), and with bounds, because it
-may come from anybody: a small YAML file can stand for gigabytes. Values are the text as it was typed: `no` stays `no`.
+Parsing is as strict as for the inventory (no aliases, tags, merges, Jinja, duplicate keys), and limited in size,
+because the sender is not trusted: a small YAML file can expand to gigabytes. Values are the text as typed: `no` stays
+`no`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 @dataclass(frozen=True, slots=True)
 class ListRow:
-    """One record; what it leaves out, or leaves empty, is not in `values`."""
+    """One record; omitted and empty values are not in `values`."""
 
     place: str
     """`FILE:LINE`, for errors."""
@@ -53,7 +54,7 @@ def _message(finding: Finding) -> str:
 
 
 def read(path: Path, keys: Sequence[str]) -> tuple[ListRow, ...]:
-    """Read the records, each with some of `keys`. Raises UsageError, and ListInvalid with every error of the file."""
+    """Read records whose keys are in `keys`. Raises UsageError, or ListInvalid with all errors of the file."""
     if path.suffix.lower() not in _SUFFIXES:
         raise UsageError(f"{path} is neither YAML nor CSV by its name", hint="call it .yml or .csv")
     data = _bytes(path)
@@ -80,7 +81,7 @@ def _bytes(path: Path) -> bytes:
 
 
 class _ListReader:
-    """What is wrong with a file, and which keys it may have."""
+    """Base of the readers: errors of a file, and its allowed keys."""
 
     def __init__(self, file_name: str, keys: Sequence[str]) -> None:
         self.file_name = file_name
@@ -100,7 +101,7 @@ class _ListReader:
 
 
 class _Yaml(_ListReader):
-    """A list of mappings of scalars."""
+    """Reader of a YAML list of mappings with scalar values."""
 
     def read(self, data: bytes) -> tuple[ListRow, ...]:
         if self._too_deep(data):
@@ -115,7 +116,7 @@ class _Yaml(_ListReader):
         return tuple(self._row(node) for node in root.value)
 
     def _too_deep(self, data: bytes) -> bool:
-        """Walk the events, which needs no memory for what is nested; what is no YAML is told by the parser after us."""
+        """Check the nesting by events, which needs no memory; syntax errors are left to the parser."""
         depth = 0
         try:
             for event in yaml.parse(data.decode("utf-8-sig", errors="replace"), Loader=_Loader):
@@ -148,7 +149,7 @@ class _Yaml(_ListReader):
 
 
 class _Csv(_ListReader):
-    """The first line names the columns."""
+    """Reader of CSV; the first line has the column names."""
 
     def read(self, data: bytes) -> tuple[ListRow, ...]:
         try:

@@ -1,6 +1,6 @@
-"""From an inventory directory to a `Declaration`, or to all errors of the whole pilot in one pass.
+"""Load an inventory directory to a `Declaration`, or report all errors in one pass.
 
-One bad part does not hide the others: each is made into models by itself.
+Each part is validated separately, so that an invalid part does not hide errors of others.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _IF_ANY = ("guests",)
 
 @dataclass(slots=True)
 class Variables:
-    """The blocks of the declaration, not yet checked."""
+    """Blocks of the inventory before validation."""
 
     all: dict[str, _yaml.Node] = field(default_factory=dict)
     """`pilot`, `partners`, `vehicles`, and `guests` where there are some."""
@@ -77,7 +77,7 @@ class _Gatherer:
         self.result = Variables()
 
     def gather(self) -> Variables:
-        """Everything, in an order that does not depend on the file system."""
+        """Read all files, in an order independent of the file system."""
         groups, hosts = self.sources.group_vars, self.sources.host_vars
         self._of_all(groups.get("all", []))
         for name in sorted(groups.keys() - {"all"}):
@@ -157,7 +157,7 @@ class _Gatherer:
             self._wrong(mark, f"`{name}` has no file in {folder}/", hint)
 
     def _variables(self, paths: list[Path], allowed_names: tuple[str, ...]) -> tuple[dict[str, _yaml.Node], bool]:
-        """The allowed variables of the files, and whether every file could be read."""
+        """Return the allowed variables of the files, and whether all files were readable."""
         variables: dict[str, _yaml.Node] = {}
         complete = True
         for path in paths:
@@ -204,11 +204,11 @@ _BACKUPS = ("~", ".bak", ".orig", ".swp", ".old", ".save", ".rej")
 
 @dataclass(slots=True)
 class InventorySources:
-    """The files of an inventory by what they are for.
+    """Files of an inventory by purpose.
 
-    Ansible takes `group_vars/<name>.yml`, a folder of that name, and more spellings than a person remembers; of a file
-    and a folder of one name it reads the folder alone (ansible-core, `DataLoader.find_vars_files`). One spelling is
-    allowed here, and every other file is told, so that nothing is declared in vain.
+    Ansible accepts `group_vars/<name>.yml`, a folder of that name, and other spellings. If a file and a folder have the
+    same name, it reads only the folder (ansible-core, `DataLoader.find_vars_files`). Only one spelling is allowed here,
+    and every other file is reported, so that no setting is silently ignored.
     """
 
     root: Path
@@ -223,7 +223,7 @@ class InventorySources:
     """What was read, by the files' names in errors."""
 
     def name(self, path: Path) -> str:
-        """A file's name in errors."""
+        """Return a file's name for errors."""
         return f"{self.display_name}/{path.relative_to(self.root).as_posix()}"
 
     def read(self, path: Path, decrypt: _yaml.Decrypt | None) -> tuple[_yaml.Node | None, list[Finding]]:
@@ -251,7 +251,7 @@ LARGEST = 1_000_000
 
 
 def content(path: Path) -> bytes:
-    """Read one byte more than a file may have. Raises OSError, also for what is no regular file: a pipe never ends."""
+    """Read at most one byte more than the size limit. Raises OSError, also for a pipe or other special file."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(descriptor, "rb") as file:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -260,7 +260,7 @@ def content(path: Path) -> bytes:
 
 
 def scan(root: Path, display_name: str) -> InventorySources:
-    """List an inventory directory that is known to exist."""
+    """List the files of an existing inventory directory."""
     sources = InventorySources(root, display_name)
     for entry in _entries(root):
         if entry.name in _FOLDERS and entry.is_dir():
@@ -315,7 +315,7 @@ def _is_folder_for_file(sources: InventorySources, entry: Path) -> bool:
 
 
 def _stray(sources: InventorySources, entry: Path, expected_names: tuple[str, ...] = ()) -> None:
-    """Tell a file or folder that is not read; documents may lie about, Ansible passes them by as well."""
+    """Report a file or folder that is not read; documents are ignored, as Ansible does."""
     file_name = sources.name(entry)
     sources.strays.update(path.stem for path in (entry, *entry.rglob("*")))
     if entry.is_dir():
@@ -354,9 +354,9 @@ _Path = tuple[str | int, ...]
 def build(
     node: _yaml.Node, model: type[_M], name: str, key_of: Callable[[_Path], str] = _schema.model_key
 ) -> tuple[_M | None, _yaml.Node, list[Finding]]:
-    """The model of a block called `name`, or every error of it; and the block with its keys as they were meant.
+    """Validate block `name`; return the model or None, the block with corrected keys, and all errors.
 
-    `key_of` gives the key at a path as the file calls it, where that is not the model's own.
+    `key_of` returns the key at a path as the file names it, if that differs from the model.
     """
     findings: list[Finding] = []
     while True:
@@ -388,7 +388,7 @@ def _fix_keys(
     words: tuple[str, Callable[[_Path], str]],
     findings: list[Finding],
 ) -> _yaml.Node:
-    """Tell unknown keys; give the node with them renamed to what was meant, or without them."""
+    """Report unknown keys; return the node with them renamed to the probable key, or removed."""
     for path in unknown:
         parent, key = path[:-1], str(path[-1])
         inner = _schema.model_of(_schema.at(model, parent))
@@ -406,7 +406,7 @@ def _fix_keys(
 def _unknown(
     key: str, block: Mapping[str, _yaml.Node], field_by_key: Mapping[str, str], where: str
 ) -> tuple[str | None, str, str]:
-    """The key that was probably meant, and a hint; `field_by_key` maps keys of the file to fields."""
+    """Return the probable key and a hint; `field_by_key` maps keys of the file to fields."""
     free = {word: field for word, field in field_by_key.items() if field not in block}
     word = key.partition(" ")[0]
     if word != key and word in free and block[key].value is None:
@@ -418,7 +418,7 @@ def _unknown(
 
 
 def _rename_key(node: _yaml.Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> _yaml.Node:
-    """The node with a key renamed, or without it. `told`: it may hold a secret, so no more is said."""
+    """Return the node with a key renamed or removed. `is_reported`: do not report it again, it may be a secret."""
     if not path:
         keys = dict(node.keys)
         value = keys.pop(old)
@@ -438,7 +438,7 @@ _M = TypeVar("_M", bound=BaseModel)
 
 
 def draft(layout: _hosts.HostLayout, variables: Variables) -> tuple[Draft, list[Finding]]:
-    """Check every part against the model."""
+    """Validate every part against its model."""
     builder = _Builder(Draft(layout))
     builder.pilot(variables.all.get("pilot"))
     builder.build_parts("partner", "partners", variables.all.get("partners"), Partner, builder.draft.partners)
@@ -464,7 +464,7 @@ class _Builder:
     def build_parts(
         self, sort: str, variable: str, node: _yaml.Node | None, model: type[BaseModel], into: dict[str, _M]
     ) -> None:
-        """A block of parts by name."""
+        """Validate a block of named parts."""
         if node is None:
             return
         self.draft.nodes[Part(variable)] = node
@@ -488,7 +488,7 @@ class _Builder:
             self.draft.sites[name] = site
 
     def test_guests(self) -> None:
-        """A site's list of vehicles is the user's, and is never edited: a guest says itself where it is tested."""
+        """Add guests to the sites where they are tested; the user's own list of vehicles is not edited."""
         guests = [(key, vehicle) for key, vehicle in self.draft.vehicles.items() if isinstance(vehicle, Guest)]
         for name, site in self.draft.sites.items():
             site_vehicles = site.checklist.vehicles
@@ -498,7 +498,7 @@ class _Builder:
                 self.draft.sites[name] = site.model_copy(update={"checklist": settings})
 
     def device(self, host: str, node: _yaml.Node | None) -> None:
-        """A device has the model of its kind."""
+        """Validate a device against the model of its kind."""
         if node is None:
             return
         part = Part("device", host)
@@ -514,7 +514,7 @@ class _Builder:
                 self.draft.devices[host] = device
 
     def _kind(self, host: str, node: _yaml.Node) -> tuple[_yaml.Node, str | None]:
-        """The device's kind; if it is missing or misspelt, that is told and its group decides."""
+        """Return the device's kind; a missing or misspelt one is reported and taken from its group."""
         group_kind = self.draft.layout.kinds.get(host)
         keys = dict(node.keys)
         if "kind" not in keys and (near := nearest("kind", keys)) is not None:
@@ -544,10 +544,10 @@ class _Builder:
 
 
 def load(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> Declaration:
-    """Read and check the whole pilot.
+    """Read and validate the whole inventory.
 
-    Raises InventoryInvalid with every error, NothingMatched where there is no inventory, no site or no host. Without
-    `decrypt` vaulted secrets stay sealed: they can be declared and compared, not revealed.
+    Raises InventoryInvalid with every error, NoMatchError if there is no inventory, no site or no host. Without
+    `decrypt` vaulted secrets stay sealed: they can be compared, but not revealed.
     """
     sources, inventory_draft, findings = _examine(inventory, decrypt)
     pilot = inventory_draft.pilot if inventory_draft is not None else None
@@ -579,7 +579,7 @@ def load(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> Declaratio
 
 
 def validate(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> list[Finding]:
-    """Every error of the inventory, sorted by place; raises NothingMatched as `load` does."""
+    """Return every error of the inventory, sorted by place. Raises NoMatchError as `load` does."""
     return _examine(inventory, decrypt)[2]
 
 
@@ -598,7 +598,7 @@ def _examine(inventory: Path, decrypt: _yaml.Decrypt | None) -> tuple[InventoryS
 
 
 def _one_closed(findings: list[Finding]) -> list[Finding]:
-    """One wrong password closes every vaulted value: tell the first of them, and how many more there are."""
+    """Merge the errors of a wrong vault password: the first one, and the number of others."""
     secret_findings = [finding for finding in findings if finding.message == _yaml.CANNOT_DECRYPT]
     if len(secret_findings) < 2:  # noqa: PLR2004 - one is told as it is
         return findings
@@ -613,7 +613,7 @@ def _one_closed(findings: list[Finding]) -> list[Finding]:
 
 
 def _require_layout(root: _yaml.Node | None, findings: list[Finding], display_name: str) -> _hosts.HostLayout:
-    """The layout of hosts.yml; zero sites or zero hosts without an error that says why is never a green nothing."""
+    """Return the layout of hosts.yml. Raises NoMatchError if it has no site or host and no other error."""
     layout = _hosts.lay_out(root) if root is not None else None
     if layout is None or not (layout.sites or layout.findings or findings):
         raise NoMatchError(
@@ -629,7 +629,7 @@ def _require_layout(root: _yaml.Node | None, findings: list[Finding], display_na
 
 
 def shown_path(path: Path) -> str:
-    """A name in errors: as a person in the current directory would type it."""
+    """Return a path as typed from the current directory."""
     full, here = path.absolute(), Path.cwd()
     return full.relative_to(here).as_posix() if full.is_relative_to(here) and full != here else path.as_posix()
 
@@ -638,7 +638,7 @@ _READABLE = "use another account, or a copy that this one may read"
 
 
 def _inventories_beside(inventory: Path) -> list[str]:
-    """Names of inventories in the same folder, as far as they may be read."""
+    """Return the names of readable inventories in the same folder."""
     result = []
     with suppress(OSError):
         for path in sorted(inventory.absolute().parent.iterdir()):

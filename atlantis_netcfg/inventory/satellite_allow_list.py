@@ -1,10 +1,10 @@
-"""What may pass over a satellite link: derived from the declaration, plus what a person adds.
+"""Traffic that may pass over a satellite link: derived from the inventory, plus additions by a person.
 
-Derived are the VPN's public endpoint and the pilot's time servers (UDP 123), because a site that is left with its
-satellite needs both: TLS refuses certificates while the clock is wrong. So is the far end of measurements. The
-declaration names no DNS servers (the router asks none, see templates/routeros/parts/dns.rsc.j2), so none is derived.
-`allow` of the bearer holds additions. Canaries of a satellite pass as well: the router's own pings to them, and nothing
-of the LAN.
+Derived are the VPN's public endpoint and the pilot's time servers (UDP 123), because a site that has only its
+satellite left needs both: TLS refuses certificates while the clock is wrong. The far end of measurements is derived
+too. The inventory names no DNS servers (the router uses none, see templates/routeros/parts/dns.rsc.j2), so none is
+derived. `allow` of the link holds additions. Probe targets of a satellite pass as well: the router's own pings to
+them, and nothing from the LAN.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FAR_END_TARGET = "far end of measurements"
 
 
 def derive_targets(pilot: model.Pilot) -> tuple[model.AllowedTarget, ...]:
-    """What every satellite link of the pilot admits, whatever its `allow` says."""
+    """Return the targets that every satellite link of the pilot admits, regardless of its `allow`."""
     vpn = pilot.vpn
     tunnel = model.AllowedTarget(
         name=VPN_TARGET,
@@ -45,7 +45,7 @@ def derive_targets(pilot: model.Pilot) -> tuple[model.AllowedTarget, ...]:
 
 
 def far_end(pilot: model.Pilot) -> model.AllowedTarget | None:
-    """Where measurements are answered, at the control centre's public address; None: nobody has declared it."""
+    """Return the far end of measurements at the control centre's public address; None if not configured."""
     if (qualify := pilot.qualify) is None:
         return None
     address = qualify.address or pilot.vpn.endpoint
@@ -53,7 +53,7 @@ def far_end(pilot: model.Pilot) -> model.AllowedTarget | None:
 
 
 def allowed_targets(pilot: model.Pilot, bearer: model.Bearer) -> tuple[model.AllowedTarget, ...]:
-    """Everything that a satellite link admits, what is derived first; nothing for other links."""
+    """Return all targets that a satellite link admits, derived ones first; empty for other links."""
     if not bearer.kind.traits.allow_list:
         return ()
     canaries = (model.AllowedTarget(name=f"canary {address}", address=address) for address in bearer.canaries)
@@ -63,7 +63,7 @@ def allowed_targets(pilot: model.Pilot, bearer: model.Bearer) -> tuple[model.All
 def admits(
     targets: Iterable[model.AllowedTarget], address: IPv4Address, port: int | None, transport: model.Transport
 ) -> bool:
-    """Whether one of the targets lets it pass; `port` None stands for the address as a whole, with ICMP."""
+    """Return whether a target admits this traffic; `port` None means the whole address, including ICMP."""
     return any(
         target.address == address and (target.port is None or (target.port == port and target.transport is transport))
         for target in targets

@@ -1,4 +1,4 @@
-"""Another file of ours in YAML, read as strictly as the inventory: every error with its line, near misses offered."""
+"""Reading of the toolkit's other YAML files, as strictly as the inventory: errors with lines and suggestions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _BYTES = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Block(Generic[_M]):
-    """A file as far as it could be read."""
+    """A parsed file with its findings; the value is None if it is invalid."""
 
     value: _M | None
     """None: see the findings."""
@@ -31,17 +31,17 @@ class Block(Generic[_M]):
     root: Node
 
     def wrong(self, path: tuple[str | int, ...], message: str, hint: str) -> Finding:
-        """An error at a value; of a block, at its key."""
+        """Return a finding at a value; for a block, at its key."""
         node = self.root.at(*path)
         return Finding.at(node.place if isinstance(node.value, dict | list) else node.mark, message, hint)
 
     def wrong_key(self, path: tuple[str | int, ...], message: str, hint: str) -> Finding:
-        """An error at a key."""
+        """Return a finding at a key."""
         return Finding.at(self.root.at(*path).place, message, hint)
 
 
 def read(path: Path, model: type[_M], name: str) -> Block[_M]:
-    """Read a file that is called `name` in errors. Raises UsageError where there is none that can be read."""
+    """Read a file that errors call `name`; raise UsageError if it cannot be read."""
     root, findings = parse(_bytes(path, name), str(path), None)
     start = Mark(str(path), 1, 1)
     if root is None:

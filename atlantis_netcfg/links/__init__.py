@@ -1,9 +1,9 @@
-"""The long-haul links of a site: what they say of themselves, whether that is good, and what they cost.
+"""The long-haul links of a site: their reported state, its assessment, and their cost.
 
-A reader takes what a device has answered, as text, and gives one normalised record; a judge compares that record with
-what is declared and says in words that a technician can act on what is wrong. Nothing in here opens a connection to a
-RouterOS device or knows the inventory: `operations` brings the answers and the declared values. Whoever cannot be asked
-(a satellite terminal) is declared, with evidence, and put to the test by probes.
+A reader parses the text that a device returned into one normalised record; a judge compares that record with the
+inventory and describes each problem so that a technician can act on it. Nothing in this package opens a connection to
+a RouterOS device or knows the inventory: `operations` passes in the responses and the expected values. A device that
+cannot be read (a satellite terminal) is described in the inventory, with evidence, and tested by probes.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What an action over a metered bearer costs, before it is done and after: bytes, what they are billed as, money.
+"""Cost of an action over a metered link, before and after it: bytes, billed bytes, money.
 
-The tariff is the declaration's (`billing:` of a bearer); its shape is that of the published fair-use rules of Iridium
-Certus 100: a minimum session of 5 kB, and from 300 s on the greater of what was carried and 300 bytes a second.
-Whether another plan has such a floor is for its contract to say. An action is priced as a session of its own, which is
+The tariff comes from the inventory (`billing:` of a link); its form follows the published fair-use rules of Iridium
+Certus 100: a minimum session of 5 kB, and from 300 s on the greater of the bytes carried and 300 bytes a second.
+Whether another plan has such a floor is stated in its contract. An action is priced as a separate session, which is
 the upper bound: where the terminal keeps one session open all day, the action adds no more than its own bytes.
 Nothing here does I/O.
 """
@@ -27,11 +27,11 @@ _CENT: Final = Decimal("0.01")
 
 
 class CostRefusal(DeviceError):
-    """Nobody has agreed to pay, or more would be sent than the declaration admits; nothing was sent for it."""
+    """The action was not agreed to or exceeds the link's cap; nothing was sent for it."""
 
 
 class Basis(StrEnum):
-    """Why a session is billed as so many bytes."""
+    """The rule that determined a session's billed bytes."""
 
     PAYLOAD = "what it carried"
     MINIMUM = "the minimum session"
@@ -40,7 +40,7 @@ class Basis(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Tariff:
-    """How a provider counts and what it asks; the fields are those of the declaration's `billing:`."""
+    """A provider's counting rules and prices; the fields are those of `billing:` in the inventory."""
 
     price_per_mb: Decimal
     """For 10^6 bytes, both directions counted together."""
@@ -53,7 +53,7 @@ class Tariff:
 
 @dataclass(frozen=True, slots=True)
 class MeteredLink:
-    """A bearer as its cost sees it."""
+    """The properties of a link that determine its cost."""
 
     name: str
     site: str
@@ -65,18 +65,18 @@ class MeteredLink:
 
     @property
     def cap_key(self) -> str:
-        """Where the cap is declared, for a person who wants to raise it."""
+        """The inventory key of the cap, for a person who wants to raise it."""
         return f"`cap_mb` of bearer `{self.name}` in group_vars/{self.site}.yml"
 
     @property
     def tariff_key(self) -> str:
-        """Where the tariff would be declared."""
+        """The inventory key where the tariff belongs."""
         return f"`billing` of bearer `{self.name}` in group_vars/{self.site}.yml"
 
 
 @dataclass(frozen=True, slots=True)
 class Bill:
-    """What a session is billed as."""
+    """The billed bytes and the price of a session."""
 
     payload_bytes: int
     seconds: float
@@ -88,7 +88,7 @@ class Bill:
 
     @property
     def money(self) -> str:
-        """The price in words, rounded up to hundredths."""
+        """The price as text, rounded up to hundredths."""
         if self.price is None:
             return "price unknown"
         if 0 < self.price < _CENT:
@@ -97,12 +97,12 @@ class Bill:
 
     @property
     def words(self) -> str:
-        """What a person reads: `61 kB, billed as 75 kB (the floor of a long session), 0.60 EUR`."""
+        """The bill as text: `61 kB, billed as 75 kB (the floor of a long session), 0.60 EUR`."""
         more = f", billed as {size(self.billed_bytes)} ({self.basis})" if self.billed_bytes > self.payload_bytes else ""
         return f"{size(self.payload_bytes)}{more}, {self.money}"
 
     def as_dict(self) -> Mapping[str, str | int | float | None]:
-        """As JSON-able data; the price as text, so that no digit is lost."""
+        """Return JSON-able data; the price is text, so that no digit is lost."""
         return {
             "payload_bytes": self.payload_bytes,
             "seconds": round(self.seconds, 1),
@@ -115,7 +115,7 @@ class Bill:
 
 @dataclass(frozen=True, slots=True)
 class Preview:
-    """What an action is expected to cost on a bearer."""
+    """The expected cost of an action on a link."""
 
     link: MeteredLink
     bill: Bill
@@ -124,13 +124,13 @@ class Preview:
 
     @property
     def over_cap(self) -> bool:
-        """Whether it may not be done, whatever a person accepts."""
+        """Whether the action exceeds the cap and is refused even with a person's consent."""
         cap = self.link.cap_bytes
         return self.link.is_metered and cap is not None and self.bill.payload_bytes > cap
 
     @property
     def words(self) -> str:
-        """What a person reads before anything is sent."""
+        """The expected cost as text, shown before anything is sent."""
         name, at_most = self.link.name, self.at_most
         if not self.link.is_metered:
             whole = size(self.bill.payload_bytes)
@@ -140,7 +140,7 @@ class Preview:
         return f"over {name} of {self.link.site}, which is paid by the byte: {'up to' if at_most else 'about'} {cost}"
 
     def refusal(self) -> CostRefusal:
-        """The error for an action beyond the cap."""
+        """Return the error for an action beyond the cap."""
         cap = self.link.cap_bytes or 0
         return CostRefusal(
             f"this would send about {size(self.bill.payload_bytes)} over {self.link.name}, and no action may send more"
@@ -149,7 +149,7 @@ class Preview:
         )
 
     def as_dict(self) -> Mapping[str, object]:
-        """As JSON-able data."""
+        """Return JSON-able data."""
         return {
             "bearer": self.link.name,
             "metered": self.link.is_metered,
@@ -162,8 +162,8 @@ class Preview:
 def bill(nbytes: int, seconds: float, tariff: Tariff | None) -> Bill:
     """Price a session that carried `nbytes` in both directions and lasted `seconds`.
 
-    Without a tariff the bytes are billed as they are, and the price is unknown. Where nothing was carried there was no
-    session. ValueError on anything below zero.
+    Without a tariff the bytes are billed as they are, and the price is unknown. If nothing was carried there was no
+    session. Raises ValueError for negative values.
     """
     if nbytes < 0 or seconds < 0:
         raise ValueError(f"no session carries {nbytes} bytes in {seconds} s")
@@ -174,12 +174,12 @@ def bill(nbytes: int, seconds: float, tariff: Tariff | None) -> Bill:
 
 
 def preview(nbytes: int, seconds: float, link: MeteredLink, *, at_most: bool = False) -> Preview:
-    """Say what an action of so many bytes and seconds is expected to cost on a bearer. ValueError as `bill`."""
+    """Return the expected cost of an action on a link; raise ValueError for negative bytes or seconds."""
     return Preview(link, bill(nbytes, seconds, link.tariff if link.is_metered else None), at_most)
 
 
 def size(nbytes: int) -> str:
-    """A number of bytes for a person, in decimal units as providers bill: `812 B`, `61 kB`, `12.4 MB`."""
+    """Format a number of bytes in decimal units, as providers bill them: `812 B`, `61 kB`, `12.4 MB`."""
     if nbytes < _KB:
         return f"{nbytes} B"
     # From here on it would be rounded to `1000 kB`.
@@ -189,7 +189,7 @@ def size(nbytes: int) -> str:
 
 
 def _compute_billed_bytes(nbytes: int, seconds: float, tariff: Tariff) -> tuple[int, Basis]:
-    """The greatest of what holds; a tie counts as what was carried."""
+    """Return the largest of the applicable byte counts and its rule; a tie counts as payload."""
     if not nbytes:
         return 0, Basis.PAYLOAD
     rules = (

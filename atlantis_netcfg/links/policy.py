@@ -1,10 +1,10 @@
-"""Which bearer carries a site's traffic, and how each is tried out without moving any.
+"""The link that carries a site's traffic, and probes of each link that do not move traffic.
 
-Pure: rows as a router's `/ip/route/print` gives them (text values, API names) go in, names of bearers come out;
-commands come out as data, and whoever holds the session sends them.
+Pure: rows as a router's `/ip/route/print` returns them (text values, API names) go in, names of links come out;
+commands are returned as data, and the holder of the session sends them.
 
-How a default route is told to belong to a bearer: its gateway is one of the bearer's canaries (a recursive route), the
-bearer's next hop, or the port that the bearer is on. A route whose gateway is anything else belongs to nobody.
+A default route belongs to a link if its gateway is one of the link's probe targets (a recursive route), the link's
+next hop, or the link's port. A route with any other gateway belongs to no link.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _TRUE = frozenset({"true", "yes"})
 
 @dataclass(frozen=True, slots=True)
 class BearerRoute:
-    """A bearer as the router's routing knows it."""
+    """A link as the router's routing table shows it."""
 
     name: str
     gateway: str
@@ -52,7 +52,7 @@ class BearerRoute:
 
 @dataclass(frozen=True, slots=True)
 class PolicyProbe:
-    """A ping that tries one bearer: `path` with `arguments`, as the API takes them."""
+    """A ping that tests one link: `path` with `arguments`, as the API takes them."""
 
     bearer: str
     target: str
@@ -63,26 +63,26 @@ class PolicyProbe:
 
 
 def active_bearers(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[BearerRoute]) -> tuple[str, ...]:
-    """Return the bearers by which the main table's default leads now, in the order of `bearers`.
+    """Return the links used by the main table's default routes now, in the order of `bearers`.
 
-    Several are ECMP over different links; none means that the site has no way out, or one that is not a bearer's.
+    Several mean ECMP over different links; none means that the site has no default route, or none over a known link.
     """
     owners = {_owner(row, bearers) for row in _defaults(route_rows)}
     return tuple(bearer.name for bearer in bearers if bearer.name in owners)
 
 
 def active_bearer(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[BearerRoute]) -> str | None:
-    """Return the one bearer that carries the traffic; None if there is none, or not one alone.
+    """Return the only link that carries the traffic; None if there is none or more than one.
 
-    Two canaries of one link are two equal routes and still one bearer. A default route that is nobody's beside a
-    bearer's makes the answer None, because part of the traffic goes elsewhere.
+    Two probe targets of one link are two equal routes and still one link. A default route of no link beside a link's
+    makes the result None, because part of the traffic goes elsewhere.
     """
     owners = {_owner(row, bearers) for row in _defaults(route_rows)}
     return owners.pop() if len(owners) == 1 else None
 
 
 def _defaults(route_rows: Iterable[Mapping[str, str]]) -> list[Mapping[str, str]]:
-    """Return the default routes that are in force: of main, active, not disabled, the nearest if they disagree."""
+    """Return the default routes in force: main table, active, enabled; of different distances, the nearest."""
     used = [
         row
         for row in route_rows
@@ -96,13 +96,13 @@ def _defaults(route_rows: Iterable[Mapping[str, str]]) -> list[Mapping[str, str]
 
 
 def _distance(row: Mapping[str, str]) -> int:
-    """A row without a distance has the default, 1 (Manual, IP Routing)."""
+    """Return a route's distance; a row without one has the default, 1 (Manual, IP Routing)."""
     text = row.get("distance", "")
     return int(text) if text.isdecimal() else 1
 
 
 def _owner(row: Mapping[str, str], bearers: Sequence[BearerRoute]) -> str | None:
-    """A flag that is there says `blackhole=` or `blackhole=true`; such a route leads nowhere, so to no bearer."""
+    """Return the link that a route belongs to; None for a blackhole route (`blackhole=` or `blackhole=true`)."""
     if row.get("blackhole", "no") not in ("no", "false"):
         return None
     gateway_name = row.get("gateway", "").partition("@")[0]
@@ -117,11 +117,11 @@ def _owner(row: Mapping[str, str], bearers: Sequence[BearerRoute]) -> str | None
 
 
 def probe_commands(bearers: Sequence[BearerRoute], *, count: int = 3) -> tuple[PolicyProbe, ...]:
-    """Return pings that test every probed bearer by its own routing table; nobody's traffic moves.
+    """Return pings that test every probed link through its own routing table, without moving traffic.
 
-    A ping from a link's own address is led into the link's own table by a routing rule, so it takes this link whether
-    or not the link is in use; its canary has a host route over this link alone. A satellite is never among them: its
-    airtime is for traffic. `/tool/ping` is in the command trees of every version that we know; `/ping` left with 7.23.
+    A routing rule sends a ping from a link's own address to the link's table, so it uses this link whether or not the
+    link is active; its probe target has a host route over this link alone. Satellites are never included: their airtime
+    is for traffic. `/tool/ping` exists in the command trees of all known versions; `/ping` was removed in 7.23.
     """
     return tuple(
         PolicyProbe(

@@ -1,9 +1,8 @@
-"""The satellite link: what is declared of the terminal, what its names resolve to, and what probing has shown.
+"""The satellite link: the terminal's entry in the inventory, DNS names of targets, and probe results.
 
-The terminal of the pilot (Thales VesseLINK) has no documented interface: nobody has published a manual of one, an API,
-or code that speaks to it. So nothing here drives it, and no form of its pages is filled in from imagination. What a
-person has seen there is declared, with evidence; whether the allow-list holds is put to the test by probes from the
-router.
+The terminal of the pilot (Thales VesseLINK) has no documented interface: no manual, API or code for one has been
+published. So nothing here drives it, and its pages are not guessed. What a person has seen there is written in the
+inventory, with evidence; probes from the router test whether the allow-list works.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ FACTORY_ADDRESSES = ("192.168.1.1",)
 
 
 def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tuple[BearerFinding, ...]:
-    """Say that the network has given the link an address behind its own NAT; what is not readable is not judged.
+    """Report that the network gave the link an address behind its own NAT; skip an address that is unreadable.
 
-    `address`: of the SIM or the terminal towards the network, as a reader or the declared evidence gives it.
-    `forwards`: whether ports of the site's outer addresses are declared to lead inside.
+    `address`: of the SIM or the terminal towards the network, from a reader or from the evidence in the inventory.
+    `forwards`: whether ports of the site's outer addresses are forwarded to inside hosts.
     """
     try:
         outer_address = None if address is None else IPv4Address(address)
@@ -56,9 +55,9 @@ def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tu
 def judge_factory_address(
     host: str, port: str, declared_address: str, *, answers: bool, answers_at_factory: str | None
 ) -> tuple[BearerFinding, ...]:
-    """Compare where a box should answer on a port with where it does (ARP, which costs no airtime).
+    """Compare a device's expected address on a port with where it responds (ARP, which costs no airtime).
 
-    `answers_at_factory`: the factory address at which something answers on that port, None if nothing does.
+    `answers_at_factory`: the factory address that responds on that port, None if none does.
     """
     if answers_at_factory is None or answers_at_factory == declared_address:
         if answers:
@@ -85,7 +84,7 @@ STALE_AFTER_DAYS = 180
 
 @dataclass(frozen=True, slots=True)
 class SatelliteEvidence:
-    """One look at the terminal, as the inventory declares it."""
+    """One inspection of the terminal, as recorded in the inventory."""
 
     firmware: str
     allow_list: bool
@@ -98,7 +97,7 @@ class SatelliteEvidence:
 
 @dataclass(frozen=True, slots=True)
 class Backup:
-    """A backup that the terminal has exported, as it lies on this computer."""
+    """A backup exported by the terminal and saved on this computer."""
 
     path: str
     """As a person would type it."""
@@ -108,10 +107,10 @@ class Backup:
 def judge_evidence(
     name: str, evidence: SatelliteEvidence | None, backup: Backup | None, confirmed_firmware: str | None, today: date
 ) -> tuple[BearerFinding, ...]:
-    """Everything that is to be said of a terminal's evidence; empty: it is complete, young and good.
+    """Return all findings about a terminal's evidence; empty if it is complete, recent and good.
 
-    `backup`: the file that was found, None if there is none; `confirmed_firmware`: what the evidence said when a run
-    last recorded it, None before the first one.
+    `backup`: the backup file, None if there is none; `confirmed_firmware`: the evidence's firmware when a run last
+    recorded it, None before the first one.
     """
     if evidence is None:
         return (
@@ -184,7 +183,7 @@ def _firmware(name: str, evidence: SatelliteEvidence, confirmed_firmware: str | 
 
 @dataclass(frozen=True, slots=True)
 class NamedTarget:
-    """An entry of an allow-list that has a name."""
+    """An allow-list entry that has a DNS name."""
 
     what: str
     """What it is for: `VPN server`."""
@@ -198,10 +197,10 @@ class NamedTarget:
 def judge_names(
     targets: Iterable[NamedTarget], addresses_by_name: Mapping[str, frozenset[str] | None], by: str
 ) -> tuple[BearerFinding, ...]:
-    """Compare declared addresses with what names resolve to; `by` says who was asked: `this computer`, `the router`.
+    """Compare addresses in the inventory with the DNS result; `by` names the resolver: `this computer`, `the router`.
 
-    `addresses_by_name`: the IPv4 addresses of each name, an empty set where it does not exist, None for a name that
-    could not be asked about: that is silence, and proves nothing.
+    `addresses_by_name`: the IPv4 addresses of each name, an empty set if it does not exist, None if the lookup failed:
+    that proves nothing.
     """
     return tuple(
         finding for target in targets for finding in _judge(target, addresses_by_name.get(target.dns_name), by)
@@ -234,14 +233,14 @@ WINDOW_S = 90.0
 
 
 class ExpectedOutcome(StrEnum):
-    """What the declaration says of a target."""
+    """The outcome that the inventory expects for a target."""
 
     REACHED = "reached"
     REFUSED = "refused"
 
 
 class ProbeOutcome(StrEnum):
-    """What was seen."""
+    """The observed outcome of a probe."""
 
     ANSWERED = "answered"
     SILENT = "silent"
@@ -253,7 +252,7 @@ class ProbeOutcome(StrEnum):
 
 
 class SatelliteProbe(StrEnum):
-    """How a target was tried."""
+    """The protocol used to probe a target."""
 
     ICMP = "icmp"
     TCP = "tcp"
@@ -269,7 +268,7 @@ class SatelliteProbe(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """One target, tried once."""
+    """One probe of one target."""
 
     name: str
     target: str
@@ -289,9 +288,10 @@ class Attempt:
 
 
 def judge_attempt(attempt: Attempt, *, link_seen: bool) -> BearerFinding:
-    """Judge one attempt: PASS, FAIL, or INCONCLUSIVE where silence or a missing way proves nothing.
+    """Judge one attempt: PASS, FAIL, or INCONCLUSIVE if silence or a missing route proves nothing.
 
-    `link_seen`: something was reached over the satellite in the same run; over a dead link everything looks refused.
+    `link_seen`: another target was reached over the satellite in the same run; over a dead link everything looks
+    refused.
     """
     if attempt.outcome is ProbeOutcome.NOT_TRIED:
         message = f"{attempt.name} ({attempt.target}) could not be tried: {attempt.note}"

@@ -1,12 +1,12 @@
-"""Standing traffic: what a link carries by itself, without a run and without a person, in bytes and money.
+"""Standing traffic: what a link carries without a run or a person, in bytes and money.
 
-Canaries, time servers, the keep-alives and renegotiations of the VPN, the announcements of DDS, telemetry. Each is a
-`StandingFlow` in bytes a day as they cross the link, with all headers, those of the VPN too. Here is the arithmetic
-alone; `operations.standing` fills it from the declaration and from what is rendered of it. Nothing here does I/O.
+Probes of links, time servers, keep-alives and renegotiations of the VPN, announcements of DDS, telemetry. Each is a
+`StandingFlow` in bytes a day as they cross the link, with all headers, those of the VPN too. This file has only the
+arithmetic; `operations.standing` supplies the values from the inventory and the rendered configuration. No I/O.
 
-The sizes are measured; `tests/integration/computers/dds` (`test_standing_bytes.py`, `test_topic_bytes.py`) holds them
-against a real OpenVPN and real participants. Not in any figure: how the tunnel comes up, answers of ARP, what people
-do, and a link that loses packets.
+The sizes are measured, and `tests/integration/computers/dds` (`test_standing_bytes.py`, `test_topic_bytes.py`) compares
+them with a real OpenVPN and real participants. Not included: setting up the tunnel, ARP, traffic of people, and
+retransmissions on a link that loses packets.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _FRAGMENT = 12
 
 
 class TrafficSource(StrEnum):
-    """What the traffic comes from, in the words of `provision links`."""
+    """The source of standing traffic, as named by `provision links`."""
 
     CANARIES = "canaries"
     TIME = "time"
@@ -66,19 +66,19 @@ class StandingFlow:
         return self.up + self.down
 
     def mirror(self) -> StandingFlow:
-        """The same at the other end."""
+        """Return the same flow seen from the other end."""
         return replace(self, up=self.down, down=self.up, always=False)
 
 
 @dataclass(frozen=True, slots=True)
 class VpnHeaders:
-    """What the VPN adds to each packet that it carries."""
+    """The bytes that the VPN adds to each packet."""
 
     bytes: int
 
     @classmethod
     def of(cls, transport: str) -> VpnHeaders:
-        """UDP: 24 of OpenVPN's data channel with AES-GCM, 28 of UDP and IP. TCP: its length and longer headers."""
+        """Return the overhead: UDP 24 (OpenVPN data channel, AES-GCM) + 28 (UDP, IP); TCP more, with a length."""
         return cls(52 if transport == "udp" else 78)
 
 
@@ -86,13 +86,13 @@ NO_VPN: Final = VpnHeaders(0)
 
 
 def canaries(number: int, interval_s: float) -> StandingFlow:
-    """Pings to so many addresses every `interval_s` seconds, and their answers."""
+    """Return the traffic of pings to `number` probe targets every `interval_s` seconds, with their replies."""
     each = _a_day(interval_s) * number * ECHO_BYTES
     return StandingFlow(TrafficSource.CANARIES, each, each, always=True)
 
 
 def time_questions(servers: int, interval_s: float) -> StandingFlow:
-    """What a client of NTP asks so many servers, and their answers."""
+    """Return the traffic of NTP requests to `servers` time servers, with their responses."""
     each = _a_day(interval_s) * servers * NTP_BYTES
     return StandingFlow(TrafficSource.TIME, each, each)
 
@@ -100,10 +100,10 @@ def time_questions(servers: int, interval_s: float) -> StandingFlow:
 def keep_alive(
     ping_s: float, renegotiation_s: float, busy_up_s: float | None, busy_down_s: float | None
 ) -> StandingFlow:
-    """What a tunnel of OpenVPN says to stay up.
+    """Return the traffic of an OpenVPN tunnel's keep-alives and renegotiations.
 
-    An end sends its ping when it has sent nothing for `ping_s`. `busy_*_s`: how often something goes through the tunnel
-    in a direction anyway; None: nothing does. Where that is more often than the ping, no ping is ever sent.
+    An end sends its ping if it has sent nothing for `ping_s`. `busy_*_s`: the interval at which other traffic uses the
+    tunnel in a direction; None: there is none. If that is shorter than `ping_s`, no ping is ever sent.
     """
     renewal_bytes = _a_day(renegotiation_s) * RENEGOTIATION_BYTES / 2
 
@@ -115,7 +115,7 @@ def keep_alive(
 
 @dataclass(frozen=True, slots=True)
 class LinkPace:
-    """How quick a link is, as far as reliable topics depend on it."""
+    """The speed of a link, as far as reliable topics depend on it."""
 
     rtt_s: float
     """Round trip to the subscriber without load."""
@@ -123,13 +123,13 @@ class LinkPace:
     """From the site."""
 
     def sends_in_s(self, nbytes: float) -> float:
-        """Seconds that so many bytes take to leave the site."""
+        """Return the seconds needed to send this many bytes from the site."""
         return nbytes * 8 / self.up_bps
 
 
 @dataclass(frozen=True, slots=True)
 class SteadyTopic:
-    """A topic at a steady rate."""
+    """A topic that is published at a steady rate."""
 
     rate_hz: float
     size_bytes: int
@@ -139,7 +139,7 @@ class SteadyTopic:
 
 @dataclass(frozen=True, slots=True)
 class MessageCost:
-    """What one message of a topic, and all that goes with it, is on the link in the mean, to one subscriber."""
+    """The mean cost of one message on the link to one subscriber, with all related traffic."""
 
     fragments: int
     """Datagrams that the message itself needs."""
@@ -150,18 +150,18 @@ class MessageCost:
 
 
 class Reliability(Protocol):
-    """How an implementation of DDS sees to it that a reliable topic arrives: heartbeats, and acknowledgements."""
+    """The reliability protocol of a DDS implementation: heartbeats and acknowledgements."""
 
     def cost(self, topic: SteadyTopic, message: MessageCost, pace: LinkPace, vpn: VpnHeaders) -> MessageCost:
-        """A message of a reliable topic, `message` being the same of a topic that is not."""
+        """Return the cost of a reliable topic's message; `message` is its cost without reliability."""
 
 
 @dataclass(frozen=True, slots=True)
 class CycloneHeartbeats:
-    """Cyclone DDS: a heartbeat in each message, and alone every so often until it is acknowledged; each is answered.
+    """Cyclone DDS: a heartbeat in each message, and further ones until it is acknowledged; each gets a response.
 
     So a link with a long round trip carries more of them, in both directions. Fragments that wait behind other traffic
-    for longer than 0.1 s are asked for again; that is not in it.
+    for longer than 0.1 s are requested again; that is not included.
     """
 
     heartbeat: int = 32
@@ -175,7 +175,7 @@ class CycloneHeartbeats:
     """`HeartbeatInterval`, and its default."""
 
     def cost(self, topic: SteadyTopic, message: MessageCost, pace: LinkPace, vpn: VpnHeaders) -> MessageCost:
-        """Where the next message comes before the acknowledgement, there is always one that waits for it."""
+        """Return the cost of a message; if the next one precedes the acknowledgement, one is always unacknowledged."""
         waits_s = min(pace.rtt_s + pace.sends_in_s(message.bytes_up), 1 / topic.rate_hz)
         heartbeats = max(1.0, waits_s / self.every_s)
         inside = self.heartbeat + (message.fragments - 1) * self.fragment_heartbeat
@@ -190,12 +190,12 @@ class CycloneHeartbeats:
 
 @dataclass(frozen=True, slots=True)
 class HeartbeatsNowAndThen:
-    """Fast DDS: a heartbeat every few seconds, and one whenever so much has been sent since the last one.
+    """Fast DDS: a heartbeat every few seconds, and one after a certain number of bytes since the last.
 
-    A message that is larger than that has one in each fragment. On a link on which a fragment takes longer than the
-    subscriber waits before it answers, each answer asks again for all fragments that have not come yet, and they are
-    sent again: n fragments become up to n (n + 1) / 2, which is taken. At 352 kbit/s 3 fragments became 4 to 6, 6
-    became 14 to 21 and 10 became 54; at 10 Mbit/s none was sent again.
+    A message that is larger than that has one in each fragment. If the link needs longer for a fragment than the
+    subscriber waits before it responds, each response requests all missing fragments again, and they are resent: n
+    fragments become up to n (n + 1) / 2, which is assumed. At 352 kbit/s 3 fragments became 4 to 6, 6 became 14 to 21
+    and 10 became 54; at 10 Mbit/s none was resent.
     """
 
     heartbeat: int = 32
@@ -215,7 +215,7 @@ class HeartbeatsNowAndThen:
     """Share of the heartbeats that have an answer where fragments are sent again."""
 
     def cost(self, topic: SteadyTopic, message: MessageCost, pace: LinkPace, vpn: VpnHeaders) -> MessageCost:
-        """A message that goes in fragments is answered once, where all of them come before the answer."""
+        """Return the cost of a message; one in fragments is acknowledged once if all arrive before the response."""
         alone = min(1.0, 1 / (self.every_s * topic.rate_hz))
         repeats = self._repeats(message, pace)
         packets = message.packets_up * repeats
@@ -234,12 +234,12 @@ class HeartbeatsNowAndThen:
         )
 
     def _repeats(self, message: MessageCost, pace: LinkPace) -> float:
-        """How often each fragment goes, in the mean."""
+        """Return how often each fragment is sent on average."""
         slow = pace.sends_in_s(message.bytes_up / message.fragments) > self.answered_after_s
         return (message.fragments + 1) / 2 if slow else 1.0
 
     def _of_history(self, topic: SteadyTopic, pace: LinkPace) -> float:
-        """Share of the messages that find the history full: from then on each, until the answer has come."""
+        """Return the share of messages that find the history full; each does until the acknowledgement arrives."""
         if topic.rate_hz * self.every_s <= self.history:
             return 0.0
         waiting = 1 + topic.rate_hz * pace.rtt_s
@@ -248,7 +248,7 @@ class HeartbeatsNowAndThen:
 
 @dataclass(frozen=True, slots=True)
 class DdsSizes:
-    """What an implementation of DDS sends, in bytes as IP packets."""
+    """Packet sizes of a DDS implementation, in bytes as IP packets."""
 
     announcement: int
     """A participant's announcement to one port of one peer."""
@@ -261,7 +261,7 @@ class DdsSizes:
 
 @dataclass(frozen=True, slots=True)
 class Announcing:
-    """How a computer's DDS processes keep themselves known, as its profile sets it."""
+    """How a computer's DDS processes announce themselves, as its profile configures it."""
 
     processes: int
     """That run, on each computer."""
@@ -271,12 +271,12 @@ class Announcing:
     sizes: DdsSizes
 
     def announcement_bytes(self, peers: int, vpn: VpnHeaders) -> float:
-        """Bytes a day on the link, to so many peers."""
+        """Return the bytes a day on the link for announcements to `peers` peers."""
         packets = self.processes * (self.ports + self.processes * self.sizes.has_repeat) * _a_day(self.every_s)
         return peers * packets * (self.sizes.announcement + vpn.bytes)
 
     def refusal_bytes(self, peers: int, vpn: VpnHeaders) -> float:
-        """Bytes a day that come back from the ports where nobody listens, as ICMP errors of the peers' kernels.
+        """Return the bytes a day of ICMP errors that the peers' kernels return for closed ports.
 
         Linux sends one a second to each address, and six at once after a pause (icmp(7), `icmp_ratelimit`).
         """
@@ -287,7 +287,7 @@ class Announcing:
 
 @dataclass(frozen=True, slots=True)
 class DdsMessages:
-    """How a computer's profile lets DDS cut messages, and what goes around them."""
+    """How a computer's profile makes DDS fragment messages, and the protocol overhead."""
 
     message_bytes: int
     """The largest UDP payload."""
@@ -297,7 +297,7 @@ class DdsMessages:
     vpn: VpnHeaders
 
     def cost(self, topic: SteadyTopic, pace: LinkPace) -> MessageCost:
-        """One message on the link: a sample that does not fit into a datagram goes in fragments."""
+        """Return the cost of one message; a sample that does not fit into a datagram is sent in fragments."""
         padded_bytes = ceil(topic.size_bytes / 4) * 4
         head, fragments = self.sizes.sample_head + self.vpn.bytes, 1
         if self.sizes.sample_head - UDP_IP + padded_bytes > self.message_bytes:
@@ -307,7 +307,7 @@ class DdsMessages:
 
 
 def topic_flow(topics: Iterable[tuple[float, MessageCost]], subscribers: int) -> StandingFlow:
-    """Topics, each by its rate in Hz and the cost of a message; every subscriber gets a copy of its own."""
+    """Return the flow of topics, given as rate in Hz and cost per message; every subscriber gets its own copy."""
     up = down = 0.0
     for rate_hz, cost in topics:
         up += rate_hz * cost.bytes_up * subscribers * DAY_S
@@ -317,7 +317,7 @@ def topic_flow(topics: Iterable[tuple[float, MessageCost]], subscribers: int) ->
 
 @dataclass(frozen=True, slots=True)
 class StandingTraffic:
-    """What one bearer carries by itself while the traffic of the site goes over it."""
+    """The standing traffic of one link while the site's traffic uses it."""
 
     link: MeteredLink
     flows: tuple[StandingFlow, ...]
@@ -327,27 +327,27 @@ class StandingTraffic:
 
     @property
     def day_bytes(self) -> int:
-        """Both directions, in 24 hours."""
+        """Bytes in 24 hours, both directions."""
         return round(sum(flow.both for flow in self.flows))
 
     @property
     def month_bytes(self) -> int:
-        """Both directions, in 30 days."""
+        """Bytes in 30 days, both directions."""
         return MONTH_DAYS * self.day_bytes
 
     @property
     def idle_day_bytes(self) -> int:
-        """What it carries a day while another bearer has the traffic."""
+        """Bytes a day while another link carries the site's traffic."""
         return round(sum(flow.both for flow in self.flows if flow.always))
 
     @property
     def bill(self) -> Bill:
-        """Of a month, as one session that never ends."""
+        """The bill for a month, as one session that never ends."""
         return bill(self.month_bytes, MONTH_DAYS * DAY_S, self.link.tariff if self.link.is_metered else None)
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What a person reads, a line each: `39.5 MB a day, 1186.2 MB a month …`."""
+        """The traffic as lines of text: `39.5 MB a day, 1186.2 MB a month …`."""
         parts = ", ".join(f"{flow.source} {size(round(flow.both))}" for flow in self.flows)
         price = f": {self.bill.money}" if self.link.is_metered else ""
         lines = [f"{size(self.day_bytes)} a day, {size(self.month_bytes)} a month while it carries the traffic{price}"]
@@ -362,11 +362,11 @@ class StandingTraffic:
         return tuple(lines)
 
     def only(self, source: TrafficSource) -> StandingTraffic:
-        """The part of one source."""
+        """Return the traffic of one source."""
         return replace(self, flows=tuple(flow for flow in self.flows if flow.source is source))
 
     def as_dict(self) -> Mapping[str, object]:
-        """As JSON-able data."""
+        """Return JSON-able data."""
         return {
             "day_bytes": self.day_bytes,
             "month_bytes": self.month_bytes,
@@ -381,7 +381,7 @@ class StandingTraffic:
 
 
 def added_up(flows: Iterable[StandingFlow]) -> tuple[StandingFlow, ...]:
-    """One flow a source, in the order of `TrafficSource`; sources without a byte are left out."""
+    """Sum the flows per source, in the order of `TrafficSource`; sources without a byte are left out."""
     sums: dict[TrafficSource, StandingFlow] = {}
     for flow in flows:
         before = sums.get(flow.source, StandingFlow(flow.source, 0, 0, flow.always))

@@ -1,7 +1,7 @@
-"""The status of a bearer, whatever carries it, and the requests by which a RouterOS device is read for it.
+"""The status of a link of any kind, and the requests that read it from a RouterOS device.
 
-Readers are pure, so what they may cause to be sent is this data and nothing else; a test holds every query against
-RouterOS' own command trees.
+Readers are pure: they can only cause these requests to be sent; a test checks every query against RouterOS' own
+command trees.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class LinkState(StrEnum):
-    """Whether the bearer carries traffic."""
+    """Whether the link carries traffic."""
 
     UP = "up"
     """It was seen to carry traffic, or its own device says that it is connected."""
@@ -32,7 +32,7 @@ class LinkState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class BearerFinding:
-    """One thing that somebody should know of a bearer."""
+    """A finding about a link."""
 
     verdict: Verdict
     code: str
@@ -43,7 +43,7 @@ class BearerFinding:
     """What a technician can do about it."""
 
     def as_dict(self) -> dict[str, str | None]:
-        """As JSON-able data."""
+        """Return JSON-able data."""
         return {"verdict": self.verdict.value, "code": self.code, "message": self.message, "hint": self.hint}
 
 
@@ -53,7 +53,7 @@ Quality = dict[str, str | int | float | None]
 
 @dataclass(frozen=True, slots=True)
 class BearerStatus:
-    """A bearer as it was found; what could not be read is None and never a zero."""
+    """The current state of a link; a value that could not be read is None, never zero."""
 
     name: str
     kind: str
@@ -69,13 +69,13 @@ class BearerStatus:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst of its findings; without any it passes if it is up."""
+        """The worst verdict of the findings; without any, PASS if the link is up, else INCONCLUSIVE."""
         if self.findings:
             return worst(finding.verdict for finding in self.findings)
         return Verdict.PASS if self.state is LinkState.UP else Verdict.INCONCLUSIVE
 
     def as_dict(self) -> Mapping[str, Any]:
-        """As JSON-able data, in the shape that `provision links --json` promises."""
+        """Return JSON-able data in the format of `provision links --json`."""
         return {
             "kind": self.kind,
             "state": self.state.value,
@@ -89,7 +89,7 @@ class BearerStatus:
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """One command of the API that only reads."""
+    """A read-only command of the API."""
 
     menu: str
     """In the form of the API: `/interface/wireless`."""
@@ -106,7 +106,7 @@ class Query:
 
     @property
     def words(self) -> tuple[tuple[str, str], ...]:
-        """The arguments of the sentence, the list of properties among them."""
+        """The arguments of the API sentence, including the list of properties."""
         proplist = ((".proplist", ",".join(self.proplist)),) if self.proplist else ()
         return (*self.arguments, *proplist)
 
@@ -124,7 +124,7 @@ _BARE_BITS = 1_000_000
 
 
 def decibels(text: str | None, low: float, high: float, unit: str = "dBm") -> float | None:
-    """Read `-97dBm`, `-48dBm@6Mbps`, `-9dB`, `-72`; None outside the range that is physically possible."""
+    """Parse a level like `-97dBm`, `-48dBm@6Mbps`, `-9dB`, `-72`; None outside the range from `low` to `high`."""
     match = _LEVEL.fullmatch((text or "").strip())
     if match is None or (match[2] is not None and match[2].lower() != unit.lower()):
         return None
@@ -133,7 +133,7 @@ def decibels(text: str | None, low: float, high: float, unit: str = "dBm") -> fl
 
 
 def megabits(text: str | None) -> float | None:
-    """Read a rate in Mbit/s: `54.0Mbps-20MHz/1S`, `144.4Mbps`, `1.2Gbps`, `286800000`; a rate of 0 means no frame."""
+    """Parse a rate to Mbit/s: `54.0Mbps-20MHz/1S`, `144.4Mbps`, `1.2Gbps`, `286800000`; None for 0 (no frame yet)."""
     word = (text or "").strip()
     if word.isdecimal():
         return int(word) / _BARE_BITS if int(word) >= _BARE_BITS else None
@@ -143,14 +143,14 @@ def megabits(text: str | None) -> float | None:
 
 
 def percent(text: str | None) -> float | None:
-    """Read `90` or `90%`."""
+    """Parse a percentage: `90` or `90%`."""
     match = _PERCENT.fullmatch((text or "").strip())
     value = float(match[1]) if match is not None else None
     return value if value is not None and value <= 100 else None  # noqa: PLR2004 - per cent
 
 
 def seconds(text: str | None) -> float | None:
-    """Read an interval: `6h24m21s`, `1w2d`, `0ms`, `00:15:54`."""
+    """Parse an interval to seconds: `6h24m21s`, `1w2d`, `0ms`, `00:15:54`."""
     word = (text or "").strip()
     if clock := _CLOCK.fullmatch(word):
         weeks, days, hours, minutes, rest = (int(part or 0) for part in clock.groups())
@@ -161,11 +161,11 @@ def seconds(text: str | None) -> float | None:
 
 
 def whole(text: str | None) -> int | None:
-    """Read a whole number."""
+    """Parse a non-negative whole number; None if the text is none."""
     word = (text or "").strip()
     return int(word) if word.isascii() and word.isdecimal() else None
 
 
 def yes(text: str | None) -> bool | None:
-    """Read `yes`/`true`, `no`/`false`; None is neither."""
+    """Parse `yes`/`true` and `no`/`false`; None for anything else."""
     return {"yes": True, "true": True, "no": False, "false": False}.get((text or "").strip().lower())

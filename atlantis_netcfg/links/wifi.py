@@ -1,4 +1,4 @@
-"""The Wi-Fi bridge: what both families of RouterOS' radio menus say, in one record, and what is wrong in words."""
+"""The Wi-Fi bridge: one record for both families of RouterOS' radio menus, and findings as text."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Family(StrEnum):
 
 
 class WifiCondition(StrEnum):
-    """What the radio does; a word that nobody knows is `unknown`, never a failure."""
+    """The radio's condition; an unrecognised value is `unknown`, never a failure."""
 
     RUNNING = "running"
     """An access point on the air, whether or not anybody is registered."""
@@ -50,7 +50,7 @@ class WifiCondition(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WifiPeer:
-    """Who is registered, and how the two hear each other: a row of the registration table."""
+    """A registered peer and the signal in both directions: a row of the registration table."""
 
     mac: str | None = None
     """Upper case."""
@@ -74,14 +74,14 @@ class WifiPeer:
 
     @property
     def imbalance_db(self) -> float | None:
-        """Between the best and the worst chain; None with fewer than two."""
+        """Difference in dB between the best and the worst chain; None with fewer than two."""
         levels = [level for level in self.chains_dbm if level is not None]
         return max(levels) - min(levels) if len(levels) > 1 else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WifiReading:
-    """What a radio said at one moment."""
+    """The state that a radio reported at one moment."""
 
     family: Family
     condition: WifiCondition = WifiCondition.UNKNOWN
@@ -110,7 +110,7 @@ _HALF_CHANNEL_MHZ = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WifiSettings:
-    """What the declaration says of this end."""
+    """The settings of this end in the inventory."""
 
     peer: str
     """The inventory's name of the other end."""
@@ -128,14 +128,14 @@ class WifiSettings:
 
 
 def judge(reading: WifiReading, settings: WifiSettings) -> tuple[BearerFinding, ...]:
-    """Everything that is wrong or worth knowing; empty if the bridge is as declared and well heard."""
+    """Return all findings about the bridge; empty if it matches the inventory and its signal is good."""
     if reading.is_associated:
         return tuple(_association(reading, settings))
     return (_apart(reading, settings),)
 
 
 def link_state(reading: WifiReading) -> LinkState:
-    """What the radio itself says of its link; no probe has been sent."""
+    """Return the link state that the radio itself reports, without a probe."""
     if reading.is_associated is None:
         return LinkState.SEARCHING if reading.condition is WifiCondition.RADAR else LinkState.UNKNOWN
     if reading.is_associated:
@@ -146,7 +146,7 @@ def link_state(reading: WifiReading) -> LinkState:
 
 
 def quality(reading: WifiReading, settings: WifiSettings | None = None) -> Quality:
-    """The readings of a `BearerStatus`, of the declared peer if it is registered, else of the first one."""
+    """Return the quality readings for a `BearerStatus`: of the expected peer if registered, else of the first one."""
     peer = _declared_peer(reading, settings)
     result: Quality = {"status": reading.status, "channel": reading.channel}
     names = ("signal_dbm", "tx_signal_dbm", "snr_db", "tx_rate_mbps", "rx_rate_mbps", "tx_ccq_percent")
@@ -164,7 +164,7 @@ def _declared_peer(reading: WifiReading, settings: WifiSettings | None) -> WifiP
 
 
 def _is_declared(peer: WifiPeer, settings: WifiSettings) -> bool | None:
-    """Tell whether this is the declared peer; None where nothing is known by which to tell."""
+    """Return whether this is the peer in the inventory; None if there is nothing to identify it by."""
     if settings.peer_macs and peer.mac is not None:
         return peer.mac in settings.peer_macs
     if settings.peer_radio_name is not None and peer.radio_name is not None:
@@ -173,7 +173,7 @@ def _is_declared(peer: WifiPeer, settings: WifiSettings) -> bool | None:
 
 
 def _apart(reading: WifiReading, settings: WifiSettings) -> BearerFinding:
-    """Why nobody is registered."""
+    """Return the finding that tells why no peer is registered."""
     if reading.condition is WifiCondition.DISABLED:
         hint = "run the site to enable it, or look who has disabled it"
         return BearerFinding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
@@ -296,7 +296,7 @@ _TIME_LEFT = re.compile(r"\d+(?:\.\d+)?(?:ms|[wdhms])(?:\d+(?:\.\d+)?(?:ms|[wdhm
 
 
 def queries(family: Family, interface: str) -> tuple[Query, Query]:
-    """What to ask of the device: the registration table, then the radio with this name; the answers go to `read`."""
+    """Return the queries for the registration table and for the radio with this name, in the order of `read`."""
     menu = f"/interface/{family}"
     return (
         Query(f"{menu}/registration-table", "print"),
@@ -310,9 +310,9 @@ def read(
     monitor: Mapping[str, str] | None,
     interface: str | None = None,
 ) -> WifiReading:
-    """Read what the two queries answered; None: a question that the device refused or did not answer.
+    """Build the reading from the two query results; None means that a query was refused or not answered.
 
-    `interface` leaves out what is registered on other radios of the device.
+    `interface` excludes peers that are registered on other radios of the device.
     """
     monitor_row = monitor or {}
     status = _meaningful(monitor_row.get("status")) or _meaningful(monitor_row.get("state"))
@@ -368,7 +368,7 @@ def _is_associated(
 
 
 def _read_peer(row: Mapping[str, str], monitor_row: Mapping[str, str]) -> WifiPeer:
-    """Read a row; what it lacks may stand in `monitor`, which speaks of the one access point of a station."""
+    """Parse a registration row; for a station, missing values come from `monitor`, which describes its access point."""
     station = "bssid" in monitor_row or "signal-strength" in monitor_row
     both = {**monitor_row, **row} if station else row
     mac = _meaningful(row.get("mac-address"))

@@ -1,8 +1,8 @@
-"""What a door can ask for: provision a site, go on after a break, put a saved state back, take a backup.
+"""Operations: provision a site, resume after an interruption, restore a saved state, take a backup.
 
-A request names the way (plan, apply, …); the declaration is rendered into desired text, every device becomes one job
-of the engine, and one result per device comes back. The command line asks through Ansible, Ansible asks through one
-action plugin, and both end here.
+A request names the mode (plan, apply, …); the inventory is rendered into the desired text, every device becomes one job
+of the engine, and one result per device is returned. The command line calls Ansible, Ansible calls one action plugin,
+and both end here.
 """
 
 from __future__ import annotations

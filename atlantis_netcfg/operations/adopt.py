@@ -1,4 +1,4 @@
-"""Adopt one router of the inventory over its console, and record it (the steps are in `routeros.first_contact`)."""
+"""Adoption of one router of the inventory over its console, with a record (steps: `routeros.first_contact`)."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ _CABLE_S = 60.0
 
 @dataclass(slots=True)
 class HostKey:
-    """The host key that the device must show; the first one that it shows, where none is known."""
+    """The host key that the device must present; if none is known, the first one that it presents."""
 
     pin: str | None
 
 
 @dataclass(slots=True)
 class SshRoute:
-    """An address; `locate` tells where a service port of it really is (a twin's is on loopback)."""
+    """A console route over SSH; `locate` maps a service port to its real address (loopback for an emulated device)."""
 
     label: str
     target: AdoptionTarget
@@ -60,20 +60,20 @@ class SshRoute:
     serial: bool = False
 
     def open(self, user: str, password: Secret) -> Console:
-        """Log in; a host key that nobody knows yet is taken from the first session, which sends no password."""
+        """Log in by SSH; an unknown host key is taken from a first session, which sends no password."""
         self.meet()
         address, port = self.locate(SSH_PORT)
         return open_ssh(address, port, user, password, pin=self.key.pin, timeout_s=_CABLE_S)
 
     def meet(self) -> None:
-        """See who is there, and remember the host key if none is known; nothing is logged in to."""
+        """Check that the device responds, and record its host key if none is known; no login."""
         address, port = self._knock()
         if self.key.pin is not None:
             return
         self.key.pin = host_key_of(address, port, _CABLE_S)
 
     def prove(self, pin: str) -> None:
-        """Log in by api-ssl as our user under this certificate."""
+        """Log in by api-ssl as the toolkit's user, requiring this certificate."""
         try:
             asyncio.run(self._log_in(pin))
         except api.Unreachable as nobody:
@@ -86,7 +86,7 @@ class SshRoute:
         await session.close()
 
     def _knock(self) -> tuple[str, int]:
-        """Find out soon whether anybody is there: an SSH server says its name at once."""
+        """Check quickly whether the device responds: an SSH server sends its banner at once."""
         address, port = self.locate(SSH_PORT)
         try:
             with socket.create_connection((address, port), timeout=_KNOCK_S) as knock:
@@ -103,26 +103,26 @@ class SshRoute:
 
 @dataclass(slots=True)
 class SerialRoute:
-    """A serial line; it proves nothing about api-ssl."""
+    """A console route over a serial line; it cannot test api-ssl."""
 
     label: str
     serial: bool = True
 
     def open(self, user: str, password: Secret) -> Console:
-        """Log in."""
+        """Log in on the serial line."""
         return open_serial(self.label, user, password, timeout_s=_CABLE_S)
 
     def prove(self, pin: str) -> None:
-        """Refuse: there is no TLS on a serial line."""
+        """Raise ConsoleUnreachable: there is no TLS on a serial line."""
         raise ConsoleUnreachable(f"certificate {pin[:16]}… cannot be tried over {self.label}")
 
     def meet(self) -> None:
-        """Nothing: a serial line has no host key, and RouterOS does not print its own."""
+        """Do nothing: a serial line has no host key, and RouterOS does not print its own."""
 
 
 @dataclass(slots=True)
 class ConsoleAccess:
-    """Where the technician has plugged in, and the management address."""
+    """The route over the technician's connection, and the one over the management address."""
 
     first: ConsoleRoute
     final: ConsoleRoute
@@ -130,7 +130,7 @@ class ConsoleAccess:
 
     @property
     def host_key(self) -> str | None:
-        """The host key of the device, once known."""
+        """The host key of the device; None until it is known."""
         return self.key.pin
 
 
@@ -142,7 +142,7 @@ _HALF = "half-adopted"
 
 @dataclass(frozen=True, slots=True)
 class AdoptionResult:
-    """How it ended; what is told as done was read back."""
+    """The result of an adoption; everything reported as done was read back."""
 
     device: str
     status: str
@@ -154,7 +154,7 @@ class AdoptionResult:
     run: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """The object that `--json` prints."""
+        """Return the object that `--json` prints."""
         return {
             "device": self.device,
             "status": self.status,
@@ -169,7 +169,7 @@ class AdoptionResult:
 
 @dataclass(slots=True)
 class Adoption:
-    """One device that is to be adopted, and how it is reached."""
+    """The adoption of one device, with the routes to it."""
 
     declaration: Declaration
     host: Host
@@ -192,7 +192,7 @@ class Adoption:
         self.target = target_of(self.declaration, self.host)
 
     def plan(self) -> AdoptionResult:
-        """Look at the device and tell what would be done; nothing is changed or recorded. Raises NetcfgError."""
+        """Read the device and return the planned steps; nothing is changed or recorded. Raise NetcfgError."""
         outcome = self._contact(runs.NoJournal()).plan()
         if outcome.status is AdoptionStatus.ALREADY:
             return self._unchanged_result(outcome, "")
@@ -200,7 +200,7 @@ class Adoption:
         return self._result(outcome, errors.ExitCode.CHANGES, message, "")
 
     def carry_out(self, agree: Callable[[AdoptionOutcome], None]) -> AdoptionResult:
-        """Adopt the device under the site's lock, with a journal. Raises NetcfgError, which the journal holds too."""
+        """Adopt the device under the site's lock, with a journal; raise NetcfgError, which the journal records too."""
         store = runs.Store(self.state, is_rehearsal=self.is_rehearsal)
         with store.lock(self.host.site, self.command), store.start(self._start_record()) as journal:
             if self.is_replacement:
@@ -267,7 +267,7 @@ class Adoption:
         return self._result(outcome, errors.ExitCode.DONE, "already adopted: nothing was changed", run)
 
     def _missing(self, outcome: AdoptionOutcome) -> Iterator[str]:
-        """What `provision site=...` will ask for, and what no first contact can make."""
+        """Yield what `provision site=...` will require and adoption cannot create."""
         there = {row.get("name") for row in outcome.facts.certificates} if outcome.facts else set()
         for prerequisite in get_managed_device(self.declaration, self.host).prerequisites():
             if (
@@ -281,7 +281,7 @@ class Adoption:
                 )
 
     def _stale(self) -> Iterator[str]:
-        """What the inventory still says of another certificate, or of another SSH server."""
+        """Yield inventory entries that name another certificate or SSH host key than the device's."""
         pins, name = runs.Store(self.state, is_rehearsal=self.is_rehearsal).pins, self.host.name
         for key, declared_pin, saved_pin in (
             ("fingerprint", self._access.fingerprint, pins.get(name)),
@@ -305,29 +305,29 @@ class Adoption:
         )
 
     def _end(self, journal: runs.Journal, status: str, code: errors.ExitCode, message: str) -> runs.JournalError | None:
-        """Record the end; a disk that is full by now is told in the result, which must not be lost over it."""
+        """Record the end; return an error such as a full disk instead of raising it, so that the result is not lost."""
         outcome = runs.Outcome(device=self.host.name, status=status, exit=int(code), message=message)
         return runs.conclude(journal, outcome, runs.RunEnd(exit=int(code)))
 
 
 class _ChangeJournal:
-    """A journal that knows whether anything was typed that changes the device."""
+    """A journal that records whether a command that changes the device was sent."""
 
     def __init__(self, journal: runs.Journal) -> None:
         self._journal = journal
         self.touched = False
 
     def write(self, record: Record) -> None:
-        """Put a record on disk."""
+        """Write a record to disk."""
         self.touched = self.touched or isinstance(record, runs.ContactStep)
         self._journal.write(record)
 
     def save(self, device: str, text: str) -> None:
-        """Put the state of before on disk."""
+        """Save the state before the change."""
         self._journal.save(device, text)
 
     def confirm(self, device: str, text: Callable[[], str]) -> None:
-        """Put the state that was read back on disk."""
+        """Save the state that was read back."""
         self._journal.confirm(device, text)
 
 
@@ -338,7 +338,7 @@ def _status(error: errors.NetcfgError, *, has_changes: bool) -> str:
 
 
 def target_of(declaration: Declaration, host: Host) -> AdoptionTarget:
-    """What a declared device is to become at first contact. Raises NothingMatched for kinds that the engine lacks."""
+    """Return the target state of a device at adoption; raise NoMatchError for kinds that the engine lacks."""
     if not is_supported(host):
         raise errors.NoMatchError(
             f"{host.name} is a {host.device.kind.replace('_', ' ')}: only RouterOS devices are adopted",

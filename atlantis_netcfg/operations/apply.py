@@ -1,6 +1,6 @@
-"""Perform a request for the RouterOS hosts of a play: one journal and one lock a site, one job a device.
+"""Execution of a request for the RouterOS hosts of a play: one journal and lock per site, one job per device.
 
-One site in a run: its lock and its journal, from its first device to its last.
+Also the run of one site: its lock and its journal, from its first device to its last.
 """
 
 from __future__ import annotations
@@ -39,30 +39,30 @@ if TYPE_CHECKING:
 
 
 class HostResult(Protocol):
-    """What a turn has to know of a device's result."""
+    """The part of a device's result that the scheduler needs."""
 
     @property
     def name(self) -> str:
-        """The host's."""
+        """The host's name."""
 
     @property
     def exit(self) -> ExitCode:
-        """As of a run that ended so on its only device."""
+        """The exit code of a run with this device alone."""
 
 
 @dataclass(slots=True)
 class RunName:
-    """What a request is called in the journals of all its sites: the first one chooses."""
+    """The run's name in the journals of all its sites, chosen by the first one."""
 
     name: str = ""
 
 
 class SiteRun:
-    """One site while a request is performed; a plan changes nothing and needs neither lock nor journal.
+    """One site during a request; a plan changes nothing and needs neither lock nor journal.
 
-    In a run over many sites each is locked when its first device has its turn and is free again after its last: a site
-    on which somebody works fails alone, and a run over hundreds of sites holds few files open. Locks are taken in the
-    order of the sites' names and never waited for, so that two such runs cannot block each other.
+    In a run over many sites each is locked when its first device starts and released after its last: a site in use by
+    another run fails alone, and a run over hundreds of sites keeps few files open. Locks are taken in the order of the
+    sites' names and never waited for, so that two such runs cannot deadlock.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class SiteRun:
         self.confirmed: Mapping[str, runs.SavedState] = {}
 
     def begin(self) -> None:
-        """Lock the site and open its journal, unless that is done. Raises SiteBusy, JournalFailed."""
+        """Lock the site and open its journal, unless done already; raise SiteBusy or JournalError."""
         if self._opened:
             return
         request = self._request
@@ -101,10 +101,10 @@ class SiteRun:
         self._opened = True
 
     def finish(self, result: HostResult) -> runs.JournalError | None:
-        """Take the result of one of its devices; after the last one, write the last record and free the site.
+        """Record the result of one of the site's devices; after the last one, end the journal and unlock the site.
 
-        Returns why that could not be written: the result of this device says so. A run that is not recorded to its end
-        has no name any more.
+        Returns the error if the last record could not be written: the result of this device reports it. A run without a
+        final record has no name any more.
         """
         self._left.discard(result.name)
         self._ends.append(result.exit)
@@ -116,7 +116,7 @@ class SiteRun:
         return failure
 
     def close(self) -> None:
-        """Free the site; may be repeated."""
+        """Unlock the site; may be called repeatedly."""
         self._open.close()
         self.journal = runs.NoJournal()
 
@@ -156,9 +156,9 @@ def perform(
     plan_only: bool,
     decrypt: Callable[[str], str],
 ) -> dict[str, Any]:
-    """Do what is asked and give `per_host`, each device's result as Ansible shows it. Raises NetcfgError.
+    """Run the request and return `per_host`: each device's result for Ansible. Raise NetcfgError.
 
-    Of `hosts`, those that the engine does not handle are passed over, and have no entry.
+    Hosts that the engine does not handle are skipped and have no entry.
     """
     with open_request(request, plan_only=plan_only) as (run_request, channel):
         results = _perform(declaration_of(inventory, decrypt), hosts, run_request, channel)
@@ -166,7 +166,7 @@ def perform(
 
 
 def _log_fault(result: DeviceResult, request: Request) -> DeviceResult:
-    """A fault of ours on one device goes to a log file, and its place into the result."""
+    """Write an internal error on one device to a log file, and the file's path into the result."""
     if result.fault is None:
         return result
     return replace(result, hint=report_crash(result.fault, request.command, lambda: request.state).hint)
@@ -175,7 +175,7 @@ def _log_fault(result: DeviceResult, request: Request) -> DeviceResult:
 def _perform(
     declaration: Declaration, names: Sequence[str], request: Request, channel: EventStream
 ) -> dict[str, Mapping[str, Any]]:
-    """Give each device's result as data; the engine's own objects, with rows and plans, are let go one by one."""
+    """Return each device's result as data; the engine's objects, with rows and plans, are released one by one."""
     refuse_examples(declaration, is_rehearsal=request.rehearsed)
     members = schedule.members_of(
         declaration, [name for name in names if is_supported(declaration.hosts[name])], request
@@ -218,9 +218,9 @@ def _perform(
 def _waiting(
     costs: Costs, members: Sequence[schedule.RunUnit], site_runs: Mapping[str, SiteRun], channel: EventStream
 ) -> list[fleet.Waiting]:
-    """One turn a device, site by site; whatever refuses the only site of a request refuses the request. Raises that.
+    """Return one pending job per device, site by site; raise what prevents a request's only site from starting.
 
-    A bridge to another site waits for its turn in any case: only its two ends fail if somebody works at that site.
+    A bridge to another site waits for its turn in any case: only its two ends fail if that site is in use.
     """
 
     def start_site(site: str) -> SiteRun:
@@ -262,9 +262,9 @@ def _ready(job: DeviceJob | Pair) -> DeviceJob | Pair:
 
 
 def _for_ansible(results: Mapping[str, Mapping[str, Any]], names: Sequence[str]) -> dict[str, Any]:
-    """Each device's result in the words of Ansible; the action `recap` gives it to the device's own host.
+    """Convert each device's result to Ansible's form; the action `recap` assigns it to the device's host.
 
-    The other end of a bridge may not be of the play: then the end that is tells of both, and fails with it.
+    The other end of a bridge may be outside the play: then the end in the play reports both, and fails with it.
     """
     for_hosts = {name: _of_host(name, result) for name, result in results.items()}
     for name, result in results.items():
@@ -293,7 +293,7 @@ def _of_host(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _diff_text(name: str, result: Mapping[str, Any]) -> str:
-    """What `--diff` prints of a device: the lines that would change, then the same told as drift."""
+    """Return a device's `--diff` text: the lines that would change, then the same as drift."""
     drift = "" if result["comparison"] is None else drift_lines(result["comparison"])
     return f"{name}:\n{result['diff']}{drift}" if result["diff"] or drift else ""
 

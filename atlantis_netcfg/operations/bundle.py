@@ -1,7 +1,7 @@
-"""Bundles for the hosts of a site: from the declaration to what each needs, and from there to a bundle.
+"""Bundles for the hosts of a site: from the inventory to each host's needs, and from there to a bundle.
 
-The parts of a computer name what they take from elsewhere. A dpkg status says what a host has: from a file, out
-of the vendor's image, or from the board itself.
+The parts of a computer name the files that they need from outside. A dpkg status lists a host's packages: from a file,
+from the vendor's image, or from the board itself.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _READ_STATUS = f"gzip -9c {_STATUS}"
 
 
 def from_file(path: Path) -> requirements.BundleTarget:
-    """Read a copy of /var/lib/dpkg/status. Raises BundleRefused."""
+    """Read a copy of /var/lib/dpkg/status; raise BundleError."""
     try:
         status = path.read_bytes()
     except OSError as error:
@@ -50,7 +50,7 @@ def from_file(path: Path) -> requirements.BundleTarget:
 
 
 def from_image(host: inventory.Host, image: Path, tell: Callable[[int, int], None]) -> requirements.BundleTarget:
-    """Read it out of the vendor's image that the host's card is made of. Raises BundleRefused, ImageRefused."""
+    """Read the dpkg status from the vendor's image of the host's card; raise BundleError or ImageError."""
     if not image.is_file():
         raise ImageError(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
     ext4.require_tools("e2fsck", "debugfs")
@@ -72,7 +72,7 @@ def from_image(host: inventory.Host, image: Path, tell: Callable[[int, int], Non
 
 
 def from_board(declaration: inventory.Declaration, host: inventory.Host, request: Request) -> requirements.BundleTarget:
-    """Ask the board itself, by SSH. Raises BundleRefused; nothing is asked over a link that is paid by the byte."""
+    """Read the dpkg status from the board by SSH; raise BundleError, always for a metered link."""
     access = PARTS[ACCESS](declaration, host, request)
     others = "`status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE` says what is on it"
     if access.get("metered"):
@@ -96,7 +96,7 @@ def from_board(declaration: inventory.Declaration, host: inventory.Host, request
 
 
 def bundle_hosts(declaration: inventory.Declaration, site: str, only: Sequence[str] = ()) -> tuple[inventory.Host, ...]:
-    """The hosts that a bundle is made for. Raises NothingMatched where there is none."""
+    """Return the hosts that a bundle is made for; raise NoMatchError if there are none."""
     hosts = tuple(
         host for host in inventory.choose(declaration, site, only) if isinstance(host.device, model.SiteComputer)
     )
@@ -117,9 +117,9 @@ def wish_of(
     parts: Mapping[str, Part] = PARTS,
     tokens: bool = False,
 ) -> requirements.HostRequirements:
-    """What a host's parts need of packages, and the library that is built there.
+    """Return the packages that a host's parts need, and the library that is built there.
 
-    `tokens`: with those that read the library, for which the declaration must have been loaded with its secrets.
+    `tokens`: include the tokens that read the library; the inventory must have been loaded with its secrets.
     """
     result = [
         part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)
@@ -158,7 +158,7 @@ def _builds(host: inventory.Host) -> bool:
 
 
 def _archives(declaration: inventory.Declaration, host: inventory.Host) -> tuple[requirements.ContainerArchive, ...]:
-    """Of the containers of a computer, from the folder `images` of the inventory."""
+    """Return the image archives of a computer's containers, from the inventory's folder `images`."""
     if not isinstance(host.device, model.ServerComputer):
         return ()
     boxes = (*(service.container for service in host.device.services), host.device.ros1_bridge)
@@ -175,7 +175,7 @@ def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str
 
 
 def has_tokens(declaration: inventory.Declaration) -> bool:
-    """Whether the library is read by a token, for which the declaration has to be loaded with its secrets."""
+    """Return whether a token reads the library: then the inventory must be loaded with its secrets."""
     return any(repository.token is not None for repository in _repositories(declaration))
 
 
@@ -196,7 +196,7 @@ def _library(repository: model.Repository, *, tokens: bool) -> requirements.Libr
 
 @dataclass(frozen=True, slots=True)
 class BundleRequest:
-    """What a person has asked for; the declaration has its secrets where the library needs a token."""
+    """A person's bundle request; the inventory has its secrets if the library needs a token."""
 
     declaration: inventory.Declaration
     site: str
@@ -213,7 +213,7 @@ class BundleRequest:
 def make_bundle(
     bundle_request: BundleRequest, notify: events.Subscriber, on_size: Callable[[build.BundleSize], None]
 ) -> manifest.Manifest:
-    """Make the bundle; `on_size` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
+    """Make the bundle; `on_size` receives the download size before it starts. Raise UsageError, mostly BundleError."""
     refuse_examples(bundle_request.declaration, is_rehearsal=False)
     manifest.require_programs()
     purposes = tuple(_purpose(bundle_request, host, notify) for host in bundle_request.hosts)
@@ -237,9 +237,9 @@ def open_for_hosts(
     *,
     accept: str | None = None,
 ) -> Bundle:
-    """Open a bundle for these hosts; it holds all that the declaration wants. Raises BundleRefused with all it lacks.
+    """Open a bundle and check that it has everything for these hosts; raise BundleError with all that is missing.
 
-    `accept`: take bundles of another computer's key from now on, which a person has typed.
+    `accept`: a key that a person has typed; bundles made with it are accepted from now on.
     """
     wishes = [wish_of(declaration, host, request) for host in hosts]
     return open_bundle(place, manifest.Keys.of(request.state), wishes, accept=accept)

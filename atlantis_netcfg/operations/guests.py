@@ -1,6 +1,6 @@
-"""Guests: the entry of a robot that is here for a while, written to and taken out of `group_vars/all/guests.yml`.
+"""Guests: the entry of a temporary robot, added to and removed from `group_vars/all/guests.yml`.
 
-Whatever else stands in that file, comments too, stays; `operations.inventory_files` validates and writes it.
+Everything else in that file, including comments, is kept; `operations.common.inventory_files` validates and writes it.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ _HEAD = (
 
 
 class GuestLeftOver(errors.NetcfgError):
-    """Something of a guest that was ended is still there."""
+    """Parts of a removed guest still exist."""
 
     exit = errors.ExitCode.CHECKS_FAILED
 
 
 @dataclass(frozen=True, slots=True)
 class GuestEntry:
-    """What is declared of a guest."""
+    """A guest's entry for the inventory."""
 
     name: str
     title: str
@@ -55,7 +55,7 @@ class GuestEntry:
 
     @property
     def tree(self) -> dict[str, Tree]:
-        """As it is written, in this order."""
+        """The entry in the order in which it is written."""
         columns = [str(column) for column in model.Column if column in self.cells]
         more: dict[str, Tree] = {"ethernet": True} if model.ETHERNET in self.cells else {}
         more |= {"distribution": self.distribution} if self.distribution is not None else {}
@@ -72,21 +72,21 @@ class GuestEntry:
         }
 
     def same(self, guest: model.Guest) -> bool:
-        """Whether this guest is declared already; what a person has added is left out of it."""
+        """Return whether the inventory has this guest already, ignoring fields that a person added."""
         expected_guest = model.Guest.model_validate(self.tree)
         names = ("name", "kind", "partner", "until", "tested_at", "table3", "ethernet", "distribution", "openvpn")
         return all(getattr(expected_guest, name) == getattr(guest, name) for name in names)
 
 
 def text_of(root: Path) -> str | None:
-    """The file as it is; None: there is none."""
+    """Return the text of the guests file; None if it does not exist."""
     path = root / FILE
     with os_errors_as("the guests", path):
         return path.read_text(encoding="utf-8") if path.exists() else None
 
 
 def with_guest(text: str | None, entry: GuestEntry) -> str:
-    """The file with one more, at its end."""
+    """Return the file with one more guest at its end."""
     result = document({"guests": {entry.name: entry.tree}}, _HEAD)
     if text is None:
         return result
@@ -96,7 +96,7 @@ def with_guest(text: str | None, entry: GuestEntry) -> str:
 
 
 def without_guest(text: str, name: str) -> str | None:
-    """The file without one; None: nothing is left of it. Comments before the next one are the next one's."""
+    """Return the file without a guest; None if nothing remains. Comments before the next guest are kept."""
     lines = text.splitlines(keepends=True)
     key = re.compile(rf"  {re.escape(name)}:\s*(#.*)?")
     first = next((number for number, line in enumerate(lines) if key.fullmatch(line.rstrip("\n"))), None)
@@ -110,7 +110,7 @@ def without_guest(text: str, name: str) -> str | None:
 
 
 def declared_guest(declaration: Declaration, name: str) -> model.Guest | None:
-    """The guest of that name; None: there is none. Raises UsageError for a vehicle that is no such guest."""
+    """Return the guest of that name, None if there is none; raise UsageError for a vehicle that is no guest."""
     result = declaration.vehicles.get(name)
     if result is None or isinstance(result, model.Guest):
         return result
@@ -119,18 +119,18 @@ def declared_guest(declaration: Declaration, name: str) -> model.Guest | None:
 
 
 def robot_file(root: Path, name: str) -> Path:
-    """Where the configuration of its robot stands, if it was saved."""
+    """Return the path of the guest's robot configuration, which may not exist."""
     return root / FOLDER / f"{name}.yml"
 
 
 def members_of(authority: Authority, name: str) -> tuple[Member, ...]:
-    """Members of the VPN, good or not, that were let in as this vehicle."""
+    """Return the VPN members, valid or not, that were enrolled for this vehicle."""
     members = authority.membership().members.values()
     return tuple(member for member in members if member.vehicle == name and member.partner is not None)
 
 
 def unknown(declaration: Declaration, name: str) -> errors.NoMatchError:
-    """There is no such guest, and never was."""
+    """Return the error for a guest that does not exist."""
     guests = [key for key, vehicle in declaration.vehicles.items() if isinstance(vehicle, model.Guest)]
     near = errors.nearest(name, guests)
     hint = f"did you mean `{near}`?" if near else f"there are: {', '.join(guests) or 'none'}"
@@ -138,14 +138,14 @@ def unknown(declaration: Declaration, name: str) -> errors.NoMatchError:
 
 
 def remove_handouts(authority: Authority, members: Sequence[Member]) -> None:
-    """Remove the sealed files that were made for them: nothing that they open is of use any more."""
+    """Delete the enrolment packages of these members, which have become useless."""
     for member in members:
         for certificate in member.certificates:
             shutil.rmtree(authority.folder / "handouts" / certificate.common_name, ignore_errors=True)
 
 
 def left_over(root: Path, authority: Authority, name: str) -> tuple[str, ...]:
-    """What is still there of a guest that was ended, in words; read anew from the declaration and the record."""
+    """Return what remains of a removed guest, as text, read again from inventory and record."""
     leftovers = []
     if name in load(root).vehicles:
         leftovers.append(f"`{name}` still stands in {FILE}")

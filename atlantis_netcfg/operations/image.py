@@ -1,8 +1,8 @@
-"""Images of gateway computers: from the declaration to an image, on a card or in a file, and a record of it.
+"""Images of gateway computers: from the inventory to an image on a card or in a file, with a record.
 
-The record is `<state>/real/<site>/images/<UTC time>-<host>.json`, one file a card. It is on disk before the first byte
-is written, with `outcome` `writing`: one that still says so is of a card that was interrupted, which does not boot. No
-secret is in it.
+The record is `<state>/real/<site>/images/<UTC time>-<host>.json`, one file per card. It is on disk before the first
+byte is written, with `outcome` `writing`: if that remains, the card was interrupted and does not boot. It has no
+secret.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Receipt:
-    """One file, written anew at each step."""
+    """A record file, rewritten at each step."""
 
     path: Path
     content: dict[str, Any]
 
     @classmethod
     def of(cls, state: Path, declaration: Declaration, host: Host, image: Mapping[str, str]) -> Receipt:
-        """A receipt that is not yet on disk."""
+        """Return a receipt that is not yet on disk."""
         began = datetime.now(UTC)
         folder = paths.private_directory(Store(state).root / host.site / "images")
         path = folder / f"{began:%Y%m%dT%H%M%S.%fZ}-{host.name}.json"
@@ -50,7 +50,7 @@ class Receipt:
 
     @contextmanager
     def writing(self, disk: BlockDevice) -> Iterator[None]:
-        """Keep what begins, and how it ended if it failed."""
+        """Record the start of writing and, if it fails, the error."""
         values = {"name": disk.name, "label": disk.label, "serial": disk.serial, "size": disk.size, "bus": disk.bus}
         self._keep(device=values, outcome="writing")
         try:
@@ -60,7 +60,7 @@ class Receipt:
             raise
 
     def write_result(self, card: writer.WrittenCard) -> None:
-        """Keep what was read back."""
+        """Record the result of reading the card back."""
         counts = {
             "data": card.data,
             "cleared": card.cleared,
@@ -76,7 +76,7 @@ class Receipt:
 
 
 def image_told(name: str, image: UnpackedImage) -> dict[str, str]:
-    """The vendor's file in a receipt."""
+    """Return the vendor's file as data for a receipt."""
     return {"name": name, "sha256": image.sha256, "confirmed_by": image.told_by or "nobody"}
 
 
@@ -97,12 +97,12 @@ def _image_of(host: Host) -> tuple[model.SiteComputer, model.Image]:
 
 
 def layout_of(host: Host) -> ext4.DiskLayout:
-    """How the host's image is laid out. Raises UsageError where no card is made for the host."""
+    """Return the disk layout of the host's image; raise UsageError for a host without an image."""
     return ext4.LAYOUTS[_image_of(host)[1].layout]
 
 
 def wish_of(declaration: Declaration, host: Host, source: str) -> facts.ImageRequest:
-    """What the host's image shall become; `source` names the vendor's file. Raises UsageError as `layout_of`."""
+    """Return the customisation of the host's image; `source` names the vendor's file. Raise UsageError."""
     device, image = _image_of(host)
     lan, pilot = declaration.sites[host.site].lan, declaration.pilot
     static = None
@@ -131,12 +131,12 @@ _STAGES = {
 
 
 class ImageInterruptError(errors.DeviceError):
-    """Somebody stopped the work before a card was touched."""
+    """The work was interrupted before a card was touched."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImageOrder:
-    """Whose image is made, and from which file."""
+    """An order for a host's image, made from the vendor's file."""
 
     declaration: Declaration
     host: Host
@@ -146,7 +146,7 @@ class ImageOrder:
     state: Path
 
     def check(self) -> None:
-        """Refuse what can be known before the long work. Raises UsageError."""
+        """Check everything possible before the long work; raise UsageError."""
         layout_of(self.host)
         if not self.image.is_file():
             raise facts.ImageError(f"{self.image} is no file", hint="`from=` names the vendor's image, like x.img.xz")
@@ -156,7 +156,7 @@ class ImageOrder:
 
 @dataclass(frozen=True, slots=True)
 class MadeImage:
-    """The host's image as a working copy, which ends with the context."""
+    """A working copy of the host's image, deleted at the end of the context."""
 
     order: ImageOrder
     image: UnpackedImage
@@ -165,7 +165,7 @@ class MadeImage:
     notify: events.Subscriber
 
     def onto(self, card: writer.Card) -> tuple[writer.WrittenCard, Path]:
-        """Write it; return what was read back, and where that is on record. Raises DeviceRefused, CardUnfinished."""
+        """Write the image to a card; return verified result and record path. Raise BlockDeviceError, CardWriteError."""
         order = self.order
         size = -(-self.image.size // card.disk.sector) * card.disk.sector
         card.still(size)
@@ -178,7 +178,7 @@ class MadeImage:
         return result, receipt.path
 
     def into(self, file: Path) -> int:
-        """Keep it as a file, which appears whole or not at all; return its size. Raises UsageError."""
+        """Save the image as a file, atomically; return its size. Raise UsageError."""
         try:
             with temporary.folder("image", file.parent) as scratch:
                 whole = scratch / file.name
@@ -201,7 +201,7 @@ class MadeImage:
 
 @contextmanager
 def prepare_image(order: ImageOrder, notify: events.Subscriber) -> Iterator[MadeImage]:
-    """Unpack the vendor's image and make it the host's. Raises ImageRefused, Stopped; no card is touched."""
+    """Unpack and customise the vendor's image; raise ImageError or ImageInterruptError. No card is touched."""
     place = temporary.roomy()
     if not re.fullmatch(r"[A-Za-z0-9._/+-]+", str(place)):
         raise errors.UsageError(

@@ -1,4 +1,4 @@
-"""Restore a confirmed state of one device onto it or onto its replacement: where it is found, and what it lacks."""
+"""Restoring of a device's confirmed state, on the device or its replacement: the state and its omissions."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _UNIT = {"/ip/service": frozenset({"certificate"})}
 
 
 def for_replacement(saved_state: _items.DesiredState, desired_state: _items.DesiredState) -> _items.DesiredState:
-    """Return the saved state with the secrets of the declaration, and without what belongs to the old box.
+    """Return the saved state with the inventory's secrets, and without what belongs to the old device.
 
-    What the device gives itself (addresses of its hardware, what its ports can do) is not in a saved state in the first
-    place. Here go the certificate of its services, which the replacement got when it was adopted, and secrets, which a
-    saved state never holds: they come from the declaration, where it has them.
+    What the device sets itself (addresses of its hardware, capabilities of its ports) is never in a saved state.
+    Removed here are the certificate of its services, which the replacement got at adoption, and secrets, which a saved
+    state never has: they come from the inventory, if it has them.
     """
     items = {
         path: tuple(_with_secrets(_unit(item), _twins(item, desired_state)) for item in rows)
@@ -39,12 +39,12 @@ def for_replacement(saved_state: _items.DesiredState, desired_state: _items.Desi
 
 
 def for_any_box(saved_state: _items.DesiredState) -> _items.DesiredState:
-    """Return the saved state without what belongs to the box it was read from: an emulated one has its own."""
+    """Return the saved state without what belongs to the device it was read from: an emulator has its own."""
     return replace(saved_state, items={path: tuple(map(_unit, rows)) for path, rows in saved_state.items.items()})
 
 
 def _newer(saved_state: _items.DesiredState, desired_state: _items.DesiredState) -> tuple[str, ...]:
-    """Return a note on menus that are declared by now, and of which the saved state says nothing."""
+    """Return a note on menus that the inventory has by now and the saved state does not."""
     menus = [MENUS[path] for path in desired_state.menus if path not in saved_state.items]
     titles = ", ".join(menu.title for menu in menus if menu.is_exported and not menu.readonly)
     return (f"not in the saved state, and left as they are: {titles}",) if titles else ()
@@ -57,7 +57,7 @@ def _unit(item: RowItem) -> RowItem:
 
 
 def _twins(item: RowItem, desired_state: _items.DesiredState) -> list[RowItem]:
-    """Return the declared rows that are the saved one; rows without keys have no secrets."""
+    """Return the inventory's rows that match the saved one; rows without keys have no secrets."""
     if not MENUS[item.menu].keys:
         return []
     return [other for other in desired_state.items.get(item.menu, ()) if other.identity == item.identity]
@@ -78,9 +78,9 @@ _MAX_RUNS = 5
 
 
 def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = False) -> runs.SavedState:
-    """Find what a run has read back of a device. Raises NothingMatched naming the runs that have.
+    """Return the state of a device that a run confirmed; raise NoMatchError, which names runs that have one.
 
-    A rehearsal takes real states, and where there are none those of earlier rehearsals; a real run only real ones.
+    A rehearsal uses real states or, without any, those of earlier rehearsals; a real run only real ones.
     """
     stores = [
         runs.Store(state, is_rehearsal=is_emulated) for is_emulated in ((False, True) if is_rehearsal else (False,))
@@ -111,7 +111,7 @@ def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = F
 
 
 def read_replacement(saved_state: runs.SavedState, desired_state: DesiredState) -> DesiredState:
-    """Read a confirmed state as what a replacement shall be. Raises StateDamaged, RscError."""
+    """Parse a confirmed state as the desired state of a replacement; raise DamagedStateError or RscError."""
     replacement = snapshot.read(saved_state.text(), f"the state that run {saved_state.run} confirmed")
     return for_replacement(replacement, desired_state)
 

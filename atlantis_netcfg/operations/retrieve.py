@@ -1,9 +1,9 @@
-"""Bring recordings of a gateway or a robot to the control centre: what it takes, what it costs, and how it stands.
+"""Retrieval of recordings from a gateway or robot to the control centre: plan, cost, status.
 
-The transfer itself is the gateway's (`templates/gateway/retrieval.py`): it outlives the technician's connection. Here
-it is looked at, given a rate and a cap, begun, watched and ended. What the gateway says of a file it says after the
-control centre has read that file again. What is on a robot the gateway collects first, over the LAN, which costs
-nothing; a robot that goes meanwhile is waited for, some minutes long.
+The transfer itself runs on the gateway (`templates/gateway/retrieval.py`): it continues without the technician's
+connection. This module inspects it, sets its rate and cap, starts, watches and stops it. The gateway reports a file as
+arrived only after the control centre has read it again. Files of a robot are first collected by the gateway, over the
+LAN, which costs nothing; if the robot leaves meanwhile, the gateway waits some minutes.
 """
 
 from __future__ import annotations
@@ -55,19 +55,19 @@ Source = model.RetrievalSource | model.RetrievalRobot
 
 
 class GatewayAway(errors.DeviceError):
-    """The gateway was not reached, and nothing was changed there."""
+    """The gateway was not reached; nothing was changed on it."""
 
 
 class BeginningUnknown(errors.OutcomeUnknown):
-    """The gateway was told to begin, and its answer did not come."""
+    """The start was requested, and the gateway's response did not arrive."""
 
 
 class NotBegun(errors.DeviceError):
-    """The gateway has said why it does not begin."""
+    """The gateway refused to start and gave the reason."""
 
 
 def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[Source, Host]:
-    """The one source of a site, or the named one, and the gateway that sends. Raises NothingMatched, UsageError."""
+    """Return the only or the named source of a site, and its gateway; raise NoMatchError or UsageError."""
     if declaration.pilot.retrieval is None:
         raise errors.NoMatchError(
             "no recordings are declared to be retrieved",
@@ -104,20 +104,20 @@ def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[So
 
 @dataclass(frozen=True, slots=True)
 class RetrievalSelection:
-    """What a person chooses of a folder."""
+    """A person's selection of files from a folder."""
 
     pattern: str = "*"
     again: bool = False
     """Also compare what was retrieved before."""
 
     def as_dict(self) -> dict[str, Any]:
-        """As the gateway's program takes it."""
+        """Return the selection in the form of the gateway's program."""
         return {"pattern": self.pattern, "again": self.again}
 
 
 @dataclass(frozen=True, slots=True)
 class RobotLook:
-    """What the gateway has seen of a robot's folder."""
+    """The gateway's view of a robot's folder."""
 
     name: str
     gateway: str
@@ -131,7 +131,7 @@ class RobotLook:
     why: str = ""
 
     def lines(self) -> list[str]:
-        """What a person reads of it before a transfer begins."""
+        """Return the lines to show before a transfer."""
         if self.state != "answers":
             return [f"what is on {self.name} was not looked at: {self.why}"]
         if not self.files:
@@ -139,12 +139,12 @@ class RobotLook:
         return [f"{_files(self.files)} on {self.name}, {size(self.bytes)}: {self.gateway} collects them first"]
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON-able data."""
+        """Return JSON-able data."""
         return {name: getattr(self, name) for name in ("state", "files", "bytes", "lacking", "why")}
 
 
 def robot_look(source: Source, look: Mapping[str, Any]) -> RobotLook | None:
-    """Pure."""
+    """Return the gateway's view of a robot's folder (pure); None if the source is no robot."""
     if not isinstance(source, model.RetrievalRobot):
         return None
     robot_values = look["robot"]
@@ -156,7 +156,7 @@ def robot_look(source: Source, look: Mapping[str, Any]) -> RobotLook | None:
 
 @dataclass(frozen=True, slots=True)
 class RetrievalPlan:
-    """What a transfer takes over the link in use, before it begins."""
+    """The volume and cost of a transfer over the active link, before it starts."""
 
     link: MeteredLink
     bearer: model.Bearer
@@ -170,39 +170,39 @@ class RetrievalPlan:
 
     @property
     def files(self) -> int:
-        """How many are sent or compared."""
+        """The number of files to send or compare."""
         return int(self.look["files"])
 
     @property
     def rate_bps(self) -> int:
-        """The share of the declared rate."""
+        """The transfer's share of the link's rate in the inventory."""
         return round(SHARES[self.priority] * self.bearer.rate.up_kbps * 1000)
 
     @property
     def wire_bytes(self) -> int:
-        """What goes over the link, both ways."""
+        """Bytes over the link, both ways."""
         return round((int(self.look["bytes"]) + _ROW * self.files + 3 * _CONNECTION) * WIRE)
 
     @property
     def seconds(self) -> float:
-        """How long it takes at least: the link has gaps, and others use it."""
+        """The minimum duration: the link has gaps, and other traffic uses it."""
         return 8 * self.wire_bytes / self.rate_bps + 12 * self.bearer.rate.rtt_ms / 1000
 
     @property
     def cost(self) -> Preview:
-        """What it costs."""
+        """The cost of the transfer."""
         return preview(self.wire_bytes, self.seconds, self.link)
 
     @property
     def cap_bytes(self) -> int | None:
-        """At what the transfer ends by itself; over a link that is free at nothing."""
+        """The byte limit at which the transfer stops; None over an unmetered link."""
         if not self.link.is_metered:
             return None
         most = round(self.wire_bytes * _SPARE)
         return most if self.link.cap_bytes is None else min(most, self.link.cap_bytes)
 
     def job(self, selection: RetrievalSelection, number: str) -> dict[str, Any]:
-        """What the gateway is told to do."""
+        """Return the job for the gateway."""
         return {
             **selection.as_dict(),
             "before": self.look["before"],
@@ -217,7 +217,7 @@ class RetrievalPlan:
         }
 
     def lines(self) -> list[str]:
-        """What a person reads before it begins."""
+        """Return the lines to show before the start."""
         rate = f"{self.rate_bps / 1000:.0f} kbit/s"
         share = f"{SHARES[self.priority]:.0%}".replace("%", " %")
         return [
@@ -229,7 +229,7 @@ class RetrievalPlan:
         ]
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON-able data."""
+        """Return JSON-able data."""
         counts = {name: self.look[name] for name in ("files", "bytes", "compared", "kept", "writing", "unnamed")}
         robot = {} if self.robot is None else {"robot": self.robot.as_dict()}
         return {
@@ -242,7 +242,7 @@ class RetrievalPlan:
 
 
 def plan(declaration: Declaration, source: Source, link: str, look: Mapping[str, Any]) -> RetrievalPlan:
-    """Pure. `link` is the one that carries the traffic of the source's site."""
+    """Compute the plan (pure); `link` is the link that carries the traffic of the source's site."""
     site = declaration.hosts[source.host].site
     bearers = declaration.sites[site].bearers
     bearer = next(each for each in bearers if each.name == link)
@@ -262,7 +262,7 @@ _APART: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class RetrievalStatus:
-    """How a transfer stands, as its gateway has told it."""
+    """The status of a transfer, as reported by its gateway."""
 
     answer: Mapping[str, Any]
     link: MeteredLink | None
@@ -272,13 +272,13 @@ class RetrievalStatus:
 
     @property
     def state(self) -> str:
-        """As its program says; `none`: there was no transfer, `lost`: it has ended without a word."""
+        """The state as reported; `none`: there was no transfer, `lost`: it ended without a report."""
         state = str(self.answer["state"])
         return "lost" if state in _ACTIVE_STATES and not self.runs else state
 
     @property
     def runs(self) -> bool:
-        """Whether it goes on."""
+        """Whether the transfer is in progress."""
         return bool(self.answer["running"] or self.answer["job"])
 
     @property
@@ -288,20 +288,20 @@ class RetrievalStatus:
 
     @property
     def whole(self) -> bool:
-        """Whether every file of it was read again at the control centre and found the same."""
+        """Whether the control centre has read every file again and found it identical."""
         is_complete = self.answer.get("arrived") == self.answer.get("files")
         return self.state == "done" and not self.missing_files and is_complete and not self.answer.get("unseen")
 
     @property
     def total_cost(self) -> Bill:
-        """What it has cost so far."""
+        """The cost so far."""
         seconds = max(0.0, self.answer.get("at", 0) - self.answer.get("since", 0))
         tariff = self.link.tariff if self.link is not None and self.link.is_metered else None
         return bill(int(self.answer["wire_bytes"]), seconds, tariff)
 
     @property
     def exit(self) -> errors.ExitCode:
-        """Nothing but a whole transfer is green."""
+        """The exit code: done only for a complete transfer."""
         if self.whole:
             return errors.ExitCode.DONE
         if self.state == "none":
@@ -309,7 +309,7 @@ class RetrievalStatus:
         return errors.ExitCode.CHECKS_FAILED if self.runs or self.state == "done" else errors.ExitCode.FAILED
 
     def progress(self) -> str:
-        """One line while it goes on."""
+        """Return one line of progress."""
         if self.state == "collecting":
             collected_files, files = self.answer.get("collected", 0), _files(int(self.answer.get("collect", 0)))
             why = f": {self.answer['why']}" if self.answer.get("why") else ""
@@ -322,7 +322,7 @@ class RetrievalStatus:
         return f"waits for the control centre, {of}: {self.answer.get('why')}" if self.state == "waiting" else of
 
     def lines(self, site: str) -> list[str]:
-        """What a person reads of it."""
+        """Return the status as lines of text."""
         again = f"`provision retrieve site={site} from={self.source}` goes on, and sends nothing twice"
         closing = {
             "none": ["nothing has been retrieved from here yet"],
@@ -359,7 +359,7 @@ class RetrievalStatus:
         return [*problems, *(f"{path}: {words[name]}" for name, paths in self.missing_files.items() for path in paths)]
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON-able data."""
+        """Return JSON-able data."""
         names = ("id", "link", "files", "bytes", "arrived", "tries", "why", "lost")
         return {
             "state": self.state,
@@ -372,7 +372,7 @@ class RetrievalStatus:
 
 
 def program_by_ssh(declaration: Declaration, source: Source, request: Request) -> RetrievalProgram:
-    """The program on the gateway of a source."""
+    """Return the program on a source's gateway, called over SSH."""
     host = declaration.hosts[source.host]
     access = computer_access(declaration, host, request)
 
@@ -385,7 +385,7 @@ def program_by_ssh(declaration: Declaration, source: Source, request: Request) -
 
 
 class RetrievalProgram:
-    """The program of a gateway, asked about one source; `command` gives what is run here for a verb of it."""
+    """The program of a gateway for one source; `command` returns the local command for a verb."""
 
     def __init__(
         self, declaration: Declaration, source: Source, command: Callable[[str], list[str]], *, slow: bool = False
@@ -394,7 +394,7 @@ class RetrievalProgram:
         self._command, self.slow = command, slow
 
     def look(self, selection: RetrievalSelection) -> dict[str, Any]:
-        """What there is to send. Raises GatewayAway, DeviceFailed."""
+        """Return the files to send; raise GatewayAway or DeviceError."""
         answer = self._ask("look", selection.as_dict())
         if not answer["folder"]:
             raise errors.DeviceError(
@@ -405,7 +405,7 @@ class RetrievalProgram:
         return answer
 
     def _refuse_robot(self, answer: Mapping[str, Any]) -> None:
-        """Raises DeviceFailed where nothing can be brought from the robot, in words for its owner."""
+        """Raise DeviceError, with a text for the robot's owner, if no file can be retrieved from the robot."""
         source, robot = self.source, robot_look(self.source, answer)
         if robot is None or not isinstance(source, model.RetrievalRobot):
             return
@@ -427,7 +427,7 @@ class RetrievalProgram:
             )
 
     def start(self, job: Mapping[str, Any]) -> None:
-        """Let it begin. Raises NotBegun; BeginningUnknown where the answer was lost."""
+        """Start the transfer; raise NotBegun, or BeginningUnknown if the response was lost."""
         name = self.host.name
         try:
             answer = self._ask("start", job)
@@ -448,11 +448,11 @@ class RetrievalProgram:
         raise NotBegun(f"{name} does not begin: {words[why]}", hint=hint)
 
     def status(self) -> RetrievalStatus:
-        """How it stands. Raises GatewayAway."""
+        """Return the transfer's status; raise GatewayAway."""
         return self._status(self._ask("status", {}))
 
     def stop(self) -> RetrievalStatus:
-        """End it, and say how it stands. Raises GatewayAway, DeviceFailed."""
+        """Stop the transfer and return its status; raise GatewayAway or DeviceError."""
         answer = self._ask("stop", {})
         if "error" in answer:
             raise errors.DeviceError(f"{self.host.name} does not stop: {answer.get('why')}", hint="type the same again")
@@ -511,17 +511,17 @@ class RetrievalProgram:
 
 
 def shown_by(host: Host, source: Source) -> str:
-    """The hint for whoever does not see how it goes on."""
+    """Return the hint on how to show or stop the transfer."""
     return f"`provision retrieve site={host.site} from={source.name} status` shows it, `stop` in its place ends it"
 
 
 def new_number() -> str:
-    """The name of a transfer: when it was begun."""
+    """Return the name of a new transfer: its start time (UTC)."""
     return datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
 
 
 def duration(seconds: float) -> str:
-    """A time for a person: `40 s`, `12 min`, `3 h 20 min`."""
+    """Format a duration: `40 s`, `12 min`, `3 h 20 min`."""
     if seconds < _LONG_S:
         return f"{max(1, math.ceil(seconds))} s"
     minutes = math.ceil(seconds / 60)
@@ -537,7 +537,7 @@ def _files(count: int) -> str:
 
 
 def left_out(look: Mapping[str, Any]) -> list[str]:
-    """What is not sent, and why."""
+    """Return which files are not sent, and why."""
     words = (
         ("compared", "{} of them retrieved before, to be compared again"),
         ("kept", "{} retrieved before"),

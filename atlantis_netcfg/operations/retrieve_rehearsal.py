@@ -1,8 +1,8 @@
-"""A transfer of recordings on this computer alone: the programs of both ends, over an emulated link that is cut.
+"""A rehearsed transfer of recordings: the programs of both ends over an emulated link that is interrupted.
 
-Both ends are laid down in one folder, as the role lays them down in `/`. The gateway's program sends by rsync to the
-control centre's program; in the places of ssh, sshd and systemd are stand-ins (`emulator/ssh.py`), and a relay does
-what the site's link is declared to do. The recordings are noise, as much as the link carries in some seconds.
+Both ends are installed in one folder, as the role installs them in `/`. The gateway's program sends by rsync to the
+control centre's program; ssh, sshd and systemd are replaced by substitutes (`emulator/ssh.py`), and a relay has the
+behaviour of the site's link in the inventory. The recordings are random data, as much as the link carries in seconds.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _EXAMPLE_KEY: Final = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dg
 
 
 def with_example(declaration: Declaration, site: str) -> tuple[Declaration, str | None]:
-    """Give the declaration, and what was added to it where it has no recordings. Raises NothingMatched."""
+    """Return the inventory, and the example added if it has no recordings; raise NoMatchError."""
     if declaration.pilot.retrieval is not None or site not in declaration.sites:
         return declaration, None
     gateway = _first(declaration.site_hosts(site), model.Gateway)
@@ -85,7 +85,7 @@ def _first(hosts: Iterable[Host], kind: type[model.ServerComputer]) -> str | Non
 
 @dataclass(slots=True)
 class RehearsedTransfer:
-    """Both ends, and the link between them."""
+    """Both ends of a rehearsed transfer, and the link between them."""
 
     program: retrieve.RetrievalProgram
     recordings: Path
@@ -98,16 +98,16 @@ class RehearsedTransfer:
 
     @property
     def sent_bytes(self) -> int:
-        """What the gateway has sent over the link."""
+        """Bytes that the gateway has sent over the link."""
         return self._relay.traffic.up_bytes
 
     @property
     def recorded_bytes(self) -> int:
-        """Of all recordings."""
+        """Size of all recordings in bytes."""
         return sum(path.stat().st_size for path in self.recordings.rglob("*") if path.is_file())
 
     def run(self, plan: retrieve.RetrievalPlan) -> retrieve.RetrievalStatus:
-        """Send, cut the link once when half has gone over it, and wait for the end. Raises NotBegun, GatewayAway."""
+        """Send, interrupt the link once halfway, and wait for the end; raise NotBegun or GatewayAway."""
         job = plan.job(retrieve.RetrievalSelection(), retrieve.new_number())
         # A relay takes more than a link does before the gap, which is lost in it and counted.
         self.program.start({**job, "silence_s": SILENCE_S, "cap_bytes": None})
@@ -118,7 +118,7 @@ class RehearsedTransfer:
         return status
 
     def _cut(self) -> None:
-        """Let nothing pass until the gateway waits for the control centre."""
+        """Interrupt the link until the gateway waits for the control centre."""
         began = time.monotonic()
         self._relay.set(replace(self._way, up=False))
         while not self.is_lost and time.monotonic() < began + GAP_S:
@@ -128,7 +128,7 @@ class RehearsedTransfer:
         self.cut_s = time.monotonic() - began
 
     def lines(self, *, same: bool) -> list[str]:
-        """What a person reads at the end, beside how the transfer stands."""
+        """Return the final lines in addition to the transfer's status."""
         seconds = f"{self.cut_s:.0f}"
         cut = "the link was not cut on the way"
         if self.cut_s:
@@ -144,7 +144,7 @@ class RehearsedTransfer:
         ]
 
     def same(self) -> bool:
-        """Whether both folders hold the same files, as this computer reads them."""
+        """Return whether both folders have identical files, as read by this computer."""
         return _digests(self.recordings) == _digests(self.target_folder)
 
 
@@ -152,7 +152,7 @@ class RehearsedTransfer:
 def rehearsed_transfer(
     declaration: Declaration, source: retrieve.Source, bearer: model.Bearer
 ) -> Iterator[RehearsedTransfer]:
-    """Lay both ends down, and join them; all of it ends with the context. Raises UsageError."""
+    """Install and connect both ends until the context ends; raise UsageError."""
     if shutil.which("rsync") is None:
         raise errors.UsageError(
             "rsync is not installed on this computer, and the rehearsal sends by it",
@@ -195,7 +195,7 @@ def _run(root: Path, program: str) -> list[str]:
 
 
 def _environment(root: Path, robot: Path) -> dict[str, str]:
-    """Of the programs: in the front of their path are the stand-ins."""
+    """Return the environment of the programs, with the substitutes first in their PATH."""
     folder = root / "stand-ins"
     folder.mkdir()
     for name in ("ssh", "systemctl"):
@@ -212,7 +212,7 @@ def _environment(root: Path, robot: Path) -> dict[str, str]:
 
 
 def _receiver(root: Path, gateway: str) -> list[str]:
-    """What sshd would run for the gateway's key, with its places below `root`."""
+    """Return the command that sshd would run for the gateway's key, with its paths below `root`."""
     lines = (root / "etc/atlantis/retrieval.keys").read_text()
     match = re.search(rf'command="([^"]*)" .* {gateway}$', lines, re.MULTILINE)
     assert match is not None  # noqa: S101 - `gateway/retrieval.py` writes it
@@ -222,7 +222,7 @@ def _receiver(root: Path, gateway: str) -> list[str]:
 
 
 def _settle(root: Path, source: retrieve.Source, recordings: Path, port: int) -> None:
-    """Let the gateway's program look at the made recordings, and send to the relay."""
+    """Configure the gateway's program for the generated recordings and the relay."""
     path = root / "etc/atlantis/retrieval.json"
     settings = json.loads(path.read_text())
     settings.update({"from": "127.0.0.1", "address": "127.0.0.1", "port": port})
@@ -233,7 +233,7 @@ def _settle(root: Path, source: retrieve.Source, recordings: Path, port: int) ->
 
 
 def _record(folder: Path, size: int) -> None:
-    """Three files of noise that nobody writes to any more."""
+    """Write three finished files of random data."""
     whole = min(_MOST_BYTES, max(_LEAST_BYTES, size))
     for name, part in (("bag-1/bag-1_0.db3", 0.6), ("bag-1/metadata.yaml", 0.01), ("bag-2/bag-2_0.db3", 0.39)):
         path = folder / name

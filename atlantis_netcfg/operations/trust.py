@@ -36,7 +36,7 @@ _WAIT_S: Final = 150.0
 
 @dataclass(frozen=True, slots=True)
 class DeviceIdentity:
-    """What one service of a device shows of itself, and what it is known by."""
+    """The identity presented by one service of a device, and the expected one."""
 
     device: str
     service: str
@@ -53,18 +53,18 @@ class DeviceIdentity:
 
     @property
     def is_known(self) -> bool:
-        """Whether it is what it should be."""
+        """Whether the presented key is the expected one."""
         return self.actual_key == (self.declared_key or self.pinned_key)
 
 
 def has_identity(host: Host) -> bool:
-    """Whether anybody logs in to it."""
+    """Return whether the toolkit logs in to the host."""
     unit = isinstance(host.device, LteRouter) and host.device.driver is LteDriver.RUTOS
     return is_supported(host) or unit or is_computer(host)
 
 
 def identities(declaration: Declaration, host: Host, request: Request) -> tuple[DeviceIdentity, ...]:
-    """See what a device that is no computer shows: nothing is sent to it. Raises DeviceFailed, UsageError."""
+    """Read the identities of a device that is no computer, without a login; raise DeviceError or UsageError."""
     pins = Store(request.state).pins
     if is_supported(host):
         access = get_managed_device(declaration, host).access
@@ -91,14 +91,14 @@ def identities(declaration: Declaration, host: Host, request: Request) -> tuple[
 
 
 def agree(identity: DeviceIdentity, request: Request) -> None:
-    """Keep what a person has agreed to."""
+    """Pin the identity that a person accepted."""
     pins = Store(request.state).pins
     change = pins.change if identity.service == "certificate" else pins.change_host_key
     change(identity.device, identity.actual_key)
 
 
 class KeyState(Enum):
-    """What OpenSSH's `known_hosts` says of the key that a computer shows."""
+    """The result of OpenSSH's `known_hosts` for a computer's key."""
 
     MATCH = "known"
     UNKNOWN = "unknown"
@@ -107,14 +107,14 @@ class KeyState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TrustedComputer:
-    """A gateway, or the server of the VPN: OpenSSH itself shows its key, asks, and keeps the answer."""
+    """A gateway or the VPN server: OpenSSH itself shows its key, asks, and records the answer."""
 
     declaration: Declaration
     host: Host
     request: Request
 
     def look(self) -> KeyState:
-        """Compare the key that it shows; nobody logs in. Raises DeviceFailed."""
+        """Check the key that the computer presents, without a login; raise DeviceError."""
         words = self._words("-o", "BatchMode=yes", "-o", "StrictHostKeyChecking=yes")
         try:
             process = subprocess.run(  # noqa: S603 - our own words
@@ -140,11 +140,11 @@ class TrustedComputer:
         return KeyState.MATCH
 
     def ask(self) -> None:
-        """Let OpenSSH show the key to whoever is at the terminal, and ask."""
+        """Let OpenSSH show the key on the terminal and ask the person."""
         subprocess.run(self._words("-o", "StrictHostKeyChecking=ask"), stdout=subprocess.DEVNULL, check=False)  # noqa: S603 - our own words
 
     def _words(self, *options: str) -> Sequence[str]:
-        """OpenSSH takes the first value of an option."""
+        """Return the ssh command; `options` come first, as OpenSSH uses the first value of each option."""
         access = PARTS[ACCESS](self.declaration, self.host, self.request)
         alone = ("ControlPath=none", "PreferredAuthentications=none", "LogLevel=ERROR", "ConnectTimeout=120")
         words = ["ssh", "-T", *options, *(word for option in alone for word in ("-o", option))]

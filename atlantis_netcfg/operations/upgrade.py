@@ -1,8 +1,7 @@
-"""Upgrading RouterOS on one device of the declaration from package files that a person gives.
+"""Upgrade of RouterOS on one device of the inventory, from package files that a person supplies.
 
-`PreparedUpgrade.of` reads the files and the device and decides what would happen, changing nothing; a person agrees;
-`carry_out` saves the device's state, sends the files, reboots, and reads back. It never starts by itself and downloads
-nothing.
+`PreparedUpgrade.of` reads the files and the device and plans the upgrade without changes; a person agrees; `carry_out`
+saves the device's state, sends the files, reboots, and reads back. It never starts automatically and downloads nothing.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ _PROGRESS_STEPS = 20
 
 @dataclass(frozen=True, slots=True)
 class WaitingUpgrade:
-    """How long to wait for a device that reboots and installs, in seconds."""
+    """Timeouts in seconds for a device that reboots and installs."""
 
     until_s: float = 900.0
     poll_s: float = 5.0
@@ -50,7 +49,7 @@ class WaitingUpgrade:
 
 @dataclass(frozen=True, slots=True)
 class Upgrading:
-    """One device and the files for it."""
+    """The upgrade of one device, with its files."""
 
     name: str
     endpoint: api.Endpoint
@@ -62,7 +61,7 @@ class Upgrading:
     waiting: WaitingUpgrade = WaitingUpgrade()
 
     async def look(self) -> tuple[SeenPackages, Upgrade]:
-        """Read the device and decide; nothing is changed. Raises UpgradeRefused, and what a session raises."""
+        """Read the device and plan the upgrade without changes; raise UpgradeError or a session's errors."""
         self._say(events.Stage.CONNECTING, f"to {self.endpoint}")
         observation = await look(self.endpoint)
         self._say(events.Stage.OBSERVED, f"{observation.software.board}, RouterOS {observation.software.version}")
@@ -75,9 +74,9 @@ class Upgrading:
         return observation, plan(observation.software, self.packages, give_up=self.give_up)
 
     async def carry_out(self, observation: SeenPackages, upgrade: Upgrade, journal: runs.Recorder) -> SeenPackages:
-        """Send, reboot, wait, and return what was read back.
+        """Send the files, reboot, wait, and return the state read back.
 
-        Raises DeviceFailed with the device as it was, or OutcomeUnknown if it has not come back.
+        Raises DeviceError with the device unchanged, or OutcomeUnknown if it does not come back.
         """
         await self._send(observation, upgrade, journal)
         journal.write(runs.Rebooting(device=self.name, version=str(upgrade.version)))
@@ -95,7 +94,7 @@ class Upgrading:
         return back
 
     async def _send(self, observation: SeenPackages, upgrade: Upgrade, journal: runs.Recorder) -> None:
-        """Put every file on the device; what was put there is taken away again if one does not arrive."""
+        """Upload every file; remove the uploaded ones again if one fails."""
         sent_bytes = 0
         try:
             for package in upgrade.send:
@@ -145,9 +144,9 @@ class Upgrading:
         )
 
     async def _back(self, before: float) -> SeenPackages:
-        """Wait for a device that was up for less time than has gone by since `before`: then it has rebooted.
+        """Wait until the device's uptime is shorter than the time since `before`: then it has rebooted.
 
-        `before` is a time of the loop at which it had not been told yet. Raises OutcomeUnknown.
+        `before` is a time of the loop before the reboot command. Raises OutcomeUnknown.
         """
         clock = asyncio.get_running_loop().time
         began = clock()
@@ -172,7 +171,7 @@ class Upgrading:
         )
 
     async def _verify(self, back: SeenPackages, upgrade: Upgrade) -> None:
-        """Compare what came back with what was planned. Raises DeviceFailed with the device's own words."""
+        """Compare the device after the reboot with the plan; raise DeviceError with the device's own messages."""
         there = {package.name: package for package in back.software.packages if not package.is_disabled}
         wrong = [
             name for name in upgrade.expected_packages if name not in there or there[name].version != upgrade.version
@@ -192,7 +191,7 @@ class Upgrading:
 
 
 async def _reboot(endpoint: api.Endpoint) -> None:
-    """Tell it; a device that goes down before it has answered has heard us."""
+    """Reboot the device; a connection lost before the response counts as success."""
     session = await api.Session.open(endpoint)
     try:
         (await session.command(api.Command("/system/reboot"))).check()
@@ -203,7 +202,7 @@ async def _reboot(endpoint: api.Endpoint) -> None:
 
 
 async def _remove(endpoint: api.Endpoint, packages: Sequence[Npk]) -> None:
-    """Take sent files away, as far as the device can be reached."""
+    """Remove uploaded files, if the device can be reached."""
     try:
         session = await api.Session.open(endpoint)
     except errors.DeviceError:
@@ -222,7 +221,7 @@ _OVERHEAD = 1.1
 
 @dataclass(frozen=True, slots=True)
 class UpgradeResult:
-    """How it ended; what is told as done was read back."""
+    """The result of an upgrade; everything reported as done was read back."""
 
     device: str
     status: apply.Status
@@ -236,7 +235,7 @@ class UpgradeResult:
     notes: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """The object that `--json` prints."""
+        """Return the object that `--json` prints."""
         return {
             "device": self.device,
             "status": self.status.value,
@@ -253,7 +252,7 @@ class UpgradeResult:
 
 @dataclass(frozen=True, slots=True)
 class PreparedUpgrade:
-    """An upgrade that has been judged and not begun."""
+    """An upgrade that is planned and not started."""
 
     upgrading: Upgrading
     observation: SeenPackages
@@ -275,9 +274,9 @@ class PreparedUpgrade:
         give_up: Sequence[str] = (),
         waiting: WaitingUpgrade = WaitingUpgrade(),
     ) -> Self:
-        """Read files, then the device. Raises NotAPackage and CostRefused before it is contacted.
+        """Read the files, then the device; raise NotAPackage and CostRefusal before contacting it.
 
-        UpgradeRefused and DeviceFailed after.
+        Raises UpgradeError and DeviceError afterwards.
         """
         if not isinstance(host.device, Router):
             raise errors.NoMatchError(
@@ -295,13 +294,13 @@ class PreparedUpgrade:
 
     @property
     def seconds(self) -> float:
-        """How long sending takes at the bearer's declared rate; the reboot comes on top."""
+        """The duration of the upload at the link's rate in the inventory, without the reboot."""
         return self.upgrade.size * _OVERHEAD * 8 / self.bearer.rate_up_bps
 
     def carry_out(self, declaration: Declaration, request: Request) -> UpgradeResult:
-        """Do it under the site's lock, with a journal.
+        """Carry out the upgrade under the site's lock, with a journal.
 
-        Raises CostRefused, SiteBusy and JournalFailed before anything is sent.
+        Raises CostRefusal, SiteBusy and JournalError before anything is sent.
         """
         self.affordable(request)
         if self.bearer.is_metered and not request.rehearsed and not request.accept_cost:
@@ -318,12 +317,12 @@ class PreparedUpgrade:
             return runs.mark_unrecorded(result, runs.conclude(journal, outcome, runs.RunEnd(exit=int(result.exit))))
 
     def affordable(self, request: Request) -> None:
-        """Raise CostRefused for files beyond the bearer's cap, which nobody's consent lifts; a rehearsal goes on."""
+        """Raise CostRefusal for files beyond the link's cap, even with consent; not in a rehearsal."""
         if self.cost.over_cap and not request.rehearsed:
             raise self.cost.refusal()
 
     def plan_result(self) -> UpgradeResult:
-        """The words for a plan: nothing was sent."""
+        """Return the result of a plan: nothing was sent."""
         before, after = str(self.observation.software.version), str(self.upgrade.version)
         message = f"planned: RouterOS {before} -> {after}, {len(self.upgrade.send)} files, {self.upgrade.size} bytes"
         names = tuple(package.name for package in self.upgrade.send)
@@ -332,7 +331,7 @@ class PreparedUpgrade:
         )
 
     def unchanged_result(self) -> UpgradeResult:
-        """The words for a device that has all of it."""
+        """Return the result for a device that is up to date."""
         version = str(self.observation.software.version)
         return UpgradeResult(
             self.job.name,
@@ -396,7 +395,7 @@ def _cost(upgrade: Upgrade, bearer: BearerProfile, link: MeteredLink) -> Preview
 
 
 def _configuration(result: apply.DeviceResult, site: str) -> str:
-    """Say what the new version made of the configuration."""
+    """Return a text on the configuration under the new version."""
     if result.exit is errors.ExitCode.DONE:
         return "the configuration is as declared"
     if result.exit is errors.ExitCode.CHANGES:
@@ -427,7 +426,7 @@ _LOG_LINES = 6
 
 @dataclass(frozen=True, slots=True)
 class SeenPackages:
-    """One look at a device."""
+    """The packages and files of a device at one moment."""
 
     software: InstalledSystem
     uptime_s: float
@@ -435,7 +434,7 @@ class SeenPackages:
     """Package files on its flash, by name, as `/file` shows them."""
 
     def holds(self, package: Npk) -> bool:
-        """Whether this very package lies on the flash, whole: of its size, and understood by the device itself."""
+        """Return whether this package is complete on the flash: of its size, and recognised by the device."""
         file = self.files.get(package.path.name)
         if file is None or file.get("size") != str(package.size):
             return False
@@ -443,7 +442,7 @@ class SeenPackages:
 
 
 async def look(endpoint: api.Endpoint) -> SeenPackages:
-    """Read it in one session of two round trips. Raises DeviceFailed, also for answers that are not understood."""
+    """Read in one session of two round trips; raise DeviceError, also for replies that cannot be parsed."""
     session = await api.Session.open(endpoint)
     try:
         resource, packages, radios, files = await session.flight(_READS)
@@ -466,7 +465,7 @@ async def look(endpoint: api.Endpoint) -> SeenPackages:
 
 
 async def log_of(endpoint: api.Endpoint) -> list[str]:
-    """Return what the device wrote about packages, latest last; empty if it cannot be read."""
+    """Return the device's log messages about packages, latest last; empty if it cannot be read."""
     try:
         session = await api.Session.open(endpoint)
     except errors.DeviceError:
@@ -482,7 +481,7 @@ async def log_of(endpoint: api.Endpoint) -> list[str]:
 
 
 def _packages(reply: api.Reply) -> list[RouterOsPackage]:
-    """Return what is installed; from 7.18 on the list also has packages that a server offers, without a version."""
+    """Return the installed packages; from 7.18 on the list also has available ones, without a version."""
     return [
         RouterOsPackage(row.get("name", ""), _version(row["version"]), row.get("disabled") in ("true", "yes"))
         for row in reply.check().rows
@@ -509,5 +508,5 @@ def _number(text: str) -> int:
 
 
 def _seconds(text: str) -> float:
-    """Read `1w2d3h4m5s`."""
+    """Parse `1w2d3h4m5s` to seconds."""
     return float(sum(int(count) * _WEIGHT_S[unit] for count, unit in re.findall(r"(\d+)([wdhms])(?![a-z])", text)))

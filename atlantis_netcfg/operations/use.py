@@ -1,8 +1,8 @@
-"""`provision use`: what a person asks for, whether the link admits it, and what it may cost.
+"""`provision use`: the person's request, whether the link is fit for it, and the possible cost.
 
-Whether a link is good enough is what `provision links` has just seen of it. A satellite is not probed, and a link
-without canaries cannot be: there the VPN server has to have answered over it (`provision prove`), or a person has to
-say that it works (`--unproved`).
+The result of `provision links` decides whether a link is good enough. A satellite is not probed, and a link without
+probe targets cannot be: there the VPN server must have responded over it (`provision prove`), or a person must confirm
+that it works (`--unproved`).
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ _UNPROVED_HINT = "add `--unproved` if you know that it works, or want to find ou
 
 
 class LinkNotFit(errors.DeviceError):
-    """The link is down, or nobody has seen that it works: the traffic of the site stays where it is."""
+    """The link is down or not known to work; the site's traffic is not moved."""
 
 
 class NothingInUse(errors.NoMatchError):
-    """`end` was typed, and no link is in use instead of the declared order."""
+    """`end` was typed, and no link is temporarily in use."""
 
 
 def span_s(text: str) -> int:
-    """Return what `for=` says, in seconds. Raises UsageError."""
+    """Parse `for=` to seconds; raise UsageError."""
     match = _SPAN.fullmatch(text)
     hint = "type minutes or hours, from 1 minute to 24 hours: `for=30m`, `for=2h`, `for=1h30m`"
     if not text or match is None:
@@ -57,7 +57,7 @@ def span_s(text: str) -> int:
 
 
 def router_of(declaration: Declaration, site: str) -> Host:
-    """Return the router that chooses among the links of a site. Raises UsageError where there is nothing to choose."""
+    """Return the router that selects among a site's links; raise UsageError if there is nothing to select."""
     if site not in declaration.sites:
         near = errors.nearest(site, declaration.sites)
         choices = f"the sites are: {', '.join(declaration.sites)}"
@@ -78,7 +78,7 @@ def router_of(declaration: Declaration, site: str) -> Host:
 
 @dataclass(frozen=True, slots=True)
 class UseRequest:
-    """A link, and for how long."""
+    """A request to use a link for a time."""
 
     site: str
     bearer: Bearer
@@ -87,9 +87,9 @@ class UseRequest:
     """A person has said that the link may be taken although nobody has seen that it works."""
 
     def order(self, status: LinksStatus, now: datetime | None = None, *, proof: datetime | None = None) -> LinkOrder:
-        """Return what the router shall hold from now on. Raises LinkNotFit, with what was seen of the link.
+        """Return the order for the router; raise LinkNotFit with the observed state of the link.
 
-        `proof`: when the VPN server last answered over it.
+        `proof`: when the VPN server last responded over it.
         """
         now = now or datetime.now(UTC)
         uptime_s = self._uptime(status)
@@ -104,7 +104,7 @@ class UseRequest:
         )
 
     def cost(self, link: MeteredLink) -> Preview:
-        """Return what the traffic of the site can come to at most: what the declared rate lets through both ways."""
+        """Return the maximum cost of the site's traffic: the link's full rate in the inventory, both ways."""
         rate = self.bearer.rate
         most = round((rate.up_kbps + rate.down_kbps) * 1000 / _BITS * self.for_s)
         return preview(most, self.for_s, link, at_most=True)
@@ -147,7 +147,7 @@ class UseRequest:
 
 
 def _unread_hint(site: str, status: LinksStatus) -> str:
-    """Return what helps against the silence of the router, where it is known."""
+    """Return a hint on the router's missing response, the known cause if there is one."""
     hint = next((item.hint for item in status.unreachable if item.hint), None)
     return (
         errors.complete(hint, site=site)
@@ -157,7 +157,7 @@ def _unread_hint(site: str, status: LinksStatus) -> str:
 
 
 def ended_order(site: str, status: LinksStatus) -> LinkOrder:
-    """Return that the declared order holds again. Raises NothingInUse, LinkNotFit."""
+    """Return the order that restores the inventory's link order; raise NothingInUse or LinkNotFit."""
     if status.uptime_s is None:
         raise LinkNotFit(
             f"the router of {site} was not read, so nothing was changed",

@@ -1,4 +1,4 @@
-"""Which assumptions about RouterOS or RutOS hold on one device of a site: the session, its cost, and the report."""
+"""Check of the assumptions about RouterOS or RutOS on one device of a site: session, cost, report."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _COUNTS = {verdict: words.lower() for verdict, words in _WORDS.items()}
 
 @dataclass(frozen=True, slots=True)
 class VerifiedDevice:
-    """What a device has shown."""
+    """The result of verifying one device."""
 
     device: str
     answers: verify.SeenAnswers
@@ -65,18 +65,18 @@ class VerifiedDevice:
     """Where the same was written, to be sent back."""
 
     def number(self, verdict: events.Verdict) -> int:
-        """How many assumptions were judged so."""
+        """Return the number of assumptions with this verdict."""
         return sum(finding.verdict is verdict for finding in self.answers.findings)
 
     @property
     def exit(self) -> ExitCode:
-        """6 if one does not hold or gave no usable answer, 7 if none was shown, else 0."""
+        """The exit code: 6 if one fails or has no usable response, 7 if none was testable, else 0."""
         if self.number(events.Verdict.FAIL) or self.number(events.Verdict.INCONCLUSIVE):
             return ExitCode.CHECKS_FAILED
         return ExitCode.DONE if self.number(events.Verdict.PASS) else ExitCode.NOTHING
 
     def as_json(self) -> dict[str, Any]:
-        """One object for programs."""
+        """Return JSON-able data."""
         return {
             "device": self.device,
             "rehearsed": self.is_rehearsal,
@@ -103,7 +103,7 @@ class VerifiedDevice:
         }
 
     def as_text(self) -> str:
-        """The lines for a person: what does not hold first."""
+        """Return the report as text, failed assumptions first."""
         answers, where = self.answers, "emulated " if self.is_rehearsal else ""
         counts = ", ".join(f"{words}: {self.number(verdict)}" for verdict, words in _COUNTS.items())
         version = printable.line(f"{answers.system} {answers.version}").rstrip()
@@ -127,7 +127,7 @@ class VerifiedDevice:
 
 @dataclass(slots=True)
 class Verifying:
-    """One device that is to be verified."""
+    """The verification of one device."""
 
     declaration: Declaration
     host: Host
@@ -141,7 +141,7 @@ class Verifying:
 
     @property
     def cost(self) -> Preview:
-        """What it may cost at most, over the link in use. Raises UsageError for a link that the site does not have."""
+        """The maximum cost over the link in use; raises UsageError for a link that the site does not have."""
         bearer = bearer_of(self.declaration, self.host, self.request.via.get(self.host.name))
         payload = READING_WINDOW * _FLIGHT_BYTES + _READ_BYTES + _TRY_BYTES * (self.tries + self.silence)
         sessions = _READ_SESSIONS + _TRY_SESSIONS * (self.tries + self.silence)
@@ -150,7 +150,7 @@ class Verifying:
         return preview(total, seconds, link_of(self.declaration, self.host.site, bearer.name), at_most=True)
 
     def run(self) -> VerifiedDevice:
-        """Ask the device. Raises DeviceFailed, OutcomeUnknown if scratch rows may be left."""
+        """Query the device; raise DeviceError, or OutcomeUnknown if scratch rows may remain."""
         return asyncio.run(self._run())
 
     async def _run(self) -> VerifiedDevice:
@@ -183,7 +183,7 @@ class Verifying:
 
 
 def write_report(device: VerifiedDevice, state: Path) -> VerifiedDevice:
-    """Keep the report in a file of the state directory: no address, no secret, and no name but the device's."""
+    """Save the report in the state directory: no address, no secret, and no name but the device's."""
     folder = paths.private_directory(state / "verify")
     file = folder / f"{device.device}-{device.at:%Y%m%dT%H%M%SZ}.json"
     result = replace(device, file=file)

@@ -1,1 +1,1 @@
-"""Records that outlive a run, and their pages: what is built, what links carried, what a survey heard by position."""
+"""Records that outlive a run, and their pages: as-built state, measured links, survey results by position."""

@@ -1,5 +1,5 @@
-"""Robots on the network: what they publish by DDS, heard and judged, and mock robots in their place.
+"""Robots on the network: record and check what they publish over DDS, and run mock robots.
 
-Everything runs on a laptop without ROS: cyclonedds speaks, rosbags knows ROS' own messages. Both are imported when they
-are needed: there is no cyclonedds for aarch64.
+Everything runs on a laptop without ROS, by means of cyclonedds (DDS) and rosbags (ROS message types). Both are imported
+only when needed: there is no cyclonedds for aarch64.
 """

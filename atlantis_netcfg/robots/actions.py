@@ -1,7 +1,7 @@
-"""Goals of a ROS 2 action from request to result, as a mock robot carries them out. Pure: nothing here sends.
+"""Goals of a ROS 2 action from request to result, as a mock robot executes them. Pure: nothing here sends.
 
-A command takes a few seconds, a plan a second a step. States and codes are those of action_msgs, and cancelling follows
-rcl_action: it is asked for, agreed to (CANCELING), and then carried out (CANCELED).
+A command takes a few seconds, a plan one second per step. States and codes are those of action_msgs. Cancelling follows
+rcl_action: requested, accepted (CANCELING), then done (CANCELED).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _NO_GOAL: Final = bytes(16)
 
 
 class GoalStatus(IntEnum):
-    """State of a goal, as `action_msgs/msg/GoalStatus` has it."""
+    """State of a goal, as defined by `action_msgs/msg/GoalStatus`."""
 
     UNKNOWN = 0
     ACCEPTED = 1
@@ -40,12 +40,12 @@ class GoalStatus(IntEnum):
 
     @property
     def is_terminal(self) -> bool:
-        """Whether the goal is over."""
+        """True if the goal is finished."""
         return self in {GoalStatus.SUCCEEDED, GoalStatus.CANCELED}
 
 
 class CancelCode(IntEnum):
-    """Outcome of a request to cancel, as `action_msgs/srv/CancelGoal` has it."""
+    """Result of a cancel request, as defined by `action_msgs/srv/CancelGoal`."""
 
     NONE = 0
     UNKNOWN_GOAL = 2
@@ -53,12 +53,12 @@ class CancelCode(IntEnum):
 
 
 class GoalRefusal(Exception):
-    """Why a goal is not accepted, for a person."""
+    """Raised when a goal is rejected, with the reason for the user."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanStep:
-    """One step of a plan, and the message in which it came."""
+    """One step of a plan, with the message that contained it."""
 
     index: int
     action: str
@@ -67,7 +67,7 @@ class PlanStep:
 
 
 def require_plan(steps: Sequence[PlanStep]) -> list[PlanStep]:
-    """Return the steps in the order in which they are carried out. Raises GoalRefusal."""
+    """Return the steps sorted by index. Raises GoalRefusal if the plan is empty, too long or not valid."""
     if not steps:
         raise GoalRefusal("the plan has no step")
     if len(steps) > MOST_STEPS or sum(len(step.action) + len(step.data) for step in steps) > MOST_PLAN_CHARACTERS:
@@ -96,7 +96,7 @@ def _refuse_constant(name: str) -> None:
 
 @dataclass(slots=True)
 class Goal:
-    """One goal; times are of the monotonic clock in seconds, stamps of the wall clock in nanoseconds."""
+    """One goal; times are in seconds of the monotonic clock, stamps in nanoseconds of the wall clock."""
 
     identity: bytes
     stamp_ns: int
@@ -111,12 +111,12 @@ class Goal:
 
     @property
     def steps(self) -> int:
-        """How many there are."""
+        """Number of steps of the goal."""
         return len(self.plan) or COMMAND_STEPS
 
     @property
     def completed_steps(self) -> int:
-        """How many steps are completed."""
+        """Number of completed steps."""
         return max(0, len(self.stamps_ns) - 1)
 
 
@@ -129,7 +129,7 @@ class ActionServer:
     goals: dict[bytes, Goal] = field(default_factory=dict)
 
     def accept(self, identity: bytes, plan: Sequence[PlanStep], now: float, stamp_ns: int) -> Goal:
-        """Take a goal on. Raises GoalRefusal."""
+        """Accept a goal. Raises GoalRefusal."""
         active = [goal for goal in self.goals.values() if not goal.status.is_terminal]
         if identity == _NO_GOAL:
             raise GoalRefusal("its goal id is zero")
@@ -145,7 +145,7 @@ class ActionServer:
         return self.goals[identity]
 
     def cancel(self, identity: bytes, stamp_ns: int) -> tuple[CancelCode, list[Goal]]:
-        """Begin to cancel one goal, all that were accepted up to a stamp, or all (both are zero)."""
+        """Start to cancel one goal, all accepted up to a stamp, or all (id and stamp are zero)."""
         is_one, is_every = identity != _NO_GOAL and not stamp_ns, identity == _NO_GOAL and not stamp_ns
         if is_one and identity not in self.goals:
             return CancelCode.UNKNOWN_GOAL, []
@@ -160,7 +160,7 @@ class ActionServer:
         return CancelCode.GOAL_TERMINATED if is_one and not targets else CancelCode.NONE, targets
 
     def wait_for_result(self, identity: bytes, request: Any) -> bool:  # noqa: ANN401 - a message
-        """Keep a request for a result until its goal is over; False: answer it now."""
+        """Keep a result request until its goal is finished; return False if it must be answered now."""
         goal = self.goals.get(identity)
         if goal is None or goal.status.is_terminal or len(goal.requests) >= MOST_REQUESTS:
             return False
@@ -168,7 +168,7 @@ class ActionServer:
         return True
 
     def step(self, now: float, stamp_ns: int) -> list[Goal]:
-        """Carry goals on to this moment; return those that changed. Each changes once at most."""
+        """Advance the goals to `now`; return those whose state changed. Each changes at most once."""
         changes = []
         for goal in list(self.goals.values()):
             if goal.status.is_terminal:

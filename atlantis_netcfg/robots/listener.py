@@ -1,10 +1,11 @@
-"""Hear who publishes in a domain of DDS: on this computer, or as a program that is sent to another one.
+"""Record who publishes in a DDS domain, on this computer or as a program copied to another one.
 
-It is one file of Python 3.8 and the standard library, which needs one of two libraries: cyclonedds (PyPI: x86_64 alone)
-or ROS 2's own rclpy. What was heard is a mapping in the form of `observation.RobotObservation`, ready for JSON.
+It is one Python 3.8 file that needs the standard library and one of two libraries: cyclonedds (PyPI: x86_64 only) or
+ROS 2's rclpy. The result is a mapping in the form of `observation.RobotObservation`, ready for JSON.
 
-rclpy does not say who sent a message. Messages of a topic with several publishers are counted together there, and
-configurations are told apart by their text. That way was tried with a stand-in for rclpy alone, never with ROS 2.
+rclpy does not report the sender of a message. With it, the messages of a topic with several publishers are counted
+together, and configurations are told apart by their text. The rclpy code was only tested with a stand-in, never with
+ROS 2.
 """
 
 from __future__ import annotations
@@ -56,9 +57,9 @@ _MOST_FOREIGN = 50
 
 
 class OtherDomains:
-    """Hears who announces itself in other domains, by multicast or to the first participant of this computer.
+    """Detects participants of other DDS domains, by multicast or at this computer's first participant port.
 
-    It joins a group of multicast, and sends nothing else. Who announces itself to other ports is not heard.
+    It joins a multicast group and sends nothing else. Announcements to other ports are not received.
     """
 
     def __init__(self, number: int, address: str) -> None:
@@ -84,7 +85,7 @@ class OtherDomains:
         self._sockets.register(sock, selectors.EVENT_READ, domain)
 
     def poll(self) -> None:
-        """Take what has arrived."""
+        """Process the datagrams that have arrived."""
         for key, _ in self._sockets.select(0):
             source = key.fileobj
             assert isinstance(source, socket.socket)  # noqa: S101 - they were registered so
@@ -96,7 +97,7 @@ class OtherDomains:
                         known_domains.append(key.data)
 
     def close(self) -> None:
-        """Leave the group."""
+        """Close the sockets, which leaves the multicast group."""
         for key in list(self._sockets.get_map().values()):
             assert isinstance(key.fileobj, socket.socket)  # noqa: S101 - as above
             key.fileobj.close()
@@ -104,10 +105,10 @@ class OtherDomains:
 
 
 class IdlTypes:
-    """Types of messages for DDS, made of their fields when they are asked for."""
+    """DDS message types, built from their field definitions on first use."""
 
     def __init__(self, fields: Mapping[str, Any]) -> None:
-        """`fields`: type to pairs of a name and rosbags' node: [1, [base, bound]], [2, type], and so on."""
+        """`fields` maps a type to (name, rosbags node) pairs; a node is [1, [base, bound]], [2, type], and so on."""
         self.fields = fields
         self._made: dict[str, Any] = {}
 
@@ -115,7 +116,7 @@ class IdlTypes:
         return name in self.fields
 
     def idl(self, name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
-        """The type of a message. Raises LookupError where it, or one that it holds, is not known."""
+        """Return the DDS type of a message. Raises LookupError if it, or a type it contains, is unknown."""
         if name not in self._made:
             from cyclonedds.idl import make_idl_struct  # noqa: PLC0415 - there is none for aarch64
 
@@ -149,34 +150,34 @@ def _base(name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
 
 
 def dds_type_name(name: str) -> str:
-    """`std_msgs/msg/String` as DDS calls it."""
+    """Convert a ROS type name such as `std_msgs/msg/String` to its DDS name."""
     package, _, short = name.rpartition("/")
     return f"{package.replace('/', '::')}::dds_::{short}_"
 
 
 def ros_type_name(name: str) -> str | None:
-    """The same back; None for a type that is not of ROS."""
+    """Convert a DDS type name to its ROS name; None if it is not a ROS type."""
     parts = re.fullmatch(r"((?:\w+::)+)dds_::(\w+)_", name)
     return f"{parts[1].replace('::', '/')}{parts[2]}" if parts else None
 
 
 def topic_name(dds_name: str) -> str | None:
-    """The topic of ROS that a topic of DDS stands for; None: it is none (of a service, an action, another program)."""
+    """Return the ROS topic of a DDS topic; None for services, actions and other programs."""
     return dds_name[2:] if dds_name.startswith("rt/") and "/_action/" not in dds_name else None
 
 
 def stamp_of(message: Any) -> Any:  # noqa: ANN401 - a message, and its `builtin_interfaces/Time`
-    """When a message says that it was made, by itself or by its header; None: it does not say."""
+    """Return the message's own time stamp, or that of its header; None if it has neither."""
     return getattr(message, "stamp", None) or getattr(getattr(message, "header", None), "stamp", None)
 
 
 def content_hash(data: bytes) -> str:
-    """Enough of a message to tell it from another."""
+    """Return a short hash that distinguishes messages."""
     return hashlib.blake2b(data, digest_size=8).hexdigest()
 
 
 class _HeardLog:
-    """What was heard so far, in the form of an `RobotObservation`."""
+    """Everything received so far, in the form of an `RobotObservation`."""
 
     def __init__(self, topic: str, program: str) -> None:
         self.topic = topic
@@ -191,7 +192,7 @@ class _HeardLog:
     def add_writer(  # noqa: PLR0913 - what a publisher says of itself
         self, key: str, participant: str, topic: str, kind: str, *, reliable: bool, transient_local: bool = False
     ) -> bool:
-        """Take a publisher in; False: it is known, or there are too many."""
+        """Add a publisher; return False if it is known, or there are too many."""
         if key in self.writers or len(self.writers) >= _MOST_WRITERS:
             return False
         row = {"participant": participant, "topic": topic, "type": kind, "stamp_age_s": None}
@@ -201,17 +202,17 @@ class _HeardLog:
         return True
 
     def add_text(self, key: str, text: str) -> None:
-        """Remember the last configuration of a publisher."""
+        """Store the latest configuration of a publisher."""
         if key in self.texts or len(self.texts) < _MOST_TEXTS:
             self.texts[key] = text[:_LONGEST]
 
     def add_participant(self, key: str, addresses: str) -> None:
-        """Take a participant in, unless there are too many."""
+        """Add a participant, unless there are too many."""
         if key in self.participants or len(self.participants) < _MOST_WRITERS:
             self.participants[key] = addresses
 
     def count(self, key: str, octets: int, content: bytes, stamp_s: float | None) -> None:
-        """Count a message; `content` is what of it changes when the robot moves, not its stamp."""
+        """Count a message; `content` is the part that changes when the robot moves, without the stamp."""
         row, now = self.writers[key], time.monotonic()
         row["first_s"] = row["first_s"] if row["messages"] else now
         row["last_s"] = now
@@ -224,7 +225,7 @@ class _HeardLog:
             row["contents"].append(digest)
 
     def result(self) -> dict[str, Any]:
-        """All of it; a configuration whose type is no string has an empty text."""
+        """Return the observation; a configuration whose type is not a string has an empty text."""
         introductions = [(key, row) for key, row in self.writers.items() if row["topic"] == self.topic]
         return {
             "seconds": time.monotonic() - self._began,
@@ -239,9 +240,9 @@ class _HeardLog:
 
 
 def open_domain(number: int, configuration: str) -> Any:  # noqa: ANN401 - cyclonedds' domain
-    """Make a domain with a profile of its own, which lasts as long as what is given. Raises ImportError, DDSException.
+    """Create a DDS domain with its own profile; it lasts as long as the result. Raises ImportError, DDSException.
 
-    Cyclone DDS then writes no line for each datagram that does not leave, to the terminal of whoever listens.
+    With this profile Cyclone DDS does not print a line on the terminal for every datagram that it fails to send.
     """
     from cyclonedds import internal  # noqa: PLC0415 - as above
     from cyclonedds.domain import Domain  # noqa: PLC0415 - there is none for aarch64
@@ -253,7 +254,7 @@ def open_domain(number: int, configuration: str) -> Any:  # noqa: ANN401 - cyclo
 
 
 class Octets:
-    """A message as it came: who takes it decodes it, so that one that cannot be decoded takes no other along."""
+    """An undecoded message. The receiver decodes it, so that an invalid message does not stop the others."""
 
     def __init__(self, data: bytes) -> None:
         self.data = data
@@ -261,14 +262,14 @@ class Octets:
 
     @classmethod
     def deserialize(cls, data: bytes) -> Octets:
-        """For cyclonedds, which asks the type of a topic."""
+        """Return the bytes undecoded; called by cyclonedds in place of the topic type's method."""
         return cls(data)
 
     deserialize_key = deserialize
 
 
 def octets_reader(participant: Any, name: str, kind: Any, qos: Any) -> Any:  # noqa: ANN401 - of cyclonedds
-    """A reader of `Octets` on a topic of DDS."""
+    """Return a reader of `Octets` on a DDS topic."""
     from cyclonedds.sub import DataReader  # noqa: PLC0415 - as above
     from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
 
@@ -279,7 +280,7 @@ def octets_reader(participant: Any, name: str, kind: Any, qos: Any) -> Any:  # n
 
 
 def decode(kind: Any, data: bytes) -> Any:  # noqa: ANN401 - a message
-    """A message; None: it is none of this type."""
+    """Decode a message; None if it does not match the type."""
     try:
         return kind.deserialize(data)
     except Exception:  # noqa: BLE001 - cyclonedds and struct raise what they like
@@ -287,7 +288,7 @@ def decode(kind: Any, data: bytes) -> Any:  # noqa: ANN401 - a message
 
 
 class CycloneListener:
-    """By cyclonedds, polled in one thread: hears every publisher, and counts messages of known types."""
+    """Listener based on cyclonedds, polled in one thread: sees every publisher, counts messages of known types."""
 
     def __init__(
         self,
@@ -296,7 +297,7 @@ class CycloneListener:
         topic: str,
         keep: Callable[[Mapping[str, Any], bytes], None] | None = None,
     ) -> None:
-        """`keep` is given every message of a known type, and what is known of its publisher."""
+        """`keep` is called with every message of a known type and the record of its publisher."""
         from cyclonedds.builtin import (  # noqa: PLC0415 - as above
             BuiltinDataReader,
             BuiltinTopicDcpsParticipant,
@@ -314,7 +315,7 @@ class CycloneListener:
         self._handles: dict[int, str] = {}
 
     def poll(self, pause_s: float = POLL_S) -> None:
-        """Take what has arrived."""
+        """Process the samples that have arrived."""
         guid = str(self._participant.guid)
         # Of who leaves there is a sample with its key alone.
         for sample in self._people.take(N=_AT_ONCE):
@@ -377,7 +378,7 @@ class CycloneListener:
 
 
 def _addresses(sample: Any) -> str:  # noqa: ANN401 - cyclonedds' participant
-    """What a participant says of where it is, else its key."""
+    """Return the network addresses of a participant, else its host name, else its key."""
     from cyclonedds.core import Policy  # noqa: PLC0415, F401 - the policies are registered by it
 
     properties = {each.key: each.value for each in sample.qos if type(each).__name__ == "Property"}
@@ -385,7 +386,7 @@ def _addresses(sample: Any) -> str:  # noqa: ANN401 - cyclonedds' participant
 
 
 class RosListener:
-    """By ROS 2's own library, which has the types of all messages that are installed."""
+    """Listener based on ROS 2's rclpy, which has the types of all installed messages."""
 
     def __init__(self, topic: str) -> None:
         import rclpy  # type: ignore[import-not-found] # noqa: PLC0415 - where ROS 2 is
@@ -401,7 +402,7 @@ class RosListener:
         self._look_s = 0.0
 
     def poll(self) -> None:
-        """Take what has arrived, and look now and then who publishes."""
+        """Process the messages that have arrived; from time to time, look for new publishers."""
         if time.monotonic() >= self._look_s:
             self._look_s = time.monotonic() + _LOOK_S
             for topic, _ in self._node.get_topic_names_and_types():
@@ -472,7 +473,7 @@ def listen(
     others: OtherDomains | None = None,
     alive: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
-    """Listen so long, and give what was heard since it was made; `alive` is called meanwhile."""
+    """Listen for `seconds`; return everything received since the listener was created. Calls `alive` meanwhile."""
     now = time.monotonic()
     until, due = now + seconds, now + _ALIVE_S
     while (now := time.monotonic()) < until:
@@ -486,12 +487,12 @@ def listen(
 
 
 def mapping_of(listener: Any, others: OtherDomains | None) -> dict[str, Any]:  # noqa: ANN401 - one of the two
-    """What was heard since the listener was made."""
+    """Return everything received since the listener was created."""
     return {**listener.log.result(), "other_domains": others.domains if others is not None else {}}
 
 
 def _listener(request: Mapping[str, Any], domains: list[Any]) -> CycloneListener | RosListener:
-    """By what this computer has. Raises ImportError where it has neither."""
+    """Create the listener that this computer supports. Raises ImportError if it has neither library."""
     try:
         domains.append(open_domain(request["domain"], request["profile"]))
     except ImportError:
@@ -501,9 +502,9 @@ def _listener(request: Mapping[str, Any], domains: list[Any]) -> CycloneListener
 
 
 def main(request: Mapping[str, Any]) -> None:
-    """Listen as requested, and print one line of JSON: `heard` or `trouble`. A line `alive` comes while it listens.
+    """Listen as requested, and print one JSON line, `heard` or `trouble`; print `alive` lines meanwhile.
 
-    Ends where nobody reads it any more: a computer does not listen on for somebody whose connection was cut.
+    Ends when nobody reads its output: a remote computer must not keep listening after its connection was cut.
     """
 
     def alive() -> None:

@@ -1,8 +1,8 @@
-"""Types of ROS 2 messages as DDS has them: ROS' own, and those of `robots/interfaces/` of an inventory.
+"""DDS types of ROS 2 messages: the standard ones, and those of `robots/interfaces/` of an inventory.
 
-`pkg/msg/Name` is `pkg::msg::dds_::Name_` in DDS, the same from Foxy to Jazzy. Of an action `pkg/action/Name` the parts
-are known as `Name_Goal`, `Name_Result` and `Name_Feedback`, and what is sent of it as `Name_SendGoal_Request` and so
-on. Requests and replies begin as those of rmw_cyclonedds do: with the client and the number of its request.
+`pkg/msg/Name` is `pkg::msg::dds_::Name_` in DDS, the same from Foxy to Jazzy. The parts of an action
+`pkg/action/Name` are `Name_Goal`, `Name_Result` and `Name_Feedback`; its messages are `Name_SendGoal_Request` and so
+on. Requests and replies begin like those of rmw_cyclonedds: with the client and its request number.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ _ZEROS: dict[str, Any] = {"bool": False, "float32": 0.0, "float64": 0.0, "string
 
 
 class MessageTypes:
-    """Every known type of a message, by its name in ROS; types for DDS are made when they are asked for."""
+    """All known message types by ROS name; DDS types are built on first use."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """`folder` is `robots/interfaces` of an inventory. Raises UsageError for a file of it that cannot be read."""
+        """`folder` is `robots/interfaces` of an inventory. Raises UsageError if a file in it cannot be read."""
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415 - it brings numpy
 
         self.store = get_typestore(Stores.ROS2_FOXY)
@@ -66,11 +66,11 @@ class MessageTypes:
         return name in self.fields
 
     def names(self) -> list[str]:
-        """Every known type."""
+        """Return the names of all known types."""
         return sorted(self.fields)
 
     def idl(self, name: str) -> type[IdlStruct]:
-        """The type of a message for DDS. Raises UsageError where it, or one that it holds, is not known."""
+        """Return the DDS type of a message. Raises UsageError if it, or a type it contains, is unknown."""
         try:
             result: type[IdlStruct] = self._types.idl(name)
         except LookupError as error:
@@ -78,7 +78,7 @@ class MessageTypes:
         return result
 
     def unchecked_type(self, name: str) -> type[IdlStruct]:
-        """A type of this name that takes any message: cyclonedds drops what is shorter than its type without a word."""
+        """Return a type of this name that accepts any message: cyclonedds silently drops those that are too short."""
         if name not in self._unchecked:
             from cyclonedds.idl import make_idl_struct, types  # noqa: PLC0415 - there is none for aarch64
 
@@ -87,12 +87,12 @@ class MessageTypes:
         return self._unchecked[name]
 
     def empty(self, name: str) -> Any:  # noqa: ANN401 - a message of that type
-        """A message with zeros and empty texts."""
+        """Return a message of this type with zeros and empty strings."""
         values = {field: self._empty_of(node) for field, node in self._definition(name)}
         return self.idl(name)(**(values or {"structure_needs_at_least_one_member": 0}))
 
     def items(self, name: str, field: str) -> str | None:
-        """The type of which a field holds a list; None: it has no such field."""
+        """Return the element type of a list field; None if the type has no such list field."""
         for each, (kind, of) in self._definition(name):
             if each == field and int(kind) == _SEQUENCE and int(of[0][0]) == _NAMED_TYPE:
                 return str(of[0][1])
@@ -125,7 +125,7 @@ def _unknown(name: str) -> UsageError:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """What one file defines. Raises UsageError."""
+    """Return the definitions of one file. Raises UsageError."""
     from rosbags.typesys import TypesysError, get_types_from_msg  # noqa: PLC0415 - as above
 
     package, sort = path.parts[-3], path.parts[-2]
@@ -144,7 +144,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _parts(path: Path, text: str) -> dict[str, str]:
-    """The text of a message by its name; of an action those of its three parts."""
+    """Return message definitions by name; an action file has three parts."""
     if path.suffix == ".msg":
         return {path.stem: text}
     parts = re.split(r"(?m)^---\s*$", text)

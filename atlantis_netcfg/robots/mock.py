@@ -1,4 +1,4 @@
-"""A mock robot: it publishes what its file says and answers goals, so that a control centre can be tried."""
+"""A mock robot: publishes the topics of its file and answers goals, to test a control centre."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class MockRobot:
     _now: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
-        """Offer the actions of its file. Raises UsageError where a type is not known."""
+        """Offer the actions of the robot file. Raises UsageError if a type is unknown."""
         requirements = {
             self.robot.full_name(command.action): partial(self._require, command.condition)
             for _, _, command in self.robot.every_command()
@@ -72,7 +72,7 @@ class MockRobot:
         ]
 
     def limits(self) -> Iterator[str]:
-        """What it cannot stand for, as its program does it without a topic or an action."""
+        """Yield what the mock cannot reproduce: the real program does it without a topic or an action."""
         if self.robot.mission_executor.action is None:
             yield f"{self.robot.name} takes no plans: its program gets them by a function"
         if self.robot.pose.topic is None:
@@ -85,11 +85,11 @@ class MockRobot:
             raise GoalRefusal(f"{topic} must be {value} and is not")
 
     def _boolean(self, topic: str) -> bool:
-        """False; of a topic that a condition names true every other time, so that its command can be given."""
+        """Return False; for a topic used by a condition alternate, so that its command can be accepted."""
         return topic in self._changing and int((self._now - (self._began or 0.0)) / _CHANGE_S) % 2 == 1
 
     def step(self, now: float) -> float:
-        """Publish what is due at this second of the monotonic clock, and answer; say when the next is."""
+        """Publish what is due at `now` (monotonic, seconds), answer requests, and return the next due time."""
         self._now, self._began = now, now if self._began is None else self._began
         for action in self.actions:
             action.step(now, time.time_ns())

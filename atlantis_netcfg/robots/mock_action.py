@@ -20,14 +20,14 @@ _NOTICES: Final = 20
 
 
 class MockAction:
-    """One action of a robot's file; `step` carries its goals on, and answers what has come."""
+    """One action of a robot file; `step` advances its goals and answers new requests."""
 
     def __init__(
         self, action: OfferedAction, publisher: Publisher, types: MessageTypes, require: Callable[[], None] | None
     ) -> None:
-        """`require` raises GoalRefusal where a command may not be given; None: the action takes plans.
+        """`require` raises GoalRefusal if a command may not be given; None: the action takes plans.
 
-        Raises UsageError for a type that is not known.
+        Raises UsageError for an unknown type.
         """
         self.name, self._kind, self._types = action.name, action.action_type, types
         self._publisher, self._require = publisher, require
@@ -49,7 +49,7 @@ class MockAction:
         self._publish_states()
 
     def step(self, now: float, stamp_ns: int) -> None:
-        """Do what is due at this second of the monotonic clock, then answer requests."""
+        """Advance goals to `now` (monotonic, seconds), then answer requests."""
         changes = self._server.step(now, stamp_ns)
         if changes:
             self._publish_states()
@@ -147,7 +147,7 @@ class MockAction:
         self._publisher.send(f"{self.name}/_action/status", message)
 
     def _fill(self, message: Any, part: str, name: str, goal: actions.Goal, steps: range) -> None:  # noqa: ANN401 - a message
-        """Put steps of a plan into a list of steps, or of completed steps, where the pilot's type has one."""
+        """Fill a list of steps or completed steps, if the pilot's message type has one."""
         kind = self._types.items(f"{self._kind}_{part}", name)
         if kind is None or not goal.plan:
             return

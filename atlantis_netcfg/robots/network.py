@@ -1,6 +1,6 @@
-"""Participants of DDS on this computer: a listener that hears robots, and mock robots that are heard.
+"""DDS participants on this computer: a listener to robots, and publishers for mock robots.
 
-cyclonedds is driven by polling in one thread. A domain is configured once a process, before its first participant.
+cyclonedds is polled in one thread. A domain is configured once per process, before its first participant.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ _ALIGNMENT: Final = 4
 
 
 def profile(address: str, peers: Sequence[str], participants: int) -> str:
-    """Cyclone's configuration of this computer: its address in the robots' network, and where robots may be.
+    """Return Cyclone's configuration: this computer's address in the robots' network, and its peers.
 
-    Multicast is left on for discovery alone, so that robots without a profile are heard as well.
+    Multicast stays enabled for discovery only, so that robots without a profile are also found.
     """
     rows = "".join(f'<Peer Address="{peer}"/>' for peer in dict.fromkeys((*peers, address)))
     return (
@@ -52,7 +52,7 @@ def profile(address: str, peers: Sequence[str], participants: int) -> str:
 
 @contextmanager
 def domain(number: int, configuration: str) -> Iterator[int]:
-    """A domain of DDS with a profile of its own, whatever this computer's environment says. Raises UsageError."""
+    """Open a DDS domain with its own profile, whatever the environment variables contain. Raises UsageError."""
     try:
         from cyclonedds.core import DDSException  # noqa: PLC0415 - there is none for aarch64
     except ImportError as error:
@@ -70,7 +70,7 @@ def domain(number: int, configuration: str) -> Iterator[int]:
 
 
 class RobotListener:
-    """Hears every publisher of a domain, and counts the messages of those whose type is known."""
+    """Records every publisher of a domain, and counts the messages of known types."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class RobotListener:
         address: str | None = None,
         keep: Callable[[observation.HeardWriter, bytes], None] | None = None,
     ) -> None:
-        """`address`: of this computer, where other domains are listened to as well; `keep` is given every message."""
+        """`address`: this computer's, to detect other domains too; `keep` is called with every message."""
 
         def keep_row(row: Mapping[str, Any], data: bytes) -> None:
             if keep is not None:
@@ -93,11 +93,11 @@ class RobotListener:
         self._others = listener.OtherDomains(number, address) if address is not None else None
 
     def listen(self, seconds: float) -> observation.RobotObservation:
-        """Listen so long, and say what was heard since the beginning."""
+        """Listen for this many seconds; return everything received since the start."""
         return observation.read_heard(listener.listen(self._listener, seconds, self._others))
 
     async def listen_beside_others(self, seconds: float) -> observation.RobotObservation:
-        """Listen so long, and let others work meanwhile."""
+        """Listen for this many seconds without blocking other tasks."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self._listener.poll(pause_s=0)
@@ -108,7 +108,7 @@ class RobotListener:
 
 
 class Publisher:
-    """One participant that publishes messages of ROS, and offers services of ROS."""
+    """One participant that publishes ROS messages and offers ROS services."""
 
     def __init__(self, number: int, types: MessageTypes) -> None:
         from cyclonedds.domain import DomainParticipant  # noqa: PLC0415 - as above
@@ -120,7 +120,7 @@ class Publisher:
     def advertise(
         self, topic: str, kind: str, *, reliable: bool = False, transient_local: bool = False, depth: int = _DEPTH
     ) -> None:
-        """Make the publisher of a topic; a transient-local one gives its last messages to those who come later."""
+        """Create the publisher of a topic; a transient-local one sends its last messages to late joiners."""
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
         from cyclonedds.util import duration  # noqa: PLC0415 - as above
 
@@ -133,22 +133,22 @@ class Publisher:
         self._writers[topic] = _writer(self._participant, f"rt{topic}", self._types.idl(kind), qos)
 
     def publish(self, topic: str, kind: str, message: Any) -> None:  # noqa: ANN401 - a message
-        """Send a message on a topic of ROS, whose publisher is made with the first one."""
+        """Send a message on a ROS topic; its publisher is created with the first message."""
         if topic not in self._writers:
             self.advertise(topic, kind)
         self.send(topic, message)
 
     def send(self, topic: str, message: Any) -> bool:  # noqa: ANN401 - a message
-        """Send a message on an advertised topic; False: a reader of a reliable one takes nothing."""
+        """Send a message on an advertised topic; return False if a reliable reader does not accept it."""
         return _write(self._writers[topic], message)
 
     def service(self, name: str, kind: str) -> RosService:
-        """Offer a service of ROS."""
+        """Offer a ROS service."""
         return RosService(self._participant, self._types, name, kind)
 
 
 class RosService:
-    """One service of ROS, as rmw_cyclonedds sends requests and replies."""
+    """One ROS service, with requests and replies in the format of rmw_cyclonedds."""
 
     def __init__(self, participant: Any, types: MessageTypes, name: str, kind: str) -> None:  # noqa: ANN401 - of cyclonedds
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
@@ -163,7 +163,7 @@ class RosService:
         self._writer = _writer(participant, f"rr{name}Reply", types.idl(f"{kind}_Response"), qos)
 
     def requests(self) -> Iterator[Any]:
-        """What has come since; None for a request that is not in this form."""
+        """Yield new requests; None for a request with an invalid format."""
         for sample in self._reader.take(N=_REQUESTS_AT_ONCE):
             if sample.sample_info.valid_data:
                 data = sample.data if len(sample.data) <= _LONGEST_REQUEST else b""
@@ -172,7 +172,7 @@ class RosService:
                 yield message if is_whole else None
 
     def reply(self, request: Any, message: Any) -> None:  # noqa: ANN401 - messages
-        """Answer a request."""
+        """Send the reply to a request."""
         message.client, message.number = request.client, request.number
         _write(self._writer, message)
 

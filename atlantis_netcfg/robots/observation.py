@@ -1,4 +1,4 @@
-"""What was heard of robots on a network, and what it means beside their files. Pure: nothing here listens."""
+"""Observed robots, compared with their files. Pure: nothing here listens."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _STALE_S: Final = 5.0
 
 @dataclass(slots=True)
 class HeardWriter:
-    """One publisher of a topic, and what came from it while we listened."""
+    """One publisher of a topic, and what it sent during the observation."""
 
     participant: str
     topic: str
@@ -63,20 +63,20 @@ class HeardWriter:
 
     @property
     def rate_hz(self) -> float | None:
-        """Messages a second; None: too few to tell."""
+        """Messages per second; None if there are too few."""
         if self.messages < _FEWEST or self.last_s <= self.first_s:
             return None
         return (self.messages - 1) / (self.last_s - self.first_s)
 
     @property
     def size_bytes(self) -> int:
-        """Of a message, on average."""
+        """Average size of a message."""
         return round(self.octets / self.messages) if self.messages else 0
 
 
 @dataclass(slots=True)
 class HeardConfiguration:
-    """A configuration as a participant publishes it."""
+    """A configuration published by a participant."""
 
     writer: HeardWriter
     text: bytes = field(repr=False)
@@ -85,7 +85,7 @@ class HeardConfiguration:
 
 @dataclass(slots=True)
 class RobotObservation:
-    """What was heard in a while."""
+    """Everything observed during one listening period."""
 
     seconds: float
     participants: dict[str, str] = field(default_factory=dict)
@@ -101,7 +101,7 @@ class RobotObservation:
 
 
 class RobotState(StrEnum):
-    """What a robot is to this inventory."""
+    """Status of a robot relative to this inventory."""
 
     DECLARED = "declared"
     UNKNOWN = "unknown"
@@ -110,7 +110,7 @@ class RobotState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RobotReport:
-    """One robot: what it is to us, and what was found."""
+    """One robot: its status in the inventory, and the findings."""
 
     namespace: str
     state: RobotState
@@ -120,7 +120,7 @@ class RobotReport:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst of its findings; PASS where there is none."""
+        """The worst verdict of the findings; PASS if there are none."""
         order = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.WARN)
         return next(
             (verdict for verdict in order if any(each.verdict is verdict for each in self.findings)), Verdict.PASS
@@ -134,9 +134,9 @@ def judge(
     names: KeyNames,
     past_guests: Mapping[str, str] | None = None,
 ) -> list[RobotReport]:
-    """Compare what was heard with the robots' files; `expected_vehicles` are the vehicles that should be here.
+    """Compare the observation with the robot files; `expected_vehicles` should be present.
 
-    `past_guests`: vehicles that were guests, and the last day of each; they are strangers again.
+    `past_guests`: former guest vehicles and the last day of each; they count as unknown again.
     """
     past = past_guests or {}
     sources_by_name = {source.robot.name: source for source in sources if source.robot is not None}
@@ -209,7 +209,7 @@ def _unknown(name: str, sources_by_name: Mapping[str, RobotSource]) -> BearerFin
 
 
 def vehicle_key(namespace: str) -> str:
-    """The key that a robot would have among the vehicles of the inventory, and the name of its file."""
+    """Return a robot's key among the vehicles of the inventory, which is also the name of its file."""
     return re.sub(r"[^a-z0-9]+", "-", namespace.lower()).strip("-")
 
 
@@ -240,7 +240,7 @@ def _configuration(configuration: HeardConfiguration) -> Iterator[BearerFinding]
 
 
 def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerFinding]:
-    """Whether it publishes what its file says, the token included where that was opened."""
+    """Yield differences between a robot and its file; the token is compared if it could be decrypted."""
     file = source.robot
     if file is None:
         return
@@ -260,7 +260,7 @@ def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerF
 def topic_findings(
     robot: RobotFile, writers: Sequence[HeardWriter], observation: RobotObservation
 ) -> Iterator[tuple[PublishedTopic, BearerFinding]]:
-    """What is wrong with each topic that a robot's configuration names; `writers` are its own."""
+    """Yield findings on each topic in a robot's configuration; `writers` are that robot's publishers."""
     for topic in robot.topics():
         rows = [writer for writer in writers if writer.topic == topic.name]
         if not rows:
@@ -280,7 +280,7 @@ def topic_findings(
 def _check_silence(
     topic: PublishedTopic, rows: Sequence[HeardWriter], writers: Sequence[HeardWriter]
 ) -> Iterator[BearerFinding]:
-    """Whether a topic fell silent while the robot went on; one that was switched off ends with all its topics."""
+    """Report a topic that stopped while the robot's other topics continued; a robot switched off is not reported."""
     rates = [writer.rate_hz for writer in rows if writer.rate_hz]
     silence_s = max(writer.last_s for writer in writers) - max(writer.last_s for writer in rows)
     if rates and silence_s > max(_PAUSE_S, _PAUSE_PERIODS / min(rates)):
@@ -325,5 +325,5 @@ def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterat
 
 
 def read_heard(values: object) -> RobotObservation:
-    """What a listener has heard (`listener.listen`), perhaps on another computer. Raises ValueError."""
+    """Validate the result of a listener (`listener.listen`), possibly from another computer. Raises ValueError."""
     return TypeAdapter(RobotObservation).validate_python(values)

@@ -1,6 +1,6 @@
-"""Bags of rosbag2: what a listener hears is written as one. ROS reads it from Foxy on: sqlite3, QoS in numbers.
+"""Recording to rosbag2 bags, readable by ROS from Foxy on: sqlite3, QoS as numbers.
 
-The topic of the configurations holds the robots' tokens, so that the folder is for its owner alone.
+The configuration topic contains the robots' tokens, so the folder is readable by its owner only.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class BagRecorder:
     """Writes one bag, until it is closed, too large, or the disk too full."""
 
     def __init__(self, folder: Path, types: MessageTypes, most: int = LARGEST_BAG, free: int = _FREE) -> None:
-        """Nothing is made yet. Raises UsageError where something has the folder's name."""
+        """Nothing is created yet. Raises UsageError if the folder already exists."""
         if folder.exists() or folder.is_symlink():
             raise UsageError(f"there is something at {shown_path(folder)} already", hint="name a folder that is new")
         self.folder = folder
@@ -49,7 +49,7 @@ class BagRecorder:
         self._began_ns = time.time_ns() - time.monotonic_ns()
 
     def __enter__(self) -> Self:
-        """Make the folder. Raises UsageError where that cannot be done."""
+        """Create the bag folder. Raises UsageError on failure."""
         from rosbags.rosbag2 import Writer  # noqa: PLC0415 - it brings numpy
 
         bag = Writer(self.folder, version=_VERSION)
@@ -66,7 +66,7 @@ class BagRecorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Finish the bag, also when it is cut by a person; without a message there is none."""
+        """Finish the bag, also after an interrupt; without messages the folder is removed."""
         from sqlite3 import Error  # noqa: PLC0415 - as above
 
         if not self.messages:

@@ -1,7 +1,7 @@
-"""A bag of rosbag2, read as somebody else's data, and published with its timing.
+"""Replay of a rosbag2 bag with its original timing; the bag is treated as untrusted input.
 
-Every message of a bag is looked at before the first one is published. The bag's `metadata.yaml` is not read, because a
-recording that was cut has none, and neither are its definitions of types: those of the inventory hold.
+Every message of a bag is checked before the first one is published. The bag's `metadata.yaml` is not read, because an
+interrupted recording has none. Its type definitions are not read either: those of the inventory are used.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _PADDING: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class BagTopic:
-    """A topic, as it was offered where the bag was recorded."""
+    """A topic with its type and QoS as recorded."""
 
     name: str
     type: str
@@ -50,7 +50,7 @@ class BagTopic:
 
 @dataclass(frozen=True, slots=True)
 class BagMessage:
-    """A message as it stands in a bag."""
+    """One message of a bag."""
 
     time_ns: int
     topic: BagTopic
@@ -79,7 +79,7 @@ class Bag:
 
 
 def read_bag(folder: Path, types: MessageTypes, names: KeyNames) -> Bag:
-    """Look at every message. Raises UsageError for what is no bag, or holds a message that is not of its type."""
+    """Read and check every message. Raises UsageError if it is not a bag, or a message does not match its type."""
     bag = Bag(_files(folder))
     for message in _messages(bag.files):
         topic = message.topic
@@ -102,7 +102,7 @@ def read_bag(folder: Path, types: MessageTypes, names: KeyNames) -> Bag:
 
 
 def _introduce(bag: Bag, text: bytes, key: str, names: KeyNames) -> None:
-    """Remember whose topics are whose, by a robot's configuration."""
+    """Record which topics belong to which robot, from the robot's configuration."""
     if key not in bag.robots:
         robot, _ = read_published(text, names)
         bag.robots[key] = robot.name if robot is not None else ""
@@ -110,7 +110,7 @@ def _introduce(bag: Bag, text: bytes, key: str, names: KeyNames) -> None:
 
 
 def _files(folder: Path) -> tuple[Path, ...]:
-    """The files of a bag, in the order of their first messages. Raises UsageError."""
+    """Return the files of a bag, in the order of their first messages. Raises UsageError."""
     files = sorted(folder.glob("*.db3")) if folder.is_dir() else [folder]
     if not files or any(not each.is_file() or each.suffix != ".db3" for each in files):
         hint = "name a folder with a bag of rosbag2 that is stored as sqlite3 and not compressed: its files end in .db3"
@@ -124,7 +124,7 @@ def _files(folder: Path) -> tuple[Path, ...]:
 
 
 def _messages(files: Sequence[Path]) -> Iterator[BagMessage]:
-    """Every message, by time within each file. Raises UsageError."""
+    """Yield every message, ordered by time within each file. Raises UsageError."""
     from rosbags.interfaces import QosDurability, QosReliability  # noqa: PLC0415 - it brings numpy
     from rosbags.rosbag2 import Reader  # noqa: PLC0415 - as above
 
@@ -147,7 +147,7 @@ def _messages(files: Sequence[Path]) -> Iterator[BagMessage]:
 
 
 def sample_of(message: BagMessage, types: MessageTypes) -> Any:  # noqa: ANN401 - a message
-    """A message for DDS. Raises UsageError for one that is not of its type."""
+    """Return the DDS message of a bag message. Raises UsageError if it does not match its type."""
     kind: Any = types.idl(message.topic.type)
     try:
         sample = kind.deserialize(message.data)
@@ -166,7 +166,7 @@ def _not_of_its_type(message: BagMessage) -> UsageError:
 
 
 class BagPlayer:
-    """Publishes a bag: a participant for each robot in it, and one for what belongs to none."""
+    """Publishes a bag: one participant for each robot in it, and one for all other topics."""
 
     def __init__(self, bag: Bag, types: MessageTypes, number: int, configuration_topic: str, *, loop: bool) -> None:
         self.sent: Counter[str] = Counter()
@@ -181,7 +181,7 @@ class BagPlayer:
         self._next: BagMessage | None = next(self._messages)
 
     def step(self, now: float) -> float:
-        """Publish what is due at this second of the monotonic clock; say when the next is; never: infinity."""
+        """Publish what is due at `now` (monotonic, seconds); return the next due time, infinity if there is none."""
         while self._next is not None and (due := self._due(self._next)) <= now:
             self._publish(self._next)
             self._next = next(self._messages, None)

@@ -1,14 +1,15 @@
-"""The RouterOS engine: desired text against observed rows gives a plan; a plan is applied under the device's safe mode.
+"""The RouterOS engine: plan from desired state and current rows, apply it under safe mode, and verify.
 
-Text and rows are compared by a table of menus and one generic planner without I/O. The executor takes safe mode, writes
-layer by layer, proves from a new session that the device is still reachable and as declared, then releases or unrolls.
-What counts is what was read back: after a run the second plan is empty, or the run failed.
+Desired text and current rows are compared by means of a table of menus and one generic planner without I/O. The
+executor takes safe mode, writes layer by layer, verifies in a new session that the device is reachable and in the
+desired state, then releases safe mode or rolls back. Success is what was read back: after a run the second plan is
+empty, or the run failed.
 
     job = DeviceJob(name, endpoint, desired.read(text), site=..., journal=...)
-    result = await converge(job, mode=Mode.APPLY)              # one device
-    results = await fleet.run(jobs, mode=Mode.APPLY)           # all of a run
+    result = await converge(job, mode=JobMode.APPLY)              # one device
+    results = await fleet.run(jobs, mode=JobMode.APPLY)           # all of a run
 
-A name is imported when it is asked for: an emulated router needs the table of menus, and nothing of the engine.
+Names are imported on first use: an emulated router needs the table of menus, and nothing else of the engine.
 """
 
 from __future__ import annotations

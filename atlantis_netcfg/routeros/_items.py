@@ -1,4 +1,4 @@
-"""What a text declares: rows of menus, with the line where each stands; and how one statement becomes one row."""
+"""Desired rows parsed from text, with their line numbers; converts one statement to one row."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RowItem:
-    """One declared row, or the settings of a menu that has no rows."""
+    """One desired row, or the desired settings of a menu without rows."""
 
     menu: str
     values: Mapping[str, str | None]
@@ -35,18 +35,18 @@ class RowItem:
 
     @property
     def identity(self) -> tuple[str, ...]:
-        """What tells the row apart within its menu, in canonical form."""
+        """The values of the key properties that identify the row within its menu, in canonical form."""
         return menus.MENUS[self.menu].identity(self.defined_values)
 
     @property
     def is_marked(self) -> bool:
-        """True for a row that becomes ours."""
+        """True for a row that carries our mark."""
         return (self.values.get("comment") or "").startswith(menus.MARK)
 
 
 @dataclass(frozen=True, slots=True)
 class RunTime:
-    """A value that the device itself puts in place of the declared one while it works, and takes back again."""
+    """A value that the device itself replaces while it works, and restores afterwards."""
 
     menu: str
     name: str
@@ -56,7 +56,7 @@ class RunTime:
     """Only while a bearer is in use for a time (`routeros/link_use.py`)."""
 
     def covers(self, menu: menus.Menu, name: str, desired_value: str | None, row: Row) -> bool:
-        """Tell whether what was found in the row is what the device makes of the wanted value."""
+        """Return True if the row's value is the one that the device substitutes for the desired value."""
         each = menu.by_name[name]
         mine = (self.menu, self.name) == (menu.path, name)
         return (
@@ -68,7 +68,7 @@ class RunTime:
 
 @dataclass(frozen=True, slots=True)
 class DesiredState:
-    """Everything that a text declares for one device."""
+    """The desired state of one device, as parsed from its text."""
 
     source: str
     items: Mapping[str, tuple[RowItem, ...]]
@@ -97,7 +97,7 @@ class DesiredState:
 
 
 class Mistake(UsageError):
-    """One thing in the text that cannot be meant so; `str()` begins with the text's name and line."""
+    """One error in the text; `str()` begins with the text's name and line."""
 
 
 def near(word: str, words: Iterable[str]) -> str:
@@ -107,7 +107,7 @@ def near(word: str, words: Iterable[str]) -> str:
 
 
 def known_menu(path: str) -> menus.Menu:
-    """Return the menu's row of the table. Raises Mistake, without place, for a menu that is not in it."""
+    """Return the menu definition. Raises Mistake, without file and line, for an unknown menu."""
     if path not in menus.MENUS:
         title = "/" + path.strip("/").replace("/", " ")
         hint = near(title, (menu.title for menu in menus.MENUS.values()))
@@ -116,7 +116,7 @@ def known_menu(path: str) -> menus.Menu:
 
 
 def item_of(statement: Statement) -> RowItem:
-    """Turn one statement into the row that it declares. Raises Mistake, without place."""
+    """Convert one statement to its desired row. Raises Mistake, without file and line."""
     menu = known_menu(statement.menu)
     if menu.readonly:
         raise Mistake(f"{menu.title} can be looked at, but not declared")
@@ -156,7 +156,7 @@ def _set(menu: menus.Menu, statement: Statement) -> RowItem:
 
 
 def _parse_selector(menu: menus.Menu, statement: Statement) -> dict[str, str]:
-    """Return the keys that the statement's selector names."""
+    """Return the key values given by the statement's selector."""
     example = " ".join(f"{key}=..." for key in menu.keys)
     if not menu.keys:
         raise Mistake(f"rows of {menu.title} have no name to find them by: declare them with `add`")

@@ -1,4 +1,4 @@
-"""The value objects of the RouterOS engine: what was observed, what would change, and what did."""
+"""Value objects of the RouterOS engine: observation, plan and result of a change."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ Row = Mapping[str, str]
 
 
 def is_bare(row: Row) -> bool:
-    """Tell whether nothing of a row was read but its `.id`."""
+    """Return True if only the `.id` of the row was read."""
     return row.keys() == {".id"}
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What the preflight read about the device and about our own session on it."""
+    """Properties of the device and of our own session, read in the preflight."""
 
     identity: str
     version: Version
@@ -56,7 +56,7 @@ class Facts:
 
 @dataclass(frozen=True, slots=True)
 class PortCounts:
-    """One look at the byte counters of ports: whatever passed since the device was started, not only what we sent."""
+    """Byte counters of the ports, counted since the device started, for all traffic and not only ours."""
 
     at: datetime
     """When the answer was here, by this computer's clock, in UTC."""
@@ -68,7 +68,7 @@ class PortCounts:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """The device as it was read in one go: facts, and the rows of every menu that was asked for, in device order."""
+    """Facts and rows of all requested menus, read together; rows are in device order."""
 
     facts: Facts
     rows: Mapping[str, tuple[Row, ...]]
@@ -83,7 +83,7 @@ class Observation:
 
 
 class Verb(StrEnum):
-    """What an action does to a menu."""
+    """Type of change to a menu."""
 
     ADD = "add"
     SET = "set"
@@ -92,7 +92,7 @@ class Verb(StrEnum):
 
 
 class Layer(IntEnum):
-    """Order of dependence: a row may only name rows of lower layers, and removal comes after everything is in place."""
+    """Order of dependence: a row may only refer to rows of lower layers; rows are removed last."""
 
     NAMES = -1
     """Names of ports, before anything speaks of them."""
@@ -107,7 +107,7 @@ class Layer(IntEnum):
 
 
 class RowOwner(StrEnum):
-    """Whose a row is, read off the device."""
+    """Owner of a row, according to its mark on the device."""
 
     OURS = "ours"
     OTHER = "other"
@@ -115,7 +115,7 @@ class RowOwner(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One change of one menu, complete enough to be sent, shown, journalled and counted without looking anything up."""
+    """One change of one menu, complete enough to be sent, shown, journalled and counted without further look-ups."""
 
     number: int
     layer: Layer
@@ -139,17 +139,17 @@ class Action:
 
     @property
     def weight(self) -> int:
-        """Entries that this action takes in the device's history; counted per row, the cautious reading."""
+        """Number of entries that this action takes in the device's history; counted per row (upper bound)."""
         return max(1, len(self.ids))
 
     def get_masked_values(self) -> tuple[tuple[str, str], ...]:
-        """`values` with secrets masked: the only form for plans, journals and logs."""
+        """Return `values` with secrets masked, the only form allowed in plans, journals and logs."""
         return tuple((name, MASK if name in self.secrets else value) for name, value in self.values)
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """A row that differs from the declaration and is not ours to change, or that somebody changed behind our back."""
+    """A difference that we must not change, or a change made outside of this tool."""
 
     menu: str
     subject: str
@@ -161,7 +161,7 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class HiddenSecret:
-    """A declared secret that the device does not show, so that nobody can tell whether it differs."""
+    """A secret in the inventory that the device does not show, so that it cannot be compared."""
 
     menu: str
     subject: str
@@ -170,7 +170,7 @@ class HiddenSecret:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Everything that would change on one device, in the order in which it would be sent."""
+    """All changes to one device, in the order in which they are sent."""
 
     device: str
     actions: tuple[Action, ...]
@@ -184,12 +184,12 @@ class Plan:
 
     @property
     def foreign_rows(self) -> int:
-        """How many rows without our mark the plan removes."""
+        """Number of rows without our mark that the plan removes."""
         return sum(number for _, number in self.foreign)
 
     @property
     def foreign_words(self) -> str:
-        """What a person has to agree to apart; empty: so few rows go that the plan says enough."""
+        """Text that needs separate consent; empty if only a few foreign rows are removed."""
         if self.foreign_rows <= FEW_FOREIGN:
             return ""
         parts = ", ".join(f"{number} from {title}" for title, number in self.foreign)
@@ -197,5 +197,5 @@ class Plan:
 
     @property
     def weight(self) -> int:
-        """Entries in the device's history that the whole plan takes."""
+        """Number of entries that the whole plan takes in the device's history."""
         return sum(action.weight for action in self.actions)

@@ -1,7 +1,7 @@
-"""What engine and emulated router assume about RouterOS, and no manual or record confirms: one row each.
+"""Assumptions of engine and emulated router about RouterOS that no manual or recording confirms.
 
-Code that rests on a row names it on a line of its comment or docstring, `Assumption: <id>`. `provision verify` shows
-which of them hold on a real device. A row leaves the table when a document or a recorded answer confirms it.
+Code that depends on one names it in a comment or docstring line, `Assumption: <id>`. `provision verify` shows which
+of them hold on a real device. A row is removed when a document or a recorded reply confirms it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SILENCE: Final = "needs --silence"
 
 @dataclass(frozen=True, slots=True)
 class Assumption:
-    """One thing that is taken to be so."""
+    """One unconfirmed assumption."""
 
     id: str
     sentence: str
@@ -30,7 +30,7 @@ class Assumption:
 
 
 def person(what: str) -> str:
-    """How a row is shown that only a person can look at."""
+    """Return the text of an assumption that only a person can check."""
     return f"needs a person: {what}"
 
 
@@ -447,5 +447,5 @@ ASSUMPTIONS: Final = (
 
 
 def summarize_assumptions() -> str:
-    """The line of a rehearsal that counts what it rests on."""
+    """Return the line of a rehearsal that counts its assumptions."""
     return f"{len(ASSUMPTIONS)} assumptions about RouterOS that no document or record confirms: docs/verify.md"

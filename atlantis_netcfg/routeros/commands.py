@@ -1,11 +1,11 @@
 r"""Actions as text for a device, and the check of a plan by the device's own parser.
 
-Lines and sentences hold secrets in clear.
+Lines and sentences contain secrets in clear.
 
-`:put [:parse "..."]` prints what RouterOS makes of a text and executes nothing of it (recorded on 7.20.8 to 7.23.3:
-tikoci/centrs, test/fixtures/parse-oracle.json). It looks at names; of values that come from a closed list
-`/console/inspect` offers the list. An accepted text is printed whole, so a loop on the device prints refusals alone.
-Each script ends with a command that has to be refused: without that refusal nothing was proved, and silence is no yes.
+`:put [:parse "..."]` prints how RouterOS parses a text, and does not execute it (recorded on 7.20.8 to 7.23.3:
+tikoci/centrs, test/fixtures/parse-oracle.json). It checks names; the allowed values of a closed list are requested
+from `/console/inspect`. An accepted text is printed in full, so a loop on the device prints refusals only. Each script
+ends with a command that must be refused: without that refusal nothing was proved, as silence is not a pass.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 def console(action: _types.Action) -> str:
     r"""Return the console line, without line end: `/ip/firewall/filter/add chain=input place-before=*A3`.
 
-    Manual, Scripting, and Configuration Management. Values in quotes are escaped so that `$`, `\`, `"` and line ends
-    arrive as they are: inside quotes the console would replace `$name` without a word.
+    Manual, Scripting, and Configuration Management. Quoted values are escaped so that `$`, `\`, `"` and line ends
+    arrive unchanged: inside quotes the console would silently replace `$name`.
     """
     words = [f"{action.menu}/{action.verb}"]
     if action.ids:
@@ -42,9 +42,9 @@ def _word(name: str, value: str | None) -> str:
 
 
 def _values(action: _types.Action) -> Iterator[tuple[str, str | None]]:
-    """Yield names with values; None stands for a bare word, which sets a flag (`fib`) or unsets (`!fib`).
+    """Yield names with values; None marks a name without value, which sets a flag (`fib`) or unsets (`!fib`).
 
-    A boolean that was read over the API says `true`, which is a syntax error on the console (7.23.3).
+    A boolean read over the API is `true`, which is a syntax error on the console (7.23.3).
     """
     fields = menus.MENUS[action.menu].by_name
     for name, value in action.values:
@@ -64,7 +64,7 @@ _PLACE = {_types.Verb.ADD: "place-before", _types.Verb.MOVE: "destination"}
 def sentence(action: _types.Action) -> tuple[str, tuple[tuple[str, str], ...]]:
     """Return the command word and its arguments: `/ip/address/set`, `(.id, *5), (disabled, yes)`.
 
-    Manual, API (`!name` unsets a property, ids are joined by commas, `destination` is the row to stand before).
+    Manual, API (`!name` unsets a property, ids are joined by commas, `destination` is the row to insert before).
     """
     arguments = [(name, value or "") for name, value in _values(action)]
     if action.ids:
@@ -75,7 +75,7 @@ def sentence(action: _types.Action) -> tuple[str, tuple[tuple[str, str], ...]]:
 
 
 def script_command(text: str) -> Command:
-    """Return the command that runs a script and answers with its output (in the command trees from 7.9 on)."""
+    """Return the command that runs a script and replies with its output (available from 7.9 on)."""
     return Command("/execute", (("script", text), ("as-string", "")))
 
 
@@ -124,9 +124,9 @@ _Argument = tuple[str, str]
 
 
 def script(lines: Iterable[str]) -> str:
-    """Return the script that has the device parse each line, and prints its number and the code of all but good ones.
+    """Return a script that lets the device parse each line and prints number and code of the rejected ones.
 
-    Each line is text in a text in a text: of the array, of the inner script, of `:parse`.
+    Each line is quoted three times: for the array, for the inner script and for `:parse`.
     """
     # Public scripts do so. Assumption: parse-nested
     texts = ";".join(in_quotes(in_quotes(line)[1:-1]) for line in lines)
@@ -139,7 +139,7 @@ def script(lines: Iterable[str]) -> str:
 
 @dataclass(slots=True)
 class Examination:
-    """What a device was asked of a plan, and what it has answered; the wire is somebody else's."""
+    """Check of a plan by the device's parser: requests and results, without any I/O."""
 
     refusals: dict[str, str] = field(default_factory=dict)
     """By line: the device's words, empty for a line that it takes."""
@@ -155,9 +155,9 @@ class Examination:
     def questions(
         self, actions: Sequence[_types.Action], rows: Mapping[str, Sequence[_types.Row]]
     ) -> tuple[Command, ...]:
-        """Return what is still to be asked of these actions; no more than ROOM. `read_answers` reads the answers.
+        """Return the open requests for these actions, at most ROOM; `read_answers` reads the replies.
 
-        A value that a row of the menu has already needs no question.
+        A value that a row of the menu already has is not checked.
         """
         self._whole = [each for each, _ in self._values if each not in self._lists and self._missing(each)]
         self._values = list(self._find_open_values(actions, rows))
@@ -188,13 +188,13 @@ class Examination:
         return ((argument, tuple(values)) for argument, values in values_by_argument.items())
 
     def _missing(self, argument: _Argument) -> bool:
-        """Tell whether a value that was asked for did not come."""
+        """Return True if an expected value is not in the replies."""
         return any(
             (each, value) not in self._good for each, values in self._values if each == argument for value in values
         )
 
     def read_answers(self, replies: Sequence[Reply]) -> None:
-        """Read the answers to the last `questions`."""
+        """Read the replies to the last `questions`."""
         scripts, whole = len(self._scripts), len(self._whole)
         for part, reply in zip(self._scripts, replies, strict=False):
             self._judge(part, reply)
@@ -221,7 +221,7 @@ class Examination:
                 self.refusals[line] = words
 
     def doubt(self, actions: Iterable[_types.Action]) -> str:
-        """Say that and why nobody knows whether the device takes all that it does not object to; or nothing."""
+        """Return why it is uncertain whether the device accepts the whole plan; empty if it is certain."""
         arguments = {(action.menu, name) for action in actions for name, _ in action.values}
         lists = sorted(each for each, words in self._lists.items() if words is None and each in arguments)
         values = (f"it does not tell which words `{name}` of {menus.MENUS[menu].title} takes" for menu, name in lists)
@@ -229,7 +229,7 @@ class Examination:
         return f"INCONCLUSIVE whether this device takes every command of the plan: {why}" if why else ""
 
     def objections(self, actions: Iterable[_types.Action], source: str) -> Iterator[str]:
-        """Yield what the device does not take, with the line of the text where that declares it."""
+        """Yield what the device rejects, with the line of the desired text."""
         for action in actions:
             words = self.refusals.get(_line(action), "") or next(self._foreign(action), "")
             if words:
@@ -238,7 +238,7 @@ class Examination:
                 yield f"{place}the device's own parser does not take this ({what}): {words}"
 
     def _foreign(self, action: _types.Action) -> Iterator[str]:
-        """Yield what is wrong with values of a closed list."""
+        """Yield values that are not in their closed list."""
         for name, value in action.values:
             words = self._lists.get((action.menu, name))
             if words is not None and value not in words:
@@ -246,7 +246,7 @@ class Examination:
 
 
 def _cut(lines: Sequence[str], room: int) -> list[list[str]]:
-    """Cut lines into as few scripts as keep a device busy for a moment only, and never more than `room` if they fit."""
+    """Split lines into few scripts, each short enough for the device; never more than `room` if they fit."""
     most = max(_LINES, -(-len(lines) // room))
     scripts: list[list[str]] = []
     size = 0
@@ -260,13 +260,13 @@ def _cut(lines: Sequence[str], room: int) -> list[list[str]]:
 
 
 def _line(action: _types.Action) -> str:
-    """Return the command of an action for the parser: one row is as good as a thousand, and no secret is needed."""
+    """Return the action's command for the parser: with one row instead of all, and without secrets."""
     values = tuple((name, _PLACEHOLDER if name in action.secrets else value) for name, value in action.values)
     return console(replace(action, ids=action.ids[:1], values=values))
 
 
 def build_completion_query(menu: str, name: str, *, among: Sequence[str] = ()) -> Command:
-    """Ask for the list of an argument, or which of some values are in it."""
+    """Return the request for the list of an argument's values, or for those of `among` that are in it."""
     verb = "add" if menus.MENUS[menu].shape is menus.Shape.LIST else "set"
     path = ",".join((*menu.strip("/").split("/"), verb, name))
     arguments = (("request", "completion"), ("path", path), (".proplist", "completion"))
@@ -281,7 +281,7 @@ def _words(reply: Reply) -> tuple[str, ...]:
 
 
 def _answers(text: str) -> dict[int, str]:
-    """Cut the output at the numbers, which only grow."""
+    """Split the output at the line numbers, which only increase."""
     starts: list[tuple[int, re.Match[str]]] = []
     for match in _ANSWER.finditer(text):
         if not starts or int(match[1]) > starts[-1][0]:
@@ -291,7 +291,7 @@ def _answers(text: str) -> dict[int, str]:
 
 
 def refusal(code: str, line: str = "") -> str | None:
-    """Read a refusal; None if it is none that we know. What a device repeats of the line is not told."""
+    """Return the refusal in an output; None if unknown. Text that the device repeats from the line is left out."""
     for refusal in _REFUSALS:
         match = refusal.match(code)
         if match is not None:
@@ -301,6 +301,6 @@ def refusal(code: str, line: str = "") -> str | None:
 
 
 def _name_at(line: str, column: int) -> str:
-    """Return the argument at a column, 1-based; what is quoted is skipped."""
+    """Return the argument at a column (1-based); quoted text is skipped."""
     names = re.finditer(r' (!?[\w.-]+)(?:=(?:"(?:\\.|[^"\\])*"|[^\s"]*))?(?= |\Z)', line)
     return next((match[1] for match in names if match.start(1) < column <= match.end() + 1), "")

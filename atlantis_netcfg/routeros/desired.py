@@ -1,11 +1,15 @@
-"""Desired state: export-style text, plus directives in comments, to the rows that a device shall have.
+"""Desired state: parses export-style text with directives in comments into the rows that a device should have.
 
-`# atlantis:entire /ip firewall filter` says that the menu is ours entirely.
-`# atlantis:undeclared /interface ethernet disabled=yes` says what rows get that the device has and the text does not.
-`# atlantis:run-time /ip route distance=10 distance=110` says that the device itself puts 110 where 10 is declared while
-it works, so that a row with either is as declared.
-`# atlantis:note /tool netwatch: asking takes 1 MB a day` is told with every plan that changes that menu.
-All mistakes are reported together.
+`# atlantis:entire /ip firewall filter`: the menu is entirely ours; other rows in it are removed.
+
+`# atlantis:undeclared /interface ethernet disabled=yes`: values for rows that exist on the device but not in the text.
+
+`# atlantis:run-time /ip route distance=10 distance=110`: the device itself replaces 10 by 110 while it works; a row
+with either value is in the desired state.
+
+`# atlantis:note /tool netwatch: asking takes 1 MB a day`: a note shown with every plan that changes that menu.
+
+All errors are reported together.
 """
 
 from __future__ import annotations
@@ -30,9 +34,9 @@ _EITHER = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)[ \t]+\2=(\S*)")
 
 
 def read(text: str, source: str = "text") -> DesiredState:
-    """Read what a text declares; `source` is what messages call it.
+    """Parse a desired state; `source` is the name of the text in messages.
 
-    Raises RscError where the text is not export text, and Mistake with every line that declares something impossible.
+    Raises RscError if the text is not export text, and Mistake with every line that is not possible.
     """
     export = parse(text, source)
     mistakes: list[str] = []
@@ -133,11 +137,12 @@ def _once(item: RowItem, first: dict[tuple[str, tuple[str, ...]], int]) -> None:
 
 
 def from_export(text: str, only: Iterable[str], source: str = "export") -> DesiredState:
-    """Read a saved export as the state to go back to, in the menus of `only`.
+    """Parse a saved export as the state to restore, in the menus of `only`.
 
-    What an export leaves out is at its default, but for what it hides: secrets, and menus that it never prints, stay
-    as they are on the device. A menu with a row that we cannot tell from others is not gone back to entirely: that row
-    could be the one that is removed. `notes` says what cannot be restored. Raises RscError if the text is no export.
+    Values that an export omits are at their defaults. Exceptions are what it hides: secrets, and menus that it never
+    prints, stay as they are on the device. If a menu has a row that we cannot identify, the menu is not restored
+    entirely: that row could be the one removed. `notes` lists what cannot be restored. Raises RscError if the text is
+    not an export.
     """
     menus = [known_menu(path) for path in dict.fromkeys(only)]
     restorable_menus = [menu for menu in menus if menu.is_exported and not menu.readonly]
@@ -164,7 +169,7 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
 
 
 def _restore_item(menu: Menu, statement: Statement, source: str, notes: list[str]) -> Sequence[RowItem]:
-    """Return the statement's row, or nothing and a note about why it cannot be restored."""
+    """Return the statement's row, or nothing and a note on why it cannot be restored."""
     foreign = [name for name, _ in statement.values if name not in menu.by_name]
     notes += [f"{source}, line {statement.line}: `{name}` of {menu.title} stays as it is" for name in foreign]
     try:
@@ -177,18 +182,18 @@ def _restore_item(menu: Menu, statement: Statement, source: str, notes: list[str
 
 
 def _is_a_row(menu: Menu, statement: Statement) -> bool:
-    """Tell whether the statement is about a row that would be removed, or put back to its defaults, if it is not known.
+    """Return True if the row would be removed or reset to its defaults in case we do not recognise it.
 
-    `set 0` is about a row of the system, which the device does not let go; what tells it from others is not put back.
+    `set 0` refers to a system row, which cannot be removed; the properties that identify it are not restored.
     """
     is_reported = any(name in menu.by_name and name not in menu.keys for name, _ in statement.values)
     return is_reported or statement.verb == "add" or statement.find is not None or menu.shape is Shape.FIXED
 
 
 def _normalize(menu: Menu, statement: Statement) -> Statement:
-    """Leave out arguments that the table lacks, and call rows of the system by their names.
+    """Remove arguments unknown to the table, and refer to system rows by name.
 
-    An export calls them by number (`set 3`), or, where there is one, `[ find default=yes ]`.
+    An export refers to them by number (`set 3`) or, if only one exists, by `[ find default=yes ]`.
     """
     target, find = statement.target, statement.find
     if find == (("default", "yes"),) and len(menu.stock) == len(menu.keys) == 1:

@@ -1,7 +1,7 @@
-"""A plan as text: the rows in the language of the device's own export, with `+`, `-` and ` ` in the margin.
+"""A plan as text: rows in the device's export syntax, with `+`, `-` or ` ` in the margin.
 
-Settings and rows that change in place show only what changes. Secrets are masked. Rows that stay are left out, but for
-a few around a change where their order matters.
+Settings and rows changed in place show only the changed values. Secrets are masked. Unchanged rows are omitted, except
+for a few around a change where the order matters.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class DiffLine:
 
 
 def render(menus: Iterable[tuple[Menu, Sequence[DiffLine]]]) -> str:
-    """Return the whole text; empty when no line has a `+` or `-`."""
+    """Return the whole text; empty if no line has a `+` or `-`."""
     parts = [_menu_text(menu, lines) for menu, lines in menus if any(line.margin != " " for line in lines)]
     return "".join(parts)
 
@@ -42,7 +42,7 @@ def _menu_text(menu: Menu, lines: Sequence[DiffLine]) -> str:
 
 
 def _shorten(lines: Sequence[DiffLine]) -> list[str]:
-    """Keep rows that stay only beside those that change, and say how many are left out."""
+    """Keep unchanged rows only next to changed ones, and print how many are omitted."""
     changed_indexes = [index for index, line in enumerate(lines) if line.margin != " "]
     near = {index + offset for index in changed_indexes for offset in range(-_CONTEXT, _CONTEXT + 1)}
     text_lines: list[str] = []
@@ -58,7 +58,7 @@ def added_row(menu: Menu, values: Mapping[str, str]) -> str:
 
 
 def existing_row(menu: Menu, row: Row) -> str:
-    """Return the line that would add a row that is on the device, as an export prints it: without defaults."""
+    """Return the line that would add an existing row, as in an export: without defaults."""
     names = sorted(each.name for each in menu.fields if each.name in row and not each.keep)
     values = {
         name: row[name]
@@ -73,7 +73,7 @@ def _default(menu: Menu, name: str, row: Row) -> str:
 
 
 def set_lines(menu: Menu, row: Row, values: Sequence[tuple[str, str]]) -> list[DiffLine]:
-    """Return what a change in place takes away and what it puts there."""
+    """Return the old and the new line of a change in place."""
     names = [name.removeprefix("!") for name, _ in values]
     old = {name: row.get(name, menu.default_of(name, row)) for name in names}
     new = {name.removeprefix("!"): None if name.startswith("!") else value for name, value in values}
@@ -81,7 +81,7 @@ def set_lines(menu: Menu, row: Row, values: Sequence[tuple[str, str]]) -> list[D
 
 
 def _print(menu: Menu, verb: str, values: Mapping[str, str | None], row: Row | None = None) -> str:
-    """Print one statement; `row` is what a `set` is about."""
+    """Print one statement; `row` is the target of a `set`."""
     display_values = tuple((name, _display_value(menu.by_name[name], value)) for name, value in values.items())
     keys = tuple((key, row[key]) for key in menu.keys if key in row) if row is not None else ()
     if keys and menu.shape is Shape.FIXED and menu.keys == ("name",):
@@ -90,7 +90,7 @@ def _print(menu: Menu, verb: str, values: Mapping[str, str | None], row: Row | N
 
 
 def _display_value(field: Field, value: str | None) -> str | None:
-    """Return a value as an export prints it (the API says `true` for `yes`), or the mask."""
+    """Return a value as in an export (the API has `true` for `yes`), or the mask if it is secret."""
     if field.secret and value:
         return MASK
     return canonical(field.kind, value) if value and field.kind is PropertyKind.BOOLEAN else value

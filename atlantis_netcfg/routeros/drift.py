@@ -1,8 +1,7 @@
-"""What differs on a device from the declaration: in one vocabulary, with who owns it and since when.
+"""Drift: differences between a device and the inventory, with owner and time of origin.
 
-It is made from a plan, so that drift is exactly what a run would change, plus what it would leave alone. Pure: what was
-confirmed last and what the device remembers are given as text and rows. docs/drift.md explains every word to the
-person who reads a report.
+It is computed from a plan, so drift is exactly what a run would change, plus what it would leave alone. Pure: the last
+confirmed state and the device's history are passed as text and rows. docs/drift.md explains the terms of the report.
 
 Assumption: history-names-ids
 Assumption: history-newest-first
@@ -46,7 +45,7 @@ __all__ = [
 
 
 class DriftKind(StrEnum):
-    """How one row, or the settings of one menu, differ from the declaration."""
+    """Kind of difference of one row, or of the settings of one menu."""
 
     MISSING = "missing"
     """Declared, and not there."""
@@ -65,7 +64,7 @@ class DriftKind(StrEnum):
 
 
 class Owner(StrEnum):
-    """Whose the row is, by the declaration and by its mark. Rows of RouterOS itself are nobody's difference."""
+    """Owner of the row, by inventory and mark. RouterOS's own rows never count as differences."""
 
     DECLARED = "declared"
     FORMER = "formerly declared"
@@ -79,7 +78,7 @@ class Owner(StrEnum):
 
 
 class Since(StrEnum):
-    """When it came about, by comparison with the state that a run has read back last."""
+    """Time of origin, relative to the last state that a run read back."""
 
     AFTER = "after"
     """The device was otherwise then: somebody has changed it since."""
@@ -90,7 +89,7 @@ class Since(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class FieldDifference:
-    """One property, as declared and as found; secrets are masked."""
+    """One property with desired and actual value; secrets are masked."""
 
     name: str
     desired_value: str
@@ -99,7 +98,7 @@ class FieldDifference:
 
 @dataclass(frozen=True, slots=True)
 class ChangeRecord:
-    """What the device's own history still knows: who did what when, in its words and by its clock."""
+    """An entry of the device's own history: who, when and what, in its words and by its clock."""
 
     by: str
     at: str
@@ -108,7 +107,7 @@ class ChangeRecord:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One thing that differs."""
+    """One difference between desired and actual state."""
 
     menu: str
     """As the console writes it: `/ip firewall filter`."""
@@ -126,13 +125,13 @@ class Difference:
 
     @property
     def counts(self) -> bool:
-        """Whether it is drift: not what cannot be compared, nor a foreign row that a run has seen and left alone."""
+        """True if it is drift: comparable, and not a foreign row that a run has seen and left alone."""
         if self.kind is DriftKind.FOREIGN:
             return self.since is not Since.ALREADY
         return self.kind is not DriftKind.HIDDEN
 
     def as_dict(self) -> dict[str, Any]:
-        """The difference as JSON-able data."""
+        """Return the difference as JSON-able data."""
         return {
             "menu": self.menu,
             "subject": self.subject,
@@ -155,7 +154,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A device against its declaration."""
+    """A device compared with its desired state."""
 
     menus: tuple[str, ...]
     """All that were compared, also where nothing differs."""
@@ -166,11 +165,11 @@ class Comparison:
 
     @property
     def drift(self) -> tuple[Difference, ...]:
-        """The differences that count."""
+        """The differences that count as drift."""
         return tuple(difference for difference in self.differences if difference.counts)
 
     def as_dict(self) -> dict[str, Any]:
-        """The comparison as JSON-able data."""
+        """Return the comparison as JSON-able data."""
         confirmed_run = None
         if self.run is not None and self.at is not None:
             confirmed_run = {"run": self.run, "at": self.at.isoformat(timespec="seconds")}
@@ -188,7 +187,7 @@ _T = TypeVar("_T", bound=Mapping[str, str])
 
 @dataclass(frozen=True, slots=True)
 class Raw:
-    """One difference: the row as it shall be, and as it is."""
+    """One difference: the desired row and the actual row."""
 
     kind: DriftKind
     desired_row: Mapping[str, str] | None = None
@@ -209,10 +208,10 @@ class Raw:
 
 
 def raw_differences(menu: Menu, actions: Iterable[_types.Action], rows: Sequence[_types.Row]) -> list[Raw]:
-    """Turn the actions on one menu into differences, in the order: settings and rows as they are, then what is new.
+    """Convert the actions on one menu to differences: existing settings and rows first, then new rows.
 
-    A plan is made to be carried out: a rule of the firewall that somebody has edited is added anew and removed, since
-    no packet may meet a half of it. Whoever reads about drift wants to hear that it was changed, and how.
+    In a plan, a firewall rule edited by somebody is added anew and removed, so that no packet meets a half-edited rule.
+    A drift report must instead show that the rule was changed, and how.
     """
     by_id = {row.get(".id", ""): row for row in rows}
     differences: list[Raw] = []
@@ -239,13 +238,13 @@ def raw_differences(menu: Menu, actions: Iterable[_types.Action], rows: Sequence
 
 
 def content(menu: Menu, values: Mapping[str, str]) -> tuple[str, ...]:
-    """Return all of a row that can be compared between readings: nothing secret, nothing that the device computes."""
+    """Return the comparable content of a row: without secrets and values that the device computes."""
     fields = (each for each in menu.fields if not (each.keep or each.secret or each.unread))
     return tuple(menu.form(each.name, values) for each in fields)
 
 
 def mark_of(values: Mapping[str, str]) -> str | None:
-    """Return the comment of a row that carries our mark; it tells what the row is for, whatever else has changed."""
+    """Return the comment of a row with our mark, which identifies its purpose; None for other rows."""
     comment = values.get("comment", "")
     return comment if comment.startswith(MARK) else None
 
@@ -262,7 +261,7 @@ def _together(menu: Menu, desired_row: Mapping[str, str], row: _types.Row) -> Ra
 
 
 def alone(key: _Key, rows: Iterable[_T]) -> dict[Hashable, _T]:
-    """Return the rows by a key, where it stands for one row only; None stands for none."""
+    """Return the rows by key, for keys that only one row has; rows with key None are omitted."""
     groups: dict[Hashable, list[_T]] = {}
     for row in rows:
         groups.setdefault(key(row), []).append(row)
@@ -270,7 +269,7 @@ def alone(key: _Key, rows: Iterable[_T]) -> dict[Hashable, _T]:
 
 
 def _pairs(menu: Menu, missing: list[_Values], removed_rows: list[_Values]) -> list[tuple[_Values, _Values]]:
-    """Take out of both lists what is one row: by its whole content, by its keys, then by our own words about it."""
+    """Remove matching rows from both lists and pair them: by content, then by keys, then by our comment."""
     pairs = _paired_by(lambda values: content(menu, values), missing, removed_rows)
     if menu.keys:
         pairs += _paired_by(menu.identity, missing, removed_rows)
@@ -292,11 +291,11 @@ _VERBS = "add|set|unset|remove|move|enable|disable|comment"
 
 @dataclass(frozen=True, slots=True)
 class DriftHistory:
-    """The entries as the device prints them, newest first.
+    """Entries of the device's history, newest first.
 
-    `/system/history` has the latest hundred changes, gone with a reboot. Manual, Configuration Management: each entry
-    has action, by, time, and the commands that undo and redo it. An entry that names a row otherwise than by its `.id`
-    is not found, and nothing is said then.
+    `/system/history` holds the last hundred changes, and is lost on reboot. Manual, Configuration Management: each
+    entry has action, by, time, and the commands that undo and redo it. An entry that does not name its row by `.id` is
+    not found; then nothing is reported.
     """
 
     rows: Sequence[_types.Row] = ()
@@ -324,7 +323,7 @@ def _names(menu: Menu, raw: Raw, command: str) -> bool:
 
 
 def _adds(menu: Menu, values: Mapping[str, str], command: str) -> bool:
-    """Tell whether the command would bring a row with these keys, or with this comment, back."""
+    """Return True if the command would add a row with these keys, or with this comment."""
     names = menu.keys or ("comment",)
     words = [f"{name}={quote(values[name])}" for name in names if values.get(name)]
     return " add" in command.replace("/add", " add") and bool(words) and all(word in command for word in words)
@@ -337,7 +336,7 @@ _NEVER = "no run has confirmed a state of this device"
 
 @dataclass(frozen=True, slots=True)
 class _RowView:
-    """One menu, and everything that can be said about it."""
+    """One menu with everything needed to report on it."""
 
     menu: Menu
     desired_state: DesiredState
@@ -435,7 +434,7 @@ def _value(menu: Menu, name: str, values: Mapping[str, str]) -> str:
 
 
 def _place(view: _RowView, raw: Raw) -> Iterator[FieldDifference]:
-    """Yield which place of its list the row has; dynamic rows do not count."""
+    """Yield the row's desired and actual position in its list; dynamic rows do not count."""
     menu, row = view.menu, raw.actual_row or {}
     desired_contents = [
         content(menu, item.defined_values)
@@ -459,7 +458,7 @@ _NO_SECRETS = (Since.UNKNOWN, "a confirmed state holds no secrets")
 
 @dataclass(frozen=True, slots=True)
 class _RowIndex:
-    """The rows of one menu: by their keys, or by their content where they have none, and by our words about them."""
+    """Index of the rows of one menu: by keys (by content if it has none), and by our comment."""
 
     by_self: Mapping[tuple[str, ...], Mapping[str, str]]
     by_mark: Mapping[Hashable, Mapping[str, str]]
@@ -472,7 +471,7 @@ class _RowIndex:
 
 @dataclass(frozen=True, slots=True)
 class Past:
-    """A confirmed state."""
+    """The last confirmed state of a device."""
 
     run: str
     at: datetime
@@ -483,12 +482,12 @@ class Past:
 
     @classmethod
     def read(cls, run: str, at: datetime, text: str) -> Past:
-        """Read what `snapshot.write` has written. Raises RscError."""
+        """Parse the text written by `snapshot.write`. Raises RscError."""
         state = snapshot.read(text, f"the state that run {run} confirmed")
         return cls(run, at, {path: tuple(item.defined_values for item in items) for path, items in state.items.items()})
 
     def since(self, menu: Menu, raw: Raw, rows: Sequence[_types.Row]) -> _Verdict:
-        """Return when a difference came about, and why nobody can tell; `rows` are those of the menu now."""
+        """Return when a difference arose, or why that is unknown; `rows` are the menu's current rows."""
         if menu.path not in self.rows:
             return Since.UNKNOWN, f"run {self.run} did not read this menu"
         if raw.kind is DriftKind.ORDER and raw.actual_row is not None:
@@ -504,7 +503,7 @@ class Past:
         return (Since.ALREADY if content(menu, then) == content(menu, raw.actual_row) else Since.AFTER), ""
 
     def _then(self, menu: Menu, values: Mapping[str, str]) -> Mapping[str, str] | None:
-        """Return the row as it was then: settings are always there, and given rows also at their defaults."""
+        """Return the earlier row; settings always exist, and system rows also at their defaults."""
         there = self.rows[menu.path]
         if menu.shape is Shape.SINGLETON:
             return there[0] if there else {}
@@ -517,7 +516,7 @@ class Past:
         return match if match is not None else index.by_mark.get(mark_of(values))
 
     def _order(self, menu: Menu, actual_row: _types.Row, rows: Sequence[_types.Row]) -> _Verdict:
-        """Compare the order of what stood in the row's list then and stands there now."""
+        """Compare the earlier and the current order of the rows in the row's list."""
         chain = menu.form(menu.chain, actual_row) if menu.chain else ""
         then = _chain(menu, self.rows[menu.path], chain)
         now = _chain(menu, [row for row in rows if menu.is_touchable(row)], chain)

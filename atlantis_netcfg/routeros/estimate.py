@@ -1,8 +1,9 @@
-"""What a run would cost on the bearer in use: a model of what the executor sends, with real sizes where they are known.
+"""Cost of a run on the link in use: a model of what the executor sends, with real sizes if known.
 
-A run that changes nothing logs in and reads. One that changes something also takes safe mode, saves the export, sends
-one script for each piece that safe mode can remember, reads back in a new session, and releases.
-Round trips and bytes are those that a run reports: TCP's payload, handshakes and TLS included.
+A run without changes logs in and reads. A run with changes also takes safe mode, saves the export, sends one script for
+each part that safe mode can record, reads back in a new session, and releases.
+
+Round trips and bytes are counted as in a run's report: TCP payload, handshakes and TLS included.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ MOST_TEXT: Final = 45_000
 
 @dataclass(frozen=True, slots=True)
 class BearerProfile:
-    """What the session to the device runs over."""
+    """The link that carries the session to the device."""
 
     name: str
     rtt_s: float
@@ -98,7 +99,7 @@ class BearerProfile:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What a run is expected to cost."""
+    """Expected cost of a run."""
 
     bearer: str
     round_trips: int
@@ -109,23 +110,23 @@ class Estimate:
 
     @property
     def bytes(self) -> int:
-        """Both directions together, as a run reports them."""
+        """Bytes of both directions, as a run reports them."""
         return self.bytes_up + self.bytes_down
 
     @property
     def wire_bytes(self) -> int:
-        """Both directions together on the wire, as a bearer is billed; a VPN's own headers come to it."""
+        """Bytes of both directions on the wire, as billed for a link; VPN headers are not included."""
         return on_the_wire(self.bytes, self.sessions)
 
 
 def on_the_wire(payload: int, sessions: int) -> int:
-    """What the payload of TCP in so many sessions comes to as packets: with the headers of TCP and IP."""
+    """Return the bytes on the wire for a TCP payload in so many sessions, TCP and IP headers included."""
     return payload + ceil(payload * HEADERS) + sessions * CONNECTION_BYTES
 
 
 @dataclass(slots=True)
 class _CostTally:
-    """What was spent so far."""
+    """Cost so far."""
 
     round_trips: int = 0
     sessions: int = 0
@@ -148,7 +149,7 @@ class _CostTally:
 def _read(
     tally: _CostTally, menus: Sequence[str], rows: Mapping[str, Sequence[_types.Row]] | None, preflight: int = PREFLIGHT
 ) -> None:
-    """Ask for the device itself and for every menu."""
+    """Count the cost of reading the device's facts and every menu."""
     # A modem is asked beside it, which is more than reading.
     batches = ceil((preflight + len(menus)) / (WINDOW if LTE in menus else READING_WINDOW))
     answer_bytes = TYPICAL_ROWS if rows is None else sum(_answer(row) for each in rows.values() for row in each)
@@ -166,7 +167,7 @@ def _read_back(
     touched_menus: Collection[str],
     rows: Mapping[str, Sequence[_types.Row]] | None,
 ) -> None:
-    """Read everything again, or what was touched and the counts of the rest."""
+    """Count the cost of reading back everything, or the changed menus and the row counts of the rest."""
     if rows is None or not observe.LEAVES.issuperset(touched_menus):
         again = [path for path in menus if path in touched_menus or path not in observe.LATER]
         _read(tally, again, rows and {path: rows[path] for path in again}, AGAIN)
@@ -181,14 +182,14 @@ def _read_back(
 
 
 def _look_again(tally: _CostTally, rows: Mapping[str, Sequence[_types.Row]]) -> None:
-    """Read everything once more before the first change; menus with very many rows are counted."""
+    """Count the cost of the second read before the first change; very long menus are only counted."""
     short = {path: there for path, there in rows.items() if len(there) <= _types.FEW_FOREIGN}
     _read(tally, tuple(short), short, PREFLIGHT if len(short) == len(rows) else AGAIN)
     tally.spend(trips=0, up=(len(rows) - len(short)) * COUNT_UP, down=(len(rows) - len(short)) * COUNT_DOWN)
 
 
 def estimate(plan: _types.Plan, bearer: BearerProfile, observation: _types.Observation | None = None) -> Estimate:
-    """Estimate the run of a plan; an empty plan costs the reading that found it empty.
+    """Estimate the cost of applying a plan; for an empty plan, the cost of the read.
 
     With `observation`, from which the plan was made, the sizes of reads are real ones instead of typical ones.
     """
@@ -205,7 +206,7 @@ def estimate(plan: _types.Plan, bearer: BearerProfile, observation: _types.Obser
 
 
 def _whole(rows: tuple[_types.Row, ...]) -> tuple[_types.Row, ...]:
-    """Take rows of which only the `.id` was read for as long as the last one without our mark that was read."""
+    """Assume for each row read by `.id` only the size of the last foreign row that was read in full."""
     if not any(map(_types.is_bare, rows)):
         return rows
     others = (row for row in reversed(rows) if not _types.is_bare(row) and not row.get("comment", "").startswith(MARK))
@@ -214,11 +215,10 @@ def _whole(rows: tuple[_types.Row, ...]) -> tuple[_types.Row, ...]:
 
 
 def beforehand(bearer: BearerProfile, *, writes: bool = False, plans: bool = False, exports: bool = False) -> Estimate:
-    """Estimate a run on a device that was not read yet, so that its cost can be told before the first byte.
+    """Estimate a run on a device that was not read yet, so that the cost is known before the first byte.
 
-    It is read once; with `plans`, a whole desired text is shown to its parser; with `writes`, it is also written, saved
-    and read back, which is the most that a run without faults comes to. `exports`: it hands out its export and is not
-    read.
+    The device is read once. With `plans`, a whole desired text is checked by its parser. With `writes`, it is also
+    written, saved and read back, which is the maximum for a run without failures. `exports`: only its export is read.
     """
     tally = _CostTally()
     tally.log_in()
@@ -249,7 +249,7 @@ def _build_estimate(tally: _CostTally, bearer: BearerProfile) -> Estimate:
 def _change(
     tally: _CostTally, plan: _types.Plan, observation: _types.Observation | None, menus: tuple[str, ...]
 ) -> None:
-    """Have it parsed, save, take safe mode, write, read anew, release."""
+    """Count the cost of parser check, save, safe mode, writes, read-back and release."""
     tally.spend(up=LATER_UP, down=LATER_DOWN)
     _parse(tally, plan, observation)
     stages = _stages(plan)
@@ -277,7 +277,7 @@ def _change(
 
 @dataclass(frozen=True, slots=True)
 class _StageCosts:
-    """How a plan is sent: harmless additions may go outside safe mode, those that others name before, others behind."""
+    """How a plan is sent; harmless additions may go outside safe mode, before it or after it."""
 
     before: list[_types.Action]
     pieces: list[list[_types.Action]]
@@ -285,19 +285,19 @@ class _StageCosts:
 
     @property
     def trips(self) -> int:
-        """What they cost beyond one script."""
+        """Round trips beyond those of one script."""
         checkpoints = max(0, len(self.pieces) - 1)
         return 2 * bool(self.before) + bool(self.behind) + (HANDSHAKE_TRIPS + 2 + CHECKPOINT_TRIPS) * checkpoints
 
 
 def _stages(plan: _types.Plan) -> _StageCosts:
-    """Return the cheapest way."""
+    """Return the cheapest way to send the plan."""
     ways = ((), (True,), (False,), (True, False))
     return min((_split_stages(plan.actions, outside) for outside in ways), key=lambda stages: stages.trips)
 
 
 def _split_stages(actions: Sequence[_types.Action], outside: Sequence[bool]) -> _StageCosts:
-    """Send harmless additions to the foundation (True), or to other layers (False), outside safe mode."""
+    """Put harmless additions to the foundation (True), or to other layers (False), outside safe mode."""
     out = [each for each in actions if _is_harmless(each) and (each.layer is _types.Layer.FOUNDATION) in outside]
     numbers = {each.number for each in out}
     return _StageCosts(
@@ -312,7 +312,7 @@ def _is_harmless(action: _types.Action) -> bool:
 
 
 def _pieces(actions: Iterable[_types.Action]) -> Iterator[list[_types.Action]]:
-    """Cut where safe mode is full; one action over very many rows fills several, of which only the first is written."""
+    """Split where safe mode is full; an action on very many rows fills several parts, and is listed in the first."""
     piece: list[_types.Action] = []
     weight = 0
     for action in actions:
@@ -336,7 +336,7 @@ def _script(tally: _CostTally, actions: Sequence[_types.Action]) -> None:
 
 
 def _parse(tally: _CostTally, plan: _types.Plan, observation: _types.Observation | None) -> None:
-    """Show the commands to the device's parser, beside what is read before a change."""
+    """Count the cost of the parser check, which is sent together with the reads before a change."""
     commands = Examination().questions(plan.actions, observation.rows if observation is not None else {})
     up = sum(_word(word) for command in commands for word in command.words()) + len(commands) * (TAG_BYTES + 1)
     words = sum(1 for command in commands for query in command.queries if query != "?#|")
@@ -356,17 +356,17 @@ def _export(observation: _types.Observation | None) -> int:
 
 
 def _question(path: str) -> int:
-    """Bytes of the sentence that reads a menu."""
+    """Return the size in bytes of the sentence that reads a menu."""
     return sum(map(_word, observe.printing(path).words())) + TAG_BYTES + 1
 
 
 def _answer(row: _types.Row) -> int:
-    """Bytes of the sentence that brings one row."""
+    """Return the size in bytes of the sentence with one row."""
     return 4 + TAG_BYTES + sum(_word(f"={name}={value}") for name, value in row.items()) + 1
 
 
 def _word(text: str) -> int:
-    """Bytes of one word with its length (manual, API: one byte below 128, two below 16384)."""
+    """Return the size of one word with its length prefix (manual, API: one byte below 128, two below 16384)."""
     size = len(text.encode("utf-8", "surrogateescape"))
     return size + (1 if size < 0x80 else 2 if size < 0x4000 else 3)  # noqa: PLR2004 - the limits of the format
 

@@ -1,6 +1,6 @@
-"""All devices of a run at once: results as they come, and no device that waits for another.
+"""All devices of a run in parallel: results as they arrive; no device waits for another.
 
-The two ends of a radio bridge are one member, a `Pair`, and give two results, near end first.
+The two ends of a radio bridge are one member, a `Pair`, and return two results, near end first.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ ResultCallback = Callable[[apply.DeviceResult], object]
 
 @dataclass(frozen=True, slots=True)
 class Waiting:
-    """A device whose job is made when its turn comes, and costs no memory until then.
+    """A device whose job is created only when its turn comes, to save memory.
 
-    A NetcfgError from `make` is that device's result: nothing of it was touched.
+    A NetcfgError from `make` is that device's result: nothing on it was changed.
     """
 
     name: str
@@ -52,7 +52,7 @@ async def run(
 ) -> list[apply.DeviceResult]:
     """Converge every device and return the results in the order of the jobs; `on_result` is called with each.
 
-    Cancelled once, it stops: devices in work are taken back, those that wait are left alone, all are reported.
+    On the first cancellation, devices in progress are rolled back, waiting ones are left alone, and all are reported.
     """
     waiting = list(jobs)
     results: dict[int, list[apply.DeviceResult]] = {number: [] for number in range(len(waiting))}
@@ -64,7 +64,7 @@ async def run(
 async def stream(
     jobs: Iterable[Waiting], on_result: ResultCallback, *, mode: str = apply.JobMode.APPLY, at_once: int = AT_ONCE
 ) -> None:
-    """Converge every device like `run`, and keep nothing: `told` gets each result as soon as it exists."""
+    """Converge every device like `run`, but keep no results: `on_result` gets each as soon as it exists."""
     await _all([(job, on_result) for job in jobs], apply.JobMode(mode), at_once, None)
 
 
@@ -121,7 +121,7 @@ async def _device(  # noqa: PLR0913, PLR0917 - one call, from one place
 
 
 class _Room:
-    """Places for devices in work: so many that are new to it, and MOST in all."""
+    """Limits the devices in progress: `at_once` new ones, and MOST in total."""
 
     def __init__(self, at_once: int) -> None:
         self._new = asyncio.Semaphore(at_once)
@@ -129,7 +129,7 @@ class _Room:
 
     @asynccontextmanager
     async def place(self) -> AsyncIterator[None]:
-        """Wait for a place and hold it; after PATIENCE_S the next device may come in besides."""
+        """Wait for a slot and hold it; after PATIENCE_S the next device may start as well."""
         async with self._all:
             await self._new.acquire()
             with ExitStack() as exit_stack:
@@ -159,7 +159,7 @@ async def _converge(waiting: Waiting, mode: apply.JobMode) -> tuple[apply.Device
 
 
 async def _finish(tasks: list[asyncio.Task[None]]) -> None:
-    """Wait for all; the first cancellation is handed to the devices, the second ends everything."""
+    """Wait for all; the first cancellation is passed to the devices, the second ends everything."""
     if not tasks:
         return
     try:

@@ -1,13 +1,13 @@
-"""A link that carries the traffic of its site for a time (`provision use`): its routes, and the job that ends it.
+"""A link that carries its site's traffic for a limited time (`provision use`): its routes, and the job that ends it.
 
-While a link is in use its default routes have the smallest distances of all: 4 when the run has just written them, 5
-once the job has cut the connections that began on other links, and 6 for the route that holds it. What netwatch does
-when the link falls silent stays as it is: its routes go behind all others, and the next link as declared takes over.
+While a link is in use its default routes have the smallest distances: 4 after the run has written them, 5 once the job
+has cut the connections opened over other links, and 6 for the route that keeps the link in use. netwatch still acts
+when the link fails: the link's routes go behind all others, and the next link of the inventory takes over.
 
-The job `atlantis-use` runs every ten seconds. It alone says that a link is in use: once it is gone, the distances are a
-difference from the declaration like any other. It ends the use by the uptime of the router, which no clock moves. An
-uptime below that of the beginning means that the router was started anew: that ends the use too. Its start lies in
-1970, so that it also runs while the clock of a router without battery is wrong.
+The job `atlantis-use` runs every ten seconds. It is the only sign that a link is in use: without it, the distances are
+drift like any other. It ends the use by the router's uptime, which no clock change affects. An uptime below that of the
+beginning means that the router was restarted, which also ends the use. Its start date is in 1970, so that it also runs
+while the clock of a router without battery is wrong.
 
 Assumption: use-job-from-1970
 Assumption: use-uptime-compares
@@ -47,7 +47,7 @@ _COMMENT = re.compile(rf"{MARK}: (\S+) in use until (\d{{4}}-\d\d-\d\d \d\d:\d\d
 
 @dataclass(frozen=True, slots=True)
 class LinkUse:
-    """One link in use, as the comment of its job says it."""
+    """One link in use, as described by the comment of its job."""
 
     link: str
     until: datetime
@@ -57,15 +57,15 @@ class LinkUse:
 
     @property
     def comment(self) -> str:
-        """What a person reads on the router, and what every run reads back."""
+        """Comment of the job, for people on the router, and parsed by every run."""
         return f"{MARK}: {self.link} in use until {self.until:{_STAMP}} UTC, uptime {self.until_uptime_s}s"
 
     def left_s(self, uptime_s: float | None) -> float | None:
-        """How long it still lasts; None: the router has not said its uptime."""
+        """Return the remaining time in seconds; None if the router's uptime is unknown."""
         return None if uptime_s is None else max(0.0, self.until_uptime_s - uptime_s)
 
     def words(self, uptime_s: float | None) -> str:
-        """What every run says of it."""
+        """Return the text that every run reports about the use."""
         remaining_s = self.left_s(uptime_s)
         more = "" if remaining_s is None else f" ({_minutes(remaining_s)} left)"
         return (
@@ -79,7 +79,7 @@ def _minutes(seconds: float) -> str:
 
 
 def in_use(rows: Iterable[Row]) -> LinkUse | None:
-    """Return the use among the jobs of a router, or None. A comment that nobody can read is none of ours."""
+    """Return the link use among the jobs of a router, or None. A comment that cannot be parsed is not ours."""
     for row in rows:
         match = _COMMENT.fullmatch(row.get("comment", ""))
         if row.get("name") == USE and match is not None:
@@ -89,10 +89,10 @@ def in_use(rows: Iterable[Row]) -> LinkUse | None:
 
 
 def allow_link_use(desired_state: _items.DesiredState, observation: Observation) -> _items.DesiredState:
-    """Return what is declared, and that the routes of a link in use are where its job has put them.
+    """Return the desired state with the distances that an active job gives to the link in use.
 
-    Without the job they are not: then their distances are drift that a run corrects. `start_use` and `end_use` set
-    the routes themselves.
+    Without the job these distances are drift, which a run corrects. `start_use` and `end_use` set the routes
+    themselves.
     """
     lasting = tuple(each for each in desired_state.run_time if not each.temporary)
     use = in_use(observation.jobs)
@@ -110,7 +110,7 @@ def _run_time(desired_state: _items.DesiredState, link: str) -> Iterator[_items.
 
 
 def without_use(saved_state: _items.DesiredState, desired_state: _items.DesiredState) -> _items.DesiredState:
-    """Return a saved state without the distances of a use that was in force when it was saved: its job is long gone."""
+    """Return a saved state without the distances of a link use active at that time, as its job no longer exists."""
     distances = {item.identity: item.defined_values.get("distance") for item in _routes(desired_state)}
 
     def reset_distance(item: _items.RowItem) -> _items.RowItem:
@@ -126,7 +126,7 @@ def without_use(saved_state: _items.DesiredState, desired_state: _items.DesiredS
 def start_use(
     desired_state: _items.DesiredState, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]
 ) -> _items.DesiredState:
-    """Return the routes and the job of a link in use; of another link that was in use, its declared distances.
+    """Return routes and job of a link to use; a link used before gets the distances of the inventory.
 
     `addresses`: link to the router's own address on it, for all links of the site.
     """
@@ -152,7 +152,7 @@ def start_use(
 
 
 def _run_time_begun(desired_state: _items.DesiredState, link: str) -> Iterator[_items.RunTime]:
-    """What netwatch and the job make of the routes of a link in use."""
+    """Yield the values that netwatch and the job give to the routes of a link in use."""
     yield _JOB_STEP
     for item in _routes(desired_state, link):
         for each in desired_state.run_time:
@@ -161,7 +161,7 @@ def _run_time_begun(desired_state: _items.DesiredState, link: str) -> Iterator[_
 
 
 def end_use(desired_state: _items.DesiredState) -> _items.DesiredState:
-    """Return the declared distances of all links, and no job: it is removed with them."""
+    """Return the distances of the inventory for all links, and no job, so that the job is removed."""
     return replace(
         desired_state,
         source="the declared order",
@@ -175,7 +175,7 @@ def end_use(desired_state: _items.DesiredState) -> _items.DesiredState:
 
 
 def is_order(desired_state: _items.DesiredState) -> bool:
-    """Tell whether a text is about routes and jobs alone, as those of `start_use` and `end_use` are."""
+    """Return True if a desired state contains only routes and jobs, as those of `start_use` and `end_use`."""
     return {ROUTES, SCHEDULER}.issuperset(desired_state.menus)
 
 
@@ -185,7 +185,7 @@ def links_of(desired_state: _items.DesiredState) -> tuple[str, ...]:
 
 
 def _routes(desired_state: _items.DesiredState, link: str | None = None) -> tuple[_items.RowItem, ...]:
-    """Return the default routes of the main table by which links are chosen."""
+    """Return the default routes of the main table that select the link."""
     return tuple(
         item
         for item in desired_state.items.get(ROUTES, ())
@@ -197,7 +197,7 @@ def _routes(desired_state: _items.DesiredState, link: str | None = None) -> tupl
 
 
 def _link(item: _items.RowItem) -> str:
-    """The comment of such a route is `atlantis: LINK, …`."""
+    """Return the link name in the comment of such a route: `atlantis: LINK, …`."""
     return item.defined_values["comment"].removeprefix(f"{MARK}: ").partition(",")[0]
 
 
@@ -206,7 +206,7 @@ def _is_unjudged(item: _items.RowItem) -> bool:
 
 
 def _is_unwatched(item: _items.RowItem) -> bool:
-    """Tell whether nothing is declared that would notice a dead box at this end."""
+    """Return True if nothing in the inventory detects that the link's device at this end is dead."""
     return _is_unjudged(item) and "check-gateway" not in item.defined_values
 
 
@@ -215,14 +215,14 @@ def _is_holding(item: _items.RowItem) -> bool:
 
 
 def _distances(item: _items.RowItem) -> tuple[str, ...]:
-    """What a route of a link in use has instead of its declared distance: at first, and later."""
+    """Return the distances of a route while its link is in use: the first one, and the later one."""
     return (_HOLDING,) if _is_holding(item) else (_STARTING, _IN_USE)
 
 
 def _build_route_item(item: _items.RowItem, *, in_use: bool) -> _items.RowItem:
-    """Return the row as it has to be: it is there already, and nothing else of it is looked at.
+    """Return the route item to write; the row exists already, and its other values are not compared.
 
-    A link that netwatch does not judge is watched by ARP while it is in use, which asks its box at this end alone.
+    A link that netwatch does not monitor is checked by ARP while in use, which reaches only its device at this end.
     """
     check = "arp" if in_use and _is_unjudged(item) else item.defined_values.get("check-gateway")
     distance = _distances(item)[0] if in_use else item.defined_values["distance"]
@@ -231,9 +231,10 @@ def _build_route_item(item: _items.RowItem, *, in_use: bool) -> _items.RowItem:
 
 
 def _script(desired_state: _items.DesiredState, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]) -> str:
-    """Return what the job does each time: end the use, or see that the link has the first place.
+    """Return the job's script: end the use, or make sure that the link comes first.
 
-    A link that was left and is good again has its declared distance from netwatch, and gets the first place back.
+    A link that failed and has recovered gets its inventory distance from netwatch, and then the first place from the
+    job.
     """
     items = _routes(desired_state, use.link)
     usual = next(item.defined_values["distance"] for item in items if not _is_holding(item))
@@ -272,6 +273,6 @@ def _script(desired_state: _items.DesiredState, use: LinkUse, since_uptime_s: in
 
 
 def _cut(addresses: str) -> str:
-    """Connections keep the address under which they began: those that began on these links begin anew."""
+    """Drop connections opened over these links, so that they re-establish over the new one."""
     # With its port behind the address. Assumption: connection-reply-address
     return f':do {{/ip firewall connection remove [find reply-dst-address~"^({addresses}):"]}} on-error={{}}'

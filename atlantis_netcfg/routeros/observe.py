@@ -1,7 +1,7 @@
-"""Reading a device in one go: what it is, who we are on it, the rows of every menu that matters. Nothing is changed.
+"""Read-only observation of a device in one pass: facts, our session, and the rows of all relevant menus.
 
-All commands go out in batches of `Endpoint.window`, each batch in one round trip. A menu that the device lacks answers
-`no such command`: what needs it is then refused in words.
+All commands are sent in batches of `Endpoint.window`, each in one round trip. A menu that the device lacks replies
+`no such command`; what needs it is then refused with a message.
 
 Assumption: api-tagged-order
 """
@@ -32,7 +32,7 @@ _UNITS: Final = (604_800, 86_400, 3_600, 60, 1)
 
 
 def counting(ports: Sequence[str]) -> api.Command:
-    """The command that reads the counters of these ports, one or more; a port is its socket, whatever its name is."""
+    """Return the command that reads the counters of these ports (at least one), by default name."""
     first, *others = ports
     either = [word for port in others for word in (f"?default-name={port}", "?#|")]
     properties = (".proplist", "default-name,rx-byte,tx-byte")
@@ -40,11 +40,9 @@ def counting(ports: Sequence[str]) -> api.Command:
 
 
 def looks(ports: Sequence[str], beside: int, window: int) -> tuple[list[api.Command], list[api.Command]]:
-    """What to send before and behind `beside` other sentences: only as much as their round trips have room for.
+    """Return counter reads to send before and after `beside` other commands, only as far as round trips have room.
 
-    `window`: sentences in flight at once.
-
-    With room for one look it is the later one, which is what a month is counted by.
+    `window`: sentences in flight at once. With room for one read it is the later one, which counts for the month.
     """
     room = -beside % window
     if not ports or not room:
@@ -54,12 +52,12 @@ def looks(ports: Sequence[str], beside: int, window: int) -> tuple[list[api.Comm
 
 
 def closing(ports: Sequence[str]) -> list[api.Command]:
-    """A look beside the last sentences of a run, which have room for it: counters and uptime, for `read_counts`."""
+    """Return the final read of counters and uptime, sent with a run's last commands; for `read_counts`."""
     return [counting(ports), _UPTIME_ONLY] if ports else []
 
 
 def read_counts(reply: api.Reply, resource: api.Reply) -> _types.PortCounts | None:
-    """Read an answer; None if the device refused it or knows none of the ports.
+    """Parse port counters; None if the device refused the request or knows none of the ports.
 
     Manual, CLI reference, `/interface`: `rx-byte`, `tx-byte`.
     """
@@ -75,7 +73,7 @@ def read_counts(reply: api.Reply, resource: api.Reply) -> _types.PortCounts | No
 
 
 def seconds(interval: str) -> float | None:
-    """A time as RouterOS prints it (`1w2d3h4m5s`), in seconds; None if it is none."""
+    """Parse a RouterOS duration (`1w2d3h4m5s`) to seconds; None if it is not one."""
     match = _UPTIME.fullmatch(interval)
     if not interval or match is None:
         return None
@@ -123,12 +121,12 @@ _SAMPLES: Final = 3
 
 
 class MenuMissing(DeviceError):
-    """The device lacks a menu that the declaration needs: its version is too old, or a package is not installed."""
+    """The device lacks a menu that the desired state needs: its version is too old, or a package is missing."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Preflight:
-    """The answers about the device itself."""
+    """Replies about the device itself."""
 
     resource: api.Reply
     safe_mode: api.Reply
@@ -153,16 +151,17 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     known_facts: _types.Facts | None = None,
     brief: Collection[str] = (),
 ) -> _types.Observation:
-    """Read facts and menus. `required_menus` must be there, `looked_at` are read where the device has them.
+    """Read facts and menus. `required_menus` must exist, `looked_at` are read if the device has them.
 
-    What our user may do, and what device-mode forbids, is told if users and groups are among them.
+    The user's policies and the limits of device-mode are included if users and groups are among the menus.
 
-    The byte counters of `counted_ports` are read first and last where a round trip has room for it: they never cost
-    one of their own. `known_facts`: what an earlier reading of this run has told of the device itself, of which only
-    version, name and the holder of safe mode are read again. `brief`: menus of which others may
-    have rows by the thousand. There our rows are read and all are counted; beyond a hundred the others are read bare,
-    else the menu is read whole, either in one more round trip.
-    Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
+    The byte counters of `counted_ports` are read first and last if a round trip has room; they never cost an extra one.
+    `known_facts`: facts read earlier in this run; then only version, name and the holder of safe mode are read again.
+    `brief`: menus in which others may have thousands of rows. There our rows are read and all are counted. If there are
+    more than a hundred others, these are read as bare ids, else the menu is read in full; both cost one more round
+    trip.
+
+    Raises MenuMissing naming what the device lacks, CommandError if it may not be read, SessionLost.
     """
     menus = list(dict.fromkeys((*required_menus, *looked_at, _IDENTITY)))
     is_requested = _GROUP in menus
@@ -219,11 +218,11 @@ async def read_back(
     touched_menus: Collection[str],
     counted_ports: Sequence[str] = (),
 ) -> _types.Observation:
-    """Read the device after a change of menus that nothing else follows (`LEAVES`): these in full, counts of the rest.
+    """Read the device after a change of `LEAVES` menus, which affect no others: these in full, the rest as counts.
 
-    A menu whose number of rows differs from `observation` is read, too. What somebody else has set meanwhile in another
-    menu, without adding or removing a row, is found by the next run. Settings have no rows to count,
-    and are taken as `observation`. Raises Refused, SessionLost.
+    A menu whose number of rows differs from `observation` is read, too. A value that somebody has set meanwhile in
+    another menu, without adding or removing a row, is found by the next run. Settings have no rows to count, and are
+    taken from `observation`. Raises CommandError, SessionLost.
     """
     others = [
         path for path in observation.rows if path not in touched_menus and MENUS[path].shape is not Shape.SINGLETON
@@ -254,7 +253,7 @@ async def read_back(
 async def _others(
     session: Channel, ours: Mapping[str, Sequence[_types.Row]], numbers: Mapping[str, api.Reply]
 ) -> dict[str, tuple[_types.Row, ...]]:
-    """Return the menus that have other rows than ours: whole, or with these bare where they are very many."""
+    """Return the menus that have other rows than ours: in full, or ids only for very many other rows."""
     number = {path: number_of_rows(numbers[path]) for path in ours}
     more = {path: len(rows) for path, rows in ours.items() if number[path] != len(rows)}
     bare = [path for path, few in more.items() if (number[path] or 0) - few > _types.FEW_FOREIGN]
@@ -269,13 +268,13 @@ def _bare(path: str) -> api.Command:
 
 
 def _together(rows: Sequence[_types.Row], known_rows: Iterable[_types.Row]) -> tuple[_types.Row, ...]:
-    """Return `rows` with what is known of them."""
+    """Return `rows`, replaced by the known full rows where available."""
     by_id = {row[".id"]: row for row in known_rows}
     return tuple(by_id.get(row[".id"], row) for row in rows)
 
 
 def samples(observation: _types.Observation) -> dict[str, api.Command]:
-    """Return by menu what reads a few of its bare rows, so that a person sees whose they are: the last ones."""
+    """Return, by menu, the command that reads the last few bare rows, so that the user sees their owner."""
     bare = {
         path: [row[".id"] for row in rows if _types.is_bare(row)][-_SAMPLES:] for path, rows in observation.rows.items()
     }
@@ -289,7 +288,7 @@ def samples(observation: _types.Observation) -> dict[str, api.Command]:
 def with_rows(
     observation: _types.Observation, menus: Iterable[str], replies: Iterable[api.Reply]
 ) -> _types.Observation:
-    """Return the observation with what was read of bare rows since."""
+    """Return the observation with bare rows replaced by the rows read since."""
     fresh = {
         path: _together(observation.rows[path], reply.check().rows) for path, reply in zip(menus, replies, strict=True)
     }
@@ -297,7 +296,7 @@ def with_rows(
 
 
 async def read_bare(session: Channel, observation: _types.Observation) -> _types.Observation:
-    """Return the observation with the menus whole of which rows were read bare."""
+    """Return the observation after reading in full all menus with bare rows."""
     menus = [path for path, rows in observation.rows.items() if any(map(_types.is_bare, rows))]
     replies = await session.flight([*map(printing, menus)])
     fresh = {path: _configuration_rows(path, reply.check()) for path, reply in zip(menus, replies, strict=True)}
@@ -305,12 +304,12 @@ async def read_bare(session: Channel, observation: _types.Observation) -> _types
 
 
 def counting_rows(path: str) -> api.Command:
-    """Return the command that counts the rows of a menu that `printing` asks for."""
+    """Return the command that counts the rows which `printing` would read."""
     return api.Command(f"{path}/print", (("count-only", ""),), _FOLLOWING.get(path, ()))
 
 
 def number_of_rows(reply: api.Reply) -> int | None:
-    """Read the answer to `counting_rows`; None if the device has not counted. Assumption: api-count-only."""
+    """Parse the reply to `counting_rows`; None if the device did not count. Assumption: api-count-only."""
     return int(reply.ret) if reply.trap is None and reply.ret is not None and reply.ret.isdecimal() else None
 
 
@@ -321,9 +320,9 @@ async def complete_observation(
     beside: Sequence[api.Command] = (),
     later: Iterable[str] = LATER,
 ) -> tuple[_types.Observation, list[api.Reply]]:
-    """Return the observation with what is read `later`, and device-mode; menus that are there are not asked again.
+    """Return the observation with the menus in `later` and device-mode; known menus are not read again.
 
-    `beside` goes in the same round trip; its answers come second.
+    `beside` is sent in the same round trip; its replies are returned second.
     """
     menus = [path for path in dict.fromkeys(later) if path not in observation.rows]
     replies = await session.flight([*map(printing, menus), _DEVICE_MODE, *beside])
@@ -336,7 +335,7 @@ async def complete_observation(
 
 
 def modem_row(reply: api.Reply) -> _types.Row | None:
-    """Return what a modem says of its SIM, without the numbers that name it; None: the device has no modem."""
+    """Return a modem's SIM status without identifying numbers; None if the device has no modem."""
     if reply.trap is not None or not reply.rows:
         return None
     return {name: value for name, value in reply.rows[0].items() if name in pin.STATUS_FIELDS}
@@ -345,13 +344,13 @@ def modem_row(reply: api.Reply) -> _types.Row | None:
 def merge_menus(
     observation: _types.Observation, menus: Sequence[str], replies: Sequence[api.Reply]
 ) -> _types.Observation:
-    """Return an observation with some menus as they were read since."""
+    """Return an observation in which some menus are replaced by a later reading."""
     fresh = {path: _configuration_rows(path, reply.check()) for path, reply in zip(menus, replies, strict=True)}
     return _types.Observation(observation.facts, {**observation.rows, **fresh}, modem=observation.modem)
 
 
 def printing(path: str) -> api.Command:
-    """Return the command that reads a menu. Settings are asked for whole: their names cost more than their values."""
+    """Return the command that reads a menu; settings in full, as a list of their names costs more than the values."""
     menu = MENUS[path]
     whole = menu.shape is Shape.SINGLETON or path in WHOLE
     arguments = () if whole else ((".proplist", ",".join((".id", *_properties(menu)))),)
@@ -360,7 +359,7 @@ def printing(path: str) -> api.Command:
 
 
 def _properties(menu: Menu) -> tuple[str, ...]:
-    """Name what is wanted in the words of every version: a device leaves out properties that it does not have.
+    """Return the property names of all versions: a device omits properties that it does not have.
 
     Assumption: api-unknown-property
     """
@@ -369,7 +368,7 @@ def _properties(menu: Menu) -> tuple[str, ...]:
 
 
 def _configuration_rows(path: str, reply: api.Reply) -> tuple[_types.Row, ...]:
-    """Return the rows, of settings without what nobody asked for: clocks and counters are no configuration."""
+    """Return the rows; for settings without unrequested properties, as clocks and counters are not configuration."""
     menu = MENUS[path]
     if menu.shape is not Shape.SINGLETON and menu.path not in WHOLE:
         return reply.rows
@@ -384,7 +383,7 @@ def _configuration_rows(path: str, reply: api.Reply) -> tuple[_types.Row, ...]:
 
 
 def _rows(path: str, reply: api.Reply, *, is_required: bool) -> tuple[_types.Row, ...] | None:
-    """Return the rows, or None if the device has no such menu, or keeps one from us that we can do without."""
+    """Return the rows; None if the device lacks the menu, or forbids reading one that is not required."""
     silent = _MISSING if is_required else (*_MISSING, _FORBIDDEN)
     if reply.trap is not None and reply.trap.message.startswith(silent):
         return None
@@ -432,14 +431,14 @@ def _first_of(rows: Sequence[_types.Row]) -> _types.Row:
 
 
 def _policies(user: str, rows: Mapping[str, Sequence[_types.Row]]) -> frozenset[str]:
-    """Return what our user's group may do; nothing if the device does not tell (a user of RADIUS, for instance)."""
+    """Return the policies of our user's group; empty if the device does not show them (for a RADIUS user)."""
     group = next((row.get("group") for row in rows.get(_USER, ()) if row.get("name") == user), None)
     policy = next((row.get("policy", "") for row in rows.get(_GROUP, ()) if row.get("name") == group), "")
     return frozenset(word for word in policy.split(",") if word and not word.startswith("!"))
 
 
 def _session_address(active: api.Reply, endpoint: api.Endpoint) -> str:
-    """Return the address of the newest API session of our user: the list grows at its end, and ours is the newest.
+    """Return the address of our user's newest API session: the list grows at its end, and ours is the newest.
 
     Assumption: api-sessions-newest-last
     """

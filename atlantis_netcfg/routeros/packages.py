@@ -1,20 +1,20 @@
-"""RouterOS packages: what a given set of `.npk` files would do to a device, and whether it may.
+"""RouterOS packages: what a given set of `.npk` files would do to a device, and whether that is allowed.
 
-A set is read from its files' own headers, never from their names alone, and judged against what the device says it has.
-Whoever carries the set to the device asks here first; nothing here contacts a device.
+The set is read from the files' headers, never from their names alone, and compared with the device's properties.
+Uploads are checked here first; nothing here contacts a device.
 
-Rules: all packages of one version, since a package of another one than the system is not installed (Manual, Packages);
-the architecture of `/system/resource` (Manual, Upgrade); every installed package has its successor in the set, so that
-no radio or modem is lost by an upgrade. From 7.13 on `wireless` is a package of its own; before it was in the bundle,
-and `wifiwave2` is called `wifi-qcom` (Manual, Packages): a device with radios that crosses 7.13 without one of them has
-no Wi-Fi afterwards (field log of a survey boat, 7.4.1 to 7.22). `wireless` conflicts with `wifi-qcom` and
-`wifi-qcom-ac` (Manual, Packages).
+Rules: all packages have one version, since a package of another version than the system's is not installed (Manual,
+Packages); the architecture is that of `/system/resource` (Manual, Upgrade); every installed package has a successor in
+the set, so that no radio or modem is lost by an upgrade. From 7.13 on `wireless` is a separate package; before, it was
+in the bundle, and `wifi-qcom` was called `wifiwave2` (Manual, Packages). A device with radios that crosses 7.13 without
+one of them has no Wi-Fi afterwards (field log of a survey boat, 7.4.1 to 7.22). `wireless` conflicts with `wifi-qcom`
+and `wifi-qcom-ac` (Manual, Packages).
 
-MikroTik does not publish the format of `.npk`. What is used here was found by others and agrees between them
+MikroTik does not publish the format of `.npk`. The description used here was reverse-engineered by others, who agree
 (repositories rsa9000/npk-tools, botlabsDev/npkpy): bytes 1E F1 D0 BA, the size of the rest as 32 bits little-endian,
 then parts of 16 bits of type, 32 bits of size, and a body. Types 1 and 18 begin with a name of 16 bytes and a version
-(revision, maturity, minor, major); type 16 is the architecture. Nobody understands the maturity byte, so that the
-file's name tells a beta from a release. The signature in the file is checked by the device, not here.
+(revision, maturity, minor, major); type 16 is the architecture. The meaning of the maturity byte is unknown, so the
+file's name distinguishes a beta from a release. The signature in the file is checked by the device, not here.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ _MOST_PARTS = 4096
 
 
 class NotAPackage(UsageError):
-    """A file that was given as a package is none, is cut short, or says two things about itself."""
+    """A file is not a package, is truncated, or contains contradictory data."""
 
 
 @dataclass(frozen=True, slots=True)
 class Npk:
-    """One package file as it lies on the technician's disk."""
+    """One package file on the technician's disk."""
 
     path: Path
     name: str
@@ -86,7 +86,7 @@ def read_npk(path: Path) -> Npk:
 
 @dataclass(frozen=True, slots=True)
 class _FileName:
-    """What a file's name says: `routeros-7.18.2-arm64.npk`, on version 6 `routeros-arm64-6.49.19.npk`."""
+    """The parts of a file name: `routeros-7.18.2-arm64.npk`, on version 6 `routeros-arm64-6.49.19.npk`."""
 
     name: str
     version: Version
@@ -194,7 +194,7 @@ class UpgradeError(DeviceError):
 
 @dataclass(frozen=True, slots=True)
 class RouterOsPackage:
-    """A row of `/system/package` that is installed."""
+    """An installed package from `/system/package`."""
 
     name: str
     version: Version
@@ -203,7 +203,7 @@ class RouterOsPackage:
 
 @dataclass(frozen=True, slots=True)
 class InstalledSystem:
-    """What the device says about itself."""
+    """Version, architecture and packages of the device."""
 
     version: Version
     architecture: str
@@ -218,13 +218,13 @@ class InstalledSystem:
 
     @property
     def bundle(self) -> bool:
-        """Whether version 6's bundle or version 7's is installed: only those can be followed by version 7."""
+        """True if the bundle of version 6 or of version 7 is installed: only these can be upgraded to version 7."""
         return any(package.name in (MAIN, f"{MAIN}-{self.architecture}") for package in self.packages)
 
 
 @dataclass(frozen=True, slots=True)
 class Upgrade:
-    """What is to be sent, in which order, and what is to be read back after the reboot; empty: already so."""
+    """What to send, in which order, and what to read back after the reboot; empty if already up to date."""
 
     send: tuple[Npk, ...]
     """RouterOS itself last: a device that reboots before finds packages that it cannot install, and stays as it is."""
@@ -241,9 +241,9 @@ class Upgrade:
 
 
 def plan(system: InstalledSystem, packages: Sequence[Npk], *, give_up: Sequence[str] = ()) -> Upgrade:
-    """Decide; `give_up` names installed packages that a person wants to lose.
+    """Plan the upgrade; `give_up` names installed packages that the user wants to lose.
 
-    Raises UpgradeRefused with all reasons.
+    Raises UpgradeError with all reasons.
     """
     version = max((package.version for package in packages), default=system.version)
     reasons = [*_of_the_set(packages), *_for_the_device(system, packages, version)]
@@ -309,7 +309,7 @@ def _for_the_device(system: InstalledSystem, packages: Sequence[Npk], version: V
 def _left_behind(
     system: InstalledSystem, packages: Sequence[Npk], version: Version, give_up: Sequence[str]
 ) -> list[str]:
-    """Name what would be lost: an installed package without a successor, or the driver of the radios."""
+    """Return what would be lost: an installed package without a successor, or the radio driver."""
     if version == system.version:
         return []
     names = {package.name for package in packages}
@@ -334,7 +334,7 @@ def _left_behind(
 
 
 def _heirs(name: str, system: InstalledSystem) -> tuple[str, ...]:
-    """Return the packages one of which has to follow `name`; none where the bundle holds it."""
+    """Return the possible successors of package `name`; empty if the bundle contains it."""
     if name in (MAIN, f"{MAIN}-{system.architecture}"):
         return (MAIN,)
     if name in _BUNDLE_PACKAGES and system.version < SPLIT:

@@ -1,16 +1,17 @@
 """A SIM's PIN: sent only while the SIM asks for it, and only once.
 
-A RouterOS device keeps the PIN of `/interface/lte` and enters it whenever the modem starts; a SIM counts wrong ones,
-and the third locks it (3GPP TS 31.101, 9.5). So a PIN is an ordinary secret of the declared text with a gate before it:
+A RouterOS device stores the PIN of `/interface/lte` and enters it whenever the modem starts. A SIM counts wrong PINs,
+and the third one locks it (3GPP TS 31.101, 9.5). So a PIN is an ordinary secret of the desired state with additional
+conditions:
 
-- the SIM asks for none: nothing is sent, whatever is declared; a device that holds one keeps it;
-- it asks, and the device holds none: the declared one is sent, and safe mode takes it back unless a new session reads
-  that it was taken, so that a wrong one does not stay to be entered again;
-- it has refused one, asks for its PUK, or asks although the device holds one: the plan is refused;
-- an earlier run has sent one in vain (`DesiredState.pin_refusal`): the plan is refused until a person has cleared that.
+- the SIM asks for none: nothing is sent, whatever the inventory contains; a PIN on the device is kept;
+- it asks, and the device has none: the PIN of the inventory is sent. Safe mode undoes it unless a new session
+  reads that the SIM has accepted it, so that a wrong PIN is not entered again;
+- it has refused one, asks for its PUK, or asks although the device has a PIN: the plan is refused;
+- an earlier run has sent a wrong one (`DesiredState.pin_refusal`): the plan is refused until the user has cleared that.
 
-The words of `pin-status` are written by the modem's driver; any others than those read here mean that nobody knows, for
-which nothing is sent.
+The texts of `pin-status` come from the modem's driver; with any other text than those known here the state is unknown,
+and nothing is sent.
 
 Assumption: lte-pin-words
 Assumption: lte-pin-once
@@ -38,7 +39,7 @@ _MODEM = "lte1"
 
 
 def monitor_of(modems: Iterable[Row] = ()) -> Command:
-    """Ask the modem under the name that it has among these rows; without them under its default name."""
+    """Return the command that reads the modem, by its name in these rows, else by its default name."""
     name = next((row["name"] for row in modems if row.get("default-name") == _MODEM and row.get("name")), _MODEM)
     return Command(f"{LTE}/monitor", (("numbers", name), ("once", "")))
 
@@ -57,7 +58,7 @@ _ON_AIR = re.compile(r"\bregistered\b|\bconnected\b|\bsearching\b|\bdenied\b|\br
 
 
 class PinSim(Enum):
-    """What the SIM says of its PIN."""
+    """PIN state of the SIM."""
 
     FREE = auto()
     """It asks for none, or has taken one."""
@@ -69,7 +70,7 @@ class PinSim(Enum):
 
 
 def sim_of(monitor: Row | None) -> PinSim:
-    """Read what `monitor` says; a modem on the air has no need of a PIN, whatever its driver says of it."""
+    """Parse the output of `monitor`; a registered modem needs no PIN, whatever its driver reports."""
     status = monitor or {}
     word = status.get("pin-status", "").lower()
     for pattern, sim in (
@@ -85,9 +86,9 @@ def sim_of(monitor: Row | None) -> PinSim:
 
 
 def objection(sim: PinSim, current: str, declared_pin: str, pin_refusal: str) -> str | None:
-    """Say why the declared PIN must not be sent to a SIM that asks; None: nothing speaks against it.
+    """Return why the PIN must not be sent to a SIM that asks for it; None if it may.
 
-    `held` is the PIN that the device has in its configuration, empty if none.
+    `current` is the PIN in the device's configuration, empty if none.
     """
     if sim is PinSim.PUK:
         return "the SIM is locked after too many wrong PINs and asks for its PUK: unlock it in a telephone"
@@ -103,7 +104,7 @@ def objection(sim: PinSim, current: str, declared_pin: str, pin_refusal: str) ->
 
 
 def pending(desired_state: DesiredState, observation: Observation) -> bool:
-    """Tell whether the declared PIN is on the device and the modem has not yet said what became of it."""
+    """Return True if the PIN is on the device and the modem has not reported its result yet."""
     declared_pins = {item.values.get(_FIELD) for item in desired_state.items.get(LTE, ())} - {None, ""}
     current = any(row.get(_FIELD) in declared_pins for row in observation.rows.get(LTE, ()))
     return current and sim_of(observation.modem) in {PinSim.ASKS, PinSim.UNKNOWN}

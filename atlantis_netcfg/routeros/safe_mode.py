@@ -1,9 +1,10 @@
-"""Safe mode: whatever is not released, the device undoes. One implementation for a device alone and for a bridge.
+"""Safe mode: the device undoes whatever is not released. One implementation for a single device and for a bridge.
 
-Manual, Configuration Management, Safe Mode: one session holds it, any session may release it, and when the holder has
-gone the device undoes the changes of all sessions: at once after a clean close, after about nine minutes when the link
-died. Of a dead session's safe mode nothing is ever released by us: it is waited for until the device has undone it.
-From RouterOS 7.18 the session that writes holds it (`ApiSafeMode`), before that a console beside it (`_console`).
+Manual, Configuration Management, Safe Mode: one session holds it, any session may release it, and when the holder is
+gone the device undoes the changes of all sessions: at once after a clean close, after about nine minutes if the link
+died. Safe mode of a dead session is never released by us: we wait until the device has undone it.
+
+From RouterOS 7.18 on the writing session holds it (`ApiSafeMode`), before that a separate console (`_console`).
 """
 
 from __future__ import annotations
@@ -44,12 +45,12 @@ class SafeModeUnavailable(DeviceError):
 
 
 class ProtectionLost(DeviceError):
-    """The protection is not ours any more while changes depend on it: nothing more may be sent."""
+    """We no longer hold the protection that the changes depend on: nothing more may be sent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """Who holds safe mode, as one session sees it."""
+    """The holder of safe mode, as seen by one session."""
 
     is_taken: bool
     ours: bool = False
@@ -58,7 +59,7 @@ class Holder:
 
     @classmethod
     def of(cls, reply: Reply) -> Holder:
-        """Read the answer to READ; a device without safe mode has nobody who holds it."""
+        """Parse the reply to READ; on a device without safe mode, nobody holds it."""
         row = reply.rows[0] if reply.trap is None and reply.rows else {}
         if row.get("enabled") not in _TRUE:
             return cls(is_taken=False)
@@ -66,7 +67,7 @@ class Holder:
 
 
 def held_by(who: str) -> SafeModeUnavailable:
-    """Say who was faster."""
+    """Return the error that somebody else already holds safe mode."""
     return SafeModeUnavailable(
         f"{who} holds safe mode, and there is only one",
         hint="let them release or unroll it, then run the same command again",
@@ -74,7 +75,7 @@ def held_by(who: str) -> SafeModeUnavailable:
 
 
 def _take_failed(take: Reply, holder: Holder) -> SafeModeUnavailable:
-    """Say why safe mode could not be taken."""
+    """Return the error with the reason why safe mode could not be taken."""
     if holder.is_taken and not holder.ours:
         return held_by(holder.who)
     words = take.trap.message if take.trap is not None else "it says it is not taken"
@@ -84,81 +85,81 @@ def _take_failed(take: Reply, holder: Holder) -> SafeModeUnavailable:
 
 
 class SafeMode(Protocol):
-    """What the executor asks of whoever takes a change back."""
+    """Interface of the executor to the mechanism that undoes a change."""
 
     beside: tuple[Command, ...]
     """Asked in the same round trip as every turn of writing; `read_holder` reads the answers."""
 
     def read_holder(self, answers: Sequence[Reply]) -> Holder | None:
-        """Who holds safe mode as the answers to `beside` say; None if they say nothing."""
+        """Return the holder according to the replies to `beside`; None if they do not show it."""
 
     async def take(self, session: Channel) -> Holder:
-        """Take it. Raises DeviceFailed if it is not ours then."""
+        """Take safe mode. Raises DeviceError if it is not ours afterwards."""
 
     taking: tuple[Command, ...]
     """What takes it, to be sent beside other things; `confirm_take` reads the answers."""
 
     async def confirm_take(self, session: Channel, answers: Sequence[Reply]) -> Holder:
-        """Read the answers to `taking`. Raises SafeModeUnavailable if it is not ours then, SessionLost."""
+        """Read the replies to `taking`. Raises SafeModeUnavailable if it is not ours, SessionLost."""
 
     async def look(self, session: Channel) -> Holder:
-        """Ask who holds it. Raises SessionLost."""
+        """Request the holder of safe mode. Raises SessionLost."""
 
     async def release(self, session: Channel, witness: Sequence[Command]) -> list[Reply]:
-        """Make everything permanent and see that we do not hold it any more; answers to `witness`.
+        """Make everything permanent, check that we no longer hold safe mode, and return replies to `witness`.
 
         Raises ProtectionLost.
         """
 
     async def unroll(self, session: Channel) -> None:
-        """Let the device take everything back. Raises Refused, SessionLost."""
+        """Let the device undo everything. Raises CommandError, SessionLost."""
 
     async def free(self, session: Channel) -> Holder:
-        """Ask who holds it after a loss; ours if this session does. Raises SessionLost."""
+        """Request the holder after a loss; `ours` if this session holds it. Raises SessionLost."""
 
     async def drop(self) -> None:
-        """End what is held open beside the session; what was not released the device undoes. Never raises."""
+        """Close what is open beside the session; the device undoes what was not released. Never raises."""
 
 
 class NoSafeMode:
-    """For changes without safe mode."""
+    """Implementation for changes without safe mode."""
 
     beside: tuple[Command, ...] = ()
     taking: tuple[Command, ...] = ()
 
     def read_holder(self, answers: Sequence[Reply]) -> Holder | None:  # noqa: ARG002 - the seam's
-        """Nobody can take away what is not there."""
+        """Return None: there is no holder."""
         return None
 
     async def take(self, session: Channel) -> Holder:  # noqa: ARG002
-        """Nothing to take."""
+        """Do nothing; nobody holds safe mode."""
         return Holder(is_taken=False)
 
     async def confirm_take(self, session: Channel, answers: Sequence[Reply]) -> Holder:  # noqa: ARG002
-        """Nothing was taken."""
+        """Do nothing; nobody holds safe mode."""
         return Holder(is_taken=False)
 
     async def look(self, session: Channel) -> Holder:  # noqa: ARG002
-        """Nobody."""
+        """Return that nobody holds safe mode."""
         return Holder(is_taken=False)
 
     async def release(self, session: Channel, witness: Sequence[Command]) -> list[Reply]:
-        """Everything is permanent as soon as it is written."""
+        """Return the replies to `witness`; every write is permanent at once."""
         return await session.flight(witness) if witness else []
 
     async def unroll(self, session: Channel) -> None:
-        """Nobody takes anything back."""
+        """Do nothing: nothing is undone."""
 
     async def free(self, session: Channel) -> Holder:  # noqa: ARG002
-        """Nobody."""
+        """Return that nobody holds safe mode."""
         return Holder(is_taken=False)
 
     async def drop(self) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""
 
 
 class ApiSafeMode(NoSafeMode):
-    """Safe mode of the session that writes, from RouterOS 7.18. `silence_s`: for its answers, where not the usual."""
+    """Safe mode of the writing session, from RouterOS 7.18 on. `silence_s`: timeout of its replies, if special."""
 
     beside: tuple[Command, ...] = (READ,)
     taking: tuple[Command, ...] = (TAKE, READ)
@@ -167,15 +168,15 @@ class ApiSafeMode(NoSafeMode):
         self.silence_s = silence_s
 
     def read_holder(self, answers: Sequence[Reply]) -> Holder | None:
-        """As `current` says."""
+        """Return the holder from the reply to READ."""
         return Holder.of(answers[0])
 
     async def take(self, session: Channel) -> Holder:
-        """One round trip, or two."""
+        """Take safe mode in one or two round trips. Raises SafeModeUnavailable."""
         return await self.confirm_take(session, await session.flight(self.taking, silence_s=self.silence_s))
 
     async def confirm_take(self, session: Channel, answers: Sequence[Reply]) -> Holder:
-        """That the question was answered before it was taken proves nothing: then ask again."""
+        """Read the replies; if READ was answered before TAKE took effect, request the holder again."""
         take, holder_reply = answers
         holder = Holder.of(holder_reply)
         if take.trap is None and not holder.ours:
@@ -185,13 +186,13 @@ class ApiSafeMode(NoSafeMode):
         return holder
 
     async def look(self, session: Channel) -> Holder:
-        """One round trip."""
+        """Request the holder; one round trip."""
         return Holder.of(await session.command(READ, silence_s=self.silence_s))
 
     async def release(self, session: Channel, witness: Sequence[Command], owner: str = "") -> list[Reply]:
-        """One round trip. If the look came before the release it still says that it is held, and is repeated.
+        """Release in one round trip; if the state was read before the release, read it again.
 
-        `owner`: what the device calls the session that holds it, where that is another one of ours.
+        `owner`: the device's name of the holding session, if it is another session of ours.
         """
 
         def is_held(holder: Holder) -> bool:
@@ -209,7 +210,7 @@ class ApiSafeMode(NoSafeMode):
         return witness_replies
 
     async def release_of(self, session: Channel, owner: str) -> None:
-        """Release what `owner` holds, from whatever session of ours, once it is seen that it still does.
+        """Release what `owner` holds, from any of our sessions, after checking that it still does.
 
         Raises ProtectionLost, SessionLost.
         """
@@ -220,10 +221,10 @@ class ApiSafeMode(NoSafeMode):
         await self.release(session, (), owner)
 
     async def unroll(self, session: Channel) -> None:
-        """By command; the session lives on."""
+        """Undo by command; the session remains open."""
         if (await self.look(session)).ours:
             (await session.command(UNROLL, silence_s=self.silence_s)).check()
 
     async def free(self, session: Channel) -> Holder:
-        """One round trip."""
+        """Request the holder; one round trip."""
         return await self.look(session)

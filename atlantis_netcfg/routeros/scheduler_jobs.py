@@ -1,16 +1,17 @@
-"""Jobs of a device's scheduler that take a change back by themselves: armed before it, taken away after it.
+"""Scheduler jobs on a device that roll a change back without us: armed before the change, removed after it.
 
-`atlantis-dead-man` runs the way back of one device (`apply`), `atlantis-pair` that of the far end of a bridge (`pair`).
-Both are armed outside safe mode, which would undo them too. `atlantis-use` ends the use of a link (`link_use`): it is a
-row like others, and comes and goes with the routes. In a device-mode without scheduler such a row can be added and
-never runs (manual, Device-mode): it is read back. Every reading of a device asks for `READ_JOBS` as well.
+`atlantis-dead-man` runs the rollback script of one device (`apply`), `atlantis-pair` that of the far end of a bridge
+(`pair`). Both are armed outside safe mode, which would undo them too. `atlantis-use` ends the use of a link
+(`link_use`); it is a row like others, and is added and removed with the routes. If device-mode has no scheduler, such a
+row can be added but never runs (manual, Device-mode), so it is read back. Every observation of a device also sends
+`READ_JOBS`.
 
-The dead-man job is set off by `interval` alone: without a battery the clock jumps as soon as NTP answers, and a
-wall-clock time is then missed or hit too early. Its script first removes the job, so that it runs once. The job of a
-bridge looks once, at the declared moment: if the other end is registered the change has come off and the job only goes
-away; if not, it writes the old values. It has a start in the future on the device's own clock and an interval, so that
-a clock that jumps delays it by one interval at most. Safe mode notices a dead link only after the device's own TCP
-time-out, about nine minutes (manual, Configuration Management).
+The dead-man job is triggered by `interval` only: without a battery the clock jumps as soon as NTP answers, and a
+wall-clock time would be missed or reached too early. Its script first removes the job, so that it runs once. The job of
+a bridge checks once, at the configured time: if the other end is registered the change has succeeded, and the job only
+removes itself; if not, it writes the old values. It has a start time in the future of the device's own clock and an
+interval, so that a clock jump delays it by one interval at most. Safe mode notices a dead link only after the device's
+own TCP timeout, about nine minutes (manual, Configuration Management).
 
 Assumption: scheduler-forbidden
 Assumption: scheduler-interval
@@ -47,16 +48,16 @@ _MARGIN_S = 60.0
 
 
 class WillNotRun(DeviceError):
-    """The device has taken the job and will not run it, or has not taken it at all."""
+    """The device has accepted the job but will not run it, or has not accepted it."""
 
 
 class JobConflict(WillNotRun):
-    """Such a job is there already: somebody else's run is under way, or one has died."""
+    """Such a job already exists: another run is active, or has died."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmedJob:
-    """A job of ours on the device."""
+    """One of our jobs on the device."""
 
     id: str
     name: str
@@ -65,7 +66,7 @@ class ArmedJob:
 
 
 def jobs_of(rows: Iterable[Row]) -> tuple[ArmedJob, ...]:
-    """Return the jobs of runs among the answers to `READ_JOBS`; `atlantis-use` is what a person asked for."""
+    """Return the jobs of runs in a reply to `READ_JOBS`; without `atlantis-use`, which a user has requested."""
     return tuple(
         ArmedJob(row.get(".id", ""), row.get("name", ""), row.get("comment") or "a run")
         for row in rows
@@ -84,17 +85,17 @@ class DeadMan:
     after_s: float
 
     def is_near(self, now: float) -> bool:
-        """Whether it may run before anything more is finished."""
+        """Return True if the job may run before the next step is finished."""
         return now > self.armed_at + self.after_s - _MARGIN_S
 
     @property
     def over(self) -> float:
-        """When it has run for certain, on the loop's clock."""
+        """Time on the loop's clock at which the job has certainly run."""
         return self.armed_at + self.after_s + _MARGIN_S
 
 
 def forbidden(facts: Facts) -> str | None:
-    """Say why the scheduler would not run a job, or return None. Before 7.17 nothing was restricted (Device-mode)."""
+    """Return why the scheduler would not run a job, or None. No restrictions exist before 7.17 (Device-mode)."""
     mode = facts.device_mode
     if mode.get("flagged") in _TRUE:
         return "the device is flagged, and refuses new jobs"
@@ -108,7 +109,7 @@ async def arm_dead_man(session: Channel, script: str, owner: str, after_s: float
 
 
 async def arm_pair(session: Channel, script: str, owner: str, after_s: float) -> str:
-    """Arm the far end's job, see that the device will run it, and return its `.id`. Raises AlreadyArmed, WillNotRun."""
+    """Arm the far end's job, check that the device will run it; return its `.id`. Raises JobConflict, WillNotRun."""
     start = await _moment(session, after_s)
     values = {
         "start-date": start.strftime("%Y-%m-%d"),
@@ -120,13 +121,13 @@ async def arm_pair(session: Channel, script: str, owner: str, after_s: float) ->
 
 
 def pair_script(menu: str, peer: str, rollback: str) -> str:
-    """Write the far end's job: `peer` is the MAC address that has to be registered with the radios of `menu`."""
+    """Return the script of the far end's job; `peer` is the MAC address expected as a peer of `menu`'s radios."""
     look = f'{menu}/registration-table/get [find mac-address="{peer}"] uptime'
     return f':do {{\n{look}\n}} on-error={{\n{rollback}}}\n{MENU}/remove [find name="{PAIR}"]\n'
 
 
 async def _moment(session: Channel, after_s: float) -> datetime:
-    """Return the device's own time `after_s` from now."""
+    """Return the device's own time in `after_s` seconds."""
     rows = (await session.command(Command("/system/clock/print"))).check().rows
     row = rows[0] if rows else {}
     try:
@@ -137,7 +138,7 @@ async def _moment(session: Channel, after_s: float) -> datetime:
 
 
 async def _arm(session: Channel, name: str, owner: str, values: Mapping[str, str]) -> str:
-    """Arm a job, read it back, and return its `.id`. Raises WillNotRun, AlreadyArmed, SessionLost."""
+    """Arm a job, read it back, and return its `.id`. Raises WillNotRun, JobConflict, SessionLost."""
     reply = await session.command(Command(f"{MENU}/add", (("name", name), ("comment", owner), *values.items())))
     rows = (await session.command(Command(_PRINT, _READ_BACK, (f"?name={name}",)))).rows
     if reply.trap is not None:
@@ -155,7 +156,7 @@ async def _arm(session: Channel, name: str, owner: str, values: Mapping[str, str
 
 
 def _idle(rows: Sequence[Row]) -> str | None:
-    """Return why the device will not run the job that was read back, or None."""
+    """Return why the device will not run the job that was read back; None if it will."""
     if not rows:
         return "it is not there"
     about = rows[0].get(".about", "")
@@ -165,9 +166,9 @@ def _idle(rows: Sequence[Row]) -> str | None:
 
 
 async def disarm(session: Channel, job: str, witness: Sequence[Command] = ()) -> tuple[bool, list[Reply]]:
-    """Take a job away by its `.id` and see that it is gone; False if it had gone by itself, for then it has run.
+    """Remove a job by its `.id` and check that it is gone; False if it was already gone, which means it has run.
 
-    All in one round trip; also answers to `witness`. Raises WillNotRun if it is still there, SessionLost.
+    All in one round trip, with the replies to `witness`. Raises WillNotRun if the job still exists, SessionLost.
     """
     removal, jobs_reply, *witness_replies = await session.flight([_removing(job), READ_JOBS, *witness])
     if _is_there(job, jobs_reply):

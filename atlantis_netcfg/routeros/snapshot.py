@@ -1,8 +1,8 @@
-"""The state that a run has read back, as text: for comparing later states with it, and for a replacement device.
+"""The state read back by a run, as text: for later comparison, and for a replacement device.
 
-It is written in the language of exports, but from rows that the API has returned anyway, so that it costs no round
-trip; whoever reads it back goes by the same table of menus. It holds the declared menus with every row in them,
-whosoever it is. It holds no secrets, and nothing that belongs to the box alone.
+It has export syntax but is written from rows read over the API anyway, so it costs no round trip; it is parsed with the
+same table of menus. It contains all rows of the menus in the desired state, whoever owns them. It contains no secrets,
+and nothing specific to the individual device.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ OF_THE_BOX = frozenset(
 
 
 def write(device: str, desired_state: DesiredState, observation: Observation) -> str:
-    """Return the state of the declared menus, in the order in which they can be set."""
+    """Return the state of the menus in the desired state, in the order in which they can be set."""
     facts = observation.facts
     menus = [MENUS[path] for path in sorted(desired_state.menus, key=rank) if not MENUS[path].readonly]
     menus = [menu for menu in menus if menu.is_exported]
@@ -51,15 +51,15 @@ def write(device: str, desired_state: DesiredState, observation: Observation) ->
 
 
 def read(text: str, source: str) -> DesiredState:
-    """Read a state as something to declare: its menus, each of them entirely. Raises RscError."""
+    """Parse a saved state as desired state: its menus, each in full. Raises RscError."""
     menus = [path for path in rsc.parse(text, source).menus if path in MENUS]
     return from_export(text, menus, source)
 
 
 def _rows(menu: Menu, items: tuple[RowItem, ...], rows: tuple[Row, ...]) -> Iterator[tuple[Row, frozenset[str]]]:
-    """Yield the rows with the properties that the declaration names for each: they are said even at their defaults.
+    """Yield the rows with the properties set in the desired state, which are printed even at their defaults.
 
-    The routing menus of RouterOS 7 export what was given and nothing else, so that the state is the same to the letter.
+    The routing menus of RouterOS 7 export exactly what was set, so that the state is identical.
     """
     # Rows of first-match menus have no keys: what ties them to the declaration is our comment.
     identity = menu.identity if menu.keys or menu.shape is Shape.SINGLETON else lambda values: values.get("comment")
@@ -73,7 +73,7 @@ def _rows(menu: Menu, items: tuple[RowItem, ...], rows: tuple[Row, ...]) -> Iter
 
 
 def _used(rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
-    """Yield every name by which a row names an interface."""
+    """Yield every interface name that a row refers to."""
     for path, menu_rows in rows.items():
         fields = [
             each.name for each in MENUS[path].fields if each.kind in (PropertyKind.INTERFACE, PropertyKind.GATEWAY)
@@ -111,7 +111,7 @@ def _values(menu: Menu, row: Row, declared_names: frozenset[str]) -> Iterator[tu
 
 
 def _is_somebodys_choice(menu: Menu, each: Field, row: Row) -> bool:
-    """Tell of a property that is not at its default; where the device computes that, `no` and `none` count as it."""
+    """Return True if a property is not at its default; if that is computed, `no` and `none` count as default."""
     if each.keep and each.default is None:
         is_computed = menu.shape is not Shape.LIST or (menu.path, each.name) in OF_THE_BOX
         return not is_computed and canonical(PropertyKind.BOOLEAN, row[each.name]) not in ("", "no", "none")

@@ -1,8 +1,8 @@
-"""Which assumptions hold on a device: questions and pure judgements of their answers, and with scratch rows the others.
+"""Checks of the assumptions on a device: read-only requests with pure evaluation, and tests with scratch rows.
 
-Scratch rows are disabled rows that nothing uses (static names of DNS, a bridge with a route, a job of the scheduler),
-added and taken back under safe mode. They are never left: what safe mode does not take back is removed, and a device
-that does not say that they are gone is unknown.
+Scratch rows are disabled rows that nothing uses (static DNS names, a bridge with a route, a scheduler job), added and
+undone under safe mode. They are never left behind: what safe mode does not undo is removed, and if a device does not
+confirm that they are gone, its state is unknown.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _WHO = re.compile(r"\S+@(?=\S)|\b\d{1,3}(?:\.\d{1,3}){3}\b|\b[0-9A-Fa-f]{0,4}(?:
 
 @dataclass(frozen=True, slots=True)
 class AssumptionFinding:
-    """What is known of one assumption on a device."""
+    """Result of one assumption on a device."""
 
     id: str
     verdict: Verdict
@@ -57,14 +57,14 @@ class AssumptionFinding:
 
     @classmethod
     def of(cls, name: str, judgement: Judgement) -> AssumptionFinding:
-        """Make one of a judgement, whose words may be the device's."""
+        """Create a finding; MAC addresses and the like in the device's evidence are replaced."""
         verdict, evidence = judgement
         return cls(name, verdict, _WHO.sub("…", evidence))
 
 
 @dataclass(frozen=True, slots=True)
 class SeenAnswers:
-    """What a device is, and what was found on it, one finding for each assumption."""
+    """Version and board of a device, and one finding for each assumption."""
 
     version: str
     board: str
@@ -73,14 +73,14 @@ class SeenAnswers:
     system: str = "RouterOS"
 
     def with_findings(self, updates: Iterable[AssumptionFinding]) -> SeenAnswers:
-        """Return the same with these in place of those of the same assumptions."""
+        """Return a copy with these findings in place of those on the same assumptions."""
         fresh = {finding.id: finding for finding in updates}
         return replace(self, findings=tuple(fresh.get(finding.id, finding) for finding in self.findings))
 
 
 @dataclass(frozen=True, slots=True)
 class AssumptionCheck:
-    """Questions that change nothing, and the judgement of their answers."""
+    """Read-only requests, and the function that evaluates the replies."""
 
     questions: tuple[api.Command, ...]
     judge: Callable[[Sequence[api.Reply]], Judgement]
@@ -91,7 +91,7 @@ def _print(menu: str, properties: str) -> api.Command:
 
 
 def _refusal_text(reply: api.Reply) -> str | None:
-    """The device's words, if it has refused the question."""
+    """Return the device's message if it has refused the request; None otherwise."""
     return None if reply.trap is None else f"refused: {reply.trap.message}"
 
 
@@ -115,7 +115,7 @@ def _judge_count(replies: Sequence[api.Reply]) -> Judgement:
 
 
 def _order(rows: Sequence[Row], moment: str) -> Verdict | None:
-    """PASS: oldest first; FAIL: newest first; None: neither can be seen. By their times, else by their ids."""
+    """Return PASS if oldest first, FAIL if newest first, None if unclear; by times, else by ids."""
     times = [row.get(moment, "") for row in rows]
     ids = [int(row[".id"].removeprefix("*"), 16) for row in rows if re.fullmatch(r"\*[0-9A-Fa-f]+", row.get(".id", ""))]
     clear = all(map(_ISO.fullmatch, times)) and len(set(times)) > 1
@@ -209,12 +209,12 @@ def _ping(replies: Sequence[api.Reply]) -> Judgement:
 
 
 def _parse(line: str) -> api.Command:
-    """Have the device's parser read a line, which is not executed."""
+    """Return the command that lets the device parse a line without executing it."""
     return script_command(f':put [:parse "{line}"]')
 
 
 def _judge_refusal(replies: Sequence[api.Reply]) -> Judgement | None:
-    """A device without these commands cannot show what they answer."""
+    """Return SKIP if the device lacks the commands, INCONCLUSIVE for another refusal, None if none was refused."""
     trap = next((reply.trap for reply in replies if reply.trap is not None), None)
     if trap is None:
         return None
@@ -246,7 +246,7 @@ def _parse_nested(replies: Sequence[api.Reply]) -> Judgement:
 
 
 def _ambiguous(replies: Sequence[api.Reply]) -> Judgement:
-    """Compare a name that several begin like with one that nobody has: their answers differ in the name at most."""
+    """Compare the replies for an ambiguous name and an unknown name, which should differ in the name only."""
     judgement = _judge_refusal(replies)
     if judgement is not None:
         return judgement
@@ -314,7 +314,7 @@ _RESOURCE = _print("/system/resource", "version,board-name,architecture-name")
 
 
 async def read(endpoint: api.Endpoint) -> SeenAnswers:
-    """Show what can be shown without changing anything, in two sessions. Raises DeviceFailed."""
+    """Check what can be checked read-only, in two sessions. Raises DeviceError."""
     narrow: list[bool] = []
 
     def on_window_shrink() -> None:
@@ -395,7 +395,7 @@ _NOT_TRIED = (Verdict.INCONCLUSIVE, "not tried: the session was lost before")
 
 
 async def try_out(endpoint: api.Endpoint) -> tuple[AssumptionFinding, ...]:
-    """Show what needs scratch rows. Raises DeviceFailed with the device as it was, OutcomeUnknown if rows are left."""
+    """Check what needs scratch rows. Raises DeviceError (device unchanged) or OutcomeUnknown (rows may be left)."""
     judgements: dict[str, Judgement] = dict.fromkeys(TRIES, _NOT_TRIED)
     async with await api.Session.open(endpoint) as watcher:
         await _refuse(watcher)
@@ -413,7 +413,7 @@ async def try_out(endpoint: api.Endpoint) -> tuple[AssumptionFinding, ...]:
 
 
 async def _refuse(session: api.Session) -> None:
-    """Refuse where there is no safe mode, somebody holds it, or rows of an earlier try are left."""
+    """Raise DeviceError if there is no safe mode, somebody holds it, or scratch rows of an earlier test exist."""
     state, *replies = await session.flight([safe_mode.READ, *_EVERY_MARKED])
     if state.trap is not None:
         raise DeviceError(
@@ -434,7 +434,7 @@ async def _refuse(session: api.Session) -> None:
 
 
 async def _by_rows(endpoint: api.Endpoint, watcher: api.Session, judgements: dict[str, Judgement]) -> None:
-    """Add rows by sentences and by scripts under safe mode, and take everything back."""
+    """Add rows by sentences and by scripts under safe mode, then undo everything."""
     before = [row.get(".id") for row in (await watcher.command(_ALL)).check().rows]
     async with await api.Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
@@ -485,7 +485,7 @@ def _in_order(replies: Sequence[api.Reply]) -> tuple[Judgement, list[int]]:
 
 
 async def _by_scripts(session: api.Session, judgements: dict[str, Judgement]) -> None:
-    """Run a script that is right, and one with an error in its middle."""
+    """Run a correct script, and one with an error in the middle."""
     before = _ids(await session.command(_HISTORY))
     right = await session.command(_script("".join(_line(f"script-{number}") for number in range(_SCRIPT_ROWS))))
     after = _ids(await session.command(_HISTORY))
@@ -526,7 +526,7 @@ _BEFORE, _AFTER = "atlantis-verify", "atlantis-verified"
 
 
 async def _by_name(session: api.Session) -> Judgement:
-    """Give a bridge a new name, and read it where a route names it."""
+    """Rename a bridge, and read the route that refers to it."""
     bridge = (("name", _BEFORE), ("disabled", "yes"), ("comment", MARK))
     route = (("dst-address", "192.0.2.0/24"), ("gateway", _BEFORE), ("disabled", "yes"), ("comment", MARK))
     ids: list[str] = []
@@ -548,7 +548,7 @@ ON_EVENT: Final = 60_000
 
 
 async def _by_job(session: api.Session) -> Judgement:
-    """Add a long job that never runs, and read what the device has kept of it."""
+    """Add a long job that never runs, and read back its stored text."""
     words = (("name", _BEFORE), ("disabled", "yes"), ("comment", MARK), ("on-event", "#" * ON_EVENT))
     add_reply = await session.command(api.Command(f"{_JOB}/add", words))
     if add_reply.trap is not None:
@@ -571,7 +571,7 @@ def _script(text: str) -> api.Command:
 
 
 async def _by_two(endpoint: api.Endpoint, watcher: api.Session, judgements: dict[str, Judgement]) -> None:
-    """Let a second session take safe mode from the first, which has changed nothing."""
+    """Let a second session take safe mode from the first, which has made no changes."""
     async with await api.Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
         second = await watcher.command(safe_mode.TAKE)
@@ -604,7 +604,7 @@ async def _by_close(endpoint: api.Endpoint, watcher: api.Session, judgements: di
 
 
 async def fall_silent(endpoint: api.Endpoint) -> AssumptionFinding:
-    """Let a session that holds safe mode fall silent, and see when its row is taken back. Raises as `try_out`."""
+    """Cut off a session that holds safe mode, and measure when its row is undone. Raises like `try_out`."""
     name = "api-silent-session"
     async with await api.Session.open(endpoint) as session:
         await _refuse(session)
@@ -626,7 +626,7 @@ async def fall_silent(endpoint: api.Endpoint) -> AssumptionFinding:
 
 
 async def _wait_until_gone(session: api.Session, within_s: float, every_s: float = 1.0) -> float | None:
-    """Wait until nobody holds safe mode and no scratch row is left; the seconds that it took, or None."""
+    """Wait until safe mode is free and no scratch row is left; return the seconds, or None on timeout."""
     clock = asyncio.get_running_loop().time
     start = clock()
     while True:
@@ -639,7 +639,7 @@ async def _wait_until_gone(session: api.Session, within_s: float, every_s: float
 
 
 async def _clean_up(endpoint: api.Endpoint) -> None:
-    """See in a new session that no row is left: what safe mode has not taken back is removed. Raises OutcomeUnknown."""
+    """Check in a new session that no row is left; remove what safe mode has not undone. Raises OutcomeUnknown."""
     unknown = OutcomeUnknown(
         "the device does not say that the scratch rows are gone",
         hint=f"after ten minutes, on the device:  {_BY_HAND}",

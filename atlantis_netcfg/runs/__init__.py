@@ -1,15 +1,15 @@
-"""What ran, what the devices said, what to go on with: kept on disk so that a kill at any moment loses nothing.
+"""Journals, states and pins, kept on disk so that a kill at any moment loses nothing.
 
     <state>/<real|rehearsal>/pins.json                          certificates and SSH host keys, by device
-    <state>/<real|rehearsal>/<site>/lock                        who works on the site now
-    <state>/<real|rehearsal>/<site>/runs/<run>/journal.jsonl    one record a line, each on disk before the next step
+    <state>/<real|rehearsal>/<site>/lock                        the process that works on the site now
+    <state>/<real|rehearsal>/<site>/runs/<run>/journal.jsonl    one record per line, each on disk before the next step
     <state>/<real|rehearsal>/<site>/runs/<run>/before/<device>.rsc   the device's state before the run's first change
-    <state>/<real|rehearsal>/<site>/archive/<run>/              an older run that nothing needs, as it was
-    <state>/<real|rehearsal>/<site>/usage.json                  bytes of each bearer, by month
-    <state>/real/<site>/sim/<device>.tried                      a PIN was sent, and was not seen to be taken
+    <state>/<real|rehearsal>/<site>/archive/<run>/              an older run that is no longer needed, unchanged
+    <state>/<real|rehearsal>/<site>/usage.json                  bytes carried by each link, by month
+    <state>/real/<site>/sim/<device>.tried                      a PIN was sent, and not seen to be accepted
     <state>/<real|rehearsal>/<site>/confirmed/<device>-<hash>.rsc    a state that runs have read back at their end
 
-Everything is readable by its owner only. No record holds a secret: actions arrive here masked.
+Everything is readable by its owner only. No record contains a secret: actions arrive here masked.
 """
 
 from __future__ import annotations

@@ -16,31 +16,31 @@ if TYPE_CHECKING:
 
 
 class JournalError(errors.NetcfgError):
-    """The journal cannot be written: nothing more may be changed, because nobody could go on after a break."""
+    """The journal cannot be written: nothing more may be changed, since a later run could not resume."""
 
     exit = errors.ExitCode.FAILED
 
 
 class DamagedPinsError(errors.NetcfgError):
-    """The file of pinned certificates cannot be read: no device may be trusted until a person has looked."""
+    """The file of pinned certificates is damaged: no device may be trusted until the user has checked it."""
 
     exit = errors.ExitCode.FAILED
 
 
 class DamagedStateError(errors.NetcfgError):
-    """A saved state is not what was written: it must not be put on a device."""
+    """A saved state is damaged: it must not be written to a device."""
 
     exit = errors.ExitCode.FAILED
 
 
 class SiteBusy(errors.NetcfgError):
-    """Somebody else works on the site now; the message says who. Nothing was contacted."""
+    """Another run is active on the site; the message names it. Nothing was contacted."""
 
     exit = errors.ExitCode.FAILED
 
 
 class NoSuchRun(errors.NoMatchError):
-    """A run that is not in the journal of the site."""
+    """The site's journals contain no such run."""
 
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
@@ -50,14 +50,14 @@ _STAMP = re.compile(r"\d{8}T\d{6}Z")
 
 
 def component(name: str) -> str:
-    """`name`, if it can be the name of a file wherever it comes from; ValueError otherwise."""
+    """Return `name` if it is a safe file name. Raises ValueError otherwise."""
     if _NAME.fullmatch(name) is None:
         raise ValueError(f"not usable as a file name: {name!r}")
     return name
 
 
 def make_private(path: Path) -> Path:
-    """Make a directory, and those above it that are missing, with mode 0700; on disk when this returns."""
+    """Create a directory and its missing parents with mode 0700; on disk on return."""
     missing = [path, *path.parents]
     missing = [directory for directory in missing if not directory.exists()]
     for directory in reversed(missing):
@@ -67,10 +67,10 @@ def make_private(path: Path) -> Path:
 
 
 def new_run(runs: Path, now: datetime, name: str = "", *, archive: Path | None = None) -> Path:
-    """Make the folder of a run, named after its time, or after `name`; it is later than those that are there.
+    """Create the folder of a run, named after its time or `name`; it sorts after the existing ones.
 
-    Where the clock was set back since the last run, or within its second, it has that one's time and a number. What
-    is in the `archive` keeps its name.
+    If the clock was set back since the last run, or within the same second, it gets that run's time and a number. Names
+    in the `archive` are not reused.
     """
     times = (run_order(path.name)[0] for path in runs.iterdir())
     stamp = name or max(now.strftime("%Y%m%dT%H%M%SZ"), *filter(_STAMP.fullmatch, times), "")
@@ -89,14 +89,14 @@ def new_run(runs: Path, now: datetime, name: str = "", *, archive: Path | None =
 
 
 def run_order(name: str) -> tuple[str, int]:
-    """Sort runs by time, and those of one time by number."""
+    """Sort key of runs: time, then number."""
     stamp, _, number = name.partition("-")
     return stamp, int(number) if number.isdecimal() else 1
 
 
 @contextmanager
 def os_errors_as(what: str, path: Path) -> Iterator[None]:
-    """Say in words that a file of the state directory could not be written."""
+    """Convert an OSError on a file of the state directory to a JournalError."""
     try:
         yield
     except OSError as error:
@@ -104,7 +104,7 @@ def os_errors_as(what: str, path: Path) -> Iterator[None]:
 
 
 def unwritable(what: str, path: Path, error: OSError) -> JournalError:
-    """The error for a file that could not be written."""
+    """Return the error for a file that could not be written."""
     reason = error.strerror or str(error)
     return JournalError(
         f"{what} cannot be written: {reason} ({path})",
@@ -113,7 +113,7 @@ def unwritable(what: str, path: Path, error: OSError) -> JournalError:
 
 
 def missing_file_error(what: str, path: Path) -> JournalError:
-    """The error for a file that is open, but no longer where it was: nobody would find what is written to it."""
+    """Return the error for an open file that was moved or deleted, so that writes to it would be lost."""
     return JournalError(
         f"{what} cannot be written: the folder of the run was deleted or replaced in mid-run ({path})",
         hint="keep the state folder on a disk that stays, then run the same command again",

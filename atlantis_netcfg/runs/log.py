@@ -50,7 +50,7 @@ class Log:
 
     @property
     def records(self) -> tuple[Record, ...]:
-        """The records alone."""
+        """The records without their times."""
         return tuple(entry.record for entry in self.entries)
 
 
@@ -82,9 +82,9 @@ def read(path: Path) -> Log:
 
 
 def parse(data: bytes) -> Log:
-    """Return every record whose line is intact.
+    """Return every record with an intact line.
 
-    Lines of earlier versions have no checksum; after the first one that has, every line has one.
+    Lines of earlier versions have no checksum; after the first line with a checksum, every line has one.
     """
     lines, torn_line = split(data)
     entries: list[LogEntry] = []
@@ -123,57 +123,57 @@ NOT_RECORDED = "not recorded"
 
 
 def utc_now() -> datetime:
-    """The laptop's clock."""
+    """Return the time of the laptop's clock."""
     return datetime.now(UTC)
 
 
 class Recorder(Protocol):
-    """What the engine needs of a journal."""
+    """The journal interface that the engine needs."""
 
     def write(self, record: Record) -> None:
-        """Put a record on disk. Raises JournalFailed: then nothing more may be changed."""
+        """Write a record to disk. Raises JournalError: then nothing more may be changed."""
 
     def save(self, device: str, text: str) -> None:
-        """Put a device's state before the first change on disk, and record it. Raises JournalFailed."""
+        """Save a device's state before the first change to disk, and record it. Raises JournalError."""
 
     def confirm(self, device: str, text: Callable[[], str]) -> None:
-        """Put the state that was read back at the end on disk, and record it. Raises JournalFailed."""
+        """Save the state read back at the end to disk, and record it. Raises JournalError."""
 
 
 class NoJournal:
-    """For runs that change nothing."""
+    """Implementation for runs that change nothing."""
 
     def write(self, record: Record) -> None:
-        """Forget it."""
+        """Discard the record."""
 
     def save(self, device: str, text: str) -> None:
-        """Forget it."""
+        """Discard the state."""
 
     def confirm(self, device: str, text: Callable[[], str]) -> None:
-        """Do not even ask for it."""
+        """Discard the state without calling `text`."""
 
 
 class StatesOnly:
-    """The journal of a run, for a backup that is a part of it: how the backup ended is not how the run ends."""
+    """A journal for a backup that is part of a run: records nothing but the saved state."""
 
     def __init__(self, journal: Recorder) -> None:
         self._journal = journal
 
     def write(self, record: Record) -> None:
-        """Forget it."""
+        """Discard the record."""
 
     def save(self, device: str, text: str) -> None:
-        """As the journal does."""
+        """Save the state in the run's journal."""
         self._journal.save(device, text)
 
     def confirm(self, device: str, text: Callable[[], str]) -> None:
-        """Do not even ask for it."""
+        """Discard the state without calling `text`."""
 
 
 def conclude(journal: Recorder, *records: Record) -> files.JournalError | None:
-    """Put the last records of a run on disk. Returns why that was not possible, for the result, which must not be lost.
+    """Write the last records of a run to disk; return the error instead of raising, so the result is not lost.
 
-    A result that is not recorded is never a green one.
+    A result that is not recorded is never a success.
     """
     try:
         for record in records:
@@ -184,7 +184,7 @@ def conclude(journal: Recorder, *records: Record) -> files.JournalError | None:
 
 
 class _ReadResult(Protocol):
-    """What every result of a device has."""
+    """Attributes common to all device results."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
@@ -200,7 +200,7 @@ _R = TypeVar("_R", bound=_ReadResult)
 
 
 def mark_unrecorded(result: _R, failure: files.JournalError | None) -> _R:
-    """Say in a result that it is not in the journal, and why; it is not green then. None: it is there."""
+    """Add to a result that it could not be recorded, which is then not a success; None: it was recorded."""
     if failure is None:
         return result
     existing_text = f"{result.message} {' '.join(result.notes)}"
@@ -224,7 +224,7 @@ class Journal(EventLog):
     """The journal of one run, open for appending. After a failed write it refuses every other one."""
 
     def __init__(self, directory: Path, now: Callable[[], datetime] = utc_now) -> None:
-        """`directory` is the run's own; the file in it is made if it is missing, else appended to."""
+        """`directory` is the run's own; its journal file is created or appended to."""
         self.directory = directory
         self._now = now
         super().__init__(path := directory / FILE, partial(files.unwritable, "the journal", path))
@@ -236,14 +236,14 @@ class Journal(EventLog):
         return self.directory.name
 
     def write(self, record: Record) -> None:
-        """Put a record on disk. Raises JournalFailed, and from then on always."""
+        """Write a record to disk. Raises JournalError, and then on every later call."""
         data = line(LogEntry(self._now(), record), self._checksum)
         self.append(data)
         self._checksum = _stored_checksum(data)
         self._require_present("the journal")
 
     def save(self, device: str, text: str) -> None:
-        """Put a device's state before the first change on disk, and record it; an earlier one is kept beside it."""
+        """Save a device's state before the first change, and record it; an earlier one is kept beside it."""
         self._require_present("the state before the run")
         data = text.encode()
         first = self.directory / "before" / f"{files.component(device)}.rsc"
@@ -264,9 +264,10 @@ class Journal(EventLog):
         self.write(StateBackup(device=device, file=file, sha256=hashlib.sha256(data).hexdigest()))
 
     def confirm(self, device: str, text: Callable[[], str]) -> None:
-        """Put what was read back on disk, and record it. Runs that read the same share one file, called by its hash.
+        """Save the state read back, and record it. Equal states share one file, named by hash.
 
-        If that fails the journal goes on: nothing will be changed any more, and the outcome can still be recorded.
+        If that fails the journal remains usable: nothing will be changed any more, and the outcome can still be
+        recorded.
         """
         self._require_present("the confirmed state")
         data = text().encode()
@@ -278,7 +279,7 @@ class Journal(EventLog):
         self.write(StateConfirmation(device=device, file=str(path.relative_to(site)), sha256=digest))
 
     def _last_checksum(self) -> bytes:
-        """Return what the next line continues from. What a killed process left of a line is removed."""
+        """Return the checksum that the next line continues; an incomplete line of a killed process is removed."""
         data = self._content()
         torn_line = split(data)[1]
         if torn_line and torn_line[: len(_BEGIN)] == _BEGIN[: len(torn_line)] and b"\0" not in torn_line:
@@ -291,7 +292,7 @@ class Journal(EventLog):
         return os.pread(self._descriptor, os.fstat(self._descriptor).st_size, 0)
 
     def _require_present(self, what: str) -> None:
-        """See that the open file is still the one that its name leads to. Raises JournalFailed, and then always."""
+        """Check that the open file is still the one at its path. Raises JournalError, and then always."""
         if not self.present:
             self.failure = self.failure or files.missing_file_error("the journal", self.path)
             raise files.missing_file_error(what, self.path)

@@ -24,24 +24,24 @@ _WINDOW = "window "
 class Pins:
     """SHA-256 (hex) of each device's certificate, and its SSH host key (`SHA256:...`), by device name.
 
-    Beside them stands how many questions a device bears at once, if that was found out: it goes with the certificate.
-    Several processes may write at once.
+    Also the number of parallel requests that a device supports, if known; it is dropped with the certificate. Several
+    processes may write at once.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def get(self, device: str) -> str | None:
-        """The pinned certificate, or None where nobody has agreed to one. Raises PinsDamaged."""
+        """Return the pinned certificate, None if nobody has confirmed one. Raises DamagedPinsError."""
         return self._read().get(device)
 
     def pin(self, device: str, certificate: str) -> str:
-        """Pin what was not known and return what is pinned: an earlier pin stays."""
+        """Pin an unknown certificate and return the pinned one; an earlier pin is kept."""
         with self._writing() as pins:
             return pins.setdefault(device, certificate)
 
     def change(self, device: str, certificate: str | None) -> None:
-        """Trust another certificate from now on, or (None) forget the device; only on a person's word."""
+        """Replace the certificate, or (None) forget the device; only after confirmation by the user."""
         with self._writing() as pins:
             pins.pop(_WINDOW + device, None)
             if certificate is None:
@@ -50,20 +50,20 @@ class Pins:
                 pins[device] = certificate
 
     def host_key(self, device: str) -> str | None:
-        """The pinned SSH host key as OpenSSH prints it, or None where nobody has agreed to one. Raises PinsDamaged."""
+        """Return the pinned SSH host key in OpenSSH's format, None if not confirmed. Raises DamagedPinsError."""
         return self._read().get(_HOST_KEY + device)
 
     def change_host_key(self, device: str, host_key: str | None) -> None:
-        """Trust another host key from now on, or (None) none; only on a person's word."""
+        """Replace the host key, or (None) remove it; only after confirmation by the user."""
         self.change(_HOST_KEY + device, host_key)
 
     def window(self, device: str) -> int | None:
-        """How many questions the device bears at once; None: as many as it was ever asked. Raises PinsDamaged."""
+        """Return the number of parallel requests the device supports; None if unlimited. Raises DamagedPinsError."""
         text = self._read().get(_WINDOW + device, "")
         return int(text) if text.isdecimal() else None
 
     def narrow(self, device: str, window: int) -> None:
-        """Ask the device no more than `window` questions at once from now on."""
+        """Limit the device to `window` parallel requests from now on."""
         with self._writing() as pins:
             pins[_WINDOW + device] = str(window)
 

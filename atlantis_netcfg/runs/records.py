@@ -1,6 +1,7 @@
-"""The records of a journal: what happened, in the order in which it became certain.
+"""The records of a journal: events, in the order in which they became certain.
 
-A record that announces (`LayerSent`, `Releasing`) is on disk before the step, one that reports before the next step.
+A record that announces a step (`LayerSent`, `Releasing`) is on disk before it, one that reports a step before the next
+step.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pydantic import Field
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CostRecord:
-    """What the run on a device has sent over a link that is paid by the byte."""
+    """Bytes that the run on a device has sent over a metered link."""
 
     kind: Literal["cost-counted"] = "cost-counted"
     device: str
@@ -41,7 +42,7 @@ SETTLED_STATUSES = frozenset(
 
 
 class Purpose(StrEnum):
-    """What a run was for: only a run that does the same again settles one that was killed."""
+    """Purpose of a run: only a run of the same purpose completes one that was killed."""
 
     CONFIGURE = "configure"
     """To the declared state, or to a saved one."""
@@ -79,7 +80,7 @@ class RunStart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResume:
-    """Somebody goes on with this run after a break."""
+    """The run is resumed after an interruption."""
 
     kind: Literal["run-resumed"] = "run-resumed"
     revision: str
@@ -89,7 +90,7 @@ class RunResume:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceObservation:
-    """The device was read; `state` is the digest of what was read, without what moves by itself."""
+    """The device was read; `state` is the digest of the result, without values that change on their own."""
 
     kind: Literal["device-observed"] = "device-observed"
     device: str
@@ -110,7 +111,7 @@ class StateBackup:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateConfirmation:
-    """What was read back at the end is on disk; `file` is relative to the site's directory, as later runs share it."""
+    """The state read back at the end was saved; `file` is relative to the site's directory, as runs share it."""
 
     kind: Literal["state-confirmed"] = "state-confirmed"
     device: str
@@ -133,7 +134,7 @@ class PlannedAction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRecord:
-    """What is going to be changed."""
+    """The plan before it is applied."""
 
     kind: Literal["planned"] = "planned"
     device: str
@@ -144,7 +145,7 @@ class PlanRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProtectionRecord:
-    """From here on the device undoes by itself what is not released: `how` is `safe-mode`, or `none`."""
+    """From now on the device undoes what is not released: `how` is `safe-mode`, or `none`."""
 
     kind: Literal["protected"] = "protected"
     device: str
@@ -153,7 +154,7 @@ class ProtectionRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignRecord:
-    """This sign is about to be put on the device: whoever finds it there knows that it is of this run."""
+    """The run marker is about to be placed on the device, so that it can be attributed to this run later."""
 
     kind: Literal["signed"] = "signed"
     device: str
@@ -162,7 +163,7 @@ class SignRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerSent:
-    """These actions are about to be sent; without an acknowledgement below, nobody knows whether they were executed."""
+    """These actions are about to be sent; without a later acknowledgement, it is unknown if they were executed."""
 
     kind: Literal["layer-sent"] = "layer-sent"
     device: str
@@ -172,7 +173,7 @@ class LayerSent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActionAcknowledgement:
-    """The device says that it executed these actions; they are not confirmed before they were read back."""
+    """The device has acknowledged these actions; they are confirmed only after they were read back."""
 
     kind: Literal["actions-acknowledged"] = "actions-acknowledged"
     device: str
@@ -181,7 +182,7 @@ class ActionAcknowledgement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerificationRecord:
-    """A new session has read the declared state; `state` is its digest."""
+    """A new session has read the desired state; `state` is its digest."""
 
     kind: Literal["verified"] = "verified"
     device: str
@@ -190,7 +191,7 @@ class VerificationRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Releasing:
-    """Safe mode is about to be released: from here on the state may be permanent."""
+    """Safe mode is about to be released: from now on the state may be permanent."""
 
     kind: Literal["releasing"] = "releasing"
     device: str
@@ -198,7 +199,7 @@ class Releasing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReleaseRecord:
-    """Safe mode was released, and the device says that nobody holds it."""
+    """Safe mode was released, and the device reports that nobody holds it."""
 
     kind: Literal["released"] = "released"
     device: str
@@ -215,7 +216,7 @@ class ActionConfirmation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RollbackRecord:
-    """The changes of the run were taken back."""
+    """The changes of the run were rolled back."""
 
     kind: Literal["unrolled"] = "unrolled"
     device: str
@@ -234,7 +235,7 @@ class ContactStep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactStepDone:
-    """The device has printed that it executed every command of the step."""
+    """The device has acknowledged every command of the step."""
 
     kind: Literal["contact-step-done"] = "contact-step-done"
     device: str
@@ -243,7 +244,7 @@ class ContactStepDone:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PinRecord:
-    """From here on the device is known by these; None where it was not seen (no SSH on a serial line)."""
+    """Certificate and host key that were pinned for the device; None if not seen (no SSH on a serial line)."""
 
     kind: Literal["pinned"] = "pinned"
     device: str
@@ -253,7 +254,7 @@ class PinRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PackageSent:
-    """This package file lies on the device, whole; the device installs it at its next reboot."""
+    """The whole package file is on the device, which installs it at its next reboot."""
 
     kind: Literal["package-sent"] = "package-sent"
     device: str
@@ -263,7 +264,7 @@ class PackageSent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rebooting:
-    """The device is about to be told to reboot, into this version."""
+    """A reboot of the device into this version is about to be requested."""
 
     kind: Literal["rebooting"] = "rebooting"
     device: str
@@ -282,7 +283,7 @@ class PackageConfirmation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How the run ended on one device."""
+    """Result of the run on one device."""
 
     kind: Literal["outcome"] = "outcome"
     device: str

@@ -1,4 +1,4 @@
-"""One run, as its journal describes it."""
+"""One run, read from its journal."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _TOUCHING = (SignRecord, ProtectionRecord, LayerSent, Releasing)
 
 @dataclass(frozen=True, slots=True)
 class SavedState:
-    """The state of one device before a run, or as the run has read it back; `text` is export text without secrets."""
+    """The state of one device before a run, or as read back by it; `text` is export text without secrets."""
 
     run: str
     at: datetime
@@ -47,7 +47,7 @@ class SavedState:
     sha256: str
 
     def text(self) -> str:
-        """Read it. Raises StateDamaged if the file is gone, or not what the run has written."""
+        """Read the text. Raises DamagedStateError if the file is missing or differs from what was written."""
         try:
             data = self.path.read_bytes()
         except OSError as error:
@@ -72,7 +72,7 @@ class Run:
 
     @classmethod
     def load(cls, directory: Path) -> Run:
-        """Read a run's journal; a directory that was made just before a kill has none."""
+        """Read a run's journal; empty if the run was killed right after its directory was created."""
         path = directory / FILE
         return cls(directory, read(path) if path.exists() else Log(()))
 
@@ -88,12 +88,12 @@ class Run:
 
     @property
     def at(self) -> datetime | None:
-        """When it started."""
+        """Start time of the run; None if there is no record."""
         return self.log.entries[0].at if self.log.entries else None
 
     @property
     def exit(self) -> int | None:
-        """How it ended; None if it runs or was killed."""
+        """Exit code of the run; None if it is still active or was killed."""
         ends: int | None = None
         for record in self.log.records:
             if isinstance(record, RunEnd):
@@ -104,7 +104,7 @@ class Run:
 
     @property
     def outcomes(self) -> dict[str, Outcome]:
-        """How each device ended, if that is the last word about it: a run that is resumed may have gone on with it."""
+        """Final results by device; a device on which a resumed run has continued is omitted."""
         result: dict[str, Outcome] = {}
         for record in self.log.records:
             if isinstance(record, Outcome):
@@ -115,12 +115,12 @@ class Run:
 
     @property
     def purpose(self) -> Purpose:
-        """What it was for."""
+        """Purpose of the run."""
         return self.start_record.purpose if self.start_record is not None else Purpose.CONFIGURE
 
     @property
     def next_command(self) -> str:
-        """What a person types to go on with it: what is no run of the engine is repeated."""
+        """Command to continue the run: `resume` for an engine run, else the same command again."""
         if self.start_record is None or self.purpose is Purpose.CONFIGURE:
             words = shlex.split(self.start_record.command) if self.start_record is not None else []
             inventory_words = [shlex.quote(word) for word in words if word.startswith("inventory=")]
@@ -131,7 +131,7 @@ class Run:
 
     @property
     def settled_devices(self) -> frozenset[str]:
-        """Devices on which nothing of this run is open."""
+        """Devices on which the run left nothing open."""
         return frozenset(
             device
             for device, outcome in self.outcomes.items()
@@ -140,13 +140,13 @@ class Run:
 
     @property
     def unsettled_devices(self) -> tuple[str, ...]:
-        """Devices of the run whose outcome is unknown or was never reached; a backup leaves nothing open."""
+        """Devices with an unknown outcome or never reached; a backup leaves nothing open."""
         settled_devices = self.settled_devices
         return tuple(host for host in self._changing if host not in settled_devices)
 
     @property
     def undone(self) -> tuple[str, ...]:
-        """Devices of the run that were not read back as they were to be, also where nothing is open on them."""
+        """Devices that were not read back in the state intended by the run, even if nothing is open on them."""
         settled_devices, outcomes = self.settled_devices, self.outcomes
         return tuple(
             host
@@ -160,9 +160,9 @@ class Run:
         return self.start_record.hosts if self.start_record is not None and self.purpose is not Purpose.BACKUP else ()
 
     def settles(self, earlier: Run) -> frozenset[str]:
-        """Devices on which this run has ended what an earlier one had left open: it did the same, and read it back.
+        """Return devices on which this run completed an earlier one: same purpose, and read back.
 
-        One that was refused, or rolled back, has ended nothing of the earlier one.
+        A refused or rolled-back run completes nothing.
         """
         alike = self.purpose is earlier.purpose
         if not alike and (self.purpose, earlier.purpose) != (Purpose.CONFIGURE, Purpose.ADOPT):
@@ -171,11 +171,11 @@ class Run:
         return frozenset(device for device in self.settled_devices if outcomes[device].status in _COMPLETE_STATUSES)
 
     def has_sign(self, device: str, sign: str) -> bool:
-        """Whether this sign on the device is of this run."""
+        """Return True if this run marker on the device belongs to this run."""
         return any(isinstance(record, SignRecord) and record.sign == sign for record in self._of(device))
 
     def before(self, device: str) -> SavedState | None:
-        """The device's state before the run's first change, if the run came that far."""
+        """Return the device's state before the run's first change; None if the run did not get that far."""
         for entry in self.log.entries:
             record = entry.record
             if isinstance(record, StateBackup) and record.device == device:
@@ -184,15 +184,15 @@ class Run:
 
     @property
     def damage(self) -> str:
-        """What is damaged in its journal, for a person; empty if nothing is."""
+        """Description of the damage in its journal; empty if there is none."""
         return str(self.damage_error("")) if self.log.damage else ""
 
     def damage_error(self, hint: str) -> DamagedStateError:
-        """The error for who needs what may be lost."""
+        """Return the error for a caller that needs records which may be lost."""
         return DamagedStateError(f"the journal of run {self.id} is damaged: {', '.join(self.log.damage)}", hint=hint)
 
     def confirmed_state(self, device: str) -> SavedState | None:
-        """The device's state as it was read back at the end of the run; None if the run did not come to that."""
+        """Return the device's state read back at the end of the run; None if the run did not get that far."""
         for entry in reversed(self.log.entries):
             record = entry.record
             if isinstance(record, StateConfirmation) and record.device == device:
@@ -202,16 +202,16 @@ class Run:
 
     @property
     def confirmed_devices(self) -> frozenset[str]:
-        """Devices of which the run has kept the state that it read back."""
+        """Devices whose read-back state was saved by the run."""
         return frozenset(record.device for record in self.log.records if isinstance(record, StateConfirmation))
 
     def acknowledged_actions(self, device: str) -> tuple[int, ...]:
-        """Actions that the device says it executed."""
+        """Return the numbers of the actions that the device has acknowledged."""
         records = (record for record in self._of(device) if isinstance(record, ActionAcknowledgement))
         return tuple(sorted({number for record in records for number in record.actions}))
 
     def confirmed_actions(self, device: str) -> tuple[int, ...]:
-        """Actions that were read back and are permanent."""
+        """Return the numbers of the actions that were read back and are permanent."""
         records = (record for record in self._of(device) if isinstance(record, ActionConfirmation))
         return tuple(sorted({number for record in records for number in record.actions}))
 

@@ -37,7 +37,7 @@ _PAUSE_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class LockHolder:
-    """Who works on a site."""
+    """The process that works on a site."""
 
     user: str
     host: str
@@ -47,7 +47,7 @@ class LockHolder:
 
     @classmethod
     def me(cls, command: str) -> Self:
-        """This process."""
+        """Return the record of this process."""
         try:
             user = getpass.getuser()
         except (KeyError, OSError):
@@ -59,7 +59,7 @@ class LockHolder:
 
 
 class SiteLock:
-    """Held from `__enter__` to `__exit__`. Raises SiteBusy, naming the holder, when somebody else has it."""
+    """Lock from `__enter__` to `__exit__`. Raises SiteBusy, naming the holder, if it is taken."""
 
     def __init__(self, path: Path, site: str, command: str) -> None:
         self._path = path
@@ -90,7 +90,7 @@ class SiteLock:
             self._close()
 
     def _sign(self) -> None:
-        """Say who we are. The name is a courtesy to the loser: a full disk does not make the lock weaker."""
+        """Write our name into the lock file. It is for information only: on a full disk the lock still works."""
         data = json.dumps(asdict(LockHolder.me(self._command))).encode()
         try:
             os.ftruncate(self._descriptor, 0)
@@ -112,7 +112,7 @@ class SiteLock:
         )
 
     def _holder(self) -> LockHolder | None:
-        """Read who has it. Between lock and signature the file still names the one before, who may be dead."""
+        """Read the holder. Shortly after locking, the file may still name the previous holder, which may be dead."""
         for _ in range(_ATTEMPTS):
             holder = _read(self._path)
             if holder is not None and _may_live(holder):
@@ -146,7 +146,7 @@ _ARCHIVE = "archive"
 
 
 def find_unfinished(runs: Sequence[Run]) -> tuple[Run, ...]:
-    """Those of a site's runs, oldest first, that have left a device open which no later one has settled."""
+    """Return a site's runs, oldest first, with an open device that no later run has completed."""
     unfinished_runs: list[Run] = []
     for place, run in enumerate(runs):
         if run.unsettled_devices and set(run.unsettled_devices).difference(
@@ -157,7 +157,7 @@ def find_unfinished(runs: Sequence[Run]) -> tuple[Run, ...]:
 
 
 def _is_needed(run: Run, later: Iterator[Run]) -> bool:
-    """Whether its outcome is open, or it has the latest confirmed state of a device. Few of `later` are read."""
+    """Return True if the run has an open outcome or a device's latest confirmed state; reads few of `later`."""
     still_open, states = set(run.unsettled_devices), set(run.confirmed_devices)
     while (still_open or states) and (newer := next(later, None)) is not None:
         still_open -= newer.settles(run)
@@ -171,7 +171,7 @@ def _list_names(folder: Path) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class DeviceHistory:
-    """What earlier runs have left on a device, as the journal of this computer tells; read when it is asked."""
+    """Leftovers of earlier runs on a device, from this computer's journal; read on demand."""
 
     _store: Store
     _site: str
@@ -180,12 +180,12 @@ class DeviceHistory:
     _dead: str | None
 
     def has_unfinished_run(self) -> bool:
-        """Whether a run of this computer has left the outcome on the device open. It is dead: we hold its lock."""
+        """Return True if a run of this computer left its outcome open. It is dead, since we hold its lock."""
         runs = self._store.unfinished_runs(self._site)
         return any(self._device in run.unsettled_devices for run in runs if run.id != self._current)
 
     def can_take_over(self, run: str, sign: str) -> bool:
-        """Whether a sign on the device is of a dead run that may be taken over: ours, or one that a person named."""
+        """Return True if a run marker belongs to a dead run that may be taken over: ours, or one named by the user."""
         if run == self._dead:
             return True
         with suppress(files.NoSuchRun):
@@ -194,7 +194,7 @@ class DeviceHistory:
 
 
 class Store:
-    """Everything that outlives a run, for real sites or for rehearsals."""
+    """Everything kept between runs, for real sites or for rehearsals."""
 
     def __init__(self, state: Path, *, is_rehearsal: bool = False, now: Callable[[], datetime] = utc_now) -> None:
         self.root = state / ("rehearsal" if is_rehearsal else "real")
@@ -207,33 +207,34 @@ class Store:
         return Pins(self.root / "pins.json")
 
     def usage(self, site: str) -> Usage:
-        """What the site's bearers have carried."""
+        """Return the byte counts of the site's links."""
         return Usage(self._site(site) / "usage.json")
 
     def keep_proof(self, site: str, link: str) -> None:
-        """Note that the VPN server has just answered over a link. Raises JournalFailed."""
+        """Record that the VPN server has just responded over a link. Raises JournalError."""
         place = self._proof(site, link)
         with files.os_errors_as("the proof", place):
             files.make_private(place.parent)
             atomic_files.write_atomically(place, self._now().isoformat().encode())
 
     def proof(self, site: str, link: str) -> datetime | None:
-        """When the VPN server last answered over a link; None: that is not known."""
+        """Return when the VPN server last responded over a link; None if unknown."""
         with suppress(OSError, ValueError):
             return datetime.fromisoformat(self._proof(site, link).read_text("ascii")).astimezone(UTC)
         return None
 
     def lock(self, site: str, command: str) -> AbstractContextManager[object]:
-        """The site's lock, to be entered before anything of the site is read for a change.
+        """Return the site's lock, to be taken before the site is read for a change.
 
-        A rehearsal has devices of its own and needs none.
+        A rehearsal has its own devices and needs no lock.
         """
         return nullcontext() if self.is_rehearsal else SiteLock(self._site(site) / "lock", site, command)
 
     def start(self, start_record: RunStart, name: str = "") -> Journal:
-        """Open the journal of a new run, under this name if it is free. Raises JournalFailed.
+        """Open the journal of a new run, under `name` if it is free. Raises JournalError.
 
-        A run that changes devices of two sites as one has one name at both, so that it is resumed and taken back whole.
+        A run that changes devices of two sites as one has the same name at both, so that it is resumed and rolled back
+        as a whole.
         """
         directory = self._new(start_record.site, name)
         journal = Journal(directory, self._now)
@@ -244,13 +245,13 @@ class Store:
         return journal
 
     def resume(self, site: str, run: str, resume_record: RunResume) -> Journal:
-        """Open the journal of an old run again. Raises NoSuchRun, JournalFailed."""
+        """Reopen the journal of an old run. Raises NoSuchRun, JournalError."""
         journal = Journal(self.run(site, run).directory, self._now)
         journal.write(resume_record)
         return journal
 
     def run(self, site: str, run: str) -> Run:
-        """One run by its name. Raises NoSuchRun."""
+        """Return one run by name. Raises NoSuchRun."""
         names = self._names(site)
         if run not in names and run not in self.archived_runs(site):
             listing = ", ".join(names[-5:]) or "none yet"
@@ -258,7 +259,7 @@ class Store:
         return self._load(site, run)
 
     def keep_result(self, site: str, run: str, result: bytes) -> bool:
-        """Put what a command has reported beside the journal; whether there is such a run. Raises OSError."""
+        """Save a command's report beside the journal; return False if there is no such run. Raises OSError."""
         directory = self._runs(site) / files.component(run)
         if not directory.is_dir():
             return False
@@ -266,15 +267,15 @@ class Store:
         return True
 
     def runs(self, site: str) -> tuple[Run, ...]:
-        """The latest runs of a site and those that are still needed, oldest first; the others are archived."""
+        """Return a site's latest runs and those still needed, oldest first; the others are archived."""
         return tuple(self._load(site, name) for name in self._names(site))
 
     def archived_runs(self, site: str) -> tuple[str, ...]:
-        """The names of the runs that were put aside, oldest first: nothing but a person needs them."""
+        """Return the names of the archived runs, oldest first; no command needs them."""
         return tuple(_list_names(self._site(site) / _ARCHIVE))
 
     def last_confirmed(self, site: str, devices: Iterable[str]) -> dict[str, SavedState]:
-        """The latest confirmed state of each of these devices that has one; no journal is read in vain."""
+        """Return the latest confirmed state of each device that has one, reading as few journals as possible."""
         missing = set(devices)
         result: dict[str, SavedState] = {}
         for name in reversed(self._names(site)):
@@ -287,23 +288,23 @@ class Store:
         return result
 
     def damage_since(self, site: str, since: str = "") -> str:
-        """What is damaged in the journals of the latest runs, from the run `since` on; empty if nothing is."""
+        """Describe the damage in the journals of the latest runs, from `since` on; empty if there is none."""
         runs = (self._load(site, name) for name in self._names(site) if files.run_order(name) >= files.run_order(since))
         return "; ".join(run.damage for run in runs if run.damage)
 
     def unfinished_runs(self, site: str) -> tuple[Run, ...]:
-        """Runs that were killed, or left a device unknown, and that no later run has settled; oldest first."""
+        """Return runs that were killed or left a device unknown, and that no later run completed; oldest first."""
         return find_unfinished(self.runs(site))
 
     def history(self, site: str, device: str, *, current: str = "", dead: str | None = None) -> DeviceHistory:
-        """What earlier runs have left on a device, for the `current` one, which holds the lock of its site.
+        """Return the leftovers on a device, for the `current` run, which holds the site's lock.
 
-        `dead`: a run that a person says has died, of whatever computer.
+        `dead`: a run, of any computer, that the user has declared dead.
         """
         return DeviceHistory(self, site, device, current, dead)
 
     def sites(self) -> tuple[str, ...]:
-        """Sites that have runs."""
+        """Return the sites that have runs."""
         if not self.root.is_dir():
             return ()
         return tuple(sorted(path.name for path in self.root.iterdir() if (path / "runs").is_dir()))
@@ -321,15 +322,15 @@ class Store:
         return _list_names(self._runs(site))
 
     def _load(self, site: str, name: str) -> Run:
-        """Read a run, from wherever it is: it may just have been archived."""
+        """Read a run, also if it has just been archived."""
         directory = self._runs(site) / name
         return Run.load(directory if directory.is_dir() else self._site(site) / _ARCHIVE / name)
 
     def _archive(self, site: str) -> None:
-        """Put the runs aside that are neither among the latest ones nor needed; the lock of the site is ours.
+        """Archive runs that are neither among the latest nor needed; we hold the site's lock.
 
-        A run whose outcome is open is needed, and one that has the latest confirmed state of a device. A disk that
-        does not take that leaves them where they are.
+        A run is needed if its outcome is open, or if it has the latest confirmed state of a device. On disk errors they
+        stay.
         """
         names = self._names(site)
         load = cache(lambda name: self._load(site, name))

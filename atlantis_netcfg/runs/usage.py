@@ -1,9 +1,9 @@
-"""How many bytes each bearer of a site has carried this month, as far as somebody has looked.
+"""Bytes carried by each link of a site this month, as far as the counters were read.
 
-A router counts the bytes of a port since it was started and forgets them at the next start. Every look at these
-counters, whatever it was for, is kept here; the sum of what they rose by between two looks is the month. What no look
-can know (from the last look to a restart, before the first look) is named as a gap and never guessed. What was carried
-between two looks counts in the month of the later one. Months are those of UTC; the moments are this computer's.
+A router counts the bytes of a port since its start, and loses the count at a restart. Every reading of these counters,
+whatever its purpose, is stored here; the month is the sum of the increases between readings. What no reading can show
+(from the last reading to a restart, before the first reading) is reported as a gap and never guessed. Bytes between two
+readings count in the month of the later one. Months are in UTC; times are this computer's.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class _Data(BaseModel):
 
 
 class Counters(_Data):
-    """One look at the counters of the port that a bearer hangs on."""
+    """One reading of the counters of a link's port."""
 
     device: str
     interface: str
@@ -56,7 +56,7 @@ class Counters(_Data):
 
     @property
     def bytes(self) -> int:
-        """Both directions together, as a bearer is billed."""
+        """Bytes of both directions, as billed for a link."""
         return self.rx_bytes + self.tx_bytes
 
 
@@ -77,7 +77,7 @@ class _UsageFile(_Data):
 
 @dataclass(frozen=True, slots=True)
 class MonthBytes:
-    """What a bearer has carried in a calendar month (UTC), as far as it was looked at."""
+    """Bytes that a link has carried in a calendar month (UTC), as far as the counters were read."""
 
     bytes: int | None = None
     """Both directions; a lower bound where there are gaps. None: nobody has looked in this month."""
@@ -94,9 +94,9 @@ class Usage:
         self._path = path
 
     def record(self, bearer: str, counters: Counters) -> int | None:
-        """Keep a look; return by how much the counters rose since the last one, None where that is not known.
+        """Store a reading; return the increase since the last one, None if unknown.
 
-        Raises JournalFailed if it cannot be written, StateDamaged if the file is not ours any more.
+        Raises JournalError if it cannot be written, DamagedStateError if the file is damaged.
         """
         with self._writing() as bearers:
             usage = bearers.get(bearer)
@@ -113,13 +113,13 @@ class Usage:
         return rise
 
     def month(self, bearer: str, now: datetime) -> MonthBytes:
-        """What is known of the month of `now`. Raises StateDamaged."""
+        """Return the known usage in the month of `now`. Raises DamagedStateError."""
         usage = self._read().get(bearer)
         month = usage.months.get(_month(now)) if usage is not None else None
         return MonthBytes() if month is None else MonthBytes(month.bytes, month.since, month.gaps)
 
     def last(self, bearer: str) -> Counters | None:
-        """The latest look. Raises StateDamaged."""
+        """Return the latest reading. Raises DamagedStateError."""
         usage = self._read().get(bearer)
         return None if usage is None else usage.last
 
@@ -154,7 +154,7 @@ def _month(moment: datetime) -> str:
 
 
 def _rise(last: Counters | None, counters: Counters) -> tuple[int | None, str | None]:
-    """By how much the counters rose between two looks, and what of it nobody knows."""
+    """Return the increase between two readings, and a description of any unknown part."""
     if last is None:
         return None, None
     between = f"between {_stamp(last.at)} and {_stamp(counters.at)}"
@@ -178,7 +178,7 @@ class _Restart(Enum):
 
 
 def _detect_restart(last: Counters, counters: Counters) -> _Restart | None:
-    """Tell by the uptime; the moment of the start, which is told by our own clock too, moves when that clock is set."""
+    """Detect a restart by uptime; the start time also depends on our clock, which may have been set."""
     if last.uptime_s is None or counters.uptime_s is None:
         return None
     if counters.uptime_s < last.uptime_s:

@@ -1,8 +1,8 @@
-"""Part `openvpn_client`: what a gateway computer holds so that it is a member of the VPN.
+"""Part `openvpn_client`: files on a gateway computer that make it a VPN member.
 
-The declared text and the identity are two files: `atlantis.conf` is compared and shown like any other, and it takes in
-`atlantis.identity`, which is OpenVPN's own inline blocks and never anywhere but in that file, mode 0600. A client that
-the server refuses goes on asking (facts 7): whoever was revoked by mistake comes back without a visit to the site.
+Configuration and identity are two files. `atlantis.conf` is compared and shown like any other; it includes
+`atlantis.identity`, with OpenVPN's inline blocks, which exist in that file only, mode 0600. A client refused by the
+server keeps retrying (facts 7), so a member revoked by mistake reconnects without a visit to the site.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _RESTART_S = {MemberLink.FIBRE: 10, MemberLink.LTE: 30, MemberLink.SATELLITE: 30
 
 @dataclass(frozen=True, slots=True)
 class OpenvpnClient:
-    """What the role installs and configures. Of a gateway without an address in the VPN: what is taken away."""
+    """Packages and files that the role installs; for a gateway without VPN address, what is removed."""
 
     packages: tuple[parts.Package, ...]
     configuration: parts.Configuration
@@ -44,7 +44,7 @@ class OpenvpnClient:
     """File of this computer whose content belongs in `IDENTITY`; None: what the gateway has stays."""
 
     def as_dict(self) -> dict[str, Any]:
-        """The parameters of its modules."""
+        """Return the parameters of the role's modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
         secret = None if self.identity is None else {"path": IDENTITY, "mode": "0600", "from": str(self.identity)}
         return {
@@ -55,7 +55,7 @@ class OpenvpnClient:
 
 
 def openvpn_client(declaration: Declaration, host: Host, identity: Path | None) -> OpenvpnClient:
-    """Pure. `identity` is a file of this computer, None where it has none; it is not read here."""
+    """Build the part; pure. `identity` is a file of this computer or None; it is not read here."""
     if _tunnel_address(host) is None:
         absent_files = (CONF, _DROP_IN, IDENTITY)
         unit = parts.Unit(SERVICE, enabled=False, active=False)
@@ -80,7 +80,7 @@ _LINKS = {
 
 
 def site_link(declaration: Declaration, site: str) -> MemberLink:
-    """What carries a tunnel from this site at its worst: satellite before 4G before the rest."""
+    """Return the slowest link kind of a site's tunnel: satellite before 4G before the rest."""
     return _LINKS[max((bearer.kind.traits.pace for bearer in declaration.sites[site].bearers), default=model.Pace.FAST)]
 
 
@@ -120,7 +120,7 @@ def _conf(declaration: Declaration, host: Host) -> str:
 
 
 def _remote(declaration: Declaration, host: Host) -> IPv4Address:
-    """Where it reaches the server: at its public address, and from the server's own site in its LAN."""
+    """Return the server's address as seen by the host: the public one, or in the server's own site its LAN address."""
     server = declaration.hosts[declaration.pilot.vpn.server]
     if server.site == host.site and isinstance(server.device, model.VpnServer):
         return server.device.address

@@ -1,4 +1,4 @@
-"""Who is in the VPN: members with a fixed address, each with one certificate, or two while it is renewed."""
+"""Members of the VPN: each has a fixed address and one certificate, or two while it is renewed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class MemberKind(StrEnum):
-    """What a member is; `host` is a declared computer of a site, everything else is a partner's or a site's router."""
+    """Kind of a member; `host` is an inventory computer of a site, the others are partners' devices or site routers."""
 
     ROBOT = "robot"
     LAPTOP = "laptop"
@@ -25,7 +25,7 @@ class MemberKind(StrEnum):
 
 
 class ClientSystem(StrEnum):
-    """What the tunnel is started on; decides which steps and which test a hand-out has."""
+    """System that runs the tunnel; decides which steps and which test an enrolment package contains."""
 
     LINUX = "linux"
     UBUNTU_DESKTOP = "ubuntu-desktop"
@@ -53,7 +53,7 @@ SYSTEMS: Mapping[MemberKind, tuple[ClientSystem, ...]] = {
 
 
 class MemberLink(StrEnum):
-    """What carries the tunnel of a member at its worst: sets its timers."""
+    """The slowest link of a member's tunnel, which sets its timers."""
 
     FIBRE = "fibre"
     LTE = "4g"
@@ -75,14 +75,14 @@ ROUTEROS_RENEGOTIATION_S = 3600
 
 
 class Wrap(StrEnum):
-    """How the control channel is wrapped; the shared key is for clients that know no better."""
+    """Protection of the control channel; the shared key is for clients that do not support the other."""
 
     TLS_CRYPT_V2 = "tls-crypt-v2"
     TLS_CRYPT = "tls-crypt"
 
 
 class KeyType(StrEnum):
-    """Kind of a member's key; RSA for what has not been seen to work with elliptic curves."""
+    """Kind of a member's key; RSA for clients that were never seen to work with elliptic curves."""
 
     EC = "ec"
     RSA = "rsa"
@@ -121,13 +121,13 @@ class Certificate:
 
     @property
     def good(self) -> bool:
-        """Whether the server admits it, its dates aside."""
+        """True if the server accepts it, apart from its dates."""
         return self.standing in {CertificateStatus.ISSUED, CertificateStatus.SEEN}
 
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """One device, from its onboarding on; it is kept for ever, so that its name is never given again."""
+    """One device, from its enrolment on; it is kept for ever, so that its name is never reused."""
 
     name: str
     """`PARTNER-DEVICE`, or the name of a declared host."""
@@ -148,13 +148,13 @@ class Member:
 
     @property
     def good(self) -> tuple[Certificate, ...]:
-        """What the server admits, its dates aside."""
+        """The certificates that the server accepts, apart from their dates."""
         return tuple(certificate for certificate in self.certificates if certificate.good)
 
 
 @dataclass(frozen=True, slots=True)
 class MembershipList:
-    """The members, by the ledger."""
+    """The members according to the ledger."""
 
     members: Mapping[str, Member]
     """By name, in the order of their onboarding."""
@@ -166,7 +166,7 @@ class MembershipList:
     """Common names that were revoked, and of which the server has not confirmed that they are dead."""
 
     def certificates(self) -> Iterator[tuple[Member, Certificate]]:
-        """Every certificate with whose it is."""
+        """Yield every certificate with its member."""
         for member in self.members.values():
             for certificate in member.certificates:
                 yield member, certificate
@@ -174,7 +174,7 @@ class MembershipList:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What a member proves itself with: held in memory from its making to its hand-out, and written by that alone."""
+    """A member's key and certificates: in memory until delivery, which alone writes them."""
 
     member: Member
     certificate: Certificate

@@ -1,8 +1,8 @@
-"""Onboard, renew and revoke members, and make the authority that does so.
+"""Enrol, renew and revoke members, and create the authority for that.
 
-The hand-out is made inside the authority's transaction: the certificate is on record before a file exists, and the file
-exists before the record says that it was issued. A killed command is therefore repeated, and nothing is lost. A
-revocation is recorded and on the list first, so that it holds whatever the server says.
+The enrolment package is made inside the authority's transaction: the certificate is recorded before a file exists, and
+the file exists before the record says that it was delivered. So a killed command can be repeated, and nothing is lost.
+A revocation is first recorded and put on the list, so that it is valid whatever the server reports.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class OperatorContext:
-    """A person before the authority."""
+    """The operator's access to the authority."""
 
     authority: Authority
     who: str
@@ -46,7 +46,7 @@ class OperatorContext:
     """A person has said that this computer's clock is right, although the record's last entry is later."""
 
     def unlock(self, passphrase: Callable[[], Secret]) -> AbstractContextManager[Signer]:
-        """Sign, as `Authority.unlocked` has it."""
+        """Open a signing session, see `Authority.unlock`."""
         return self.authority.unlock(passphrase, self.who, waiting=self.waiting, trust_clock=self.trust_clock)
 
 
@@ -56,7 +56,7 @@ _CONTACT_MAX = 200
 
 @dataclass(frozen=True, slots=True)
 class HandoutTarget:
-    """Where hand-outs go: to whom they are sealed, and where they are copied to."""
+    """Recipients of enrolment packages, and the folder for copies."""
 
     recipients: Mapping[str, str] = field(default_factory=dict)
     """Public key by the name of the member; the others get a one-time passphrase."""
@@ -65,7 +65,7 @@ class HandoutTarget:
     """Whom the owner of a device calls, on the page of instructions."""
 
     def __post_init__(self) -> None:
-        """Raise UsageError for what would fail while something is issued."""
+        """Raise UsageError for values that would fail during issuing."""
         if self.copies is not None and not self.copies.is_dir():
             raise UsageError(f"there is no folder {self.copies}", hint="make it first, or leave `to=` out")
         if not self.contact.strip() or not self.contact.isprintable() or len(self.contact) > _CONTACT_MAX:
@@ -77,7 +77,7 @@ class HandoutTarget:
 
 @dataclass(frozen=True, slots=True)
 class HandedOut:
-    """A member, its newest certificate, and the file for the person who has the device."""
+    """A member, its newest certificate, and the file for the owner of the device."""
 
     result: model.IssueResult
     file: Path
@@ -91,9 +91,9 @@ class HandedOut:
 def reserved_addresses(
     declaration: Declaration, requests: Sequence[model.EnrolmentRequest] = ()
 ) -> frozenset[IPv4Address]:
-    """Addresses that the declaration has given away: the server's, declared computers', and those of DDS peers.
+    """Return addresses reserved by the inventory: of the server, computers and DDS peers.
 
-    An address that a request names is for that member.
+    An address named by a request is available for that member.
     """
     pilot = declaration.pilot
     server = getattr(declaration.hosts[pilot.vpn.server].device, "vpn_address", None)
@@ -106,7 +106,7 @@ def reserved_addresses(
 
 @dataclass(slots=True)
 class Onboarding:
-    """The issuing of one command: what was handed out is kept by common name until the command prints it."""
+    """The issuing of one command: delivered files are kept by common name until the command prints them."""
 
     declaration: Declaration
     operator: OperatorContext
@@ -114,9 +114,9 @@ class Onboarding:
     _packages: dict[str, tuple[Path, Path | None, Path, Secret | None]] = field(default_factory=dict)
 
     def find_existing(self, requests: Sequence[model.EnrolmentRequest]) -> tuple[HandedOut, ...]:
-        """The members, if all of them are in the VPN just as requested: no passphrase is needed.
+        """Return the members if all exist exactly as requested, so that no passphrase is needed.
 
-        Empty if anything is left to do. Raises NameTaken.
+        Empty if anything remains to be done. Raises NameTaken.
         """
         membership = self.operator.authority.membership()
         members = [check_free(request.name, request.partner, request.device, membership) for request in requests]
@@ -135,7 +135,7 @@ class Onboarding:
     def issue(
         self, requests: Sequence[model.EnrolmentRequest], passphrase: Callable[[], Secret]
     ) -> tuple[HandedOut, ...]:
-        """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
+        """Create the members. Raises UsageError for refused requests, and the errors of `Authority.unlock`."""
         addresses = reserved_addresses(self.declaration, requests)
         with self.operator.unlock(passphrase) as signer:
             return tuple(
@@ -145,7 +145,7 @@ class Onboarding:
     def renew(
         self, renewals: Sequence[tuple[Member, model.RenewalRequest]], passphrase: Callable[[], Secret]
     ) -> tuple[HandedOut, ...]:
-        """Give each a successor of its certificate, changed as its request says."""
+        """Issue a successor for each certificate, with the changes of its request."""
         with self.operator.unlock(passphrase) as signer:
             return tuple(
                 self._handed_out(signer.renew(member.name, self._deliver, change)) for member, change in renewals
@@ -156,7 +156,7 @@ class Onboarding:
         return HandedOut(result, *self._packages.get(name, (Path(result.file.path), None, None, None)))
 
     def _deliver(self, identity: Identity) -> model.HandoutFile:
-        """Write the member's file, before the record says that it has one."""
+        """Write the member's file, before its delivery is recorded."""
         recipient = self.target.recipients.get(identity.member.name)
         if identity.member.partner is None:
             package_file = self._keep(identity)
@@ -176,7 +176,7 @@ class Onboarding:
         return model.HandoutFile(str(place), package.sha256)
 
     def _keep(self, identity: Identity) -> model.HandoutFile:
-        """The identity of a declared computer, for the role that brings it there."""
+        """Store the identity of an inventory computer, for the role that installs it."""
         data = identity_file(identity).reveal().encode()
         place = enrolment_package.host_identity(self.operator.authority.folder, identity.member.name)
         private_directory(place.parent)
@@ -196,7 +196,7 @@ def _place(folder: Path, common_name: str) -> Path:
 
 
 def _same(request: model.EnrolmentRequest, member: Member) -> bool:
-    """Whether the member already is as requested."""
+    """Return True if the member already matches the request."""
     newest = member.good[-1] if member.good else None
     return (
         newest is not None
@@ -212,7 +212,7 @@ _LONGEST = 100
 
 
 def reason_of(text: str | None) -> str:
-    """The reason for the record. Raises UsageError for more than a line."""
+    """Return the reason for the record. Raises UsageError unless it is one short line."""
     if text is None:
         return "no reason given"
     if not text.isprintable() or len(text) > _LONGEST:
@@ -223,13 +223,13 @@ def reason_of(text: str | None) -> str:
 def revoke(
     operator: OperatorContext, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]
 ) -> model.RevocationResult:
-    """Record it and publish the list; nothing is asked of the server here."""
+    """Record the revocation and publish the list; the server is not contacted here."""
     with operator.unlock(passphrase) as signer:
         return signer.revoke([member.name for member in members], reason)
 
 
 def server_names(declaration: Declaration) -> model.ServerNames:
-    """What the server's certificate is made out to: RouterOS compares name or address with what it connects to."""
+    """Return the names in the server's certificate; RouterOS compares them with the address it connects to."""
     vpn = declaration.pilot.vpn
     lan = getattr(declaration.hosts[vpn.server].device, "address", None)
     addresses = (vpn.endpoint,) if lan is None else (vpn.endpoint, lan)
@@ -237,7 +237,7 @@ def server_names(declaration: Declaration) -> model.ServerNames:
 
 
 def existing_authority(folder: Path, declaration: Declaration) -> Authority | None:
-    """The authority that is there already. Raises UsageError if its server is another than the declared one."""
+    """Return the existing authority. Raises UsageError if its server differs from the inventory's."""
     if not Authority.exists(folder):
         return None
     authority = Authority.open(folder)
@@ -253,7 +253,7 @@ def existing_authority(folder: Path, declaration: Declaration) -> Authority | No
 
 
 def refuse_example_authority(declaration: Declaration, *, is_explicit: bool) -> None:
-    """Raise UsageError where example values would reach the real authority; with `is_explicit` it is for trying."""
+    """Raise UsageError if the inventory has example values, unless an explicit folder makes this a trial."""
     if declaration.pilot.example_values and not is_explicit:
         raise UsageError(
             "the inventory still holds example values, and nobody could use what is made of them",

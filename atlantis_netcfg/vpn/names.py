@@ -1,4 +1,4 @@
-"""Which names are taken at all: a name becomes a common name, a file name, and a word of nft's language."""
+"""Valid names: a name becomes a common name, a file name, and an identifier in nft rules."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ _WHY = {
 
 
 class InvalidNameError(UsageError):
-    """Not of the grammar, or a reserved word."""
+    """The name does not match the grammar, or is a reserved word."""
 
 
 class NameTaken(UsageError):
-    """The name is somebody else's, or was: names never return."""
+    """The name belongs, or belonged, to somebody else: names are never reused."""
 
 
 def check_name(text: str, what: str) -> str:
-    """`text`, if it may be a name; else NameRefused that says what is wrong with `what` and offers a valid name."""
+    """Return `text` if it is a valid name. Raises InvalidNameError, which names `what` and offers a valid name."""
     if NAME.fullmatch(text) is None:
         raise InvalidNameError(f"{what} `{_printable(text)}` {_why(text)}", hint=_offer(text, what))
     if text in RESERVED_WORDS:
@@ -67,7 +67,7 @@ def check_name(text: str, what: str) -> str:
 
 
 def member_name(partner: str, device: str) -> str:
-    """`PARTNER-DEVICE`, each part and the whole checked. Raises NameRefused."""
+    """Return `PARTNER-DEVICE`; each part and the whole are checked. Raises InvalidNameError."""
     name = f"{check_name(partner, 'partner')}-{check_name(device, 'device')}"
     if len(name) > LONGEST:
         room = LONGEST - len(partner) - 1
@@ -82,9 +82,9 @@ def member_name(partner: str, device: str) -> str:
 def check_free(
     name: str, partner: str | None, device: str, membership: MembershipList, host_names: Container[str] = ()
 ) -> Member | None:
-    """The member of that name, if it is this device; None if the name is free; else NameTaken.
+    """Return the member of that name if it is this device, None if the name is free. Raises NameTaken.
 
-    `host_names`: names of the declaration's hosts, which no partner's device may have.
+    `host_names`: host names of the inventory, which no partner's device may have.
     """
     if partner is not None and name in host_names:
         raise NameTaken(
@@ -104,7 +104,7 @@ def _whose(member: Member) -> str:
 
 
 def _printable(text: str) -> str:
-    """As it may be printed: look-alikes and control characters are told by their numbers."""
+    """Return printable text: look-alike and control characters are shown by their numbers."""
     message = ascii(text)[1:-1]
     return message if len(message) <= _MAX_SHOWN else f"{message[:_MAX_SHOWN]}…"
 
@@ -141,7 +141,7 @@ def _letter_name(letter: str) -> str:
 
 
 def _offer(text: str, what: str) -> str:
-    """The hint: the valid name that is nearest, where one is left."""
+    """Return a hint with the nearest valid name, if there is one."""
     import unicodedata  # noqa: PLC0415 - as above
 
     plain = unicodedata.normalize("NFKD", text[: 4 * LONGEST]).encode("ascii", "ignore").decode()

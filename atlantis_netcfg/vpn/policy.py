@@ -1,8 +1,8 @@
-"""Who may reach whom through the VPN: a list of permissions, from the declaration and the members. The rest is denied.
+"""Access policy of the VPN: a list of permissions, from inventory and members. The rest is denied.
 
-`Policy.allows` answers for any two addresses, and the firewall is the same list in the language of nftables. In a
-site's LAN the declared hosts are ours, and everything else is a guest: a robot may be a partner's, whoever has plugged
-it in. Traffic that does not pass the server, such as that between two computers of one LAN, cannot be forbidden here.
+`Policy.allows` decides for any two addresses, and the firewall is the same list as nftables rules. In a site's LAN the
+hosts of the inventory are ours, and everything else is a guest: a robot may be a partner's, whoever has connected it.
+Traffic that does not pass the server, such as that between two computers of one LAN, cannot be denied here.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Protocol(StrEnum):
-    """What the firewall tells apart; of ICMP the echo, as errors pass with what they are about."""
+    """Protocols that the firewall distinguishes; ICMP means echo, as ICMP errors pass with their flow."""
 
     ICMP = "icmp"
     TCP = "tcp"
@@ -34,7 +34,7 @@ class Protocol(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """What the one who begins sends, to which port; ICMP has none."""
+    """Traffic sent by the initiator, to a port; ICMP has none."""
 
     protocol: Protocol
     port: int | None = None
@@ -42,13 +42,13 @@ class Flow:
 
 @dataclass(frozen=True, slots=True)
 class PolicyTraffic:
-    """Flows of one kind. No protocol: every flow; no ports: every port."""
+    """A set of flows. No protocol: every flow; no ports: every port."""
 
     protocol: Protocol | None = None
     ports: range | None = None
 
     def holds(self, flow: Flow) -> bool:
-        """Whether a flow is of this kind."""
+        """Return True if a flow belongs to this set."""
         if self.protocol is None:
             return True
         return flow.protocol is self.protocol and (self.ports is None or flow.port in self.ports)
@@ -60,19 +60,19 @@ PING = PolicyTraffic(Protocol.ICMP)
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """Addresses that are treated alike, under the name of their set in the firewall."""
+    """Addresses with equal treatment; the name is that of their set in the firewall."""
 
     name: str
     networks: tuple[IPv4Network, ...]
 
     def holds(self, address: IPv4Address) -> bool:
-        """Whether an address lies in it."""
+        """Return True if the zone contains the address."""
         return any(address in network for network in self.networks)
 
 
 @dataclass(frozen=True, slots=True)
 class Permission:
-    """Who may begin what with whom. No source or destination: the server itself."""
+    """Permission to open a kind of flow. No source or destination: the server itself."""
 
     source: Zone | None
     destination: Zone | None
@@ -91,7 +91,7 @@ class Party:
 
 @dataclass(frozen=True)
 class Policy:
-    """The complete answer."""
+    """The complete access policy."""
 
     server: Party
     server_addresses: frozenset[IPv4Address]
@@ -104,7 +104,7 @@ class Policy:
 
     @cached_property
     def member_zone(self) -> Zone:
-        """Every address that may be met at the other end of the tunnel."""
+        """The zone of all addresses behind the tunnel."""
         return zone_of("p_members", (network for networks in self.members.values() for network in networks))
 
     @property
@@ -119,7 +119,7 @@ class Policy:
         return tuple({zone.name: zone for zone in named_zones}.values())
 
     def allows(self, source: Party, destination: Party, flow: Flow) -> bool:
-        """Whether the source may begin this flow, and gets its answers."""
+        """Return True if the source may open this flow, and gets the replies."""
         ends = (source.address, destination.address)
         if not all(self._is_known(address) for address in ends):
             return False
@@ -141,7 +141,7 @@ class Policy:
 
 
 def zone_of(name: str, networks: Iterable[IPv4Network]) -> Zone:
-    """Sorted, each network once and none inside another: a set of the firewall takes no overlap."""
+    """Return a zone with sorted networks, without duplicates or nesting: a firewall set allows no overlap."""
     network_set = set(networks)
     wide = [item for item in network_set if item.prefixlen < item.max_prefixlen]
     return Zone(
@@ -155,7 +155,7 @@ def zone_of(name: str, networks: Iterable[IPv4Network]) -> Zone:
 
 
 def policy(declaration: Declaration, membership: identity.MembershipList) -> Policy:
-    """The policy of a pilot. A member that is revoked, or whose partner or host is declared no more, is nobody."""
+    """Return the policy of a pilot, without revoked members and those whose partner or host left the inventory."""
     return _PolicyDraft(declaration, membership).policy()
 
 
@@ -164,7 +164,7 @@ _HOST_KINDS = frozenset({identity.MemberKind.HOST, identity.MemberKind.ROUTER})
 
 
 class _PolicyDraft:
-    """The zones of a pilot, and what follows from them."""
+    """Builder of a policy from the zones of a pilot."""
 
     def __init__(self, declaration: Declaration, membership: identity.MembershipList) -> None:
         self._pilot = declaration.pilot
@@ -181,7 +181,7 @@ class _PolicyDraft:
         return member.partner is None or member.partner in self._partners
 
     def _networks(self, member: identity.Member) -> tuple[IPv4Network, ...]:
-        """The tunnel address, and what a site's router routes."""
+        """Return the tunnel address, and for a site's router also the networks behind it."""
         local = (IPv4Network(member.address),)
         host = self._hosts.get(member.name) if member.partner is None else None
         if host is None or not isinstance(host.device, model.Router):
@@ -216,7 +216,7 @@ class _PolicyDraft:
         yield Permission(self._managers(), zone_of("p_site_lans", self._lans()), ANYTHING, "technicians to the LANs")
 
     def _of_guests(self) -> Iterator[Permission]:
-        """What others' devices share, in the VPN and in the LANs."""
+        """Yield permissions of guest devices: with control centres, gateways (robots) and the VPN's services."""
         guests = self._among("p_guest_devices", lambda member: not _ours(member), self._lans())
         robots = self._among(
             "p_all_robots", lambda item: item.kind is identity.MemberKind.ROBOT, self._vehicles(self._all_vehicles)
@@ -242,7 +242,7 @@ class _PolicyDraft:
                 yield from self._both_ways(zone, zone_of(f"p_{name}_lan", theirs), f"robots of {name} in LANs")
 
     def _services_for(self, partner: str, zone: Zone) -> Iterator[Permission]:
-        """The services of our computers that are open to this partner."""
+        """Yield permissions for services of our computers that are open to this partner."""
         for host in self._hosts.values():
             for service in host.device.services if isinstance(host.device, model.ServerComputer) else ():
                 if service.port is not None and partner in service.partners:
@@ -250,9 +250,10 @@ class _PolicyDraft:
                     yield Permission(zone, self._serving(host.name), traffic, service.name)
 
     def _of_server(self) -> Iterator[Permission]:
-        """Into the server itself only technicians come: a site's LAN also has robots of partners in it.
+        """Yield permissions to the server itself: only technicians, as a site's LAN also contains partners' robots.
 
-        Of its own LAN nothing is said: what arrives there without the tunnel is not this firewall's business.
+        The server's own LAN is not covered: traffic that arrives there without the tunnel is not handled by this
+        firewall.
         """
         everybody = zone_of("p_members", (network for networks in self._behind.values() for network in networks))
         yield Permission(everybody, None, PING, "is the server there?")
@@ -260,7 +261,7 @@ class _PolicyDraft:
         yield Permission(None, everybody, ANYTHING, "the server's own")
 
     def _both_ways(self, zone: Zone, other: Zone, why: str) -> Iterator[Permission]:
-        """Pings, and DDS where the pilot has it."""
+        """Yield permissions in both directions for ping, and for DDS if the pilot has it."""
         for traffic in (PING, *_dds(self._pilot.dds)):
             yield Permission(zone, other, traffic, why)
             yield Permission(other, zone, traffic, why)
@@ -287,18 +288,18 @@ class _PolicyDraft:
         return (host.device.address,) if isinstance(host.device, model.LanBox) else ()
 
     def _vehicles(self, keys: Collection[str]) -> tuple[IPv4Network, ...]:
-        """Of vehicles: their reserved addresses in the LANs."""
+        """Return the reserved LAN addresses of these vehicles."""
         reservations = (row for site in self._sites.values() for row in site.lan.reservations if row.name in keys)
         return tuple(IPv4Network(row.address) for row in reservations)
 
     def _speaking(self, name: str, kind: type[model.ControlCentre | model.Gateway]) -> Zone:
-        """Where the DDS of our computers is: in the VPN, and in the LANs if the pilot's DDS goes there."""
+        """Return the zone of our DDS computers: in the VPN, and in the LANs if the pilot's DDS uses them."""
         lan = self._pilot.dds is not None and self._pilot.dds.over is model.DdsPath.LAN
         dds_hosts = (host for host in self._hosts.values() if isinstance(host.device, kind))
         return zone_of(name, (IPv4Network(address) for host in dds_hosts for address in _addresses(host, lan=lan)))
 
     def _serving(self, host: str) -> Zone | None:
-        """Where a computer of ours is reached; None: it is the server itself."""
+        """Return the zone of a computer of ours; None if it is the server itself."""
         if host == self._pilot.vpn.server:
             return None
         addresses = _addresses(self._hosts[host], lan=False)
@@ -306,17 +307,17 @@ class _PolicyDraft:
 
 
 def _ours(member: identity.Member) -> bool:
-    """A computer of the pilot's own; a robot is a guest, whoever's it is."""
+    """Return True for a computer of the pilot; a robot is a guest, whoever owns it."""
     return member.partner is None and member.kind is not identity.MemberKind.ROBOT
 
 
 def _dds(dds: model.Dds | None) -> tuple[PolicyTraffic, ...]:
-    """Unicast ports of every participant that is found; multicast has no way through the tunnel."""
+    """Return the unicast ports of all participants; multicast does not pass the tunnel."""
     return () if dds is None else (PolicyTraffic(Protocol.UDP, dds.ports),)
 
 
 def _addresses(host: Host, *, lan: bool) -> tuple[IPv4Address, ...]:
-    """In the tunnel, if it has one there, then in its LAN."""
+    """Return the addresses of a host: in the tunnel, if it has one there, then in its LAN."""
     device = host.device
     if isinstance(device, model.Router):
         return () if device.vpn_client is None else (device.vpn_client.address,)
@@ -335,10 +336,11 @@ _ANSWER = "ct state established ct direction reply"
 
 
 def firewall(declaration: Declaration, membership: identity.MembershipList) -> str:
-    """What `nft -f` loads, atomically and as often as one likes.
+    """Return the rules for `nft -f`, which loads them atomically; loading is idempotent.
 
-    Running connections are not asked for: each packet stands for itself, and only the answers of services are known by
-    the connection that they belong to. What the policy permits no longer is therefore cut as soon as it is loaded.
+    Established connections are not matched: each packet is checked on its own, and only replies of services are
+    recognised by their connection. Therefore traffic that the policy no longer permits is cut as soon as the rules are
+    loaded.
     """
     vpn = declaration.pilot.vpn
     ends_s = None if vpn.shared_key_until is None else _end_of_day_s(vpn.shared_key_until)
@@ -346,12 +348,12 @@ def firewall(declaration: Declaration, membership: identity.MembershipList) -> s
 
 
 def _end_of_day_s(day: str) -> int:
-    """The first second after a day (UTC), in seconds since 1970."""
+    """Return the first second after a day (UTC), in seconds since 1970."""
     return int(datetime.combine(date.fromisoformat(day) + timedelta(days=1), time.min, UTC).timestamp())
 
 
 def text(matrix: Policy, *, shared_key_ends_s: int | None = None, port: int = 1194) -> str:
-    """The same of a policy. From `shared_key_ends_s` on (since 1970) no first packet of the shared key is let in."""
+    """Return the rules of a policy. From `shared_key_ends_s` on (since 1970), the shared key opens no sessions."""
     return (
         environment()
         .get_template("openvpn/vpn.nft.j2")
@@ -366,7 +368,7 @@ def text(matrix: Policy, *, shared_key_ends_s: int | None = None, port: int = 11
 
 
 def _forward(permission: Permission) -> Iterator[str]:
-    """What passes the server."""
+    """Yield rules for traffic that passes the server."""
     if permission.source is None or permission.destination is None:
         return
     source, destination = permission.source.name, permission.destination.name
@@ -379,7 +381,7 @@ def _forward(permission: Permission) -> Iterator[str]:
 
 
 def _input(permission: Permission) -> Iterator[str]:
-    """What the server receives; of pings it has only questions to expect, as answers are known by theirs."""
+    """Yield rules for traffic to the server; only ping requests need one, as replies match by connection."""
     if permission.source is not None and permission.destination is None:
         match = (
             "icmp type echo-request " if permission.traffic.protocol is Protocol.ICMP else _match(permission.traffic)
@@ -388,7 +390,7 @@ def _input(permission: Permission) -> Iterator[str]:
 
 
 def _match(traffic: PolicyTraffic) -> str:
-    """Either nothing, or words and a space."""
+    """Return the match with a trailing space; empty for all traffic."""
     if traffic.protocol is None:
         return ""
     if traffic.ports is None:

@@ -1,4 +1,4 @@
-"""The public keys that hand-outs are sealed to, from the words of a command: checked, and no private one among them."""
+"""The public keys for sealing enrolment packages, from command arguments: checked, and never a private key."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
 
 
 def recipients_of(device_requests: Iterable[requests.DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
-    """Recipients by the name of their member, where one was asked for. Raises Refused with all that are none."""
+    """Return the requested recipients by member name. Raises InvalidRequest with all invalid ones."""
     result: dict[str, str] = {}
     errors: list[UsageError] = []
     for item, name in zip(device_requests, names, strict=True):
@@ -35,7 +35,7 @@ def recipients_of(device_requests: Iterable[requests.DeviceWords], names: Iterab
 
 
 def recipient_of(argument: str) -> str:
-    """A public key, checked. Raises UsageError for what is none, and for a private key, which was sent by mistake."""
+    """Return a checked public key. Raises UsageError for anything else, and for a private key sent by mistake."""
     _refuse_private(argument)
     text = argument if argument.startswith(("age1", "ssh-")) else _in_file(argument)
     _refuse_private(text)

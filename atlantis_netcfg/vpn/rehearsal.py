@@ -1,4 +1,4 @@
-"""Identities for a rehearsal, of a CA that exists for it alone and that nobody keeps; and a server that knows one."""
+"""Identities for a rehearsal, from a temporary CA that is not stored; and a server that accepts one of them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _DAYS = 397
 
 
 def rehearsed_identity(declaration: Declaration, host: Host, wrap: Wrap = Wrap.TLS_CRYPT_V2) -> Identity:
-    """Of a declared computer or router. Raises UsageError if it is no member of the VPN."""
+    """Return the identity of an inventory computer or router. Raises UsageError if it is not a VPN member."""
     address = _address(host)
     if address is None:
         raise errors.UsageError(
@@ -69,7 +69,7 @@ def rehearsed_identity(declaration: Declaration, host: Host, wrap: Wrap = Wrap.T
 
 @contextmanager
 def vpn_server(identity: Identity) -> Iterator[int]:
-    """A real OpenVPN without a tunnel on the loopback, with the shared key of that identity; gives its port."""
+    """Run a real OpenVPN server on the loopback, without tunnel, with that identity's shared key; yield its port."""
     program = shutil.which("openvpn") or shutil.which("openvpn", path="/usr/sbin:/sbin")
     if program is None:
         raise errors.NoMatchError(
@@ -92,7 +92,7 @@ def vpn_server(identity: Identity) -> Iterator[int]:
 
 
 def identities(declaration: Declaration, hosts: Iterable[Host], folder: Path) -> Path:
-    """Lay the identities of those that are members where a request looks for them; gives the folder."""
+    """Write the identities of member hosts where a request expects them; return the folder."""
     (folder / "hosts").mkdir(mode=0o700, parents=True)
     for host in hosts:
         if _address(host) is not None:

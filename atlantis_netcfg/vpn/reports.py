@@ -1,6 +1,6 @@
-"""Members and entries of the record, for people and for programs; and the audit of who did what.
+"""Members and ledger entries for people and programs, and the audit of who did what.
 
-The audit compares the record with its signature and with what it has made.
+The audit compares the record with its signature, and with the certificates and lists that resulted from it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _PERIODS = {"d": 1, "w": 7}
 
 
 def find(membership: identity.MembershipList, name: str) -> identity.Member:
-    """The member of that name; a common name stands for its member. Raises UsageError with the near miss."""
+    """Return the member of that name or common name. Raises UsageError with the nearest name."""
     for member_name in (name, name.partition(".")[0]):
         if member_name in membership.members:
             return membership.members[member_name]
@@ -35,7 +35,7 @@ def find(membership: identity.MembershipList, name: str) -> identity.Member:
 
 
 def of_partner(membership: identity.MembershipList, partner: str | None) -> tuple[identity.Member, ...]:
-    """The members of a partner, or all. Raises UsageError, NothingMatched if there is none."""
+    """Return the members of a partner, or all. Raises UsageError, NoMatchError if there is none."""
     if not membership.members:
         raise errors.NoMatchError(
             "the VPN has no members yet", hint="`provision vpn onboard --help` says how to add one"
@@ -52,7 +52,7 @@ def of_partner(membership: identity.MembershipList, partner: str | None) -> tupl
 
 
 def status_of(member: identity.Member, now: datetime) -> str:
-    """How it stands with a member, in a few words."""
+    """Return the status of a member in a few words."""
     if not member.good:
         return "revoked"
     newest, oldest = member.good[-1], member.good[0]
@@ -64,12 +64,12 @@ def status_of(member: identity.Member, now: datetime) -> str:
 
 
 def expires(member: identity.Member) -> datetime | None:
-    """When the member's newest good certificate ends; None if it has none."""
+    """Return the expiry of the member's newest good certificate; None if it has none."""
     return member.good[-1].not_after if member.good else None
 
 
 def member_row(member: identity.Member, now: datetime) -> dict[str, Any]:
-    """A member for programs, with its certificates."""
+    """Return a member for programs, with its certificates."""
     return {
         "name": member.name,
         "kind": str(member.kind),
@@ -84,7 +84,7 @@ def member_row(member: identity.Member, now: datetime) -> dict[str, Any]:
 
 
 def certificate_row(certificate: identity.Certificate) -> dict[str, Any]:
-    """A certificate for programs; nothing of it is secret."""
+    """Return a certificate for programs, without secrets."""
     return {
         "common_name": certificate.common_name,
         "serial": f"{certificate.serial:x}",
@@ -105,12 +105,12 @@ def _iso(moment: datetime | None) -> str | None:
 
 
 def when(moment: datetime | None) -> str:
-    """A moment for people, in UTC."""
+    """Format a time for people, in UTC."""
     return "-" if moment is None else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M}"
 
 
 def period(text: str, word: str) -> timedelta:
-    """A span such as 30d or 8w. Raises UsageError."""
+    """Parse a duration such as 30d or 8w. Raises UsageError."""
     match = re.fullmatch(r"([0-9]{1,4})([dw])", text)
     if match is None:
         raise errors.UsageError(
@@ -121,7 +121,7 @@ def period(text: str, word: str) -> timedelta:
 
 @dataclass(frozen=True, slots=True)
 class Audit:
-    """Entries that were asked for, and what is wrong with the record."""
+    """Requested ledger entries, and problems of the record."""
 
     entries: tuple[LedgerEntry, ...]
     agreement: Agreement | None
@@ -130,7 +130,7 @@ class Audit:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What was checked and found to agree, and what was not checked."""
+        """What was checked and agrees, and what was not checked."""
         agreement = self.agreement
         if agreement is None or agreement.at is None or self.broken:
             return ()
@@ -147,7 +147,7 @@ class Audit:
 
 
 def audit(authority: Authority, since: datetime | None, partner: str | None) -> Audit:
-    """Read the record, and compare it. Of a damaged one no entry is told as true."""
+    """Read the ledger entries, and compare the record. If it is damaged, no entry is reported as true."""
     try:
         agreement = authority.agreement()
         entries = authority.history()
@@ -173,7 +173,7 @@ _COMPARE = "sign nothing; put the folder of the last backup beside this one, and
 
 
 def _affected_members(result: object) -> set[str]:
-    """Every member that an entry names, whatever its kind: a common name stands for its member."""
+    """Return every member named in an entry of any kind; a common name stands for its member."""
     if isinstance(result, dict):
         return {name for value in result.values() for name in _affected_members(value)}
     if isinstance(result, list | tuple):
@@ -182,7 +182,7 @@ def _affected_members(result: object) -> set[str]:
 
 
 def start_of(since: str) -> datetime:
-    """The moment that a day (`2026-11-01`) or a span (`30d`) begins with. Raises UsageError."""
+    """Return the start of a day (`2026-11-01`) or of a time span until now (`30d`). Raises UsageError."""
     try:
         day = date.fromisoformat(since) if len(since) == len("2026-11-01") else None
     except ValueError:

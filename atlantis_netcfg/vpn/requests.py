@@ -1,8 +1,8 @@
-"""From the words of a command to the requests that the authority takes: all is checked before anything is opened.
+"""Converts command arguments to requests for the authority; all is checked before anything is opened.
 
-All that the declaration says is compared here (partner, pool, vehicle, declared host), so that a refused name costs no
-passphrase and leaves no file. Errors are collected and shown together. What only the record knows (a name or an address
-that is taken) the authority refuses by itself.
+Everything in the inventory is checked here (partner, pool, vehicle, host), so that a refused name needs no passphrase
+and leaves no file. Errors are collected and shown together. What only the record knows (a name or an address in use) is
+refused by the authority.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _MOST_DAYS = 1825
 
 
 class InvalidRequest(UsageError):
-    """Several errors in a request; `errors` has them all. Nothing was opened and nothing was written."""
+    """Several errors in a request; `errors` lists them. Nothing was opened or written."""
 
     def __init__(self, errors: Sequence[NetcfgError]) -> None:
         super().__init__("\n".join(str(error) for error in errors))
@@ -41,25 +41,25 @@ class InvalidRequest(UsageError):
 
 
 class RequestCheck:
-    """Checks the words of one request and collects the errors; `words` are as typed."""
+    """Checks the arguments of one request and collects the errors; `words` are the arguments as typed."""
 
     def __init__(self, words: Mapping[str, str | None]) -> None:
         self.words = words
         self.errors: list[UsageError] = []
 
     def close(self) -> None:
-        """Raise what is wrong: UsageError, Refused where it is more than one thing."""
+        """Raise the collected errors: UsageError for one, InvalidRequest for several."""
         if len(self.errors) > 1:
             raise InvalidRequest(self.errors)
         if self.errors:
             raise self.errors[0]
 
     def wrong(self, message: str, hint: str | None = None) -> None:
-        """Add an error, and what to type instead."""
+        """Add an error, with a hint on what to type instead."""
         self.errors.append(UsageError(message, hint=hint))
 
     def run_check(self, check: Callable[[], str]) -> str | None:
-        """The result of `check`; None if it refuses: the error is kept."""
+        """Return the result of `check`; None if it raises UsageError, which is collected."""
         try:
             return check()
         except UsageError as error:
@@ -67,7 +67,7 @@ class RequestCheck:
             return None
 
     def choice(self, word: str, choices: Sequence[_Word]) -> _Word | None:
-        """The value of `choices` that was typed; None if the word is missing, or unknown: then the error is kept."""
+        """Return the typed choice; None if it is missing, or unknown, which is collected as an error."""
         value = self.words[word]
         if value is None:
             return None
@@ -80,7 +80,7 @@ class RequestCheck:
         return None
 
     def days(self) -> int | None:
-        """The validity that was typed, in days."""
+        """Return the typed validity in days; None if it is missing or wrong."""
         value = self.words["days"]
         if value is None:
             return None
@@ -91,13 +91,13 @@ class RequestCheck:
 
 
 def quote(value: str) -> str:
-    """The typed text in quotes, escaped and cut, so that it cannot harm a terminal."""
+    """Quote typed text, escaped and shortened, so that it cannot harm a terminal."""
     text = ascii(value)[1:-1]
     return f"`{text[:60]}…`" if len(text) > 60 else f"`{text}`"  # noqa: PLR2004 - of a line
 
 
 def request_of_host(declaration: Declaration, check: RequestCheck) -> EnrolmentRequest | None:
-    """The request; None if something is wrong: `check` has the errors."""
+    """Return the request for an inventory host; None on errors, which are in `check`."""
     for word in ("partner", "device", "kind", "vehicle", "address", "system", "distribution", "openvpn"):
         if check.words[word] is not None:
             check.wrong(f"`{word}=` does not go with `host=`", "the inventory says it of a declared computer")
@@ -136,7 +136,7 @@ def _find_declared_host(declaration: Declaration, check: RequestCheck) -> Host |
 
 
 def computers(declaration: Declaration) -> dict[str, IPv4Address]:
-    """The declared computers that are clients of the server, with their tunnel addresses."""
+    """Return the inventory's VPN clients (computers and routers) with their tunnel addresses."""
     address_by_name = {name: _tunnel_address(host) for name, host in declaration.hosts.items()}
     server = declaration.pilot.vpn.server
     return {name: address for name, address in address_by_name.items() if address is not None and name != server}
@@ -152,7 +152,7 @@ _KINDS = tuple(kind for kind in identity.MemberKind if kind is not identity.Memb
 
 
 def request_of_device(declaration: Declaration, check: RequestCheck) -> EnrolmentRequest | None:
-    """The request; None if something is wrong: `check` has the errors."""
+    """Return the request for a partner's device; None on errors, which are in `check`."""
     partner, device, kind = _partner(declaration, check), _device(check), _kind(check)
     link, client = check.choice("link", list(identity.MemberLink)), _client_words(check, kind)
     key, days = _key(check, kind), check.days()
@@ -181,14 +181,14 @@ def request_of_device(declaration: Declaration, check: RequestCheck) -> Enrolmen
 
 
 def days_left(declaration: Declaration, guest: Guest, now: datetime) -> int:
-    """Whole days that a certificate may be good for, so that it ends on the guest's last day at the latest."""
+    """Return the maximum validity in whole days, so that a certificate expires by the guest's last day."""
     zone = ZoneInfo(declaration.pilot.time_zone)
     end = datetime.combine(date.fromisoformat(guest.until) + timedelta(days=1), time.min, zone)
     return (end - now).days
 
 
 def _days_of(declaration: Declaration, check: RequestCheck, vehicle: str | None, days: int | None) -> int:
-    """How long the certificate is good: of a guest no longer than it is here."""
+    """Return the validity of the certificate in days; for a guest not beyond its last day."""
     guest = declaration.vehicles.get(vehicle or "")
     if not isinstance(guest, Guest):
         return days or CLIENT_DAYS
@@ -202,7 +202,7 @@ def _days_of(declaration: Declaration, check: RequestCheck, vehicle: str | None,
 
 @dataclass(frozen=True, slots=True)
 class _ClientWords:
-    """What was said of the program that the device starts its tunnel with; None: nothing."""
+    """Arguments on the device's OpenVPN client; None if not given."""
 
     system: identity.ClientSystem | None
     distribution: RosDistribution | None
@@ -227,7 +227,7 @@ def _client_words(check: RequestCheck, kind: identity.MemberKind | None) -> _Cli
 def _wrap(
     declaration: Declaration, check: RequestCheck, client: _ClientWords, kind: identity.MemberKind, vehicle: str | None
 ) -> identity.Wrap:
-    """The key that the device's OpenVPN can read. What contradicts that, or the declared vehicle, is wrong."""
+    """Return a key type that the device's OpenVPN supports; contradictory arguments are collected as errors."""
     declared_vehicle = declaration.vehicles[vehicle] if vehicle is not None else None
     for word in ("distribution", "openvpn"):
         value, declared_value = getattr(client, word), getattr(declared_vehicle, word, None)
@@ -283,7 +283,7 @@ def _kind(check: RequestCheck) -> identity.MemberKind | None:
 
 
 def _key(check: RequestCheck, kind: identity.MemberKind | None) -> identity.KeyType:
-    """RouterOS was never seen to work with elliptic curves here (facts 10)."""
+    """Return the key type; RSA for routers, as RouterOS was never seen to work with elliptic curves (facts 10)."""
     return check.choice("key", list(identity.KeyType)) or (
         identity.KeyType.RSA if kind is identity.MemberKind.ROUTER else identity.KeyType.EC
     )
@@ -321,7 +321,7 @@ def _vehicle(
 
 
 def _find_vehicle(declaration: Declaration, name: str) -> str | None:
-    """The key of the vehicle that is called so: by its key, or by another name; neither case nor spaces count."""
+    """Return the key of the vehicle with this key or alias, ignoring case and spaces; None if there is none."""
     for key, vehicle in declaration.vehicles.items():
         if _plain(name) in {_plain(key), *(_plain(alias) for alias in vehicle.aliases)}:
             return key
@@ -351,7 +351,7 @@ def _address(declaration: Declaration, check: RequestCheck, partner: str) -> IPv
 
 @dataclass(frozen=True, slots=True)
 class DeviceWords:
-    """The words of a command line, or of one record of a file; not checked yet."""
+    """Unchecked arguments of a command line, or of one record of a file."""
 
     place: str = ""
     """`FILE:LINE` of a record; empty for a command line."""
@@ -376,7 +376,7 @@ KEYS = tuple(field.name for field in fields(DeviceWords) if field.name != "place
 
 
 def requests_of(declaration: Declaration, device_requests: Iterable[DeviceWords]) -> tuple[EnrolmentRequest, ...]:
-    """The requests, in the order in which they were typed. Raises Refused with all errors."""
+    """Return the requests in the order in which they were typed. Raises InvalidRequest with all errors."""
     requests: list[EnrolmentRequest] = []
     errors: list[NetcfgError] = []
     first_by_name: dict[str, DeviceWords] = {}
@@ -404,7 +404,7 @@ def _with_place(item: DeviceWords, error: NetcfgError) -> NetcfgError:
 
 
 def request_of(declaration: Declaration, item: DeviceWords) -> EnrolmentRequest:
-    """The request for a partner's device, or for a declared host. Raises UsageError, or Refused for several errors."""
+    """Return the request for a partner's device or an inventory host. Raises UsageError or InvalidRequest (several)."""
     check = RequestCheck(asdict(item))
     request = request_of_host(declaration, check) if item.host is not None else request_of_device(declaration, check)
     check.close()
@@ -414,7 +414,7 @@ def request_of(declaration: Declaration, item: DeviceWords) -> EnrolmentRequest:
 
 
 def change_of(**words: str | None) -> RenewalRequest:
-    """What a renewal changes, from the words. Raises UsageError, Refused when more is wrong."""
+    """Parse the changes of a renewal. Raises UsageError, InvalidRequest for several errors."""
     check = RequestCheck(words)
     client = _client_words(check, None)
     change = RenewalRequest(
@@ -432,9 +432,9 @@ def change_of(**words: str | None) -> RenewalRequest:
 def change_for(
     declaration: Declaration, member: identity.Member, change: RenewalRequest, openvpn: str | None
 ) -> RenewalRequest:
-    """What a renewal changes for this member: a partner's device gets a key that its OpenVPN can read.
+    """Complete the changes for this member: a partner's device gets a key that its OpenVPN supports.
 
-    Raises UsageError, RequestRefused: for words that do not fit the member, or a key that it cannot read.
+    Raises UsageError, InvalidRequest: for arguments that do not fit the member, or a key that it cannot read.
     """
     words = {"system": change.system, "distribution": change.distribution, "openvpn": openvpn}
     check = RequestCheck({**words, "wrap": change.wrap})

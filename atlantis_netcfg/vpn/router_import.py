@@ -1,8 +1,8 @@
-"""One router and one identity: observe the router, import what is missing, and read it back.
+"""Import of an identity into a router: read the router, import what is missing, and read it back.
 
-The order leaves the old tunnel up until the new one is on the router: certificate, then configuration under the name
-that the import gives it, then the old interface is removed and the new one takes its name in one command. Each file
-that holds a key is removed before the next step, whatever the router answered.
+The old tunnel stays up until the new one is on the router. The order is: certificate, then configuration under the name
+that the import gives it, then the old interface is removed and the new one gets its name in one command. Each file that
+contains a key is removed before the next step, whatever the router replied.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _SAME = {"true": "yes", "false": "no"}
 
 @dataclass(frozen=True, slots=True)
 class RouterObservation:
-    """One look at a router."""
+    """One observation of a router."""
 
     interface: Mapping[str, str] | None
     """The row of the declared name."""
@@ -62,7 +62,7 @@ class RouterObservation:
 
 @dataclass(frozen=True, slots=True)
 class RouterImport:
-    """All that is needed for it."""
+    """The input of an import."""
 
     name: str
     site: str
@@ -75,11 +75,11 @@ class RouterImport:
 
     @property
     def mark(self) -> str:
-        """The MAC address by which the interface is known to hold this identity's keys."""
+        """The MAC address that marks the interface as having this identity's keys."""
         return routeros.mark(self.identity)
 
     async def look(self) -> RouterObservation:
-        """Read, and change nothing. Raises RouterTooOld, and what a session raises."""
+        """Observe the router; change nothing. Raises RouterTooOld, and the errors of a session."""
         self._say(events.Stage.CONNECTING, f"to {self.endpoint}")
         session = await api.Session.open(self.endpoint)
         try:
@@ -88,7 +88,7 @@ class RouterImport:
             await session.close()
 
     async def carry_out(self) -> RouterObservation:
-        """Do what a look has found missing; returns what it was. Raises DeviceFailed, OutcomeUnknown."""
+        """Import what an observation finds missing, and return that observation. Raises DeviceError, OutcomeUnknown."""
         session = await api.Session.open(self.endpoint)
         try:
             observation = await self._look(session)
@@ -162,7 +162,7 @@ class RouterImport:
         routeros.check_version(version, where=self.name, upgrade=upgrade)
 
     def _wrong_clock(self, clock: tuple[Mapping[str, str], ...]) -> Iterator[str]:
-        """No tunnel comes up before the certificate's first day; a rehearsal's clock stands where it likes."""
+        """Yield a warning if the clock is outside the certificate's validity; a rehearsal's clock is not checked."""
         today = next((row.get("date", "") for row in clock), "")
         first, last = (f"{day:%Y-%m-%d}" for day in (self.identity.certificate.not_before, self._until))
         if _DATE.fullmatch(today) and not self.is_rehearsal and not first <= today <= last:
@@ -173,7 +173,7 @@ class RouterImport:
         return self.identity.certificate.not_after
 
     def _left_by_us(self, row: Mapping[str, str]) -> bool:
-        """An imported interface that was never named: with our server and our user it is of no other use."""
+        """Return True for an imported interface never renamed: with our server and user it has no other use."""
         ours = (row.get("connect-to"), row.get("user")) == (self.tunnel.connect_to, self.tunnel.user)
         return ours and row.get("name", "").startswith(_IMPORT_PREFIX)
 
@@ -262,7 +262,7 @@ class RouterImport:
         )
 
     async def _name(self, session: api.Session, observation: RouterObservation, certificate: Mapping[str, str]) -> None:
-        """Let the certificate have the declared name; the one before goes, with its key."""
+        """Give the certificate its final name; the previous one is removed, with its key."""
         if certificate["name"] == self.tunnel.certificate:
             return
         if observation.conflict is not None:
@@ -274,7 +274,7 @@ class RouterImport:
 
     @asynccontextmanager
     async def _file(self, session: api.Session, name: str, text: str) -> AsyncIterator[None]:
-        """A file on the router for as long as this lasts; where the session is lost, a new one removes it."""
+        """Keep a file on the router inside the block; if the session is lost, a new session removes it."""
         try:
             await _do(session, "/file/add", name=name, contents=text)
             yield
@@ -312,7 +312,7 @@ def _authority(identity: Identity) -> str:
 
 
 async def _do(session: api.Session, path: str, **arguments: str) -> None:
-    """One command; a refusal is told in the router's words."""
+    """Run one command. Raises DeviceError with the router's message."""
     try:
         (await session.command(api.Command(path, tuple(arguments.items())))).check()
     except api.CommandError as refused:
@@ -322,7 +322,7 @@ async def _do(session: api.Session, path: str, **arguments: str) -> None:
 
 
 def _network(text: str) -> IPv4Network | None:
-    """An address or a network as a device prints it; None for what is neither."""
+    """Parse an address or network as printed by a device; None for anything else."""
     try:
         return IPv4Network(text, strict=False)
     except ValueError:

@@ -1,8 +1,8 @@
-"""RouterOS as a member of the VPN: what which version can, the one file that it imports, and the script of a hand-out.
+"""RouterOS as a VPN member: support by version, the file to import, and the script of an enrolment package.
 
-Sources: MikroTik manual, OpenVPN; the command trees of 7.9 to 7.24 (facts 10). A key of tls-crypt cannot be set: it
-comes with an imported `.ovpn` and is shown nowhere, so that an interface made by hand never reaches our server. Nothing
-here was tried on a real router (docs/vpn-routers.md).
+Sources: MikroTik manual, OpenVPN; the command trees of 7.9 to 7.24 (facts 10). A tls-crypt key cannot be set: it is
+part of an imported `.ovpn` and is never shown, so an interface configured by hand cannot reach our server. Nothing here
+was tested on a real router (docs/vpn-routers.md).
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ _AUTH = "sha256"
 
 
 class RouterTooOld(DeviceError):
-    """A RouterOS that cannot be a member; nothing was changed on it."""
+    """This RouterOS version cannot be a VPN member; nothing was changed on the router."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tunnel:
-    """The interface of one router, as it has to be after the import."""
+    """The desired state of a router's tunnel interface after the import."""
 
     name: str
     connect_to: str
@@ -61,7 +61,7 @@ class Tunnel:
     """The client's certificate on the device."""
 
     def values(self) -> Mapping[str, str]:
-        """What can be set and read back: all but the password, which needs no comparison with what ignores it."""
+        """Return the values that can be set and read back; the password is omitted, as the server ignores it."""
         return {
             "name": self.name,
             "connect-to": self.connect_to,
@@ -83,7 +83,7 @@ class Tunnel:
 
 
 def check_version(version: Version, *, where: str = "the router", upgrade: str = "") -> None:
-    """Refuse a version that cannot be a member. Raises RouterTooOld; `upgrade` is what to type instead of the hint."""
+    """Raise RouterTooOld for a version that cannot be a member; `upgrade` replaces the hint."""
     for since, why in _LACKS:
         if version < since:
             raise RouterTooOld(
@@ -93,7 +93,7 @@ def check_version(version: Version, *, where: str = "the router", upgrade: str =
 
 
 def find_tunnel(declaration: Declaration, host: Host) -> Tunnel | None:
-    """The tunnel of a router of ours; None where it is not the site's end of the VPN."""
+    """Return the tunnel of one of our routers; None if it is not its site's end of the VPN."""
     tunnel = router_view(declaration, host).tunnel
     if tunnel is None:
         return None
@@ -111,7 +111,7 @@ def find_tunnel(declaration: Declaration, host: Host) -> Tunnel | None:
 
 
 def handed_out(declaration: Declaration, identity: Identity) -> Tunnel:
-    """The tunnel of a partner's router. Its user is the member's name, cut where RouterOS takes no more."""
+    """Return the tunnel of a partner's router. Its user is the member's name, truncated to RouterOS's limit."""
     vpn = declaration.pilot.vpn
     return Tunnel(
         name=INTERFACE,
@@ -127,7 +127,7 @@ def handed_out(declaration: Declaration, identity: Identity) -> Tunnel:
 
 
 def profile(declaration: Declaration, identity: Identity) -> Secret:
-    """The `.ovpn` that RouterOS imports: the words that its manual names, and no more, for it refuses unknown ones."""
+    """Return the `.ovpn` for RouterOS, with options from its manual only, as it refuses unknown ones."""
     vpn = declaration.pilot.vpn
     view = {
         "title": f"VPN of {declaration.pilot.name}: {identity.member.name}, for RouterOS {SINCE} and later.",
@@ -141,9 +141,9 @@ def profile(declaration: Declaration, identity: Identity) -> Secret:
 
 
 def script(declaration: Declaration, identity: Identity, file: str) -> str:
-    """The `.rsc` beside it: imports `file`, names and sets the interface, and removes the file; without a secret.
+    """Return the `.rsc` script: import `file`, rename and configure the interface, remove the file; no secrets.
 
-    It may be run again: what an earlier run has left under the same names goes first.
+    It can be run again: leftovers of an earlier run under the same names are removed first.
     """
     tunnel = handed_out(declaration, identity)
     values = {name: text for name, text in tunnel.values().items() if name != "certificate"}
@@ -153,9 +153,10 @@ def script(declaration: Declaration, identity: Identity, file: str) -> str:
 
 
 def mark(identity: Identity) -> str:
-    """A MAC address that tells on the router which identity an interface was imported with.
+    """Return a MAC address that shows on the router with which identity an interface was imported.
 
-    In mode `ip` no packet ever carries it, every router makes one up, and who makes the interface anew gets another.
+    In mode `ip` no packet carries this address. Routers generate a random one, so an interface created anew has
+    another.
     """
     text = f"{identity.certificate.sha256} {identity.wrap_key.reveal()}"
     digest = hashlib.sha256(text.encode()).digest()[:5]
@@ -170,5 +171,5 @@ def _blocks(identity: Identity) -> Secret:
 
 
 def _openvpn(cipher: str) -> str:
-    """`aes256-gcm` in OpenVPN's words."""
+    """Convert a RouterOS cipher such as `aes256-gcm` to OpenVPN's name."""
     return f"{cipher[:3]}-{cipher[3:]}".upper()

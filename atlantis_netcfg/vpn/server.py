@@ -1,9 +1,9 @@
-"""Part `openvpn_server`: what the computer at the control centre holds so that it is the server of the VPN.
+"""Part `openvpn_server`: files on the control centre's computer that make it the VPN server.
 
 There are two kinds of files. Those of `server_conf` and `system_files` (units, loading of the firewall, the record of
-who was last seen, kernel settings) follow from the declaration alone: the tunnel restarts when they change. The live
-files (`live_files`) also follow from the list of members: OpenVPN reads them at the next handshake, the kernel at a
-reload, and every session goes on. Source of every line: facts 3 to 9.
+when members were last seen, kernel settings) depend on the inventory alone: the tunnel restarts when they change. The
+live files (`live_files`) also depend on the list of members: OpenVPN reads them at the next handshake, the kernel at a
+reload, and all sessions continue. Source of every line: facts 3 to 9.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ KERNEL_STEPS = (
 
 
 def system_files() -> Iterator[parts.File]:
-    """All of it but the configuration of OpenVPN itself; the same for every pilot."""
+    """Yield the system files, without OpenVPN's own configuration; the same for every pilot."""
     yield parts.File(
         _SYSCTL,
         "# The VPN server routes between its members, as far as its firewall lets it.\nnet.ipv4.ip_forward = 1\n"
@@ -100,7 +100,7 @@ def system_files() -> Iterator[parts.File]:
 
 
 def system_units(keys: tuple[str, ...]) -> tuple[parts.Unit, ...]:
-    """The firewall before the tunnel, which a change of `keys` or of the configuration starts anew, and no other."""
+    """Return the units: the firewall, and the tunnel, the only one restarted if `keys` or configuration change."""
     firewall = parts.Unit(_FIREWALL_UNIT, enabled=True, active=True, after=(FIREWALL,), reload=True)
     tunnel = parts.Unit(SERVICE, enabled=True, active=True, after=(CONF, _DROP_IN, *keys))
     seen_timer = parts.Unit(_SEEN_TIMER, enabled=True, active=True, after=(f"{_UNITS}/{_SEEN_TIMER}",))
@@ -168,7 +168,7 @@ _FOREIGN = (
 
 @dataclass(frozen=True, slots=True)
 class OpenvpnServer:
-    """What the role installs and configures."""
+    """Packages and files that the role installs."""
 
     packages: tuple[parts.Package, ...]
     configuration: parts.Configuration
@@ -176,7 +176,7 @@ class OpenvpnServer:
     """Path on the server to the file of the authority whose content belongs there, which is nowhere in here."""
 
     def as_dict(self) -> dict[str, Any]:
-        """The parameters of its modules."""
+        """Return the parameters of the role's modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
         return {
             "packages": {"packages": packages},
@@ -189,7 +189,7 @@ class OpenvpnServer:
 def openvpn_server(
     declaration: Declaration, host: Host, membership: identity.MembershipList, authority: Path
 ) -> OpenvpnServer:
-    """Work it out; of the authority's folder the public files are read. Raises UsageError where one is missing."""
+    """Build the part; reads public files of the authority's folder. Raises UsageError if one is missing."""
     ca, cert = (_read(authority, name).decode("ascii") for name in ("ca.crt", "server/server.crt"))
     crl = _read(authority, "crl.pem")
     secrets = {path: authority / source for path, source in _SECRETS.items()}
@@ -221,9 +221,9 @@ def openvpn_server(
 def live_files(
     declaration: Declaration, membership: identity.MembershipList, crl: bytes, *, ca: str = ""
 ) -> tuple[parts.File, ...]:
-    """What changes while the tunnel is up: who is admitted as what, who is revoked, and the firewall between them.
+    """Return files that change while the tunnel is up: members' settings, revocation list, and firewall.
 
-    With `ca`, its certificate in PEM, the server holds the list against it before it takes its place.
+    With `ca`, its certificate in PEM, the server checks the list against it before using it.
     """
     validation = ("sh", "-c", _SIGNATURE_CHECK, "sh", "%s", ca, _LIST) if ca else ()
     return (
@@ -238,7 +238,7 @@ def live_files(
 
 
 def server_conf(declaration: Declaration, host: Host) -> str:
-    """Render the server's own configuration: from the declaration alone, so that no onboarding restarts the tunnel."""
+    """Render the server's own configuration; from the inventory alone, so that no enrolment restarts the tunnel."""
     vpn = declaration.pilot.vpn
     device = host.device
     assert isinstance(device, VpnServer)  # noqa: S101 - callers give the server
@@ -272,10 +272,10 @@ def server_conf(declaration: Declaration, host: Host) -> str:
 
 
 def ccd(member: identity.Member, certificate: identity.Certificate, declaration: Declaration) -> str:
-    """Render what OpenVPN reads under the name of a certificate: address, timers, and the networks behind the member.
+    """Render OpenVPN's file for a certificate name: address, timers, and the networks behind the member.
 
-    Raises UsageError for a name that is no file name of ours, and for an address outside the VPN: OpenVPN completes
-    half an address to somebody else's (facts 6).
+    Raises UsageError for an invalid file name, and for an address outside the VPN: OpenVPN completes a partial address
+    to somebody else's (facts 6).
     """
     vpn = declaration.pilot.vpn
     if not _COMMON_NAME.fullmatch(certificate.common_name):
@@ -298,7 +298,7 @@ _BROKEN = "the ledger is not as this toolkit writes it: `provision vpn audit`"
 
 
 def tunnel_address(declaration: Declaration, host: Host) -> IPv4Address:
-    """The server's own address in the VPN. Raises UsageError if none is declared."""
+    """Return the server's own VPN address. Raises UsageError if the inventory has none."""
     device = host.device
     address = device.vpn_address if isinstance(device, VpnServer) else None
     if address is None:
@@ -314,7 +314,7 @@ def _normalize_cipher(cipher: str) -> str:
 
 
 def _behind(declaration: Declaration, name: str) -> Iterator[IPv4Network]:
-    """Networks that a member routes: of a router that is its site's end of the VPN, the LAN and the management port."""
+    """Yield the networks behind a member: for a router that is its site's VPN end, LAN and management port."""
     host = declaration.hosts.get(name)
     if host is None or not isinstance(host.device, Router) or host.device.vpn_client is None:
         return

@@ -1,7 +1,7 @@
-"""What a partner's device runs: its system, its release of ROS 2, its OpenVPN, and which key (`wrap`) that can read.
+"""System, ROS 2 release and OpenVPN of a partner's device, and the key (`wrap`) that its OpenVPN supports.
 
-OpenVPN 2.4 does not know tls-crypt-v2 and refuses such a profile (facts 10). Ubuntu 20.04, and with it ROS 2 Foxy, has
-2.4; the table below has the version that each Ubuntu ships.
+OpenVPN 2.4 does not support tls-crypt-v2 and refuses such a profile (facts 10). Ubuntu 20.04, and with it ROS 2 Foxy,
+has 2.4; the table below has the version that each Ubuntu ships.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ UBUNTU: Mapping[model.RosDistribution, tuple[str, model.OpenVpnVersion]] = {
 
 
 def system_of(member: identity.Member) -> identity.ClientSystem | None:
-    """What the tunnel of a member is started on: what was said, or the only system of its kind; None: not known."""
+    """Return the system that runs a member's tunnel: as given, or the only one of its kind; None if unknown."""
     possible = identity.SYSTEMS[member.kind]
     return possible[0] if len(possible) == 1 else member.system
 
@@ -34,7 +34,7 @@ def system_of(member: identity.Member) -> identity.ClientSystem | None:
 def distribution(
     declaration: Declaration, vehicle: str | None, onboarding_release: model.RosDistribution | None = None
 ) -> model.RosDistribution | None:
-    """The release of ROS 2 on a device: the vehicle's, else what was typed at onboarding, else the pilot's."""
+    """Return the ROS 2 release of a device: from the vehicle, else from the enrolment, else from the pilot."""
     vehicle_config = declaration.vehicles.get(vehicle or "")
     pilot = declaration.pilot.dds.distribution if declaration.pilot.dds is not None else None
     return (vehicle_config.distribution if vehicle_config is not None else None) or onboarding_release or pilot
@@ -48,10 +48,10 @@ def openvpn(
     version: model.OpenVpnVersion | None = None,
     release: model.RosDistribution | None = None,
 ) -> model.OpenVpnVersion | None:
-    """The OpenVPN on a partner's device; None where nothing tells it: then it is taken for 2.5 or later.
+    """Return the OpenVPN version of a partner's device; None if unknown, which counts as 2.5 or later.
 
-    `version` and `release` are the words of a command. A version counts more than what follows from a release of ROS 2,
-    and the vehicle more than the pilot.
+    `version` and `release` are command arguments. A version has precedence over one derived from a ROS 2 release, and
+    the vehicle over the pilot.
     """
     if kind is not identity.MemberKind.ROBOT:
         return version or (UBUNTU[release][1] if release is not None else None)
@@ -71,10 +71,10 @@ _WITH_COOKIES = frozenset({model.OpenVpnVersion.V2_6, model.OpenVpnVersion.V2_7}
 
 
 def wrap_for(version: model.OpenVpnVersion | None, *, force_cookie: bool = False) -> identity.Wrap:
-    """The best key with which the server admits a client of this version.
+    """Return the best key type with which the server accepts a client of this version.
 
-    Only OpenVPN from 2.6 on answers the cookie of a server that insists on it (`force-cookie`, openvpn(8)); 2.5 was
-    seen to be left without an answer, and of RouterOS nobody has shown it.
+    Only OpenVPN from 2.6 on answers the cookie that a server may require (`force-cookie`, openvpn(8)); 2.5 was seen to
+    get no reply, and for RouterOS it is unknown.
     """
     if force_cookie:
         return identity.Wrap.TLS_CRYPT_V2 if version in _WITH_COOKIES else identity.Wrap.TLS_CRYPT
@@ -82,13 +82,13 @@ def wrap_for(version: model.OpenVpnVersion | None, *, force_cookie: bool = False
 
 
 def wrap_of_host(declaration: Declaration, host: Host) -> identity.Wrap:
-    """The best key for a computer or router of ours: a gateway's Ubuntu 20.04 has OpenVPN 2.4 (facts 10)."""
+    """Return the best key type for our own host: a gateway's Ubuntu 20.04 has OpenVPN 2.4 (facts 10)."""
     version = model.OpenVpnVersion.V2_4 if isinstance(host.device, model.Gateway) else None
     return wrap_for(version, force_cookie=declaration.pilot.vpn.force_cookie)
 
 
 def wrap_of(declaration: Declaration, member: identity.Member) -> identity.Wrap:
-    """The best key for a member, as far as its OpenVPN is known."""
+    """Return the best key type for a member, as far as its OpenVPN is known."""
     host = declaration.hosts.get(member.name) if member.partner is None else None
     if host is not None:
         return wrap_of_host(declaration, host)

@@ -1,10 +1,9 @@
-"""What each column of Table 3 means on the wire: which questions tell, and how their answers are judged.
+"""Checks for each column of Table 3: which requests are sent, and how the responses are judged.
 
-A column (and each of the site's own checks) gives steps for a cell of the table: a probe, or something for a person
-to look at. A probe is two pure functions, the questions that it asks and the judgement of whatever came back; it opens
-no connection, so the same judgement serves the real site, the rehearsal and the data cases of the tests. Questions are
-data from closed lists of commands that only read; whoever carries them out (`checklist/runner`) stands where the
-thing is.
+A column (and each of the site's own checks) yields steps for a cell of the table: a probe, or a check by a person. A
+probe is two pure functions: the requests that it needs and the judgement of the responses. It opens no connection, so
+the same judgement serves the real site, the rehearsal and the data cases of the tests. Requests are data from closed
+lists of read-only commands; they are executed (`checklist/runner`) on the host that can reach the device.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""A step of the checklist: the cell that it belongs to, the probe that it runs, and what a probe says.
+"""Data model of checklist steps: the cell of a step, its probe, the probe's requests and their results.
 
-A probe is two functions: `asks` gives its requests, `judge` gives findings and evidence. Here are also the findings for
-a request without a complete result, from which nothing follows, and evidence in one line each.
+A probe is two functions: `asks` returns its requests, `judge` returns findings and evidence. Also here: the findings
+for a request without a complete result, from which nothing follows, and one-line evidence.
 
-What a probe may ask, as data: nothing else is ever sent.
+Requests are data; nothing else is ever sent.
 
-What came back of a question. Silence is an answer, and is never mixed up with a refusal.
+No response is a result, and is never confused with a refusal.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Place(StrEnum):
-    """Where a question is asked from."""
+    """Where a request is sent from."""
 
     GATEWAY = "gateway"
     """The site's gateway computer: all its questions travel in one SSH command."""
@@ -43,7 +43,7 @@ class Place(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Say:
-    """Something sent into a stream, and what ends the waiting for its answer."""
+    """Data sent into a stream, and the pattern that ends the wait for its response."""
 
     data: bytes
     until: bytes
@@ -57,10 +57,10 @@ class Say:
 
 @dataclass(frozen=True, slots=True)
 class Listen:
-    """Listen to a stream, saying some things first.
+    """Listen to a stream, after sending some messages.
 
-    Many devices serve one client: identical questions of several items are asked once, and different ones to the same
-    end (place, transport, address and port, or device) one after the other, in the order of the items.
+    Many devices serve one client: identical requests of several items are sent once, and different ones to the same
+    endpoint (place, transport, address and port, or device) one after the other, in the order of the items.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Listen:
 
 @dataclass(frozen=True, slots=True)
 class RunProgram:
-    """Run a program that only reads; it must stand in `core/reading_programs.py`."""
+    """Run a read-only program; it must be listed in `core/reading_programs.py`."""
 
     name: str
     place: Place
@@ -97,7 +97,7 @@ class RunProgram:
 
 @dataclass(frozen=True, slots=True)
 class DhcpDiscoverRequest:
-    """Ask a segment for the DHCP servers on it: DISCOVER is broadcast, every OFFER is kept, and none is taken."""
+    """Discover the DHCP servers of a segment: DISCOVER is broadcast, every OFFER is kept, and none is accepted."""
 
     name: str
     place: Place
@@ -110,7 +110,7 @@ class DhcpDiscoverRequest:
 
 @dataclass(frozen=True, slots=True)
 class RouterSolicitRequest:
-    """Ask a segment for its IPv6 routers: every advertisement is kept, and none is believed."""
+    """Discover the IPv6 routers of a segment: every advertisement is kept, and none is applied."""
 
     name: str
     place: Place
@@ -122,7 +122,7 @@ class RouterSolicitRequest:
 
 @dataclass(frozen=True, slots=True)
 class DdsDiscoverRequest:
-    """Ask for the DDS participants at an address of the computer that asks: one without topics comes, and leaves."""
+    """Discover the DDS participants at a local address: a participant without topics announces itself, and leaves."""
 
     name: str
     place: Place
@@ -136,9 +136,9 @@ class DdsDiscoverRequest:
 
 @dataclass(frozen=True, slots=True)
 class ReflectRequest:
-    """Send messages to another computer of the pilot, which sends back what is in them (`gateway/reflector.py`).
+    """Send messages to another computer of the pilot, which returns their content (`computers/reflector.py`).
 
-    They leave by whatever route the computer has for that address, as the data of any program do.
+    They are sent by the regular route for that address, like the data of any program.
     """
 
     name: str
@@ -154,7 +154,7 @@ class ReflectRequest:
 
 @dataclass(frozen=True, slots=True)
 class RouterOsQuery:
-    """One reading command of RouterOS' API."""
+    """One read-only command of RouterOS' API."""
 
     name: str
     host: str
@@ -164,7 +164,7 @@ class RouterOsQuery:
 
 @dataclass(frozen=True, slots=True)
 class LinkStatusRequest:
-    """How a bearer of the site is: the look of `provision links`, taken once for all who ask."""
+    """Status of a link of the site, as in `provision links`; read once for all items that need it."""
 
     name: str
     bearer: str
@@ -173,7 +173,7 @@ class LinkStatusRequest:
 
 @dataclass(frozen=True, slots=True)
 class AllowListTestRequest:
-    """Whether the satellite lets through what is declared and nothing else: `provision prove`. It costs."""
+    """Test whether the satellite allows exactly the traffic in the inventory: `provision prove`. It costs data."""
 
     name: str
     bearer: str
@@ -182,7 +182,7 @@ class AllowListTestRequest:
 
 @dataclass(frozen=True, slots=True)
 class LinkRecordRequest:
-    """The newest measurement of a link that this computer keeps: `provision qualify`. Nothing is sent."""
+    """Newest stored measurement of a link, made by `provision qualify`. Nothing is sent."""
 
     name: str
     site: str
@@ -192,7 +192,7 @@ class LinkRecordRequest:
 
 @dataclass(frozen=True, slots=True)
 class RobotsHeardRequest:
-    """Listen for robots (DDS) once for all who ask; nothing is published."""
+    """Listen for robots (DDS), once for all items that need it; nothing is published."""
 
     name: str
     host: str = ""
@@ -203,7 +203,7 @@ class RobotsHeardRequest:
 
 @dataclass(frozen=True, slots=True)
 class VpnMembersRequest:
-    """Which members of the VPN are robots, and whom the server has a session of, once for all who ask."""
+    """VPN members that are robots, and members with a session on the server; read once for all items that need it."""
 
     name: str
     place: Literal[Place.LAPTOP] = Place.LAPTOP
@@ -226,7 +226,7 @@ Question = (
 
 
 class Trouble(StrEnum):
-    """Why there is no whole answer."""
+    """Reason why there is no complete response."""
 
     REFUSED = "refused"
     """A computer is there, but nothing listens, or it turned us away."""
@@ -248,7 +248,7 @@ class Trouble(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Transcript:
-    """What was heard on a stream."""
+    """Data received on a stream."""
 
     trouble: Trouble | None
     words: str = ""
@@ -264,13 +264,13 @@ class Transcript:
 
     @property
     def data(self) -> bytes:
-        """All of it."""
+        """All data as one value."""
         return b"".join(data for _, data in self.chunks)
 
 
 @dataclass(frozen=True, slots=True)
 class CommandResult:
-    """What a program printed."""
+    """Output of a program."""
 
     trouble: Trouble | None
     words: str = ""
@@ -301,7 +301,7 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class LinkStatusResult:
-    """How a bearer is; the dictionary of `operations.links.Looked.as_dict` for it."""
+    """Status of a link: the dictionary of `operations.links.LinksStatus.as_dict` for it."""
 
     trouble: Trouble | None
     words: str = ""
@@ -310,7 +310,7 @@ class LinkStatusResult:
 
 @dataclass(frozen=True, slots=True)
 class AllowListTestResult:
-    """What the proof of the satellite's allow-list has found."""
+    """Result of the test of the satellite's allow-list."""
 
     trouble: Trouble | None
     words: str = ""
@@ -337,7 +337,7 @@ class LinkRecordResult:
 
 @dataclass(frozen=True, slots=True)
 class DhcpOffer:
-    """What one DHCP server offers."""
+    """Offer of one DHCP server."""
 
     server: str
     """Its identifier (RFC 2132, option 54), else the address that the packet came from."""
@@ -351,7 +351,7 @@ class DhcpOffer:
 
 @dataclass(frozen=True, slots=True)
 class DhcpOffers:
-    """Which DHCP servers answered on a segment; without trouble and without offers: nobody within the time."""
+    """The DHCP servers that responded on a segment; no trouble and no offers: none within the timeout."""
 
     trouble: Trouble | None
     words: str = ""
@@ -360,7 +360,7 @@ class DhcpOffers:
 
 @dataclass(frozen=True, slots=True)
 class RouterAdvertisement:
-    """What one IPv6 router says of itself (RFC 4861, 4.2)."""
+    """Advertisement of one IPv6 router (RFC 4861, 4.2)."""
 
     address: str
     mac: str
@@ -373,7 +373,7 @@ class RouterAdvertisement:
 
 @dataclass(frozen=True, slots=True)
 class RouterAdvertisements:
-    """Which IPv6 routers advertised themselves on a segment; without trouble and without routers: none."""
+    """The IPv6 routers that advertised themselves on a segment; no trouble and no routers: none."""
 
     trouble: Trouble | None
     words: str = ""
@@ -382,7 +382,7 @@ class RouterAdvertisements:
 
 @dataclass(frozen=True, slots=True)
 class DdsDiscoverResult:
-    """What DDS participants have sent to one that announced itself; nothing without trouble: nobody answered."""
+    """Data sent by DDS participants to one that announced itself; no trouble and no data: none responded."""
 
     trouble: Trouble | None
     words: str = ""
@@ -394,7 +394,7 @@ class DdsDiscoverResult:
 
 @dataclass(frozen=True, slots=True)
 class ReflectReply:
-    """A datagram that came while answers were waited for."""
+    """A datagram received while waiting for responses."""
 
     sender: str
     """The address that it came from."""
@@ -407,7 +407,7 @@ class ReflectReply:
 
 @dataclass(frozen=True, slots=True)
 class ReflectResult:
-    """What came back; nothing without trouble: nobody answered within the time."""
+    """The returned messages; no trouble and no messages: no response within the timeout."""
 
     trouble: Trouble | None
     words: str = ""
@@ -418,7 +418,7 @@ class ReflectResult:
 
 @dataclass(frozen=True, slots=True)
 class RobotsHeardResult:
-    """Which robots were heard, and what they publish."""
+    """The robots that were detected, and what they publish."""
 
     trouble: Trouble | None
     words: str = ""
@@ -427,7 +427,7 @@ class RobotsHeardResult:
 
 @dataclass(frozen=True, slots=True)
 class VpnMember:
-    """A robot in the VPN."""
+    """A VPN member that is a robot."""
 
     name: str
     vehicle: str
@@ -439,7 +439,7 @@ class VpnMember:
 
 @dataclass(frozen=True, slots=True)
 class VpnMembersResult:
-    """The robots in the VPN."""
+    """The VPN members that are robots."""
 
     trouble: Trouble | None
     words: str = ""
@@ -464,7 +464,7 @@ Answer = (
 
 @dataclass(frozen=True, slots=True)
 class ProbeResult:
-    """What follows from the answers. Without a finding nothing was seen, and that never passes."""
+    """Findings and evidence of a probe. A result without findings never passes."""
 
     findings: tuple[BearerFinding, ...]
     """The worst comes to the item's verdict; its message is the first of those."""
@@ -472,25 +472,25 @@ class ProbeResult:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst finding; of none, ERROR: a probe that says nothing is broken."""
+        """Worst verdict of the findings; ERROR if there are none: such a probe is broken."""
         return worst(finding.verdict for finding in self.findings) if self.findings else Verdict.ERROR
 
 
 class Probe(Protocol):
-    """The first line of its docstring is what the technician reads."""
+    """A probe of the checklist; the first line of its class docstring says what must hold."""
 
     def asks(self) -> tuple[Question, ...]:
-        """Every question, with names that are unlike each other."""
+        """Return all requests; their names must be unique within the probe."""
         ...
 
     def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
-        """Judge the answers, one for each question by its name."""
+        """Judge the responses, one for each request by its name."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Consent:
-    """What a person has to agree to before an active step, shown word by word."""
+    """Consent that a person must give before an active step; shown verbatim."""
 
     question: str
     """`Sparus is in the water, and its modem may transmit`."""
@@ -502,7 +502,7 @@ class Consent:
 
 @dataclass(frozen=True, slots=True)
 class EvidenceRequest:
-    """What a person has to give besides the answer that it holds."""
+    """Evidence that a person must give in addition to the verdict."""
 
     kind: model.EvidenceKind = model.EvidenceKind.NONE
     unit: str = ""
@@ -511,7 +511,7 @@ class EvidenceRequest:
 
     @property
     def words(self) -> str:
-        """`a number in V, 14.8 to 16.8`; empty where nothing has to be given."""
+        """Description, such as `a number in V, 14.8 to 16.8`; empty if no evidence is needed."""
         if self.kind is not model.EvidenceKind.NUMBER:
             return _EVIDENCE[self.kind]
         if self.low is None:
@@ -521,7 +521,7 @@ class EvidenceRequest:
         return f"a number in {self.unit}, {self.low:g} to {self.high:g}"
 
     def outside(self, value: float) -> bool:
-        """Whether a number does not pass."""
+        """Return whether a number is outside the limits."""
         return (self.low is not None and value < self.low) or (self.high is not None and value > self.high)
 
 
@@ -534,7 +534,7 @@ _EVIDENCE = {
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One item to be: what a program looks at, or a person."""
+    """Definition of one checklist item: a probe or a check by a person."""
 
     name: str
     """Third part of the item's id; empty for the column's own, main item."""
@@ -559,7 +559,7 @@ class Step:
     """For a person: what has to be given besides the answer."""
 
     def __post_init__(self) -> None:
-        """Hold the three kinds apart."""
+        """Check that the fields fit the kind: automatic, active or by a person."""
         if not self.unless and (self.kind is report.ItemKind.PERSON) != (self.probe is None):
             raise ValueError(f"step `{self.title}`: a person's step has no probe, every other one has")
         if (self.kind is report.ItemKind.ACTIVE) != (self.consent is not None):
@@ -578,7 +578,7 @@ INTEGRATION = "integration"
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What the steps of a column are made from."""
+    """Input from which the steps of a column are built: a cell of the table."""
 
     declaration: Declaration
     site: str
@@ -593,12 +593,12 @@ class Cell:
 
     @property
     def row(self) -> str:
-        """The first part of an item's id."""
+        """First part of an item's id: the vehicle, or the site."""
         return self.vehicle or self.site
 
     @property
     def name(self) -> str:
-        """The row in words."""
+        """Title of the row for people."""
         return self.site_config.title if self.vehicle is None else self.declaration.vehicles[self.vehicle].name
 
     @property
@@ -608,14 +608,14 @@ class Cell:
 
     @property
     def endpoints(self) -> model.Endpoints:
-        """How the row's endpoints are seen."""
+        """Endpoints of the row in the inventory."""
         if self.vehicle is not None:
             return self.declaration.vehicles[self.vehicle].endpoints
         return self.site_config.location.endpoints
 
     @property
     def gateway(self) -> Host | None:
-        """The computer that probes of the site look from: its gateway, else its control centre."""
+        """Computer from which the site's probes run: its gateway, otherwise its control centre."""
         return self.declaration.computer_of(self.site)
 
     @property
@@ -625,7 +625,7 @@ class Cell:
 
     @property
     def wifi(self) -> model.WifiEndpoint | None:
-        """The row's own Wi-Fi; a station of which nothing else is declared is seen by the router's access point."""
+        """Wi-Fi endpoint of the row; a station without further settings is seen by the router's access point."""
         wifi, router = self.endpoints.wifi, self.router
         if wifi is None or router is None or self.vehicle is None or wifi.seen_by is not None:
             return wifi
@@ -635,13 +635,13 @@ class Cell:
         return wifi.model_copy(update={"seen_by": router.name}) if opens else wifi
 
     def place(self, seen_from: model.SeenFrom) -> Place:
-        """Where a probe of this cell stands: a site without a gateway is looked at from the laptop."""
+        """Return where a probe of this cell runs: for a site without a gateway, the laptop."""
         if seen_from is model.SeenFrom.GATEWAY and self.gateway is not None:
             return Place.GATEWAY
         return Place.LAPTOP
 
     def address(self, inventory_address: object) -> str | None:
-        """The declared address, else that of the row's DHCP reservation at this site; None: nobody says."""
+        """Return the address in the inventory, else of the row's DHCP reservation at this site; None if unknown."""
         if inventory_address is not None:
             return str(inventory_address)
         reservations = (item for item in self.site_config.lan.reservations if item.name == self.vehicle)
@@ -649,17 +649,17 @@ class Cell:
 
 
 def measured_evidence(what: str, value: object, unit: str = "") -> report.Evidence:
-    """Give what this tool has measured."""
+    """Return evidence measured by this tool."""
     return report.Evidence(type=report.EvidenceType.MEASURED, what=what, value=number(value, unit))
 
 
 def read(what: str, value: object, unit: str = "") -> report.Evidence:
-    """Give what a device has said."""
+    """Return evidence read from a device."""
     return report.Evidence(type=report.EvidenceType.READ, what=what, value=number(value, unit))
 
 
 def declared_evidence(what: str, value: object) -> report.Evidence:
-    """Give what the inventory says."""
+    """Return evidence from the inventory."""
     return report.Evidence(type=report.EvidenceType.DECLARED, what=what, value=str(value))
 
 
@@ -676,14 +676,14 @@ _PACKAGES = {"ping": "iputils-ping", "ip": "iproute2"}
 
 
 def no_answer_finding(who: str, answer: Answer | None) -> BearerFinding:
-    """Say that `who` could not be asked; it never fails anything, for nothing is known."""
+    """Return the finding for a request that could not be sent to `who`; it never fails, as nothing is known."""
     words = getattr(answer, "words", "") or "it does not answer"
     hint = f"make {who} reachable first, then ask again"
     return BearerFinding(Verdict.INCONCLUSIVE, "not-asked", f"{who} could not be asked: {words}", hint)
 
 
 def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[BearerFinding]:
-    """Say why a program has printed nothing that counts; nothing, if it was carried out."""
+    """Yield why a program has no usable output; nothing if it ran."""
     where = PLACES[place]
     if not isinstance(ran, CommandResult):
         yield no_answer_finding(where, ran)
@@ -699,7 +699,7 @@ def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[BearerFi
 
 
 def rows_of(answer: Answer | None) -> tuple[dict[str, str], ...] | None:
-    """Give the rows of a menu; None: it was not asked, or the device does not have it."""
+    """Return the rows of a menu; None if it was not read, or the device does not have it."""
     if not isinstance(answer, Rows) or answer.trouble is not None or answer.rows is None:
         return None
     return tuple(dict(row) for row in answer.rows)

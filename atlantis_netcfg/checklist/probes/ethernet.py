@@ -1,7 +1,7 @@
 """Ethernet: a vehicle or its operator's computer on the site's cable, and a location's cables; our own column.
 
 The ROV joins through its HMI computer, by cable (report 2.2.2). Hosts measure loss and round trip between them, the
-network card that answers is compared with the declared one, and the router's port tells link, rate and errors.
+network card that responds is compared with the inventory, and the router's port reports link, rate and errors.
 
 Menus: `/interface/ethernet/monitor` (`status: link-ok`, `rate: 1Gbps`, `full-duplex: yes`) and the counters of
 `/interface/print` (`rx-error`, `tx-error`, since the router was started). Manual, Ethernet and Interface.
@@ -44,7 +44,7 @@ _MORE = (("tx-error", "frames not sent"), ("link-downs", "times that the link wa
 
 
 def port_requests(router: str, port: str) -> tuple[base.RouterOsQuery, ...]:
-    """Give the questions about a port."""
+    """Return the requests about a port."""
     return (
         base.RouterOsQuery(
             "monitor", router, Query("/interface/ethernet", "monitor", (("numbers", port), ("once", "")))
@@ -123,10 +123,10 @@ FAIL_LOSS_PERCENT = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CabledProbe:
-    """The vehicle answers on the cable, from the network card that is declared, and its port counts no errors.
+    """Check that the vehicle responds on the cable, with the expected network card and no port errors.
 
-    Asked on the gateway (or the laptop): `ip -j route get ADDRESS`, `ping -n -c 20 -i 0.2 -W 2 ADDRESS`, and after it
-    `ip -j neigh show to ADDRESS`. Asked of the router, where a port is declared: `/interface/ethernet/monitor
+    Run on the gateway (or the laptop): `ip -j route get ADDRESS`, `ping -n -c 20 -i 0.2 -W 2 ADDRESS`, and after it `ip
+    -j neigh show to ADDRESS`. Read from the router, if the inventory has a port: `/interface/ethernet/monitor
     numbers=PORT once=`, `/interface/print`.
     """
 
@@ -140,7 +140,7 @@ class CabledProbe:
     """Whose port is looked at; None: no port is declared."""
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Give the ping with the way and the card behind it, and the router's port."""
+        """Return the ping with its route and neighbour entry, and the requests about the router's port."""
         port = self.endpoint.router_port
         ports = () if self.router is None or port is None else port_requests(self.router, port)
         if self.address is None:
@@ -182,7 +182,7 @@ class CabledProbe:
         )
 
     def _cards(self, card: str | None, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
-        """Say whose card has answered; on the segment somebody has, and behind a router nobody can see it."""
+        """Yield findings about the network card that responded; behind a router it cannot be seen."""
         if self.place is base.Place.GATEWAY and way is not None and way.by is not None:
             message = f"packets to {self.name} ({self.address}) leave by way of {way.by}: it is not on the site's cable"
             hint = "plug it into a port of the site's LAN, with an address of the LAN; or correct `endpoints.ethernet`"
@@ -202,7 +202,7 @@ class CabledProbe:
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """Give the cables that lead away from a location, and the row's own cable where it is declared."""
+    """Return the steps for the location's outgoing cables, and for the row's cable if it is in the inventory."""
     links = link_steps(
         cell,
         ETHERNET,

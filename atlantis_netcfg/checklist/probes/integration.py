@@ -1,6 +1,6 @@
 """The integration record of a robot: the tests of the report's 4.1.2 to 4.5.2, once for each robot.
 
-What a program can hear is probed; the rest a person has done, and confirms. Nothing is sent to a robot.
+Programs check what can be received; a person does and confirms the rest. Nothing is sent to a robot.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _TOPICS: Mapping[TopicKind, tuple[str, str]] = {
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """Everything of one robot, in the report's order."""
+    """Return all steps of one robot, in the report's order."""
     if cell.robots is None or cell.vehicle is None:
         return ()
     is_good = cell.vehicle in cell.robots.sources

@@ -1,8 +1,7 @@
-"""Items that the pilot declares: what a person answers, and programs of the closed list whose output is compared.
+"""Checklist items from the inventory: items for a person, and allow-listed programs whose output is compared.
 
-Texts are the pilot's own: they are asked as they are declared, in every language. Of a program's output only the line
-that was looked for, or the one that is most like it, stands in the report; of a file nothing does, for it may hold a
-password.
+Texts are the pilot's own and are shown as in the inventory, in every language. The report contains only the expected
+line of a program's output, or the most similar one. It contains nothing of a file, which may hold a password.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ _LONGEST = 200
 
 
 def items_of(cell: base.Cell) -> Iterator[model.CheckItem]:
-    """What is declared for a row: a vehicle's own first, then what the site asks, then what the mission asks."""
+    """Yield the inventory items of a row: the vehicle's own first, then the site's, then the mission's."""
     settings = cell.site_config.checklist
     if cell.vehicle is not None:
         yield from cell.declaration.vehicles[cell.vehicle].checklist.items
@@ -38,7 +37,7 @@ def items_of(cell: base.Cell) -> Iterator[model.CheckItem]:
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """Make a step of each."""
+    """Return a step for each item."""
     return tuple(_step(cell.declaration, item) for item in items_of(cell))
 
 
@@ -58,25 +57,25 @@ def _step(declaration: Declaration, item: model.CheckItem) -> base.Step:
 
 
 def people(declaration: Declaration, words: Iterable[str]) -> tuple[str, ...]:
-    """Names of people, where names or roles of the pilot are declared."""
+    """Resolve names and roles to the names of people in the inventory."""
     roles = {role.name: role.people for role in declaration.pilot.roles}
     return tuple(dict.fromkeys(name for word in words for name in roles.get(word, (word,))))
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedLine:
-    """A program prints a line that is declared."""
+    """Check that a program prints an expected line."""
 
     place: base.Place
     command: str
     expect: str
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Run it."""
+        """Run the program."""
         return (base.RunProgram("output", self.place, tuple(self.command.split())),)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Look for the line; a program that has failed is never green, whatever it printed."""
+        """Look for the line; a program that failed never passes, whatever it printed."""
         ran = results["output"]
         program, where = self.command.partition(" ")[0], base.PLACES[self.place]
         not_there = tuple(base.not_run(self.place, program, ran))

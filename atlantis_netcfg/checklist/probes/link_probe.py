@@ -1,13 +1,13 @@
-"""A link of the site in the checklist: what `provision links` found of it, and what it is good for.
+"""Probes of a site's link: its status as in `provision links`, and what it is usable for.
 
-The same result serves the Wi-Fi bridge, the 4G unit, the satellite's port and a plain cable; each column says in its
-own words what a link without a complaint does.
+The same result serves the Wi-Fi bridge, the 4G unit, the satellite's port and a plain cable; each column has its own
+message for a link without problems.
 
-4G: the site's unit is registered, has an address, and the world answers over it.
+4G: the site's unit is registered, has an address, and Internet targets respond over it.
 
-What is asked of the unit, and what is wrong in words, is `bearers.lte` and `operations.links`: registration, address
-and canaries decide, radio levels only warn, roaming has its own words. No PIN is ever sent by a check: three wrong ones
-lock a SIM. No vehicle of the report has 4G; one that a partner adds is confirmed by a person.
+The requests to the unit and the messages are in `links.lte` and `operations.links`: registration, address and probe
+targets decide, radio levels only warn, roaming has its own message. A check never sends a PIN: three wrong ones lock a
+SIM. No vehicle of the report has 4G; one that a partner adds is confirmed by a person.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ _HINT = "look at the box of this link, then ask again"
 
 
 def bearers(cell: base.Cell, column: str) -> tuple[Bearer, ...]:
-    """Give the links of a column that the row has: a location has those of its site, a vehicle none."""
+    """Return the links of a column for a row: a location has those of its site, a vehicle none."""
     if cell.vehicle is not None:
         return ()
     return tuple(bearer for bearer in cell.site_config.bearers if bearer.kind.traits.column == column)
 
 
 def boxes(cell: base.Cell, bearer: Bearer) -> tuple[str, ...]:
-    """Give the hosts that a link's item speaks of: the box at this end and, of a bridge, the one at the other."""
+    """Return the devices of a link: the local one and, for a bridge, the remote one."""
     box = cell.declaration.hosts.get(bearer.device or "")
     peer = getattr(getattr(box.device, "ptp", None), "peer", None) if box is not None else None
     return tuple(name for name in (bearer.device, peer) if name is not None)
 
 
 def well(values: Mapping[str, Any]) -> BearerFinding | None:
-    """Say that a link carries traffic, if it was seen to: that its own box calls itself connected is not enough."""
+    """Return a finding for a link that carries traffic; its device reporting "connected" is not enough."""
     if values.get("state") != LinkState.UP:
         return None
     quality = values.get("quality") or {}
@@ -65,18 +65,18 @@ def well(values: Mapping[str, Any]) -> BearerFinding | None:
 
 @dataclass(frozen=True, slots=True)
 class BearerProbe:
-    """The link carries traffic, and its own boxes have nothing to complain of."""
+    """Check that the link carries traffic, and that its devices report no problem."""
 
     bearer: str
     good: Callable[[Mapping[str, Any]], BearerFinding | None] = well
     """What is said of a link that nothing is wrong with; None: nothing has been seen of it."""
 
     def asks(self) -> tuple[base.LinkStatusRequest, ...]:
-        """One look at the site's links serves all who ask."""
+        """Request the status of the site's links, read once for all items."""
         return (base.LinkStatusRequest("look", self.bearer),)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Take over what was found of the link."""
+        """Take over the findings of the link."""
         answer = results.get("look")
         if not isinstance(answer, base.LinkStatusResult) or answer.trouble is not None or answer.bearer is None:
             return base.ProbeResult((base.no_answer_finding(f"the boxes of {self.bearer}", answer),))
@@ -94,7 +94,7 @@ def link_steps(
     title: Callable[[Bearer], str],
     good: Callable[[Mapping[str, Any]], BearerFinding | None] = well,
 ) -> tuple[base.Step, ...]:
-    """Give one item a link of a column; the first is the column's own, the others bear the names of their links."""
+    """Return one item per link of a column; the first is the column's main item, the others are named by link."""
     return tuple(
         base.Step(
             name=bearer.name if number else "",
@@ -133,13 +133,13 @@ def _evidence(values: Mapping[str, Any]) -> tuple[report.Evidence, ...]:
 
 
 def _split_name(key: str) -> tuple[str, str]:
-    """Take a reading's name apart: `tx_rate_mbps` is a `tx rate` in Mbit/s."""
+    """Split a reading's name: `tx_rate_mbps` becomes `tx rate` in Mbit/s."""
     end = next((end for end in _UNITS if key.endswith(end)), "")
     return key.removesuffix(end).replace("_", " "), _UNITS.get(end, "")
 
 
 def reserved_mac(cell: base.Cell, mac: object) -> str | None:
-    """Give the declared MAC address, else that of the row's DHCP reservation, in upper case; None: nobody says."""
+    """Return the MAC address in the inventory, else of the row's DHCP reservation, in upper case; None if unknown."""
     if mac is not None:
         return str(mac).upper()
     reservations = (item for item in cell.site_config.lan.reservations if item.name == cell.vehicle)
@@ -147,7 +147,7 @@ def reserved_mac(cell: base.Cell, mac: object) -> str | None:
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """Give the units of a location, else something for a person."""
+    """Return a step per 4G unit of a location, otherwise a step for a person."""
     links = link_steps(
         cell,
         Column.LTE,
@@ -158,7 +158,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
 
 
 def _check_registration(values: Mapping[str, Any]) -> BearerFinding | None:
-    """Say in which network a unit is that carries traffic."""
+    """Return the finding for a unit that carries traffic, with its network."""
     up = well(values)
     quality = values.get("quality") or {}
     if up is None or up.verdict is not Verdict.PASS or not quality.get("registration"):

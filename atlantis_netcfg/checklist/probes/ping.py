@@ -1,9 +1,8 @@
-"""The path to a neighbour (`ip -j`) and its echo replies (`ping`), read and judged.
+"""The route to a neighbour (`ip -j`) and its echo replies (`ping`), parsed and judged.
 
-`ip -j route get ADDRESS`, `ip -j addr show dev INTERFACE` and `ip -j neigh show to ADDRESS` (iproute2) give the
-interface and the network card that answers. `ping` is iputils' (Debian, Ubuntu), run as
-`ping -n -c 20 -i 0.2 -W 2 ADDRESS`: 20 packets in 4 s, so that one lost packet is 5 %. Shorter intervals than 0.2 s are
-for root only (ping(8)).
+`ip -j route get ADDRESS`, `ip -j addr show dev INTERFACE` and `ip -j neigh show to ADDRESS` (iproute2) return the
+interface and the network card that responds. `ping` is iputils' (Debian, Ubuntu), run as `ping -n -c 20 -i 0.2 -W 2
+ADDRESS`: 20 packets in 4 s, so that one lost packet is 5 %. Intervals shorter than 0.2 s need root (ping(8)).
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _LOOPBACK = "lo"
 
 @dataclass(frozen=True, slots=True)
 class NeighbourRoute:
-    """How packets to an address leave."""
+    """Route of packets to an address: interface and gateway."""
 
     interface: str
     by: str | None = None
@@ -35,7 +34,7 @@ class NeighbourRoute:
 
 @dataclass(frozen=True, slots=True)
 class NetworkCard:
-    """An interface."""
+    """State of a network interface."""
 
     up: bool
     """Switched on."""
@@ -46,22 +45,22 @@ class NetworkCard:
 
 
 def route_request(place: base.Place, address: str) -> base.RunProgram:
-    """Give the question; its answer's name is `route`."""
+    """Return the request named `route`: the route to an address."""
     return base.RunProgram("route", place, ("ip", "-j", "route", "get", address))
 
 
 def card_request(place: base.Place, interface: str) -> base.RunProgram:
-    """Give the question; its answer's name is `addr`."""
+    """Return the request named `addr`: the state of an interface."""
     return base.RunProgram("addr", place, ("ip", "-j", "addr", "show", "dev", interface))
 
 
 def neighbour_request(place: base.Place, address: str) -> base.RunProgram:
-    """Give the question; its answer's name is `neigh`, and it is asked after a ping that stands before it."""
+    """Return the request named `neigh`, which runs after an earlier ping of the address."""
     return base.RunProgram("neigh", place, ("ip", "-j", "neigh", "show", "to", address), turn=address)
 
 
 def read_route(answer: base.Answer | None, address: str) -> NeighbourRoute | None:
-    """Read a route; None: there is none, or it is not understood."""
+    """Parse a route; None if there is none, or it cannot be parsed."""
     for row in _rows(answer):
         if isinstance(row.get("dev"), str) and row.get("dst") == address:
             by = row.get("gateway")
@@ -70,7 +69,7 @@ def read_route(answer: base.Answer | None, address: str) -> NeighbourRoute | Non
 
 
 def read_card(answer: base.Answer | None) -> NetworkCard | None:
-    """Read an interface; None: there is none, or it is not understood."""
+    """Parse an interface; None if there is none, or it cannot be parsed."""
     for row in _rows(answer):
         flags = row.get("flags")
         if isinstance(flags, list):
@@ -80,7 +79,7 @@ def read_card(answer: base.Answer | None) -> NetworkCard | None:
 
 
 def read_neighbour(answer: base.Answer | None, address: str) -> str | None:
-    """Read which card has answered for an address, in upper case; None: none of late, which proves nothing."""
+    """Return the MAC address that responded for an address, in upper case; None, if none did lately, proves nothing."""
     for row in _rows(answer):
         is_match = isinstance(row.get("lladdr"), str) and row.get("dst") == address
         if is_match and "FAILED" not in (row.get("state") or ()):
@@ -89,7 +88,7 @@ def read_neighbour(answer: base.Answer | None, address: str) -> str | None:
 
 
 def own_address(place: base.Place, name: str, address: str, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
-    """Say that an address is that of the computer that asks, whose own answers tell nothing of anybody else."""
+    """Yield a finding if the address belongs to the probing computer, whose own replies prove nothing."""
     if way is not None and way.interface == _LOOPBACK:
         message = f"{base.PLACES[place]} itself has the address of {name}, {address}: its pings never leave it"
         hint = "take the address away there, or correct the one that is declared: `ip -br addr` shows them"
@@ -123,7 +122,7 @@ MANY_TWICE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Echoes:
-    """How an address answered."""
+    """Echo replies of an address."""
 
     sent_count: int
     received_count: int
@@ -140,13 +139,13 @@ class Echoes:
 
     @property
     def loss_percent(self) -> float:
-        """Of what was sent."""
+        """Share of sent packets without a reply."""
         return 100 * (self.sent_count - self.received_count) / self.sent_count
 
 
 @dataclass(frozen=True, slots=True)
 class NeighbourPing:
-    """The neighbour, and what it is held to."""
+    """The neighbour to ping, and its limits."""
 
     name: str
     address: str
@@ -158,14 +157,14 @@ class NeighbourPing:
 
 
 def ping_request(place: base.Place, address: str) -> base.RunProgram:
-    """Give the question; its answer's name is `ping`."""
+    """Return the request named `ping`: echo requests to an address."""
     return base.RunProgram(
         "ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address), turn=address
     )
 
 
 def read_ping(out: str, address: str) -> Echoes | None:
-    """Read what `ping` printed; None: it has sent nothing, was asked of another address, or speaks otherwise."""
+    """Parse the output of `ping`; None if it sent nothing, had another target, or has an unknown format."""
     sums, times, refusal = _SUMS.search(out), _TIMES.search(out), _REFUSAL.search(out)
     head = _HEAD.match(out)
     if sums is None or not int(sums[1]) or head is None or head[1] != address:
@@ -186,7 +185,7 @@ def read_ping(out: str, address: str) -> Echoes | None:
 
 
 def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeResult:
-    """Judge loss and time; what was not carried out proves nothing."""
+    """Judge loss and round trip; a ping that did not run proves nothing."""
     if troubles := tuple(base.not_run(target.place, "ping", answer)):
         return base.ProbeResult(troubles)
     assert isinstance(answer, base.CommandResult)  # noqa: S101 - `not_run` speaks of anything else
@@ -217,7 +216,7 @@ def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeR
 
 
 def odd_answers(who: str, echoes: Echoes) -> Iterator[BearerFinding]:
-    """Say what is strange about answers, however many they are."""
+    """Yield findings about suspicious replies, however many there are."""
     if echoes.others:
         message = f"{echoes.others[0]} answers in place of {who}"
         hint = "somebody on the way answers for others: look for a proxy, a captive portal, or a rule that redirects"

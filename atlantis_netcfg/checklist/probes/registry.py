@@ -1,9 +1,9 @@
-"""Which module speaks for which column, and the step of a cell that no program can see.
+"""Assigns a module to each column, with a step for a person if no program can check a cell.
 
-What a probe may run or send: closed lists, checked once more before a request leaves.
+Also the allow-lists of what a probe may run or send, checked once more before a request leaves.
 
-Programs on a gateway or a laptop only read (`core/reading_programs.py`). Messages into a stream come from the list of
-each device's language.
+Programs on a gateway or a laptop are read-only (`core/reading_programs.py`). Messages into a stream come from the list
+of each device's protocol.
 """
 
 from __future__ import annotations
@@ -67,12 +67,12 @@ _STEPS: Mapping[str, Callable[[base.Cell], tuple[base.Step, ...]]] = {
 
 
 def steps_of(cell: base.Cell) -> tuple[base.Step, ...]:
-    """What a program or a person looks at in a cell; empty where the column has nothing that sees it."""
+    """Return the steps of a cell; empty if its column has nothing to check."""
     return _STEPS[cell.endpoint](cell)
 
 
 def by_a_person(cell: base.Cell) -> base.Step:
-    """What is left where no program sees a cell: nothing of the table silently drops out."""
+    """Return the step for a cell that no program can check, so that no cell of the table is omitted."""
     title = TITLES[cell.endpoint]
     return base.Step(
         name="",
@@ -99,9 +99,9 @@ _PLAIN = tuple(re.compile(saying) for saying in PLAIN)
 
 
 def find_refusal(listen: base.Listen, *, active: bool) -> str | None:
-    """Say what of a script must not be sent, and why; None: all of it may.
+    """Return what a script must not send, and why; None if all of it is allowed.
 
-    `active`: the script belongs to an active step, and a person has consented. Nothing is said to a UDP port.
+    `active`: the script belongs to an active step, and a person has consented. Nothing is sent to a UDP port.
     """
     if listen.say and listen.transport == "udp":
         return "nothing is ever sent to a stream that arrives by UDP"

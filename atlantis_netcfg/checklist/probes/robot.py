@@ -1,6 +1,6 @@
-"""What a robot publishes, beside its file: heard here and at the control centre, and its own place in the VPN.
+"""Checks a robot's published data against its file, here and at the control centre, and its VPN membership.
 
-All items of a list share one listening. Each finding (`robots/observation.py`) belongs to exactly one item.
+All items of a list share one listening period. Each finding (`robots/observation.py`) belongs to exactly one item.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class RobotItem(StrEnum):
-    """The items to which findings belong, by the last part of their ids."""
+    """Items to which findings belong, by the last part of their ids."""
 
     DISCOVERED = "discovered"
     TELEMETRY = "telemetry"
@@ -59,13 +59,13 @@ _TITLES: Mapping[RobotItem, str] = {
 
 
 def item_of(code: str, kind: TopicKind) -> RobotItem:
-    """The item to which a finding about a topic belongs."""
+    """Return the item to which a finding about a topic belongs."""
     item = ITEM_OF[code]
     return RobotItem.POSE if item is RobotItem.TELEMETRY and kind.moves else item
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """One step for each thing that a control centre needs of a robot; of the location, that no stranger is heard."""
+    """Return a robot's steps, one per need of a control centre; for the location, that no unknown robot is detected."""
     if cell.robots is None:
         return ()
     if cell.vehicle is None:
@@ -92,18 +92,18 @@ def _automatic(name: str, title: str, probe: base.Probe, unless: str = "") -> ba
 
 
 def unreadable(cell: base.Cell) -> base.Step:
-    """The only step of a robot whose file has errors: what it should publish is not known."""
+    """Return the only step of a robot whose file has errors, so that its expected data are unknown."""
     return _automatic("discovered", "It is discovered, and is as its file says", _BrokenFile(cell.row))
 
 
 def vpn_step(name: str, cell: base.Cell) -> base.Step:
-    """Its own member of the VPN, if it has one."""
+    """Return the step for the robot's own VPN membership, if it has one."""
     behind = cell.site if cell.address(None) is not None else ""
     return _automatic(name, "Its member of the VPN is connected", _VpnOfRobot(cell.row, cell.name, behind))
 
 
 def discovery_step(name: str, cell: base.Cell, host: str = "") -> base.Step:
-    """It introduces itself as its file says; `host` is who listens, this computer if empty."""
+    """Return the step that the robot announces itself as in its file; `host` listens, or this computer if empty."""
     assert cell.robots is not None  # noqa: S101 - the caller has looked
     title = "It is discovered at the control centre" if host else "It is discovered, and is as its file says"
     return _automatic(name, title, _DiscoveryProbe(cell.robots, cell.row, cell.name, cell.site, host))
@@ -135,7 +135,7 @@ def _topics_step(cell: base.Cell, item: RobotItem, kinds: frozenset[TopicKind]) 
 
 
 def pose_of_the_library(name: str, phase: Phase) -> base.Step:
-    """A pose that goes by the library, on a topic that nobody knows here."""
+    """Return the step for a pose in the library's format, whose topic is unknown here."""
     return base.Step(
         name=name,
         title="Its pose is shown, and moves",
@@ -147,7 +147,7 @@ def pose_of_the_library(name: str, phase: Phase) -> base.Step:
 
 
 def topics_step(name: str, title: str, cell: base.Cell, kind: TopicKind) -> base.Step:
-    """All that there is to one kind of topics: heard, of their type, of now, at their rate."""
+    """Return the step for one kind of topics: received, of the right type, current, at the right rate."""
     assert cell.robots is not None  # noqa: S101 - the caller has looked
     probe = _TopicsProbe(cell.robots, cell.row, cell.name, cell.site, frozenset({kind}), frozenset(RobotItem))
     return _automatic(name, title, probe)
@@ -160,7 +160,7 @@ def _observation(answer: base.Answer | None, host: str) -> RobotObservation | Be
 
 
 def _complete_hint(finding: BearerFinding, site: str) -> BearerFinding:
-    """A hint that can be typed beside a checklist, which listens no longer than it does."""
+    """Complete a hint with a command that can be typed while a checklist is open."""
     again = f"`provision robot discover site={site} for=60s` listens longer"
     return replace(finding, hint=again if finding.hint == _LONGER else complete(finding.hint or "", site=site))
 
@@ -175,7 +175,7 @@ def _evidence(writers: Collection[HeardWriter]) -> Iterator[Evidence]:
 
 @dataclass(frozen=True, slots=True)
 class _BrokenFile:
-    """What a robot should publish is known."""
+    """Check that the robot's file is valid."""
 
     vehicle: str
 
@@ -190,7 +190,7 @@ class _BrokenFile:
 
 @dataclass(frozen=True, slots=True)
 class _VpnOfRobot:
-    """The robot's own member of the VPN is connected."""
+    """Check that the robot's own VPN member is connected."""
 
     vehicle: str
     name: str
@@ -228,7 +228,7 @@ class _VpnOfRobot:
 
 @dataclass(frozen=True, slots=True)
 class _OfRobot:
-    """What a judgement of one robot needs."""
+    """Base of the probes of one robot."""
 
     robots: RobotFiles
     vehicle: str
@@ -238,7 +238,7 @@ class _OfRobot:
 
 @dataclass(frozen=True, slots=True)
 class _DiscoveryProbe(_OfRobot):
-    """The robot introduces itself once a second, alone under its name, as its file says."""
+    """Check that the robot announces itself once a second, under a unique name, as in its file."""
 
     host: str = ""
 
@@ -271,14 +271,14 @@ class _DiscoveryProbe(_OfRobot):
 
 @dataclass(frozen=True, slots=True)
 class _TopicsProbe(_OfRobot):
-    """Topics of the robot's file are heard from it, as they should be."""
+    """Check that topics in the robot's file are received from it as expected."""
 
     kinds: frozenset[TopicKind]
     items: frozenset[RobotItem]
     """Whose findings count."""
 
     def topics(self) -> tuple[PublishedTopic, ...]:
-        """Those of the file that are meant."""
+        """Return the selected topics of the robot's file."""
         return tuple(topic for topic in self.robots.robot(self.vehicle).topics() if topic.kind in self.kinds)
 
     def asks(self) -> tuple[base.Question, ...]:
@@ -314,7 +314,7 @@ class _TopicsProbe(_OfRobot):
 
 @dataclass(frozen=True, slots=True)
 class _Strangers:
-    """Every robot that introduces itself is one of the inventory."""
+    """Check that every robot that announces itself is in the inventory."""
 
     robots: RobotFiles
     site: str

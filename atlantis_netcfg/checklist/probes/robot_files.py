@@ -1,4 +1,4 @@
-"""The files of the robots that are tested at a site, read once for a list, and what was heard beside them."""
+"""Files of the robots tested at a site, read once per list, and the comparison with received data."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, eq=False, repr=False)
 class RobotFiles:
-    """Robots by their vehicles; a file with errors hinders no list, for `provision validate` refuses it.
+    """Robots by vehicle; a file with errors blocks no list, because `provision validate` rejects it.
 
-    It holds the robots' tokens, and has no text form.
+    It holds the robots' tokens, so it has no text form.
     """
 
     names: KeyNames
@@ -55,13 +55,13 @@ class RobotFiles:
         return cls(names, open_sources, tested_vehicles, reading.past_guests(declaration))
 
     def robot(self, vehicle: str) -> RobotFile:
-        """What a good file says."""
+        """Return the content of a valid robot file."""
         robot = self.sources[vehicle].robot
         assert robot is not None  # noqa: S101 - it is good
         return robot
 
     def reports(self, observation: RobotObservation) -> list[RobotReport]:
-        """Compare what was heard with all files; the items of a list share one observation."""
+        """Compare an observation with all files; cached, because the items of a list share one observation."""
         if self._cached_reports is None or self._cached_reports[0] is not observation:
             expected_keys = [key for key in self.tested_vehicles if key in self.sources]
             self._cached_reports = (
@@ -71,5 +71,5 @@ class RobotFiles:
         return self._cached_reports[1]
 
     def report(self, vehicle: str, observation: RobotObservation) -> RobotReport:
-        """What was heard of one robot, whose file is good."""
+        """Return the report of one robot with a valid file."""
         return next(report for report in self.reports(observation) if report.vehicle == vehicle)

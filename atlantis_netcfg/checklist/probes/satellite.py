@@ -1,9 +1,9 @@
-"""Satellite: what the router shows without sending, what may be sent with consent, and what only a person sees.
+"""Satellite: read from the router without sending; send only with consent; the rest is checked by a person.
 
-A Thales VesseLINK has no documented interface, so the check speaks to none. It reads the router: the port's link,
-whether the terminal has answered ARP, what the filter has dropped, what is declared of the terminal; nothing goes over
-airtime. `provision prove` proves the allow-list, costs money and asks first; its result stands here in the words of the
-checklist. A person reads the terminal's own pages.
+A Thales VesseLINK has no documented interface, so the check does not contact it. It reads the router: the port's link,
+whether the terminal has answered ARP, what the filter has dropped, what the inventory has on the terminal; nothing is
+sent over airtime. `provision prove` tests the allow-list, costs money and asks for consent first; its result is
+included as checklist findings. A person reads the terminal's own pages.
 """
 
 from __future__ import annotations
@@ -44,20 +44,20 @@ _TARGET_CODES = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class AllowListProbe:
-    """The satellite lets through what is declared, and refuses targets of ours that are not.
+    """Check that the satellite allows the traffic in the inventory, and blocks other targets of ours.
 
-    Targets are those of the declaration and no others; silence counts after 90 s; at most 20 kB go over the air.
+    All targets are from the inventory; silence counts after 90 s; at most 20 kB are sent over the air.
     """
 
     bearer: str
     site: str
 
     def asks(self) -> tuple[base.AllowListTestRequest, ...]:
-        """One proof."""
+        """Request one test of the allow-list."""
         return (base.AllowListTestRequest("prove", self.bearer),)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Take over what was found; what could not be tried only warns where something else was proved."""
+        """Take over the findings; targets that could not be tried only warn if others were tested."""
         answer = results.get("prove")
         if not isinstance(answer, base.AllowListTestResult) or answer.trouble is not None:
             return base.ProbeResult((base.no_answer_finding("the satellite's router", answer),))
@@ -93,7 +93,7 @@ class AllowListProbe:
 
     @property
     def _hints(self) -> Mapping[str, str]:
-        """Where a proof gives none of its own."""
+        """Hints for results that have none."""
         try_all = f"`provision prove site={self.site} --try-all`"
         return {_NOT_TRIED: f"try it while the satellite carries the traffic, or {try_all}"}
 
@@ -104,14 +104,14 @@ class AllowListProbe:
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """Give the four items of each satellite link of a location, else something for a person."""
+    """Return four items per satellite link of a location, otherwise a step for a person."""
     links = bearers(cell, model.Column.SATELLITE)
     satellite_steps = (step for number, bearer in enumerate(links) for step in _of_link(cell, bearer, number))
     return tuple(satellite_steps) or (_by_a_person(cell),)
 
 
 def _of_link(cell: base.Cell, bearer: model.Bearer, number: int) -> Iterator[base.Step]:
-    """Name the items of a second link after it."""
+    """Yield the items of a link; those of a second link have its name as prefix."""
     before = f"{bearer.name}-" if number else ""
     concerns = tuple(item for item in (bearer.device,) if item is not None)
     yield base.Step(
@@ -173,7 +173,7 @@ def _target(target: model.AllowedTarget) -> str:
 
 
 def _there(values: Mapping[str, Any]) -> BearerFinding | None:
-    """Say what of the terminal can be seen from the router; that its ARP entry has aged proves nothing."""
+    """Return what the router shows of the terminal; an aged ARP entry proves nothing."""
     quality = values.get("quality") or {}
     if quality.get("port_link") != "up":
         return None

@@ -1,11 +1,11 @@
-"""USBL: positions by sound. The probe listens for them, and asks for one only where a person agrees.
+"""USBL: acoustic positioning. The probe listens for positions, and pings only with a person's consent.
 
-Whether a USBL works shows in the fixes that it sends while somebody pings; no fix proves nothing, so silence is never a
-failure. Our own ping is for SeaTrac beacons only, in the water. A beacon reports no source level, but it has a depth
-gauge: the script sends the ping only after an answer that shows the beacon below the surface. So a consent that was
-given too early, or for another vehicle, makes nothing sound in air.
+A working USBL sends fixes while somebody pings; no fix proves nothing, so silence is never a failure. Our own ping is
+for SeaTrac beacons only, in the water. A beacon reports no source level, but it has a depth gauge: the script sends the
+ping only after a response that shows the beacon below the surface. So a consent that was given too early, or for
+another vehicle, makes no beacon transmit in air.
 
-How it could be fooled, and what stops it, stands in docs/probes.md.
+docs/probes.md describes how it could be deceived, and what prevents that.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _BUSY, _TIMEOUT = 0x30, 0x34
 
 
 def ping_consent(name: str, beacon: int) -> base.Consent:
-    """What a person has to agree to."""
+    """Return the consent that a person must give before a ping is transmitted."""
     return base.Consent(
         question=f"{name} and the vehicle with the beacon {beacon} are in the water, nobody dives near them, "
         "and they may transmit one ping"
@@ -57,7 +57,7 @@ def ping_consent(name: str, beacon: int) -> base.Consent:
 
 @dataclass(frozen=True, slots=True)
 class Ping:
-    """The other beacon answers a ping, and its range is measured."""
+    """Check that the other beacon responds to a ping, and that its range is measured."""
 
     modem: AcousticModem
     name: str
@@ -71,7 +71,7 @@ class Ping:
     """Of the site's waters: the geofence from one side to the other."""
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Transceiver, depth, and behind them the ping. Raises NeverSaid where no person is asked."""
+        """Request transceiver and depth, then send the ping. Raises NeverSaid if no person is prompted."""
         return (self._question(),)
 
     def _question(self) -> base.Listen:
@@ -86,7 +86,7 @@ class Ping:
         return self.modem.listen(f"ping from {self.modem.where}", say, listen_s=0.0, turn=WATER)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Judge whether it was sent, and who answered."""
+        """Judge whether the ping was sent, and which beacon responded."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self._question().name])
         if isinstance(transcript, base.ProbeResult):
             return transcript
@@ -176,7 +176,7 @@ def _evidence(answers: tuple[seatrac.SeatracAnswer, ...]) -> Iterator[report.Evi
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """Fixes that are told, and a ping where a beacon for it is declared."""
+    """Return the step on reported fixes, and a ping if the inventory has a beacon for it."""
     modem, endpoint = modem_of(cell), cell.endpoints.usbl
     if modem is None or endpoint is None:
         return (_by_a_person(cell),)
@@ -221,7 +221,7 @@ def _ping(cell: base.Cell, modem: AcousticModem, endpoint: UsblEndpoint) -> Iter
 
 
 def _pinged_by_a_person(cell: base.Cell, beacon: int) -> base.Step:
-    """A modem that is no SeaTrac beacon measures ranges with its messages; this tool pings by SeaTrac only."""
+    """Return a step for a person: a modem other than SeaTrac measures ranges with messages, not pings."""
     return base.Step(
         name="ping",
         title=f"The modem with the address {beacon} answers {cell.name}",

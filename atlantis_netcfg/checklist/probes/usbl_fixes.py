@@ -1,4 +1,4 @@
-"""Fixes that a modem sends by itself, of either driver, in one form: the probe listens and makes nobody ping."""
+"""Fixes that a modem sends unsolicited, of either driver, in one form: the probe listens and triggers no ping."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _REPLAY = "look whether a recorded log is fed to this end in place of the modem,
 
 @dataclass(frozen=True, slots=True)
 class UsblFix:
-    """One fix of a remote modem; None: it does not tell."""
+    """One fix of a remote modem; None: not reported."""
 
     remote: int
     end: int
@@ -82,12 +82,12 @@ class UsblFix:
 
     @property
     def age_s(self) -> float:
-        """From the measurement to the end of the listening."""
+        """Seconds from the measurement to the end of listening."""
         return self.waited_s + max(0.0, self.delay_s)
 
 
 def read_fixes(driver: AcousticDriver, transcript: base.Transcript) -> tuple[UsblFix, ...]:
-    """Every fix in a transcript, in its order."""
+    """Return every fix in a transcript, in order."""
     fixes = _seatrac(transcript) if driver is AcousticDriver.SEATRAC else _evologics(transcript)
     return tuple(fixes)
 
@@ -143,7 +143,7 @@ def _seatrac(transcript: base.Transcript) -> Iterator[UsblFix]:
 
 
 class _Arrivals:
-    """When each byte of a stream came."""
+    """Arrival time of each byte of a stream."""
 
     def __init__(self, transcript: base.Transcript) -> None:
         self._ended_s = transcript.ended_s
@@ -151,7 +151,7 @@ class _Arrivals:
         self._upto = list(accumulate(len(data) for _, data in transcript.chunks))
 
     def at_s(self, end: int) -> float:
-        """When the byte before `end` came, seconds since the listening began."""
+        """Return when the byte before `end` arrived, in seconds since listening began."""
         chunk = bisect_left(self._upto, end)
         return min(self._ended_s, self._at[chunk]) if chunk < len(self._at) else self._ended_s
 
@@ -159,9 +159,9 @@ class _Arrivals:
 def impossible(
     who: str, fix: UsblFix, local: int | None, width_m: float | None, driver: AcousticDriver
 ) -> BearerFinding | None:
-    """Say what is wrong with a fix beyond doubt; None: it may be true.
+    """Return why a fix is certainly wrong; None if it may be true.
 
-    `own`: address of the modem that tells it; `width_m`: of the site's waters, where they are declared.
+    `local`: address of the reporting modem; `width_m`: width of the site's waters, if it is in the inventory.
     """
     whose = f"the address {fix.remote}"
     if fix.delay_s < -_FUTURE_S:
@@ -217,7 +217,7 @@ _MISMATCH = "compare the sound speed that is set with the water's; echoes of a w
 
 
 def _absurd(who: str, whose: str, fix: UsblFix) -> BearerFinding | None:
-    """Say that a value is one that no reception has."""
+    """Return a finding for a value that no reception can have."""
     values = (
         ("an accuracy", fix.accuracy, "rad", fix.accuracy is not None and not 0 <= fix.accuracy <= _ACCURACY_NONE),
         ("a signal", fix.rssi_db, "dB", fix.rssi_db is not None and not _SIGNAL_NONE_DB < fix.rssi_db < 0),
@@ -235,7 +235,7 @@ def _absurd(who: str, whose: str, fix: UsblFix) -> BearerFinding | None:
 
 @dataclass(frozen=True, slots=True)
 class Fixes:
-    """The USBL tells fresh fixes of the modems that it should hear."""
+    """Check that the USBL reports fresh fixes of the modems that it should receive."""
 
     modem: AcousticModem
     name: str
@@ -250,11 +250,11 @@ class Fixes:
     """Of the site's waters: the geofence from one side to the other."""
 
     def asks(self) -> tuple[base.Question, ...]:
-        """The script of the acoustic column, with a listening behind it."""
+        """Return the script of the acoustic column, followed by listening."""
         return (self.question,)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Judge the fixes that came while it was listened."""
+        """Judge the fixes that arrived while listening."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, base.ProbeResult):
             return transcript
@@ -281,14 +281,14 @@ class Fixes:
         return f"the USBL of {self.name}"
 
     def _local_address(self, transcript: base.Transcript) -> int | None:
-        """Which address the modem itself tells; None: it does not."""
+        """Return the address reported by the modem itself; None if it does not report it."""
         if self.modem.driver is AcousticDriver.SEATRAC:
             settings = status.Beacon.of(transcript).settings
             return None if settings is None else settings.beacon
         return status.AcousticReading.of(transcript).address
 
     def _whose(self, transcript: base.Transcript) -> Iterator[BearerFinding]:
-        """Whether it is the declared modem that speaks, and whether it is declared whom it should hear."""
+        """Yield findings if the modem is not the expected one, or the inventory lacks the modems to receive."""
         local = self._local_address(transcript)
         if local is not None and self.expected_address is not None and local != self.expected_address:
             message = f"{self._who} has the acoustic address {local}, and {self.expected_address} is declared"
@@ -324,7 +324,7 @@ class Fixes:
     def _of(
         self, remote: int, fixes: list[UsblFix], local: int | None, transcript: base.Transcript
     ) -> Iterator[BearerFinding]:
-        """Judge what was told of one modem: possible, of now, and more than one measurement."""
+        """Judge the fixes of one modem: possible, current, and more than one measurement."""
         if not fixes:
             message = f"{self._who} told no fix of the address {remote} within {transcript.ended_s:.0f} s"
             yield BearerFinding(Verdict.INCONCLUSIVE, "not-heard", message, _NOBODY)
@@ -386,7 +386,7 @@ class Fixes:
         yield from _quality(self._who, remote, last)
 
     def _out_of_step(self, fixes: tuple[UsblFix, ...]) -> Iterator[BearerFinding]:
-        """Whether the modem's clock and ours go alike: what was kept back for too long, or recorded, does not."""
+        """Yield a finding if the modem's clock drifts from ours, as with delayed or recorded data."""
         apart = [fix.clock_s - fix.received_at for fix in fixes if fix.clock_s is not None]
         if apart and max(apart) - min(apart) > self.max_age_s:
             far_s = max(apart) - min(apart)
@@ -396,7 +396,7 @@ class Fixes:
 
 
 def _again(fixes: list[UsblFix]) -> str | None:
-    """Say that the same measurement is told again and again, or comes back after another."""
+    """Return a description if the same measurement is repeated, or returns after another; else None."""
     keys = [(fix.form, fix.stamp) for fix in fixes]
     if len(keys) > len({fix.form for fix in fixes}) and len({fix.stamp for fix in fixes}) == 1:
         return f"one fix {len(keys)} times"

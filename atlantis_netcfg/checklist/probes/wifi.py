@@ -1,22 +1,22 @@
 """Wi-Fi: the vehicle's own, as access point or as station, and the site's bridge.
 
 An AUV carries an access point that is usable on the surface only (report 2.2.2), and the gateway's radio is its client:
-`iw` on the gateway tells the association, the level and the rate. ASV and UAV are stations of the site: its access
-point tells, where that is a RouterOS device. Loss and round trip are measured between hosts in either case; the bridge
-of a location is what `provision links` says of it.
+`iw` on the gateway reports the association, the level and the rate. ASV and UAV are stations of the site: its access
+point reports them, if it is a RouterOS device. Loss and round trip are measured between hosts in either case; the
+bridge of a location is judged as in `provision links`.
 
-Bounds of levels: devices.md, section 8. A receiver saturates at short distance, so there is an upper bound too (a
-report of two radios has -27 dBm and 34 % quality at full power, -47 dBm and 94 % reduced). From 10 dB beyond a bound, a
+Limits of levels: devices.md, section 8. A receiver saturates at short distance, so there is an upper limit too (a
+report of two radios has -27 dBm and 34 % quality at full power, -47 dBm and 94 % reduced). From 10 dB beyond a limit, a
 tenth or ten times the power, it no longer passes: our own judgement.
 
-What `iw` prints of a station, in one record, and whether its channel and country are allowed.
+Also: parsing `iw` output about stations, and checking whether its channel and country are allowed.
 
-`iw` prints text for people only, and says so (iw(8): "do not screenscrape"), but nothing else on a gateway tells the
-level. Forms read: iw 4.14 to 6.7 (`link.c`, `station.c`, `interface.c`, `reg.c`); a line that is not understood is left
-out, and what is missing is None.
+`iw` prints text for people only (iw(8): "do not screenscrape"), but nothing else on a gateway reports the level.
+Formats read: iw 4.14 to 6.7 (`link.c`, `station.c`, `interface.c`, `reg.c`); a line that cannot be parsed is skipped,
+and missing values are None.
 
-The report agreed on 802.11a and 802.11g, which are 5 GHz and 2.4 GHz (2.4.1 swaps them). What may be used outdoors is
-`site.channels`, from the decisions that hold in both countries of the pilot.
+The report agreed on 802.11a and 802.11g, which are 5 GHz and 2.4 GHz (2.4.1 swaps them). `site.channels` has the
+channels allowed outdoors, from the decisions that hold in both countries of the pilot.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _COUNTRY = re.compile(r"^country ([A-Z0-9]{2}):", re.MULTILINE)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WifiLink:
-    """Answer of `iw dev INTERFACE link`."""
+    """Output of `iw dev INTERFACE link`."""
 
     bssid: str | None = None
     """Upper case; None: not associated."""
@@ -65,7 +65,7 @@ class WifiLink:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Station:
-    """What `iw dev INTERFACE station dump` says of one that is heard: for a client, its access point."""
+    """A station in `iw dev INTERFACE station dump`; for a client, its access point."""
 
     signal_dbm: float | None = None
     """Mean of the latest frames where the driver keeps one."""
@@ -76,7 +76,7 @@ class Station:
 
 @dataclass(frozen=True, slots=True)
 class OpenedRadio:
-    """Answer of `iw dev INTERFACE info` of an access point; None: it does not say."""
+    """Output of `iw dev INTERFACE info` for an access point; None: not reported."""
 
     type: str | None
     ssid: str | None
@@ -85,13 +85,13 @@ class OpenedRadio:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rules:
-    """Answer of `iw reg get`: countries whose rules the radios obey, the system's own first; `00` is the world's."""
+    """Output of `iw reg get`: countries of the rules in force, the system's first; `00` is the world's."""
 
     countries: tuple[str, ...] = ()
 
 
 def read_link(out: str) -> WifiLink | None:
-    """Read an association; None: the words are not understood."""
+    """Parse an association; None if the output cannot be parsed."""
     if out.strip().startswith("Not connected"):
         return WifiLink()
     match = _CONNECTION.search(out)
@@ -110,7 +110,7 @@ def read_link(out: str) -> WifiLink | None:
 
 
 def read_station(out: str, bssid: str) -> Station | None:
-    """Read what is said of one; None: it is not in the list."""
+    """Parse one station; None if it is not in the list."""
     starts = [*_STATION.finditer(out)]
     for number, start in enumerate(starts):
         if start[1].upper() != bssid:
@@ -129,20 +129,20 @@ def read_station(out: str, bssid: str) -> Station | None:
 
 
 def read_type(out: str) -> str | None:
-    """Read from `iw dev INTERFACE info` what the interface is: `managed`, `AP`, `monitor`."""
+    """Parse the interface type from `iw dev INTERFACE info`: `managed`, `AP`, `monitor`."""
     match = _TYPE.search(out)
     return match[1] if match else None
 
 
 def read_opened(out: str) -> OpenedRadio:
-    """Read from `iw dev INTERFACE info` the network that an access point opens."""
+    """Parse the network of an access point from `iw dev INTERFACE info`."""
     mhz = _CHANNEL.search(out)
     ssid = _SSID.search(out)
     return OpenedRadio(read_type(out), _plain(ssid[1]) if ssid else None, int(mhz[1]) if mhz else None)
 
 
 def read_stations(out: str) -> tuple[str, ...]:
-    """Read from `iw dev INTERFACE station dump` who has joined an access point, and whose key was right."""
+    """Parse the stations authorised at an access point from `iw dev INTERFACE station dump`."""
     starts = [*_STATION.finditer(out)]
     ends = (*(start.start() for start in starts[1:]), len(out))
     blocks = ((start[1].upper(), out[start.end() : end]) for start, end in zip(starts, ends, strict=False))
@@ -161,7 +161,7 @@ def read_rules(out: str) -> Rules:
 
 
 def _fields(text: str) -> Iterator[tuple[str, str]]:
-    """Yield what stands in a line of its own, the first of each name."""
+    """Yield name and value of each line, only the first of each name."""
     seen_names = set()
     for name, value in _FIELD.findall(text):
         if name not in seen_names:
@@ -170,7 +170,7 @@ def _fields(text: str) -> Iterator[tuple[str, str]]:
 
 
 def _levels(text: str) -> tuple[float | None, tuple[float, ...]]:
-    """Read `-52 [-54, -57] dBm`; a level of 0 is what a driver writes that has none."""
+    """Parse `-52 [-54, -57] dBm`; a driver without levels writes 0."""
     match = _LEVEL.match(text)
     if match is None:
         return None, ()
@@ -184,7 +184,7 @@ def _rate(text: str) -> float | None:
 
 
 def _plain(ssid: str) -> str:
-    r"""Give a name as its owner wrote it: iw writes bytes that are not plain ASCII as `\xc3\xa9`."""
+    r"""Decode an SSID: iw writes bytes that are not plain ASCII as hex escapes."""
     raw = _ESCAPE.sub(lambda match: chr(int(match[1], 16)), ssid)
     return raw.encode("latin-1", "replace").decode("utf-8", "replace")
 
@@ -195,7 +195,7 @@ _BANDS = {"2ghz": (2400, 2500), "5ghz": (5150, 5900)}
 
 
 def band_of(frequency_mhz: int) -> str | None:
-    """Give the band in the words of `site.channels`; None: neither of the two."""
+    """Return the band, as in `site.channels`; None if it is neither 2.4 nor 5 GHz."""
     return next((name for name, (low, high) in _BANDS.items() if low <= frequency_mhz < high), None)
 
 
@@ -215,7 +215,7 @@ def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None
 
 
 def judge_country(country: str, rules: Rules, where: str) -> Iterator[BearerFinding]:
-    """Compare the country that the computer's radios obey with the pilot's; who does not say is not judged."""
+    """Compare the regulatory country of the computer's radios with the pilot's; a missing one is not judged."""
     country_code = channels.COUNTRY_CODES[country]
     others = [item for item in rules.countries if item not in {country_code, *_NO_COUNTRY}]
     hint = (
@@ -234,7 +234,7 @@ IMBALANCE_DB = 6.0
 
 
 def judge_level(endpoint: model.WifiEndpoint, level: float | None, who: str, where: str) -> Iterator[BearerFinding]:
-    """Compare a level with both bounds. `where` hears `who`."""
+    """Compare a level with both limits. `where` receives `who`."""
     if level is None:
         message = f"{where} does not say how well it hears {who}"
         yield BearerFinding(
@@ -265,10 +265,10 @@ def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterat
 def judge_rate(
     endpoint: model.WifiEndpoint, sent_mbps: float | None, received_mbps: float | None, who: str, where: str
 ) -> Iterator[BearerFinding]:
-    """Compare the rates of the association with the declared floor.
+    """Compare the rates of the association with the minimum rate in the inventory.
 
-    The rate of sending is the choice of this end's rate control, and counts; what was last received may have been a
-    frame of management at the lowest rate, and only warns.
+    The transmit rate is the choice of this end's rate control, and counts; the last received frame may have been a
+    management frame at the lowest rate, so the receive rate only warns.
     """
     floor = endpoint.rate_mbps
     if floor is None:
@@ -291,10 +291,10 @@ FAIL_LOSS_PERCENT = 50.0
 
 @dataclass(frozen=True, slots=True)
 class AssociatedProbe:
-    """The computer's radio is associated with the vehicle's access point, hears it well, and reaches the vehicle.
+    """Check that the radio is associated with the vehicle's access point, with a good level, and that it responds.
 
-    Asked on the gateway (or the laptop): `iw dev IF link`, `iw dev IF station dump`, `iw dev IF info`, `iw reg get`,
-    `ip -j addr show dev IF`, and with an address `ip -j route get ADDRESS`, `ping -n -c 20 -i 0.2 -W 2 ADDRESS`.
+    Run on the gateway (or the laptop): `iw dev IF link`, `iw dev IF station dump`, `iw dev IF info`, `iw reg get`, `ip
+    -j addr show dev IF`, and with an address `ip -j route get ADDRESS`, `ping -n -c 20 -i 0.2 -W 2 ADDRESS`.
     """
 
     name: str
@@ -306,7 +306,7 @@ class AssociatedProbe:
     """Of the pilot, in RouterOS' word."""
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Give the radio's view, the interface and the way to the vehicle."""
+        """Return the requests about the radio, the interface and the route to the vehicle."""
         radio = self.endpoint.interface
         requests = (
             base.RunProgram("link", self.place, ("iw", "dev", radio, "link")),
@@ -320,7 +320,7 @@ class AssociatedProbe:
         return (*requests, ping.route_request(self.place, self.address), ping.ping_request(self.place, self.address))
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Association first: without it nothing else speaks of this vehicle."""
+        """Judge the association first: without it no other reading concerns this vehicle."""
         addr = results.get("addr")
         absent = (*base.not_run(self.place, "ip", addr), *self._no_interface(addr), *self._no_iw(results.get("link")))
         if absent:
@@ -343,7 +343,7 @@ class AssociatedProbe:
         return f"{self.endpoint.interface} of {base.PLACES[self.place]}"
 
     def _no_interface(self, addr: base.Answer | None) -> Iterator[BearerFinding]:
-        """Say that the radio is not there, or is switched off."""
+        """Yield a finding if the interface is missing or switched off."""
         card = ping.read_card(addr)
         if isinstance(addr, base.CommandResult) and card is None and "does not exist" in addr.err:
             hint = "plug the radio in, or correct `endpoints.wifi.interface`: `ip -br link` lists what there is"
@@ -354,7 +354,7 @@ class AssociatedProbe:
             yield BearerFinding(Verdict.FAIL, "interface-off", f"{self._radio} is switched off", hint)
 
     def _no_iw(self, link: base.Answer | None) -> Iterator[BearerFinding]:
-        """Say that the radio cannot be asked."""
+        """Yield a finding if the radio cannot be read."""
         yield from base.not_run(self.place, "iw", link)
         if isinstance(link, base.CommandResult) and link.rc and "No such device" in link.err:
             hint = "correct `endpoints.wifi.interface`: `iw dev` lists the radios that there are"
@@ -369,7 +369,7 @@ class AssociatedProbe:
         return read_link(_out(results, "link"))
 
     def _apart(self, link: WifiLink, results: Mapping[str, base.Answer]) -> BearerFinding | None:
-        """Say that the radio is not associated with the vehicle; None: it is, as far as can be told."""
+        """Return a finding if the radio is not associated with the vehicle, as far as known; otherwise None."""
         kind = read_type(_out(results, "info"))
         if link.bssid is None and kind is not None and kind != "managed":
             message = f"{self._radio} is no client of an access point, but of type {kind}"
@@ -419,7 +419,7 @@ class AssociatedProbe:
         yield from judge_country(self.country, rules, base.PLACES[self.place])
 
     def _judge_reachability(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Ping it; what goes another way than by this radio says nothing of it."""
+        """Judge the ping; packets routed over another interface prove nothing about the radio."""
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
@@ -482,10 +482,10 @@ def _err(results: Mapping[str, base.Answer], name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class RegisteredProbe:
-    """The vehicle is registered at the site's access point, is heard well, and answers.
+    """Check that the vehicle is registered at the site's access point, with a good level, and responds.
 
-    Asked of the RouterOS device `seen_by`: the registration tables of both generations; on the gateway (or the laptop):
-    `ip -j route get ADDRESS` and `ping -n -c 20 -i 0.2 -W 2 ADDRESS`. Without `seen_by` only these.
+    Read from the RouterOS device `seen_by`: the registration tables of both generations; on the gateway (or the
+    laptop): `ip -j route get ADDRESS` and `ping -n -c 20 -i 0.2 -W 2 ADDRESS`. Without `seen_by` only these.
     """
 
     name: str
@@ -496,7 +496,7 @@ class RegisteredProbe:
     """Of the vehicle's radio, upper case; None: nobody has declared it."""
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Give the tables and the ping."""
+        """Return the requests for the registration tables, and the ping."""
         host = self.endpoint.seen_by
         tables = () if host is None else tuple(base.RouterOsQuery(f, host, wifi.queries(f, "")[0]) for f in wifi.Family)
         if self.address is None:
@@ -504,7 +504,7 @@ class RegisteredProbe:
         return (*tables, ping.route_request(self.place, self.address), ping.ping_request(self.place, self.address))
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Judge what the access point says, then the ping; where nobody can ask the access point, the ping is first."""
+        """Judge the access point's data, then the ping; if no access point can be read, the ping comes first."""
         parts = [self._registration(results), self._judge_reachability(results)]
         if self.endpoint.seen_by is None:
             parts.reverse()
@@ -584,7 +584,7 @@ class RegisteredProbe:
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """Give the bridges of a location, and the row's own Wi-Fi where it is declared."""
+    """Return the steps on a location's bridges, and on the row's own Wi-Fi if it is in the inventory."""
     bridges = link_steps(
         cell,
         model.Column.WIFI,

@@ -1,8 +1,8 @@
 """The pre-test checklist as a document, and the pages that are made from it.
 
-One document of plain data holds all that was found, by whom and on what evidence; it is what `--json` prints, what
-is stored and what is signed. Every page (HTML, PDF, JUnit XML, lines for a console) is a pure function of that
-document, so no page can say what was not signed.
+One document of plain data holds all results, with the person and the evidence; it is what `--json` prints, what is
+stored and what is signed. Every page (HTML, PDF, JUnit XML, console text) is a pure function of that document, so no
+page can contain anything that was not signed.
 """
 
 from __future__ import annotations

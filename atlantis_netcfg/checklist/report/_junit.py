@@ -1,7 +1,8 @@
-"""The checklist as JUnit XML: a suite a row, a case an item. What keeps a checklist from being green fails in it.
+"""The checklist as JUnit XML: one suite per row, one case per item. What prevents a green checklist fails.
 
-FAIL, INCONCLUSIVE and what is open are failures, ERROR is an error, SKIP is skipped with its reason; what a person has
-overridden passes, and `system-out` says who and why. A checklist in which nothing was checked has an error of its own.
+FAIL, INCONCLUSIVE and open items are failures, ERROR is an error, SKIP is skipped with its reason. An item that a
+person has overridden passes, with name and reason in `system-out`. A checklist in which nothing was checked has an
+error of its own.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _FAILURES = frozenset({_shapes.ShownState.FAIL, _shapes.ShownState.INCONCLUSIVE,
 
 
 def junit(document: Document) -> bytes:
-    """The file, the same for the same document."""
+    """Return the file; the same document always gives the same bytes."""
     rehearsal_note = ", rehearsed: nothing real was checked" if document.rehearsed else ""
     root = ET.Element("testsuites", name=drift.clean(f"checklist of {document.site}{rehearsal_note}"))
     root.append(_whole(document))

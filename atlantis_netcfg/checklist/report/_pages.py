@@ -1,4 +1,4 @@
-"""The pages beside a signed document; the HTML page needs nothing else: no script, no request, pictures inside."""
+"""Pages stored with a signed document; the HTML page is self-contained: no script, no request, embedded images."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def html(document: Document, files: Mapping[str, bytes]) -> bytes:
-    """The page, the same for the same document and files."""
+    """Return the page; the same document and files always give the same bytes."""
     return page(
         _environment(),
         "page.html.j2",
@@ -96,7 +96,7 @@ def _environment() -> Environment:
 
 
 def _message(message: str) -> Markup:
-    """A message in the language of the page, with its code shown as code."""
+    """Format a message in the language of the page, with code marked up as code."""
     return _with_code(translate(message))
 
 
@@ -110,9 +110,9 @@ def _data_uri(photo: Photo) -> str:
 
 
 def pages(document: Document, files: Mapping[str, bytes]) -> Mapping[str, bytes]:
-    """Make `report.html`, `report.pdf` and `junit.xml`; `files` are those that evidence names, by that name.
+    """Build `report.html`, `report.pdf` and `junit.xml`; `files` are the evidence files by name.
 
-    They are the same bytes for the same document and files, as long as the libraries that write them are.
+    The bytes are reproducible as long as the versions of the libraries that write them do not change.
     """
     # fpdf2 and Jinja take half a second to import, and every probe imports this package.
     from atlantis_netcfg.checklist.report._pdf import pdf  # noqa: PLC0415 - see above

@@ -1,7 +1,7 @@
-"""Photos that are evidence, in a size that a report can carry; every other file is only named, with its SHA-256.
+"""Photos that are evidence, reduced to a size for a report; other files are only named, with their SHA-256.
 
-A telephone's photo has 5 MB, a report is sent over a satellite: large ones are made smaller, and the page says so. What
-counts as the evidence is the file that is kept beside the document; its hash is compared before anything is shown.
+A telephone's photo has 5 MB, and a report is sent over a satellite: large photos are reduced, and the page says so. The
+evidence is the file stored beside the document; its hash is compared before anything is shown.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _BESIDE = frozenset({"exif", "xmp", "photoshop", "comment", "XML:com.adobe.xmp",
 
 @dataclass(frozen=True, slots=True)
 class Photo:
-    """A picture as a page shows it."""
+    """A picture as displayed on a page."""
 
     media: str
     data: bytes
@@ -46,7 +46,7 @@ class Photo:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """A file of evidence."""
+    """An evidence file as displayed on a page."""
 
     name: str
     words: str
@@ -57,7 +57,7 @@ class Attachment:
 
 
 def find_attachments(document: Document, files: Mapping[str, bytes]) -> dict[tuple[str, str | None], Attachment]:
-    """Every file that the document names, by its name and SHA-256, in the order of the document."""
+    """Return every file that the document names, by name and SHA-256, in the order of the document."""
     values: dict[tuple[str, str | None], Attachment] = {}
     remaining_bytes = ALL_BYTES
     for evidence in (entry for item in document.items for entry in item.evidence):
@@ -83,7 +83,7 @@ def _build_attachment(name: str, evidence: Evidence, data: bytes | None, remaini
 
 
 def _photo(data: bytes) -> Photo | None:
-    """The picture; None for whatever is none, is damaged, or is too large to be looked at."""
+    """Return the picture; None if the data are no picture, damaged, or too large."""
     if len(data) > MAX_BYTES:
         return None
     try:

@@ -1,7 +1,7 @@
-"""How a checklist is drawn: boxes, badges and wires in pixels, the grid of Table 3, colours, and the symbols of states.
+"""Shapes of a checklist: boxes, badges and wires in pixels, the grid of Table 3, colours, and state symbols.
 
-Every ink has a contrast of at least 4.5 to its paper, every edge one of 3 to the page (WCAG 2.2, 1.4.3 and 1.4.11); a
-test measures them. Each colour comes with a symbol and a word, for readers who see none.
+Text colours have a contrast of at least 4.5 to their background, edges one of 3 to the page (WCAG 2.2, 1.4.3 and
+1.4.11); a test measures them. Each colour comes with a symbol and a word, for readers who cannot see colours.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class ShownState(StrEnum):
-    """Worst last."""
+    """State of an item as shown, the worst last."""
 
     SKIP = "SKIP"
     PASS = "PASS"  # noqa: S105 - a verdict
@@ -70,7 +70,7 @@ _GRAVE = frozenset({Verdict.FAIL, Verdict.ERROR})
 
 
 def state(item: Item) -> ShownState:
-    """What is shown of one item."""
+    """Return the state to show for an item."""
     if item.override is not None and (item.open or item.verdict in _TAKEN_OVER):
         return ShownState.OVERRIDDEN
     if item.open and item.verdict not in _GRAVE:
@@ -79,7 +79,7 @@ def state(item: Item) -> ShownState:
 
 
 def worst_state(items: Iterable[Item]) -> ShownState:
-    """The worst of some items; of none, that nothing was checked."""
+    """Return the worst state of some items; without items, NOT_CHECKED."""
     return max(map(state, items), key=_ORDER.index, default=ShownState.NOT_CHECKED)
 
 
@@ -90,7 +90,7 @@ BADGE_HEIGHT = 16.0
 
 @dataclass(frozen=True, slots=True)
 class DrawnBox:
-    """A node."""
+    """Rectangle of a node."""
 
     x: float
     y: float
@@ -104,13 +104,13 @@ class DrawnBox:
 
     @property
     def middle(self) -> float:
-        """Of its width."""
+        """Horizontal centre."""
         return self.x + self.width / 2
 
 
 @dataclass(frozen=True, slots=True)
 class Badge:
-    """What a link is, and how."""
+    """Label on a link, with the state of the link."""
 
     x: float
     y: float
@@ -121,7 +121,7 @@ class Badge:
 
 @dataclass(frozen=True, slots=True)
 class DrawnWire:
-    """A line through some points."""
+    """A polyline with a state."""
 
     points: tuple[tuple[float, float], ...]
     state: ShownState | None
@@ -131,7 +131,7 @@ class DrawnWire:
 
 @dataclass(frozen=True, slots=True)
 class DrawingLayout:
-    """A whole drawing; what comes first is painted first."""
+    """A complete drawing; shapes are painted in order."""
 
     width: float
     height: float
@@ -141,22 +141,22 @@ class DrawingLayout:
 
 
 def badge_width(label: str, state: ShownState | None) -> float:
-    """How wide a badge has to be."""
+    """Return the width that a badge needs."""
     return letters_of(badge_text(label, state)) * LETTER + 10
 
 
 def badge_text(label: str, state: ShownState | None) -> str:
-    """The words of a badge: its sign before them."""
+    """Return the text of a badge, with its symbol in front."""
     return f"{SYMBOLS[state]} {label}" if state is not None else label
 
 
 def letters_of(text: str) -> float:
-    """How wide a text is, in letters."""
+    """Return the width of a text, in letters."""
     return sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in text)
 
 
 def cut(text: str, room: float, dots: str = "…") -> str:
-    """Text in one line that has room; what is left out is shown by dots."""
+    """Cut a text to one line of the given width; dots replace the omitted part."""
     line = " ".join(visible(text).split())
     if letters_of(line) <= room:
         return line
@@ -204,13 +204,13 @@ DARK: Mapping[ShownState | None, Tint] = {
 
 
 def css_class(state: ShownState | None) -> str:
-    """The class that a page gives to whatever shows a state."""
+    """Return the CSS class of elements that show a state."""
     return "s-none" if state is None else f"s-{state.lower().replace(' ', '-')}"
 
 
 @dataclass(frozen=True, slots=True)
 class GridCell:
-    """Where a row and a column meet."""
+    """Cell of the grid: one row and one column."""
 
     column: str
     table3: bool
@@ -221,23 +221,23 @@ class GridCell:
 
     @property
     def empty(self) -> bool:
-        """There is nothing to check."""
+        """Whether there is nothing to check in the cell."""
         return not (self.table3 or self.beside)
 
     @property
     def state(self) -> ShownState:
-        """The worst of its items."""
+        """Worst state of the cell's items."""
         return worst_state(self.items)
 
     @property
     def first(self) -> Item | None:
-        """The item that makes it so."""
+        """First item with the cell's state."""
         return next((item for item in self.items if state(item) is self.state), None)
 
 
 @dataclass(frozen=True, slots=True)
 class GridRow:
-    """A vehicle, or the location."""
+    """Row of the grid: a vehicle, or the location."""
 
     row: Row
     cells: tuple[GridCell, ...]
@@ -246,13 +246,13 @@ class GridRow:
 
     @property
     def is_location(self) -> bool:
-        """It stands below the vehicles."""
+        """Whether the row is the location, which is placed below the vehicles."""
         return self.row.kind == "location"
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """The table."""
+    """Layout of Table 3 with its items."""
 
     columns: tuple[str, ...]
     beside: tuple[str, ...]
@@ -261,7 +261,7 @@ class Grid:
 
 
 def grid(document: Document) -> Grid:
-    """Arrange a document. An item whose row nobody declared gets a row: none is left out."""
+    """Arrange a document. An item whose row is not in the inventory gets an extra row: none is left out."""
     rows = [*document.rows, *_undeclared_rows(document)]
     endpoints = [endpoint for row in rows for endpoint in (*row.table3, *row.beside)]
     every = dict.fromkeys([*endpoints, *(item.endpoint for item in document.items)])

@@ -1,13 +1,12 @@
-"""The drawing of a site as SVG: with a title, with all of it in words, and without anything from outside.
+"""The drawing of a site as SVG: with a title and a full text description, and without external resources.
 
-Colours stand at each shape for whoever shows the file alone; a page may replace them by its own for the same classes.
+Colours are set on each shape, so that the file can be shown alone; a page may override them through the classes.
 
-Where the things of a drawing stand: far ends above, what carries the site below them, vehicles at the bottom.
+Arrangement: remote ends at the top, the site's links below them, vehicles at the bottom.
 
-On a telephone the drawing is narrow and tall; elsewhere the vehicles stand beside the devices. Nodes stand in rows by
-what they are; links between neighbouring rows run over a common line in the gap, longer ones along the left margin.
-Each vehicle has a line of its own, with its links as badges, which ends at the line of whoever sees it, right of the
-devices.
+On a telephone the drawing is narrow and tall; otherwise the vehicles are beside the devices. Nodes are in rows by type;
+links between neighbouring rows share a line in the gap, longer ones run along the left margin. Each vehicle has its own
+line, with its links as badges, which ends at the line of the host that sees it, right of the devices.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ _NAME_LETTERS, _DETAIL_LETTERS, _BADGE_LETTERS = 15, 19, 30
 
 @dataclass(frozen=True, slots=True)
 class _DrawnPlace:
-    """Where a node stands."""
+    """Position of a node."""
 
     row: int
     box: _shapes.DrawnBox
@@ -62,7 +61,7 @@ class _DrawnPlace:
 
 @dataclass(slots=True)
 class _SvgSheet:
-    """What is drawn so far."""
+    """The shapes placed so far."""
 
     items: dict[str, Item]
     places: dict[str, _DrawnPlace] = field(default_factory=dict)
@@ -72,7 +71,7 @@ class _SvgSheet:
     """The common line below each row: above it hang badges of that row, below it stand those of the next."""
 
     def state(self, names: Iterable[str]) -> _shapes.ShownState | None:
-        """The worst of some items; None where there are none of them."""
+        """Return the worst state of some items; None if none of them exists."""
         known_items = [self.items[name] for name in names if name in self.items]
         return _shapes.worst_state(known_items) if known_items else None
 
@@ -80,16 +79,16 @@ class _SvgSheet:
 def states(
     document: Document,
 ) -> tuple[dict[str, _shapes.ShownState | None], list[tuple[DrawnLink, _shapes.ShownState | None]]]:
-    """How each node and each link is, for words beside the drawing."""
+    """Return the state of each node and each link, for the description of the drawing."""
     sheet = _SvgSheet({item.id: item for item in document.items})
     nodes = {node.key: sheet.state(node.items) for node in document.drawing.nodes}
     return nodes, [(link, sheet.state(link.items)) for link in document.drawing.links]
 
 
 def layout(document: Document, *, wide: bool = False) -> _shapes.DrawingLayout:
-    """Arrange the drawing of a document; the same for the same document.
+    """Arrange the drawing of a document; the same document always gives the same result.
 
-    `wide`: the vehicles stand beside the devices, not below them, for a page that is wider than a telephone.
+    `wide`: vehicles are beside the devices, not below them, for a page wider than a telephone.
     """
     sheet = _SvgSheet({item.id: item for item in document.items})
     nodes = {node.key: node for node in document.drawing.nodes}
@@ -107,12 +106,12 @@ def layout(document: Document, *, wide: bool = False) -> _shapes.DrawingLayout:
 
 
 def _others(link: DrawnLink, ends: set[str]) -> set[str]:
-    """The ends of a link whose other end is one of some nodes."""
+    """Return the ends of a link whose opposite end is in a set of nodes."""
     return {far for near, far in ((link.a, link.b), (link.b, link.a)) if near in ends}
 
 
 def _rows(nodes: Sequence[DrawnNode], links: Sequence[DrawnLink]) -> list[list[DrawnNode]]:
-    """Rows of at most three, from the top."""
+    """Return rows of at most three nodes, from the top."""
     routers = {node.key for node in nodes if node.kind == "router"}
     cabled_keys = {key for link in links if link.kind == "ethernet" for key in _others(link, routers)}
 
@@ -125,7 +124,7 @@ def _rows(nodes: Sequence[DrawnNode], links: Sequence[DrawnLink]) -> list[list[D
 
 
 def _devices(sheet: _SvgSheet, nodes: Sequence[DrawnNode], links: Sequence[DrawnLink]) -> float:
-    """Place all but the vehicles, and wire them; the bottom of it."""
+    """Place all nodes except vehicles, and their wires; return the bottom edge."""
     rows = _rows(nodes, links)
     row_of = {node.key: number for number, row in enumerate(rows) for node in row}
     slots = _slots(links, row_of)
@@ -143,7 +142,7 @@ def _devices(sheet: _SvgSheet, nodes: Sequence[DrawnNode], links: Sequence[Drawn
 
 
 class _Side(Enum):
-    """Where a badge stands."""
+    """Position of a badge relative to its node."""
 
     ABOVE = "above"
     BELOW = "below"
@@ -159,7 +158,7 @@ def _tallest(slots: _Slots, row: Sequence[DrawnNode], side: _Side) -> float:
 
 
 def _slots(links: Sequence[DrawnLink], row_of: dict[str, int]) -> _Slots:
-    """At which node the badge of each link stands."""
+    """Return the badges' links by node and side."""
     slots: _Slots = {}
     for link in links:
         upper, lower = _ends(link, row_of)
@@ -168,7 +167,7 @@ def _slots(links: Sequence[DrawnLink], row_of: dict[str, int]) -> _Slots:
 
 
 def _slot(links: Sequence[DrawnLink], upper: str, lower: str, row_of: dict[str, int]) -> tuple[str, _Side]:
-    """At the end that has fewer links towards the other's row; of a long line beside the lower end, if it has room."""
+    """Return node and side of a link's badge: the end with fewer links; beside the lower end for a long line."""
     distance = row_of[lower] - row_of[upper]
     if distance > 1 and list(row_of.values()).count(row_of[lower]) == 1:
         return lower, _Side.BESIDE
@@ -177,14 +176,14 @@ def _slot(links: Sequence[DrawnLink], upper: str, lower: str, row_of: dict[str, 
 
 
 def _ends(link: DrawnLink, row_of: dict[str, int]) -> tuple[str, str]:
-    """The upper one first; of one row, the one that is placed first."""
+    """Return the ends of a link, the upper one first; in one row, the one placed first."""
     order = list(row_of)
     upper, lower = sorted((link.a, link.b), key=lambda key: (row_of[key], order.index(key)))
     return upper, lower
 
 
 def _fan(links: Sequence[DrawnLink], key: str, row_of: dict[str, int], row: int) -> int:
-    """How many nodes of a row a node is linked to."""
+    """Return the number of nodes in a row to which a node is linked."""
     others = {link.b if link.a == key else link.a for link in links if key in {link.a, link.b}}
     return len([other for other in others if row_of[other] == row])
 
@@ -208,7 +207,7 @@ def _layout_wire(sheet: _SvgSheet, slots: _Slots, row_of: dict[str, int]) -> Non
 
 
 def _spot(box: _shapes.DrawnBox, side: _Side, number: int) -> tuple[float, float]:
-    """Middle and top of the n-th badge at a node."""
+    """Return centre and top of the n-th badge at a node."""
     if side is _Side.BESIDE:
         return (_LEFT / 2 + box.x) / 2, box.y + 2 + _SLOT * number
     if side is _Side.BELOW:
@@ -219,7 +218,7 @@ def _spot(box: _shapes.DrawnBox, side: _Side, number: int) -> tuple[float, float
 def _layout_badge(
     link: DrawnLink, state: _shapes.ShownState | None, spot: tuple[float, float], edges: tuple[float, float]
 ) -> _shapes.Badge:
-    """`spot`: middle and top; `edges`: between which it has to stay."""
+    """Place a badge. `spot`: its centre and top; `edges`: its horizontal limits."""
     label = _shapes.cut(translate(link.label), _BADGE_LETTERS)
     width = _shapes.badge_width(label, state)
     left, right = edges
@@ -243,7 +242,7 @@ def _route(sheet: _SvgSheet, upper: str, lower: str, badge: float) -> tuple[tupl
 def _vehicles(
     sheet: _SvgSheet, vehicles: Sequence[DrawnNode], links: Sequence[DrawnLink], left: float, y: float
 ) -> float:
-    """Place the vehicles, one below the other, from `left` on; the bottom of the last."""
+    """Place the vehicles below each other, starting at `left`; return the bottom edge of the last."""
     lanes: dict[str, float] = {}
     for node in vehicles:
         y += 6
@@ -271,7 +270,7 @@ def _vehicles(
 
 
 def _flow(sheet: _SvgSheet, links: Sequence[DrawnLink], left: float, y: float) -> float:
-    """Set badges side by side, and in a new line where there is no room; the bottom of the last."""
+    """Place badges side by side, wrapping to a new line; return the bottom edge of the last."""
     start = x = left + _VEHICLE_WIDTH + 12
     edges = (left, left + _WIDTH)
     for link in links:
@@ -305,13 +304,13 @@ _KINDS = {
 
 
 def _kind(kind: str) -> str:
-    """A kind of node in words; some need none."""
+    """Return the label of a node type; empty for those that need none."""
     words = _KINDS.get(kind, kind)
     return translate(words) if words else ""
 
 
 def drawing_svg(document: Document, *, wide: bool = False) -> str:
-    """The drawing of a document, to stand alone or inside a page; `wide`: for a page that is no telephone's."""
+    """Return the drawing, alone or for use inside a page; `wide`: for a page wider than a telephone."""
     shapes = layout(document, wide=wide)
     name = "drawing-wide" if wide else "drawing-narrow"
     root = ET.Element(
@@ -337,7 +336,7 @@ def drawing_svg(document: Document, *, wide: bool = False) -> str:
 
 
 def describe_drawing(document: Document) -> list[str]:
-    """What the drawing shows, in sentences."""
+    """Describe the drawing in sentences."""
     nodes, links = states(document)
     labels = {node.key: node.label for node in document.drawing.nodes}
     result = []

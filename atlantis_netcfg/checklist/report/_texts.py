@@ -1,4 +1,4 @@
-"""What the pages of a checklist say beside what was found: whole English messages, which the pages translate.
+"""Fixed texts of the checklist pages: whole English messages, which the pages translate.
 
 The documents themselves, and JUnit XML, stay English.
 """
@@ -92,19 +92,19 @@ PHASES = {
 
 
 def of_integration(document: Document) -> bool:
-    """Whether it is the record of one robot, and no checklist before a test."""
+    """Return whether it is the integration record of one robot, not a checklist before a test."""
     return document.scope.get("phase") == (Phase.INTEGRATION,)
 
 
 def heading(document: Document) -> str:
-    """What the page is."""
+    """Return the heading of the page."""
     if of_integration(document):
         return f"Integration record: {', '.join(row.name for row in document.rows)}, {document.title}"
     return f"Pre-test checklist: {document.title}"
 
 
 def subtitle(document: Document) -> str:
-    """Where, when, and of what alone."""
+    """Return the subtitle: site, time, mission and scope."""
     at = time_text(document.started, document.time_zone)
     if document.mission and not document.scope:
         return f"Site `{document.site}`, {at}, mission `{document.mission}`"
@@ -115,42 +115,42 @@ def subtitle(document: Document) -> str:
 
 
 def also(row: Row) -> str:
-    """Other names of a vehicle."""
+    """Format the other names of a vehicle."""
     return f"also {', '.join(row.aliases)}"
 
 
 def differs(row: Row) -> str:
-    """Why a row is another one than the report's."""
+    """Format why a row differs from the report's table."""
     return f"{row.name} differs from the report: {row.deviation}"
 
 
 def item_title(item: Item) -> str:
-    """What is checked, in the person's language; what the pilot declares is shown as it stands there."""
+    """Return the title of an item, translated; inventory items are shown unchanged."""
     return item.title if item.endpoint == "items" else translate(item.title)
 
 
 def was(item: Item) -> str:
-    """What was found where a person has overridden it."""
+    """Format the verdict that a person has overridden."""
     return f"It was {item.verdict}."
 
 
 def photo(name: str) -> str:
-    """For whoever does not see it."""
+    """Return the alternative text of a photo."""
     return f"Photo {name}"
 
 
 def overridden_by(override: Override, zone: str) -> str:
-    """Who takes the responsibility, and since when."""
+    """Format who has overridden an item, and when."""
     return f"Overridden by {override.by}, {time_text(override.at, zone)}:"
 
 
 def was_green(green: SinceGreen, zone: str) -> str:
-    """With what the checklist is compared."""
+    """Format the run with which the checklist is compared."""
     return f"Run `{green.run}` of {time_text(green.at, zone)} was green."
 
 
 def name_of_page(document: Document) -> str:
-    """What a browser and a reader of PDF call it."""
+    """Return the title for browsers and PDF readers."""
     if of_integration(document):
         return f"Integration record of {', '.join(row.name for row in document.rows)}, run {document.run}"
     return f"Checklist of {document.title}, run {document.run}"
@@ -160,11 +160,11 @@ _CODE = re.compile(r"`([^`\s](?:[^`\n]*[^`\s])?)`")
 
 
 def split_code(text: str) -> list[tuple[str, bool]]:
-    """Text in pieces; what stands between back-ticks is code (True), and the back-ticks are gone."""
+    """Split text into pieces; those between back-ticks are code (True), without the back-ticks."""
     pieces = enumerate(_CODE.split(text))
     return [(piece, bool(number % 2)) for number, piece in pieces if piece]
 
 
 def strip_code(text: str) -> str:
-    """Text without the back-ticks around code, where a page has no letters for code."""
+    """Remove the back-ticks around code, for pages without a code font."""
     return _CODE.sub(r"\1", text)

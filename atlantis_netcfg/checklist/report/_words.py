@@ -1,6 +1,6 @@
-"""Words that every page shares, and what makes text of people and devices harmless to show.
+"""Texts shared by all pages, and escaping of text from people and devices.
 
-What a console shows of a checklist: 80 columns, signs of ASCII, the worst first, what to do beside it.
+Also the console view of a checklist: 80 columns, ASCII symbols, the worst first, with what to do.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ _TITLES = {
 
 
 def title(endpoint: str) -> str:
-    """A column in the words of Table 3."""
+    """Return a column's title as in Table 3."""
     return _TITLES.get(endpoint, endpoint)
 
 
 def counts(items: Iterable[Item]) -> dict[_shapes.ShownState, int]:
-    """How many there are of each state, the worst first, without those that there are none of."""
+    """Count the items of each state, the worst first; states without items are left out."""
     states = [_shapes.state(item) for item in items]
     return {entry: states.count(entry) for entry in reversed(_shapes.ShownState) if entry in states}
 
 
 def by_state(items: Iterable[Item]) -> list[Item]:
-    """The worst first; those of one state in the order of the list."""
+    """Sort by state, the worst first; within a state in the order of the list."""
     order = tuple(reversed(_shapes.ShownState))
     return sorted(items, key=lambda item: order.index(_shapes.state(item)))
 
 
 def to_look_at(document: Document) -> tuple[str, list[Item]]:
-    """What somebody has to look at, the worst first, and a heading for it."""
+    """Return a heading and the items that need attention, the worst first."""
     every = [item for item in by_state(document.items) if _shapes.state(item) not in _SETTLED_STATES]
     grave = any(_shapes.state(item) not in _shapes.GREEN for item in every)
     return "What to mend first" if grave else "What to look at", every
@@ -66,7 +66,7 @@ _SETTLED_STATES = frozenset({_shapes.ShownState.PASS, _shapes.ShownState.SKIP, _
 
 
 def headline(document: Document) -> tuple[_shapes.ShownState, str]:
-    """The verdict of the whole in one word and one sentence."""
+    """Return the overall verdict as one state and one sentence."""
     values = counts(document.items)
     if document.exit is ExitCode.NOTHING:
         return _shapes.ShownState.NOT_CHECKED, "Nothing was checked"
@@ -97,12 +97,12 @@ _HEADLINES = {
 
 
 def scope(document: Document) -> str:
-    """What it was narrowed to, in the words of the command line."""
+    """Format the scope as command-line arguments."""
     return " ".join(f"{name}={','.join(values)}" for name, values in document.scope.items())
 
 
 def english(text: str) -> str:
-    """For pages that a program reads: words as they are."""
+    """Return the text untranslated, for machine-readable pages."""
     return text
 
 
@@ -111,7 +111,7 @@ Say = Callable[[str], str]
 
 
 def closing(document: Document, say: Say) -> str:
-    """The exit in words."""
+    """Format the exit status and the counts."""
     words = ", ".join(f"{number} {item}" for item, number in counts(document.items).items())
     return (
         f"{say(headline(document)[1])} ({say(f'exit {int(document.exit)}')}): {words or say(_texts.PageText.NO_ITEMS)}"
@@ -119,21 +119,21 @@ def closing(document: Document, say: Say) -> str:
 
 
 def signature_line(document: Document) -> str:
-    """Who vouches for it."""
+    """Format who signed the document."""
     if document.signed is None:
         return "NOT SIGNED: nobody vouches for it"
     return f"Signed by {printable.visible(document.signed.by)}, {time_text(document.signed.at, document.time_zone)}"
 
 
 def evidence_type(evidence: Evidence, say: Say, zone: str) -> str:
-    """What it stands on, and whose and when it is."""
+    """Format the type of evidence, with person and time."""
     by = f", {evidence.by}" if evidence.by is not None else ""
     at = f", {time_text(evidence.at, zone)}" if evidence.at is not None else ""
     return f"{say(_texts.EVIDENCE[evidence.type])}{by}{at}"
 
 
 def evidence_groups(item: Item, say: Say, zone: str) -> list[tuple[str, list[Evidence]]]:
-    """Evidence that lies side by side and is of one kind, person and time, under its words; a file is on its own."""
+    """Group adjacent evidence of one type, person and time under one title; a file is its own group."""
     result: list[tuple[str, list[Evidence]]] = []
     for evidence in item.evidence:
         words = evidence_type(evidence, say, zone)
@@ -145,14 +145,14 @@ def evidence_groups(item: Item, say: Say, zone: str) -> list[tuple[str, list[Evi
 
 
 def evidence_words(evidence: Evidence) -> str:
-    """One line of evidence, in English."""
+    """Format one line of evidence, in English."""
     file_note = f"; kept as {evidence.file}" if evidence.file is not None else ""
     digest = f", SHA-256 {evidence.sha256}" if evidence.sha256 is not None else ""
     return f"{evidence.what}: {evidence.value} ({evidence_type(evidence, english, '')}){file_note}{digest}"
 
 
 def circumstances(item: Item, say: Say, zone: str) -> str:
-    """Who looks, where, when, how long, and whether it belongs to the table."""
+    """Format who checks, where, when, how long, and whether it belongs to the table."""
     words = [say(_texts.KINDS[item.kind]), say(_texts.PHASES[item.phase])]
     if item.at is not None:
         words.append(time_text(item.at, zone))
@@ -187,12 +187,12 @@ _BRIEF = frozenset({_shapes.ShownState.OPEN, _shapes.ShownState.SKIP, _shapes.Sh
 
 
 def lines(document: Document) -> str:
-    """The text, without a line feed at the end."""
+    """Return the console text, without a final line feed."""
     return "\n".join([*body(document), "", *map(printable.plain, ending(document))])
 
 
 def body(document: Document) -> Iterator[str]:
-    """All but its last lines."""
+    """Yield all lines except the last ones."""
     yield from _wrap_words("", translate(f"Checklist of {document.site} ({document.title}), run {document.run}"))
     if document.rehearsed:
         yield from _wrap_words("", translate("REHEARSED on emulated devices: nothing real was checked"))
@@ -212,16 +212,16 @@ def body(document: Document) -> Iterator[str]:
 
 
 def seal(document: Document) -> Iterator[str]:
-    """By what the signature is known."""
+    """Yield the lines that identify the signature."""
     if document.signed is not None:
         yield from _wrap_words("", translate(f"digest {document.signed.digest}"))
         yield from _wrap_words("", translate(f"key {document.signed.key}"))
 
 
 def ending(document: Document, room: int = 8, *, with_signature: bool = True) -> list[printable.Row]:
-    """How it ended, in at most `room` lines: verdict, counts, the worst item with what to do.
+    """Return the result in at most `room` lines: verdict, counts, and the worst item with what to do.
 
-    `with_signature`: and who has signed.
+    `with_signature`: also who has signed.
     """
     rows: list[printable.Row] = [*_verdict_rows(document), *_counts_rows(document)]
     last = [*_wrap_words("", translate(signature_line(document)))] if with_signature else []
@@ -252,7 +252,7 @@ def _verdict_rows(document: Document) -> Iterator[printable.Row]:
 
 
 def _counts_rows(document: Document) -> Iterator[printable.Row]:
-    """How many of each, the exit code, and whether it was rehearsed."""
+    """Yield the counts, the exit code, and whether it was a rehearsal."""
     count_texts = [(shown_state, f"{number} {shown_state}") for shown_state, number in counts(document.items).items()]
     words = ", ".join(text for _, text in count_texts) or translate(_texts.PageText.NO_ITEMS)
     rest = f"; {translate(f'exit {int(document.exit)}')}"
@@ -266,7 +266,7 @@ def _counts_rows(document: Document) -> Iterator[printable.Row]:
 
 
 def _worst_rows(document: Document, room: int) -> Iterator[printable.Row]:
-    """The item to look at first; of a long text as many lines as there are, the rest stands above."""
+    """Yield the worst item; a long text is cut to the available lines, as the full text is shown above."""
     every = to_look_at(document)[1]
     if not every:
         return
@@ -300,7 +300,7 @@ def _grid(document: Document) -> Iterator[str]:
 
 
 def _below(table: _shapes.Grid, column: str) -> Iterator[str]:
-    """One column, row after row."""
+    """Yield one column, row by row."""
     marks = [
         f"{printable.visible(row.row.name)} {_GRID.get(cell.state, str(cell.state))}"
         for row in table.rows
@@ -358,7 +358,7 @@ def _item(item: Item, zone: str) -> Iterator[str]:
 
 
 def _brief(document: Document) -> Iterator[str]:
-    """What is open or was skipped with the reason, what passed by name alone."""
+    """Yield open and skipped items with their reason, and passed ones by name only."""
     for entry in (_shapes.ShownState.OPEN, _shapes.ShownState.SKIP):
         for item in document.items:
             if _shapes.state(item) is entry:
@@ -387,7 +387,7 @@ def _beside(document: Document) -> Iterator[str]:
 
 
 def change_line(change: ItemChange, say: Say) -> str:
-    """What was otherwise when all was green."""
+    """Format a change since the last green checklist."""
     before, after = (str(word) if word is not None else say("none") for word in (change.before, change.after))
     return f"{change.id}: {before} -> {after}: {say(change.message)}"
 
@@ -398,7 +398,7 @@ def _wrap_all(every: Iterable[str]) -> Iterator[str]:
 
 
 def _wrap_words(mark: str, words: str, *, indent: int = 0) -> Iterator[str]:
-    """Words that begin behind a mark, broken where the console ends; a line feed of theirs breaks as well."""
+    """Wrap text behind a symbol to the console's width; its own line feeds also break."""
     start = _MARGIN if mark else indent
     width = _WIDTH - start
     every = printable.visible(words).expandtabs(1).split("\n")

@@ -18,7 +18,7 @@ class _Data(BaseModel):
 
 
 class ItemKind(StrEnum):
-    """Who finds out."""
+    """Who settles the item."""
 
     AUTOMATIC = "automatic"
     """The tool, which only observes."""
@@ -29,7 +29,7 @@ class ItemKind(StrEnum):
 
 
 class EvidenceType(StrEnum):
-    """What a verdict stands on."""
+    """Basis of a verdict."""
 
     MEASURED = "measured"
     """By this tool."""
@@ -44,7 +44,7 @@ class EvidenceType(StrEnum):
 
 
 class Evidence(_Data):
-    """One thing that was seen."""
+    """One piece of evidence."""
 
     type: EvidenceType
     what: str
@@ -59,7 +59,7 @@ class Evidence(_Data):
 
 
 class ItemFinding(_Data):
-    """One sentence of a verdict."""
+    """One finding of an item's verdict."""
 
     verdict: Verdict
     code: str
@@ -68,7 +68,7 @@ class ItemFinding(_Data):
 
 
 class Override(_Data):
-    """A person takes the responsibility for an item that did not pass."""
+    """A person's acceptance of responsibility for an item that did not pass."""
 
     reason: str
     by: str
@@ -107,7 +107,7 @@ class Item(_Data):
 
     @property
     def counts(self) -> Verdict:
-        """The verdict as it counts for the exit: what a person has overridden warns, and no more."""
+        """Verdict as it counts for the exit code: an overridden item is only a warning."""
         if self.override is not None and self.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR}:
             return Verdict.WARN
         return self.verdict
@@ -138,7 +138,7 @@ class LeftOut(_Data):
 
 
 class ItemChange(_Data):
-    """An item that is otherwise than when all was green."""
+    """An item that differs from the last green checklist."""
 
     id: str
     before: Verdict | None
@@ -148,7 +148,7 @@ class ItemChange(_Data):
 
 
 class SinceGreen(_Data):
-    """What has changed since the last checklist of the same scope that was green."""
+    """Changes since the last green checklist of the same scope."""
 
     run: str
     at: datetime
@@ -156,7 +156,7 @@ class SinceGreen(_Data):
 
 
 class DrawnNode(_Data):
-    """A thing in the drawing of the site."""
+    """A node in the drawing of the site."""
 
     key: str
     label: str
@@ -168,7 +168,7 @@ class DrawnNode(_Data):
 
 
 class DrawnLink(_Data):
-    """A line in the drawing."""
+    """A link in the drawing."""
 
     a: str
     b: str
@@ -179,14 +179,14 @@ class DrawnLink(_Data):
 
 
 class Drawing(_Data):
-    """The site, from its declaration."""
+    """Drawing of the site, from the inventory."""
 
     nodes: tuple[DrawnNode, ...]
     links: tuple[DrawnLink, ...]
 
 
 class Signature(_Data):
-    """A named person vouches for the document as it is."""
+    """Signature of a named person over the whole document."""
 
     by: str
     at: datetime
@@ -201,7 +201,7 @@ class Signature(_Data):
 
 
 class Document(_Data):
-    """One checklist of a site, whole."""
+    """A complete checklist of a site."""
 
     version: Literal[1] = 1
     run: str
@@ -236,12 +236,12 @@ class Document(_Data):
 
     @property
     def verdict(self) -> Verdict:
-        """The worst of all items as they count."""
+        """Worst of all verdicts as they count for the exit code."""
         return worst(item.counts for item in self.items)
 
     @property
     def exit(self) -> ExitCode:
-        """Nothing looked at is not green, nor is anything that nobody has answered."""
+        """Exit code; a checklist without checks, or with unanswered items, is not green."""
         if not self.items or all(item.verdict is Verdict.SKIP for item in self.items):
             return ExitCode.NOTHING
         green = {Verdict.PASS, Verdict.WARN, Verdict.SKIP}

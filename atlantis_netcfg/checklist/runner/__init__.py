@@ -1,9 +1,9 @@
-"""The questions of a checklist, asked where the things are: on the gateway, on this computer, of the routers.
+"""Runs the requests of a checklist where the devices are reachable: on the gateway, on this computer, on routers.
 
-All places are asked at the same time, each in one turn: one SSH command carries every question to the gateway, each
-router has one session, and what comes back is judged item by item as soon as it is there. Nothing leaves before it is
-looked at (programs from the closed list, addresses that are declared, reading commands only) and, where the way is paid
-by the byte, before somebody has agreed to pay; a place that cannot be asked answers so, and is no error.
+All places run at the same time, each in one turn: one SSH command carries all requests to the gateway, each router has
+one session, and each item is judged as soon as its results are there. Nothing is sent before it is checked (programs
+from the allow-list, addresses in the inventory, read-only commands) and, on a metered link, before a person has given
+consent. A place that cannot be reached is a result, not an error.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The way into a gateway computer: testinfra over OpenSSH, one connection, its host key pinned before."""
+"""SSH access to a gateway computer: testinfra over OpenSSH, one connection, with its host key pinned before."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _GRACE_S, _GRACE_SLOWLY_S = 30.0, 270.0
 
 
 class GatewayUnreachable(NetcfgError):
-    """A gateway was not asked, so that nothing is known of it."""
+    """The gateway could not be reached, so nothing is known of it."""
 
 
 class _SshBackend(SshBackend):  # type: ignore[misc] # testinfra ships no types
@@ -46,7 +46,7 @@ class _SshBackend(SshBackend):  # type: ignore[misc] # testinfra ships no types
         self.ended: ProcessResult | None = None
 
     def run_local(self, command: str, *args: str) -> Any:  # noqa: ANN401 - testinfra's result
-        """Run ssh itself, not a shell that runs it."""
+        """Run ssh directly, without a local shell."""
         argv = shlex.split(self.quote(command, *args))
         self.ended = self.carrier.run(argv)
         # Text, as testinfra would otherwise ask the computer for its encoding, which is one more connection.
@@ -56,7 +56,7 @@ class _SshBackend(SshBackend):  # type: ignore[misc] # testinfra ships no types
 
 @dataclass(frozen=True, slots=True)
 class GatewayAccess:
-    """How a gateway is reached."""
+    """SSH parameters of a gateway."""
 
     name: str
     spec: str
@@ -70,7 +70,7 @@ class GatewayAccess:
     sudo: bool
 
     def run(self, command: str, *words: str, carrier: Carrier | None = None) -> ProcessResult:
-        """Run a command as root, in one connection; `%s` stands for a word that is quoted. Raises NotReached."""
+        """Run a command as root, in one connection; quoted arguments replace `%s`. Raises GatewayUnreachable."""
         backend = _SshBackend(
             carrier or Carrier(),
             self.spec,
@@ -102,9 +102,9 @@ class GatewayAccess:
 
 
 def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: str | None = None) -> GatewayAccess:
-    """The way to a gateway. Raises NotReached where there is none: example values, a rehearsal without it.
+    """Return the SSH access to a gateway. Raises GatewayUnreachable: example values, or a rehearsal without it.
 
-    `ssh_config`: a file of OpenSSH that says how the host's name is reached, in place of the declared address.
+    `ssh_config`: OpenSSH configuration file for the host's name, instead of the address in the inventory.
     """
     try:
         refuse_examples(declaration, is_rehearsal=request.rehearsed or ssh_config is not None)

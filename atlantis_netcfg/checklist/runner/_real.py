@@ -1,7 +1,7 @@
-"""Ask the real site: each question goes to the place where its device is.
+"""Run requests at the real site: each at the place where its device can be reached.
 
-RouterOS devices are asked in one session each. For the gateway and for this computer the agent program is packed with
-its questions, run there (over one SSH command, or as a process), and read line by line.
+RouterOS devices are read in one session each. For the gateway and for this computer the agent program is packed with
+its requests, run there (over one SSH command, or as a process), and its output parsed line by line.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class AgentProcess:
-    """One turn of the program at one place."""
+    """One run of the agent program at one place."""
 
     questions: results.Questions
     tell: results.OnAnswer
@@ -53,9 +53,10 @@ class AgentProcess:
     _faults: list[RuntimeError] = field(default_factory=list)
 
     async def hear(self, carry: Callable[[Carrier], str]) -> dict[str, probes.Answer]:
-        """Let the program run; `carry` blocks until it has ended, and gives the words for what was not answered.
+        """Run the program; `carry` blocks until it ends, and returns the reason for missing results.
 
-        Raises RuntimeError if the program itself has failed at a question, once all others are answered and told.
+        Raises RuntimeError if the program itself failed in a request, after all other results are complete and
+        reported.
         """
         request_batch, loop = agent.batch(self.questions), asyncio.get_running_loop()
         by_key, words = dict(self.questions), ["it did not answer"]
@@ -72,7 +73,7 @@ class AgentProcess:
         return {**self.answers, **rest}
 
     def _line(self, text: bytes, now: float) -> None:
-        """Take a line; a broken one says nothing, and its question counts as not answered."""
+        """Process an output line; an invalid one is ignored, so its request has no result."""
         by_key = dict(self.questions)
         try:
             result = json.loads(text)
@@ -93,9 +94,9 @@ _GRACE_S = 15.0
 async def ask_here(
     questions: results.Questions, result: results.OnAnswer, before: Sequence[str] = ()
 ) -> Mapping[str, probes.Answer]:
-    """Ask this computer by the program that listens; `before`: words of a program that starts it.
+    """Run requests on this computer with the agent program; `before`: command prefix that starts it.
 
-    What cannot be asked answers NO_PLACE.
+    A request that cannot be run gets the result NO_PLACE.
     """
     return await AgentProcess(questions, result, _GRACE_S).hear(lambda carrier: _here(carrier, before))
 
@@ -109,7 +110,7 @@ def _here(carrier: Carrier, before: Sequence[str]) -> str:
 
 
 def last_line(data: bytes) -> str:
-    """What a program said last."""
+    """Return the last non-empty line of a program's output."""
     return next((line.strip() for line in reversed(data.decode(errors="replace").splitlines()) if line.strip()), "")
 
 
@@ -124,7 +125,7 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     result: results.OnAnswer,
     ssh_config: str | None = None,
 ) -> Mapping[str, probes.Answer]:
-    """Ask a gateway by the program that listens; what cannot be asked answers NO_PLACE. Raises CostRefused."""
+    """Run requests on a gateway with the agent program; NO_PLACE if that is impossible. Raises CostRefusal."""
     try:
         way = _gateway_access.way_in(declaration, host, request, ssh_config)
     except _gateway_access.GatewayUnreachable as why:
@@ -153,7 +154,7 @@ def _there(way: _gateway_access.GatewayAccess, carrier: Carrier) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Routers:
-    """The routers of a site, read and never changed. What cannot be asked answers NO_PLACE, with the reason."""
+    """The routers of a site, read-only. A request that cannot be run gets NO_PLACE, with the reason."""
 
     declaration: Declaration
     site: str
@@ -161,7 +162,7 @@ class Routers:
     notify: events.Subscriber
 
     async def ask(self, name: str, questions: results.Questions) -> Mapping[str, probes.Answer]:
-        """Ask one device everything in one session of two round trips."""
+        """Run all requests to one device in one session of two round trips."""
         try:
             return await self._session(self.declaration.hosts[name], questions)
         except NetcfgError as error:
@@ -171,7 +172,7 @@ class Routers:
             return results.all_unanswered(questions, f"the inventory has no host `{name}`")
 
     async def links(self, questions: results.Questions, result: results.OnAnswer) -> Mapping[str, probes.Answer]:
-        """Look at all links once for all who ask, and prove what is to be proved meanwhile."""
+        """Read all links once for all items, and run allow-list tests at the same time."""
         looks = [(key, item) for key, item in questions if isinstance(item, probes.LinkStatusRequest)]
         proofs = [(key, request) for key, request in questions if isinstance(request, probes.AllowListTestRequest)]
         work = [
@@ -239,7 +240,7 @@ class Routers:
         return probes.AllowListTestResult(None, "", (*findings, *proof.findings), bill.words, seconds)
 
     def _pay(self, proving: Proving) -> None:
-        """Raise CostRefused if nobody has agreed to pay for a proof; a rehearsal costs nothing."""
+        """Raise CostRefusal if a test on a metered link has no consent; a rehearsal costs nothing."""
         if self.request.rehearsed:
             return
         dear = [item for item in previews(self.declaration, proving) if item.link.is_metered]
@@ -264,9 +265,9 @@ def _link_status(values: Mapping[str, Mapping[str, object]], question: probes.Li
 def link_record(
     declaration: Declaration, request: Request, question: probes.LinkRecordRequest
 ) -> probes.LinkRecordResult:
-    """Judge the newest measurement of a real link anew, by what is declared now, from its samples alone.
+    """Judge the newest measurement of a real link again, from its samples and the current inventory only.
 
-    A file of figures proves nothing.
+    Stored figures are not used as proof.
     """
     from atlantis_netcfg.links.qualify.archive import kept_runs, made_anew  # noqa: PLC0415 - as above
     from atlantis_netcfg.operations.qualify.plan import thresholds_of  # noqa: PLC0415 - few checklists ask for it
@@ -284,7 +285,7 @@ def link_record(
 
 @dataclass(slots=True)
 class RealEars:
-    """Asks the devices of a site. Links that are paid by the byte carry nothing without `request.accept_cost`."""
+    """Runs requests at a real site. Metered links carry nothing without `request.accept_cost`."""
 
     declaration: Declaration
     site: str
@@ -296,7 +297,7 @@ class RealEars:
     async def ask(
         self, place: probes.Place, host: str | None, questions: results.Questions, result: results.OnAnswer
     ) -> Mapping[str, probes.Answer]:
-        """Ask all questions of one place in one turn; see `Ears.ask`."""
+        """Run all requests of one place in one turn; see `Ears.ask`."""
         name = self._name(place, host)
         self.notify(events.Event(name, events.Stage.CONNECTING, f"{len(questions)} questions, which only read"))
         try:
@@ -325,7 +326,7 @@ class RealEars:
         return await (routers.links(questions, result) if host is None else routers.ask(host, questions))
 
     async def _ask_here(self, questions: results.Questions, result: results.OnAnswer) -> Mapping[str, probes.Answer]:
-        """Read what this computer keeps, listen for robots, and ask the rest by the program that listens."""
+        """Read stored records, listen for robots, and run the other requests with the agent program."""
         record_answers = {
             key: link_record(self.declaration, self.request, question)
             for key, question in questions
@@ -351,15 +352,15 @@ class RealEars:
 
 
 class Ears(Protocol):
-    """The seam between the checklist and the site: real devices behind one side, twins behind the other."""
+    """Interface between the checklist and the site; implemented for real and for emulated devices."""
 
     async def ask(
         self, place: probes.Place, host: str | None, questions: results.Questions, result: results.OnAnswer
     ) -> Mapping[str, probes.Answer]:
-        """Ask all questions of one place in one turn, and give one answer for each key.
+        """Run all requests of one place in one turn, and return one result per key.
 
-        `host`: the RouterOS device of questions `RouterOsQuery`; None for all others. `result` is called as the answers
-        come; whoever gets them all at once need not call it, for what is returned counts. What cannot be asked is an
-        answer with a trouble, never an exception.
+        `host`: the RouterOS device of `RouterOsQuery` requests; None for all others. `result` is called as results
+        arrive; an implementation that gets all at once need not call it, because the returned ones count. A request
+        that cannot be run has a result with a trouble, never an exception.
         """
         ...

@@ -1,6 +1,6 @@
-"""One turn of a checklist: everything that is open is asked at once, and judged as it is answered.
+"""One turn of a checklist: all open items are requested at once, and judged as results arrive.
 
-Looked at before the wire: what a probe asks must be on a closed list, and go where the declaration leads.
+Checked before sending: a probe's requests must be in the allow-lists, and go only to targets in the inventory.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _MOST_MESSAGES: Final = 5
 
 
 def unfit(entry: PlanEntry, questions: Sequence[probes.Question]) -> str | None:
-    """Why these questions must not be asked; None: they may."""
+    """Return why requests must not be sent; None if they may."""
     names = [question.name for question in questions]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -73,7 +73,7 @@ def _reads(query: Query) -> bool:
 
 
 def _elsewhere(cell: probes.Cell, listen: probes.Listen) -> str | None:
-    """Nobody's port is opened that the declaration does not name."""
+    """Return a refusal if a port or device to listen to is not in the inventory."""
     if listen.transport == "tcp" and listen.address not in {str(address) for address in _addresses(cell)}:
         return f"the address {listen.address or 'that it asks'} is not declared at {cell.site}"
     if listen.transport == "serial" and listen.device not in {
@@ -86,7 +86,7 @@ def _elsewhere(cell: probes.Cell, listen: probes.Listen) -> str | None:
 
 
 def _foreign(cell: probes.Cell, question: probes.DdsDiscoverRequest) -> str | None:
-    """Participants are looked for at an address of the asking computer itself, in the declared domain."""
+    """Return a refusal unless participants are sought at the computer's own address, in the inventory's domain."""
     local = cell.gateway.device if cell.gateway is not None else None
     if question.address not in {str(getattr(local, name, None)) for name in ("address", "vpn_address")}:
         return f"the address {question.address} is not that of the gateway computer of {cell.site}"
@@ -95,7 +95,7 @@ def _foreign(cell: probes.Cell, question: probes.DdsDiscoverRequest) -> str | No
 
 
 def _not_ours(cell: probes.Cell, question: probes.ReflectRequest) -> str | None:
-    """Messages go to gateways and control centres of the pilot, and to the port of what answers them."""
+    """Return a refusal unless messages go to the reflector port of a gateway or control centre."""
     if question.count > _MOST_MESSAGES:
         return "it would send too much"
     computers = [host.device for host in cell.declaration.hosts.values() if isinstance(host.device, ServerComputer)]
@@ -115,7 +115,7 @@ def _addresses(cell: probes.Cell) -> Iterator[object]:
 
 
 def _of_endpoints(cell: probes.Cell, field: str) -> Iterator[object]:
-    """This field of all endpoints of the row's own site, and of its vehicles."""
+    """Yield a field of all endpoints of the site and its vehicles."""
     rows = (*(vehicle.endpoints for vehicle in cell.declaration.vehicles.values()), cell.site_config.location.endpoints)
     for row in rows:
         for column in type(row).model_fields:
@@ -130,13 +130,13 @@ _OURS: Final = "this is our fault, not a mistake of yours: please tell us"
 
 
 def utc_now() -> datetime:
-    """The time of an item."""
+    """Return the current time, for items."""
     return datetime.now(UTC)
 
 
 @dataclass(slots=True, eq=False)
 class _Open:
-    """An entry, its questions, and what of them is answered."""
+    """An open item, its requests, and the results so far."""
 
     entry: PlanEntry
     questions: tuple[probes.Question, ...] = ()
@@ -151,7 +151,7 @@ class _Open:
 
 @dataclass(slots=True)
 class _PlaceBatch:
-    """The questions of one place in one turn; identical ones of several items are asked once."""
+    """The requests of one place in one turn; identical ones of several items are sent once."""
 
     place: probes.Place
     host: str | None
@@ -161,14 +161,14 @@ class _PlaceBatch:
     """Key to who wants the answer, and under which name."""
 
     def add(self, item: _Open, question: probes.Question) -> None:
-        """Take a question in; the same one is not asked twice."""
+        """Add a request, unless an identical one exists."""
         plain = replace(question, name="")
         key = self.key_by_question.setdefault(plain, f"{item.entry.item.id}#{question.name}")
         self.wait.setdefault(key, []).append((item, question.name))
 
     @property
     def questions(self) -> list[tuple[str, probes.Question]]:
-        """By their keys, in the order of the items; each with the name that its first asker gives it."""
+        """Requests with their keys, in the order of the items; each named as in the first item that needs it."""
         return [(key, replace(question, name=key.rpartition("#")[2])) for question, key in self.key_by_question.items()]
 
 
@@ -180,13 +180,12 @@ async def examine(
     now: Callable[[], datetime] = utc_now,
     state: Callable[[], Path] = state_dir,
 ) -> tuple[report.Item, ...]:
-    """Ask everything of all entries at once, judge each as soon as its own answers are there, and give the items.
+    """Run all requests of all entries at once, judge each item when its results are complete, and return the items.
 
-    Entries without a probe, and those that do not apply, come back as they are; one that is settled already is asked
-    again. To hand over an active entry is to say that a person has consented.
-    `on_settle` is called once an item, in the order in which they are judged; `state` is the folder of the log file in
-    which the traceback of a probe that crashes is kept: such an item is ERROR. Nothing is raised but what `on_settle`
-    raises; the rest is given up then.
+    Entries without a probe, and those that do not apply, are returned unchanged; a settled one is checked again.
+    Passing an active entry means that a person has consented. `on_settle` is called once per item, in the order of
+    judgement; `state` is the folder of the log file for the traceback of a probe that crashes: such an item is ERROR.
+    Only exceptions of `on_settle` are raised; they cancel the rest.
     """
     turn = _Turn(ears, now, state)
     todo = [turn.open_item(entry) for entry in entries if entry.step.probe is not None and not entry.step.unless]
@@ -205,7 +204,7 @@ async def examine(
 
 
 def _batches(todo: Iterable[_Open]) -> list[_PlaceBatch]:
-    """One for each place: the gateway, this computer, each router, and what all routers together tell of the links."""
+    """Group requests by place: the gateway, this computer, each router, and all routers together for the links."""
     batches: dict[tuple[probes.Place, str | None], _PlaceBatch] = {}
     for item in todo:
         for question in item.questions if item.waits else ():
@@ -225,7 +224,7 @@ class _Turn:
     faults: dict[BaseException, InternalError] = field(default_factory=dict)
 
     def open_item(self, entry: PlanEntry) -> _Open:
-        """Ask a probe for its questions, and look at them before the wire."""
+        """Get a probe's requests, and check them before they are sent."""
         item = _Open(entry)
         assert entry.step.probe is not None  # noqa: S101 - `examine` has looked
         try:
@@ -239,7 +238,7 @@ class _Turn:
         return item
 
     async def ask(self, batch: _PlaceBatch) -> None:
-        """Have a place answer; at the end every question of it has an answer, or its item a fault."""
+        """Run the requests of a place; afterwards each request has a result, or its item a fault."""
         questions = batch.questions
         try:
             async with asyncio.timeout(LIMIT_S) as limit:
@@ -257,7 +256,7 @@ class _Turn:
         self._take(batch, {**rest, **answers})
 
     def judge_item(self, item: _Open) -> report.Item:
-        """Judge an item that has all its answers."""
+        """Judge an item whose results are complete."""
         try:
             if item.fault is not None:
                 raise item.fault  # noqa: TRY301 - it is told as any fault is
@@ -273,7 +272,7 @@ class _Turn:
         return self._settle(item, result)
 
     def _record_crash(self, fault: BaseException, name: str) -> InternalError:
-        """One log file for a fault, however many items it takes down."""
+        """Write one log file per fault, however many items it affects."""
         if fault not in self.faults:
             self.faults[fault] = report_crash(fault, f"checking {name}", self.state)
         return self.faults[fault]
@@ -300,7 +299,7 @@ class _Turn:
         return self._item(item, result.verdict, findings).model_copy(update={"evidence": tuple(result.evidence)})
 
     def _item(self, item: _Open, verdict: Verdict, findings: tuple[report.ItemFinding, ...]) -> report.Item:
-        """The item with its verdict; its words are those of the first of its worst findings."""
+        """Return the item with its verdict; message and hint come from the first of the worst findings."""
         worst = next(finding for finding in findings if finding.verdict is verdict)
         return item.entry.item.model_copy(
             update={

@@ -1,4 +1,4 @@
-"""What the questions of a gateway may send over a way that is paid by the byte, and who has agreed to it."""
+"""Data volume of a gateway's requests over a metered link, and the check for consent."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _JSON_OVERHEAD: Final = 1.4
 
 
 def within_budget(questions: Questions) -> Questions:
-    """The same questions, with no stream longer than what is told before: what comes beyond it is not carried."""
+    """Limit the streams in requests to the announced volume; further data are not transferred."""
     return [
         (key, replace(request, max_bytes=_most(request)) if isinstance(request, Listen) else request)
         for key, request in questions
@@ -66,9 +66,9 @@ def within_budget(questions: Questions) -> Questions:
 def previews(
     declaration: Declaration, site: str, entries: Sequence[PlanEntry], request: Request
 ) -> tuple[Preview, ...]:
-    """What asking these entries costs on links that are paid by the byte, one preview a link and kind of asking.
+    """Estimate the cost of these entries on metered links, one preview per link and kind of request.
 
-    For whoever has to agree before. Raises UsageError for a link that the site does not have.
+    It is shown before consent. Raises UsageError for a link that the site does not have.
     """
     probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
     questions = [question for probe in probes for question in probe.asks()]
@@ -121,7 +121,7 @@ def _of_robots(declaration: Declaration, site: str, questions: Sequence[Question
 
 
 def estimate(declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions) -> Preview:
-    """What one turn of questions costs at most over the way to a gateway."""
+    """Estimate the maximum cost of one turn of requests over a gateway's link."""
     request_batch = batch(questions)
     nbytes = (
         _SSH
@@ -135,7 +135,7 @@ def estimate(declaration: Declaration, site: str, carrier: BearerProfile, questi
 def refuse_unpaid(
     declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions, request: Request
 ) -> None:
-    """Raise CostRefused if nobody has agreed to pay, or if it is more than the declaration admits."""
+    """Raise CostRefusal without consent, or if the cost exceeds the inventory's limit."""
     cost_preview = estimate(declaration, site, carrier, questions)
     if cost_preview.over_cap:
         raise cost_preview.refusal()

@@ -1,8 +1,8 @@
 """Results of probes while they run: progress events, and the result of a request that was not sent.
 
-Progress: each item, when it is settled, as an event.
+Progress: an event for each item when it is settled.
 
-The answer of a question that was not asked, or of which nothing came back.
+Also the result of a request that was not sent, or got no response.
 """
 
 from __future__ import annotations
@@ -53,17 +53,17 @@ _ANSWERS: Mapping[type, type[probes.Answer]] = {
 def trouble_answer(
     question: probes.Question, words: str, trouble: probes.Trouble = probes.Trouble.NO_PLACE
 ) -> probes.Answer:
-    """The answer of this kind of question that says nothing but its trouble, and why in words."""
+    """Return a result of the request's type that contains only its trouble and the reason."""
     return _ANSWERS[type(question)](trouble, words)
 
 
 def in_words(why: NetcfgError) -> str:
-    """What is so, and what to do."""
+    """Format an error and its hint."""
     return f"{why}; {why.hint}" if why.hint else str(why)
 
 
 def all_unanswered(questions: Questions, words: str) -> dict[str, probes.Answer]:
-    """The same of many, by their keys, where their place was not reached."""
+    """Return the same result for all requests, by key, when their place was not reached."""
     return {key: trouble_answer(question, words) for key, question in questions}
 
 

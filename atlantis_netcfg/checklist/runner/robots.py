@@ -1,4 +1,4 @@
-"""Robots as the real site has them: who is heard by this computer or another one, and who is in the VPN."""
+"""Robots at the real site: those detected by this computer or another one, and those in the VPN."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 async def ask_robots(
     declaration: Declaration, site: str, request: Request, questions: results.Questions, result: results.OnAnswer
 ) -> Mapping[str, probes.Answer]:
-    """Ask everything at once; what cannot be asked answers NO_PLACE, with the reason."""
+    """Run all requests at once; one that cannot be run gets NO_PLACE, with the reason."""
 
     async def ask(key: str, question: probes.Question) -> tuple[str, probes.Answer]:
         try:
@@ -53,9 +53,9 @@ async def _answer(declaration: Declaration, site: str, request: Request, questio
 
 
 def listening_preview(declaration: Declaration, site: str, question: probes.RobotsHeardRequest) -> Preview | None:
-    """What one listening costs where all links of the site are metered; None: nothing.
+    """Estimate the cost of listening if all links of the site are metered; None if it costs nothing.
 
-    Raises NetcfgError where nobody knows by which address it listens.
+    Raises NetcfgError if the listening address is unknown.
     """
     from atlantis_netcfg.operations.robots import dds_of, listening_address  # noqa: PLC0415 - as above
     from atlantis_netcfg.operations.robots.listening_cost import listening_cost  # noqa: PLC0415 - as above
@@ -70,9 +70,9 @@ def listening_preview(declaration: Declaration, site: str, question: probes.Robo
 
 
 def vpn_members(declaration: Declaration, request: Request) -> probes.VpnMembersResult:
-    """The robots of the VPN's record, and which of them the server has a session of now.
+    """Return the robots in the VPN's record, and whether the server has a session of each now.
 
-    Raises NetcfgError where this computer has no record, and where the server is not reached.
+    Raises NetcfgError if this computer has no record, or if the server is not reached.
     """
     from atlantis_netcfg.operations.vpn.server import over_ssh  # noqa: PLC0415 - as above
     from atlantis_netcfg.operations.vpn.server_state import observe  # noqa: PLC0415 - as above

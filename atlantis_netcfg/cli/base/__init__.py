@@ -1,1 +1,1 @@
-"""What every command is made of: its arguments, its session with a site, its questions, and what it prints."""
+"""Parts shared by all commands: arguments, the session with a site, prompts, and output."""

@@ -1,4 +1,4 @@
-"""The commands by name. Only the module of the command that runs is imported (help imports the declarations of all)."""
+"""The commands by name. Only the module of the command that runs is imported (help imports all definitions)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class LoadedCommand(NamedTuple):
-    """A command of the table, imported."""
+    """An imported command."""
 
     command: CommandSpec
     run: Callable[[Arguments], errors.ExitCode]
@@ -88,14 +88,14 @@ Help lists them by their groups, and in each group in this order."""
 
 
 def load(name: str, table: Mapping[str, str]) -> LoadedCommand:
-    """Import the module of a command; `module:name` has the declaration `NAME` and the function `run_name`."""
+    """Import the module of a command; `module:name` has the definition `NAME` and the function `run_name`."""
     module, _, entry = table[name].partition(":")
     command_module = import_module(module)
     return LoadedCommand(getattr(command_module, entry.upper()), getattr(command_module, f"run_{entry}"))
 
 
 def choose(command_line: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[str]]:
-    """Which command a line means, and what is left for it; UsageError when the first word is no command."""
+    """Return the command of a line, and the other arguments; raises UsageError if there is no such command."""
     places = [place for place, argument in enumerate(command_line) if not argument.startswith("-")]
     for length in range(len(places), 0, -1):
         name = " ".join(command_line[place] for place in places[:length])
@@ -107,7 +107,7 @@ def choose(command_line: Sequence[str], table: Mapping[str, str]) -> tuple[str, 
 
 
 def _means_default(command_line: Sequence[str], first: int, table: Mapping[str, str]) -> bool:
-    """Also where `site=coastal` was meant and `site = coastal` or `--site coastal` was typed."""
+    """Return whether the default command is meant, also for `site = coastal` or `--site coastal`."""
     if "=" in command_line[first]:
         return True
     words = [word.name for word in load(DEFAULT, table).command.words]
@@ -136,7 +136,7 @@ def _no_such_command(command_line: Sequence[str], places: Sequence[int], table: 
 
 
 def _meant_line(command_line: Sequence[str], first: int, near: str | None, table: Mapping[str, str]) -> str | None:
-    """The line that was meant, where its first word is a site, a flag of the default command, or nearly a command."""
+    """Return a suggestion if the first word is a site, a flag of the default command, or nearly a command."""
     from atlantis_netcfg.cli.base.inventory_names import Values, folder_of, names
 
     sites = names(folder_of(command_line), Values.SITE)

@@ -1,13 +1,13 @@
-"""Questions of the command line, and the answers that they take: the same everywhere.
+"""Prompts of the command line, and the answers that they accept: the same everywhere.
 
-Two kinds of questions end in yes or no:
+Two kinds of prompts expect yes or no:
 
-- `yes_or_no`: nothing happens by the answer alone; `y` and `n` are enough.
+- `yes_or_no`: the answer alone has no effect; `y` and `n` are enough.
 - `whole_word`: devices change, money is spent, things move or somebody signs; only the whole word agrees.
 
-Case does not count. English words are always taken, and where people are addressed in Portuguese, Portuguese ones too.
-An empty or wrong answer agrees to nothing: the question comes again, and the third wrong answer is no. The end of the
-input is no. Ctrl-C stops the command.
+Case is ignored. English words are always accepted, and with Portuguese as language, Portuguese ones too. An empty or
+wrong answer agrees to nothing: the prompt is repeated, and the third wrong answer counts as no. The end of the input
+counts as no. Ctrl-C stops the command.
 """
 
 from __future__ import annotations
@@ -48,26 +48,26 @@ _ROOM = 62
 
 
 class ConsentRefusal(DeviceError):
-    """The person said no: every device is as it was."""
+    """The user declined: no device was changed."""
 
 
 def shown_word(word: str) -> str:
-    """A word to answer with, as a question shows it."""
+    """Return an answer word in the language of the prompt."""
     return _PORTUGUESE.get(word, word) if language.current() is language.Language.PORTUGUESE else word
 
 
 def taken_words(word: str) -> tuple[str, ...]:
-    """What a person may type for it."""
+    """Return the words accepted as this answer."""
     return tuple(dict.fromkeys((word, shown_word(word))))
 
 
 def plain(answer: str) -> str:
-    """An answer as it is compared: without the blanks around it, and case does not count."""
+    """Normalise an answer: whitespace around it and case are ignored."""
     return unicodedata.normalize("NFC", answer).strip().lower()
 
 
 def read_line(question: str) -> str | None:
-    """What a person types; None at the end of the input. Raises Declined at Ctrl-C: nothing was sent yet."""
+    """Read a line from the user; None at the end of input. Raises ConsentRefusal at Ctrl-C: nothing was sent."""
     try:
         return input(printable.lines(question))
     except EOFError:
@@ -77,7 +77,7 @@ def read_line(question: str) -> str | None:
 
 
 def yes_or_no(question: str, read: Callable[[str], str | None] = read_line, say: Callable[[str], None] = print) -> bool:
-    """Ask what changes no device and costs nothing: `y` or `n` is enough."""
+    """Ask about something without effect on devices or cost: `y` or `n` is enough."""
     words = f"[{shown_word(YES)}, {shown_word(NO)}]"
     return _decide(f"{translate(question)} {words} ", _with_short(YES), translate("  type yes or no"), read, say)
 
@@ -89,7 +89,7 @@ def whole_word(
     *,
     word: str = YES,
 ) -> bool:
-    """Ask what has consequences: only the whole word agrees, and the question says so."""
+    """Ask about something with consequences: only the whole word agrees, as the prompt says."""
     display_word = shown_word(word)
     how = translate(f"Type {display_word} to go on (the whole word), or {shown_word(NO)}:")
     again = translate(f"  type the whole word {display_word}, or {shown_word(NO)}")
@@ -120,7 +120,7 @@ def _decide(
 
 
 def require_agreement(question: str) -> None:
-    """Return when the person agrees. Raises Declined, or UsageError when nobody is there to be asked."""
+    """Ask for consent. Raises ConsentRefusal, or UsageError if there is no terminal."""
     if not sys.stdin.isatty():
         raise UsageError(
             "nobody is here to agree to these changes, so nothing was changed",
@@ -131,7 +131,7 @@ def require_agreement(question: str) -> None:
 
 
 def pay(words: Sequence[str], *, is_accepted: bool, as_json: bool) -> None:
-    """Show what goes over links that are paid by the byte, and ask unless `is_accepted`. Raises CostRefused."""
+    """Show the data volume over metered links, and ask unless `is_accepted`. Raises CostRefusal."""
     if words and not is_accepted:
         pays(words, ask=not as_json)
     elif words and not as_json:
@@ -144,7 +144,7 @@ def _show_costs(words: Sequence[str]) -> None:
 
 
 def pays(words: Sequence[str], *, ask: bool) -> None:
-    """Return when the person pays for what the words tell. Raises CostRefused (`ask`: not where a program reads)."""
+    """Ask for consent to the cost. Raises CostRefusal, also without prompting if `ask` is false."""
     if not ask or not sys.stdin.isatty():
         raise unpaid(words)
     _show_costs(words)
@@ -153,7 +153,7 @@ def pays(words: Sequence[str], *, ask: bool) -> None:
 
 
 def removes(words: Sequence[str], *, ask: bool) -> None:
-    """Return when the person lets the rows go that the words tell of. Raises Declined, UsageError with nobody there."""
+    """Ask for consent to remove rows. Raises ConsentRefusal, or UsageError without a terminal."""
     if not ask or not sys.stdin.isatty():
         raise UsageError(
             f"nobody is here to agree to this, so nothing was changed: {'; '.join(words)}",

@@ -1,7 +1,7 @@
-"""The names in an inventory, for hints and completion: found quickly, without validating anything.
+"""Names in an inventory, for hints and completion: read quickly, without validation.
 
-A file that is missing or broken gives the names that stand before its first error, and never an error of its own: these
-names are offered to a person, and no command relies on them.
+A missing or invalid file yields the names before its first error, and never raises: these names are suggestions for a
+person, and no command relies on them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Values(Enum):
-    """What the values of a word are, where the inventory or this laptop knows them: completion and hints offer them."""
+    """Kinds of argument values known from the inventory or this laptop, for completion and hints."""
 
     SITE = "sites"
     HOST = "hosts"
@@ -38,7 +38,7 @@ _PLACES = {
 
 
 def folder_of(command_line: Sequence[str]) -> Path:
-    """The inventory of a command line: the one that it names, else the checkout's own."""
+    """Return the inventory folder of a command line: the given one, otherwise the checkout's own."""
     from atlantis_netcfg.core import paths
 
     inventories = [word.partition("=")[2] for word in command_line if word.startswith("inventory=")]
@@ -46,7 +46,7 @@ def folder_of(command_line: Sequence[str]) -> Path:
 
 
 def names(folder: Path, values: Values, site: str = "") -> list[str]:
-    """The names of one kind in the order of the file; hosts of one site where it is named."""
+    """Return the names of one kind in the order of the file; hosts only of `site` if it is given."""
     if values not in _PLACES:
         return []
     file, route = _PLACES[values]
@@ -56,12 +56,12 @@ def names(folder: Path, values: Values, site: str = "") -> list[str]:
 
 
 def kind_of(folder: Path, name: str) -> Values | None:
-    """What a name of the inventory is; None where it is not in it."""
+    """Return the kind of a name in the inventory; None if it is unknown."""
     return next((values for values in _PLACES if name in names(folder, values)), None)
 
 
 def _keys(path: Path, route: tuple[str, ...]) -> Iterator[str]:
-    """The keys of the mappings at `route` in a YAML file, up to its first error."""
+    """Yield the keys of the mappings at `route` in a YAML file, up to its first error."""
     import yaml
 
     keys: list[str | None] = []

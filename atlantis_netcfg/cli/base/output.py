@@ -1,8 +1,8 @@
-"""What every command prints: progress while it works, errors with their hints, the end.
+"""Output of every command: progress, errors with their hints, and the end.
 
-How a command that did not succeed ends: words for a person or one JSON object, and a log file for us.
+A command that fails prints a message or one JSON object, and writes a log file for the developers.
 
-Live progress: one line a device on a terminal, one plain line a step elsewhere. Neither is silent for long.
+Live progress: one line per device on a terminal, one plain line per step elsewhere. Neither is silent for long.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ def _as_text(value: object) -> str:
 
 
 def report_error(error: NetcfgError, command_line: Sequence[str] = (), *, as_json: bool) -> ExitCode:
-    """Tell an error that has words of its own; one that carries `errors` is told as each of them.
+    """Report a NetcfgError; one with `errors` is reported as each of them.
 
-    What a hint leaves open (`site=…`) is filled in from what was typed.
+    Placeholders in a hint (`site=…`) are filled in from the command line.
     """
     errors: Sequence[NetcfgError] = getattr(error, "errors", None) or (error,)
     hints = [item.hint and as_typed(item.hint, command_line) for item in errors]
@@ -59,7 +59,7 @@ def report_error(error: NetcfgError, command_line: Sequence[str] = (), *, as_jso
 
 
 def as_typed(hint: str, command_line: Sequence[str]) -> str:
-    """A hint whose commands go on where the typed one was: its site and device, and what `carried_words` gives."""
+    """Complete the commands in a hint with the site, device and other arguments of the command line."""
     from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
 
     with suppress(NetcfgError):
@@ -88,7 +88,7 @@ def as_typed(hint: str, command_line: Sequence[str]) -> str:
 
 
 def carried_words(arguments: Arguments) -> list[str]:
-    """What a command that a hint advises has to be told as well, as it was typed: whose files, and which devices."""
+    """Return the arguments that a suggested command must repeat: inventory, devices and rehearsal."""
     values = [(name, arguments.optional(name)) for name in _CARRIED_WORDS if arguments.command.word(name) is not None]
     words = [f"{name}={value}" for name, value in values if value is not None]
     is_rehearsal = arguments.command.flag("rehearse") is not None and arguments.flag("rehearse")
@@ -96,7 +96,7 @@ def carried_words(arguments: Arguments) -> list[str]:
 
 
 class CommandInterrupt(DeviceError):
-    """A person has stopped the command where nothing was in flight: what was read back before stands."""
+    """The user stopped the command while no request was pending: earlier verified results stay valid."""
 
     def __init__(self, stop: KeyboardInterrupt, changed_devices: Sequence[str]) -> None:
         summary = (
@@ -108,7 +108,7 @@ class CommandInterrupt(DeviceError):
 
 
 def signal_of(stop: KeyboardInterrupt) -> str:
-    """How a person has stopped us: `Ctrl-C`, or the name of another signal."""
+    """Return how the user stopped the command: `Ctrl-C`, or the name of another signal."""
     name = str(stop) or "SIGINT"
     return "Ctrl-C" if name == "SIGINT" else name
 
@@ -116,7 +116,7 @@ def signal_of(stop: KeyboardInterrupt) -> str:
 def report_interrupt(
     command: CommandSpec | None, command_line: Sequence[str], stop: KeyboardInterrupt, *, as_json: bool
 ) -> ExitCode:
-    """Tell that Ctrl-C was obeyed, and whether a device may have been changed by then."""
+    """Report that Ctrl-C stopped the command, and whether a device may have been changed."""
     how = signal_of(stop)
     if command is not None and command.changes and not _changes_nothing(command, command_line):
         message = f"stopped by {how}; what a device kept is not known here"
@@ -132,7 +132,7 @@ def _changes_nothing(command: CommandSpec, command_line: Sequence[str]) -> bool:
 
 
 def report_crash(error: BaseException, command_line: Sequence[str], *, as_json: bool) -> ExitCode:
-    """Tell an error that nobody foresaw in one sentence; the traceback goes to a log file."""
+    """Report an unexpected error in one sentence; the traceback goes to a log file."""
     from atlantis_netcfg.core import crash_report
     from atlantis_netcfg.core.paths import state_dir
 
@@ -148,7 +148,7 @@ def _tell(errors: Sequence[tuple[str, str | None]], code: ExitCode, *, as_json: 
 
 
 def tell(errors: Sequence[NetcfgError]) -> None:
-    """Tell a person what is wrong beside a result that stands."""
+    """Report errors in addition to a valid result."""
     _tell_person([(str(error), error.hint) for error in errors])
 
 
@@ -166,7 +166,7 @@ def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
 
 
 def width_of(out: TextIO) -> int:
-    """Columns at which lines are wrapped: those of a terminal; 0 elsewhere, where programs and `grep` read."""
+    """Return the width for wrapping: a terminal's columns; 0 elsewhere, for programs and `grep`."""
     return _terminal().columns if out.isatty() else 0
 
 
@@ -177,7 +177,7 @@ def _terminal() -> os.terminal_size:
 
 
 def page(rows: Sequence[printable.Row]) -> None:
-    """Show lines; what is longer than a terminal goes through `$PAGER`, else `less`, if a person sits there."""
+    """Print lines; on an interactive terminal, long output goes through `$PAGER`, or else `less`."""
     out, width = sys.stdout, width_of(sys.stdout)
     lines = [line for row in rows for line in printable.wrap_row(row, width, _MARGIN)]
     height = _terminal().lines
@@ -193,7 +193,7 @@ _PAGER = "less"
 
 
 def _page_lines(lines: Sequence[printable.Row]) -> bool:
-    """Whether a pager has shown them; `less` ends by itself where they fit, and keeps colours and what was shown."""
+    """Return whether a pager has shown the lines; `less` exits at once if they fit, and keeps colours and output."""
     import subprocess
 
     pager_command = shlex.split(os.environ.get("PAGER", _PAGER)) or [_PAGER]
@@ -223,9 +223,9 @@ _NAMED_DEVICES = 3
 
 @contextmanager
 def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILENCE_S) -> Iterator[events.Subscriber]:
-    """Give the subscriber that fits `out`, which is stderr as it is at that moment.
+    """Yield the progress subscriber for `out`, by default the current stderr.
 
-    `quiet`: a program reads stdout; a person at a terminal sees the progress all the same.
+    `quiet`: a program reads stdout; a person at a terminal still sees the progress.
     """
     out = out or sys.stderr
     if out.isatty():
@@ -239,21 +239,21 @@ def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILEN
 
 
 def line(event: events.Event) -> str:
-    """One step in words: `coastal-router  applying 24/112  layer 2 of 4`."""
+    """Format one step: `coastal-router  applying 24/112  layer 2 of 4`."""
     count = f" {event.done_count}/{event.total}" if event.total else ""
     words = translate(event.message)
     return printable.line(f"  {event.device:<18} {translate(event.stage.value)}{count}  {words}".rstrip())
 
 
 def _age(event: events.Event, age_s: float) -> str:
-    """How long a step has taken, and how long it may take where that is known."""
+    """Format the duration of a step, and its limit if known."""
     limit = f" of at most {event.limit_s:.0f} s" if event.limit_s else ""
     return translate(f"{age_s:.0f} s{limit}")
 
 
 @contextmanager
 def _plain(out: TextIO, silence_s: float) -> Iterator[events.Subscriber]:
-    """One line a step, and a reminder whenever nothing has been printed for `silence_s`."""
+    """Print one line per step, and a reminder when nothing has been printed for `silence_s`."""
     at_work: dict[str, tuple[events.Event, float]] = {}
     lock, end_event = threading.Lock(), threading.Event()
     step_at = printed_at = time.monotonic()
@@ -292,7 +292,7 @@ def _step(event: events.Event, age_s: float) -> str:
 
 
 def _reminder(at_work: list[tuple[events.Event, float]], age_s: float) -> str:
-    """What is waited for: `  still at work, 40 s without news: coastal-router (connecting, 40 s of at most 120 s)`."""
+    """Format a reminder: `  still at work, 40 s without news: coastal-router (connecting, 40 s of at most 120 s)`."""
     names = [f"{event.device} ({_step(event, since_s)})" for event, since_s in at_work[:_NAMED_DEVICES]]
     if more := len(at_work) - len(names):
         names.append(translate(f"{more} more"))

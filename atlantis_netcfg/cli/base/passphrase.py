@@ -1,6 +1,6 @@
-"""The passphrase of the CA key, typed or read from a file descriptor, and the password of the inventory's vault.
+"""The passphrase of the CA key, typed or read from a file descriptor, and the inventory's vault password.
 
-Never an argument, never in the environment: both are open to other programs, and are kept by shells and by logs.
+Never an argument, never in the environment: other programs can read both, and shells and logs store them.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _WORDS = "the passphrase of the CA key"
 
 
 def passphrase_prompt(arguments: syntax.Arguments, what: str = _WORDS) -> Callable[[], Secret]:
-    """What asks for the passphrase when it is needed, once: its answer is kept. Raises UsageError when nobody is there.
+    """Return a function that prompts once for the passphrase and caches it. Raises UsageError without a terminal.
 
-    A descriptor that cannot be read is told at once, before anything is done.
+    An unreadable descriptor is reported at once, before anything is done.
     """
     cache: list[Secret] = []
     number = _number(arguments)
@@ -45,7 +45,7 @@ def passphrase_prompt(arguments: syntax.Arguments, what: str = _WORDS) -> Callab
 
 
 def choose_passphrase(arguments: syntax.Arguments, check: Callable[[Secret], None]) -> Secret:
-    """A new passphrase, typed twice or read once. Raises UsageError, and what `check` raises for a weak one."""
+    """Read a new passphrase, typed twice or read once. Raises UsageError, and errors of `check` for a weak one."""
     number = _number(arguments)
     if number is not None:
         only = _read(number)
@@ -60,9 +60,9 @@ def choose_passphrase(arguments: syntax.Arguments, check: Callable[[Secret], Non
 
 
 def vault_of(arguments: syntax.Arguments) -> Vault:
-    """The inventory's vault: on a terminal its password is typed, once, where none is configured.
+    """Return the inventory's vault; on a terminal, prompt once for its password if none is configured.
 
-    Raises UsageError where somebody wants to type it and cannot.
+    Raises UsageError if the user requests a prompt and there is no terminal.
     """
     from atlantis_netcfg.operations.common.vault import Vault
 
@@ -111,7 +111,7 @@ def _read_secret(question: str) -> Secret:
 
 
 def _read(number: int) -> Secret:
-    """Its first line."""
+    """Read the first line of a file descriptor."""
     data = b""
     try:
         while b"\n" not in data and len(data) <= _MOST and (more := os.read(number, _MOST)):

@@ -1,7 +1,7 @@
-"""Runs `playbooks/site.yml` inside this process, and listens to the engine's events while it runs.
+"""Runs `playbooks/site.yml` in this process, and receives the engine's events while it runs.
 
-Ansible is imported, configured and given the inventory at most once for a command; each play after that costs the forks
-of its tasks. What a task tells comes over a pipe, so that whatever was told before a task died has been heard.
+Ansible is imported, configured and given the inventory at most once per command; each further play costs only the forks
+of its tasks. Tasks report over a pipe, so that everything reported before a task died has been received.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class EngineError(errors.NetcfgError):
-    """An error that the engine has already put into words, with the exit code that it chose."""
+    """An error reported by the engine, with its message and exit code."""
 
     def __init__(self, message: str, hint: str | None, code: int) -> None:
         super().__init__(message, hint=hint)
@@ -39,7 +39,7 @@ class EngineError(errors.NetcfgError):
 
 @dataclass(slots=True)
 class PlayOutcome:
-    """What the play came to: one entry a device, as the engine wrote it."""
+    """Result of the play: one entry per device, as written by the engine."""
 
     devices: dict[str, dict[str, Any]] = field(default_factory=dict)
     runs: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -56,7 +56,7 @@ _LEFT_AS_FOUND = Status.LEFT_AS_FOUND.value
 
 
 class PlaybookRunner:
-    """Ansible in this process. `declaration` is what the engine works from: it is not read again."""
+    """Runs Ansible in this process. The engine uses `declaration`: it does not read the inventory again."""
 
     def __init__(self, checkout: Path, declaration: Declaration, vault: Vault) -> None:
         self._checkout = checkout
@@ -72,12 +72,12 @@ class PlaybookRunner:
         *,
         on_result: ResultCallback = lambda _name, _result: None,
     ) -> PlayOutcome:
-        """Run the playbook for these hosts to its end; each has a result then, whatever happened.
+        """Run the playbook for these hosts to its end; then each has a result, whatever happened.
 
-        So has the other end of a bridge, which is worked on with them.
+        The other end of a bridge also has one, because it is handled together with them.
 
-        A stop signal is handed to the engine, which settles: it is no KeyboardInterrupt here. Raises EngineError where
-        the request was refused, and no device was changed or found as declared.
+        A stop signal is passed to the engine, which finishes cleanly: it is no KeyboardInterrupt here. Raises
+        EngineError if the request was rejected, and no device was changed or compared.
         """
         self._ansible = self._ansible or _Ansible(self._checkout, self._declaration.root, self._vault)
         control = play_control.PlayControl()
@@ -103,7 +103,7 @@ class PlaybookRunner:
 
 
 class _Ansible:
-    """Ansible's own objects that outlive a play. Its command line is left out: it would parse what we know."""
+    """Ansible's objects that are reused between plays, without its command line, which would parse everything again."""
 
     def __init__(self, checkout: Path, inventory: Path, vault: Vault) -> None:
         self._playbook = checkout / "playbooks" / "site.yml"
@@ -137,7 +137,7 @@ class _Ansible:
         import_module("atlantis_netcfg.operations.apply")
 
     def play(self, names: Sequence[str], request: Request, control: play_control.PlayControl) -> tuple[str, str]:
-        """Run the playbook; give why it was cut off, if it was, and what Ansible has printed."""
+        """Run the playbook; return why it was interrupted (if it was) and Ansible's output."""
         from ansible.errors import AnsibleError
         from ansible.executor.playbook_executor import PlaybookExecutor
         from ansible.vars.manager import VariableManager
@@ -213,7 +213,7 @@ class _Ansible:
 
 
 def _version() -> dict[str, Any]:
-    """Ansible's version as playbooks see it in `ansible_version`."""
+    """Return Ansible's version in the format of `ansible_version`."""
     from ansible.release import __version__ as version
 
     major, minor, revision = (int(part) if part.isdigit() else 0 for part in version.split(".")[:3])
@@ -221,7 +221,7 @@ def _version() -> dict[str, Any]:
 
 
 class _EventListener:
-    """Hears what tasks tell over a pipe, in a thread of its own, and passes it on at once."""
+    """Receives events of tasks over a pipe, in its own thread, and forwards them at once."""
 
     def __init__(self, notify: events.Subscriber, on_result: ResultCallback) -> None:
         self.outcome = PlayOutcome()
@@ -237,7 +237,7 @@ class _EventListener:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Hear the rest: a blank line of ours comes after whatever tasks have written, also after half a line."""
+        """Read the rest: an empty line marks the end, also after an incomplete line of a task."""
         os.write(self.writer, b"\n\n")
         self._thread.join()
         os.close(self.writer)

@@ -1,4 +1,4 @@
-"""`--rehearse`: the run itself, then once more over every bearer of the site. Nothing may be left to change."""
+"""`--rehearse`: the run itself, then again over every link of the site; the repeated runs must change nothing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def rehearse(
     session: CommandSession, twins: Rehearsal, *, mode: Mode = Mode.APPLY, run: str | None = None
 ) -> RunReport:
-    """Apply over the bearer that is declared, then converge again over each bearer with its delay and rate."""
+    """Apply over the link in the inventory, then converge again over each link with its delay and rate."""
     first = session.perform(mode, run=run)
     if session.arguments.flag("verbose"):
         session.show_plan(first)
@@ -31,7 +31,7 @@ def rehearse(
 
 
 def announce(session: CommandSession) -> None:
-    """Say that nothing real is contacted."""
+    """Print that no real device is contacted."""
     if not session.as_json:
         sites = {host.site for host in session.hosts}
         titles = ", ".join(site.title for name, site in session.declaration.sites.items() if name in sites)
@@ -40,7 +40,7 @@ def announce(session: CommandSession) -> None:
 
 
 def _again(session: CommandSession, twins: Rehearsal, first: RunReport) -> RunReport:
-    """Run again over each bearer; a device whose site lacks it is left at its own. Ctrl-C ends it: that is no green."""
+    """Run again over each link; a device whose site lacks it keeps its own. Ctrl-C ends it without passing."""
     passes: list[Pass] = []
     sites = session.declaration.sites
     units = {host.name for host in session.hosts if is_unit(host)}

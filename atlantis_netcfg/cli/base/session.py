@@ -1,4 +1,4 @@
-"""What the commands that run a playbook share: declaration, hosts, progress, and the closing words."""
+"""Shared by the commands that run a playbook: inventory, hosts, progress, and the final output."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class CommandSession:
-    """One command line's view of a site while its playbook runs."""
+    """State of one command for a site while its playbook runs."""
 
     arguments: syntax.Arguments
     declaration: inventory.Declaration
@@ -75,11 +75,11 @@ class CommandSession:
 
     @property
     def store(self) -> Store:
-        """Journals and saved states of the site."""
+        """Store of the site's journals and saved states."""
         return Store(self.state, is_rehearsal=self.is_rehearsal)
 
     def narrow(self, names: Sequence[str]) -> None:
-        """Go on with these hosts only. Raises NothingMatched when none is left."""
+        """Restrict the session to these hosts. Raises NoMatchError if none is left."""
         self.hosts = tuple(host for host in self.hosts if host.name in names)
         if not self.hosts:
             raise errors.NoMatchError(
@@ -93,7 +93,7 @@ class CommandSession:
 
     @property
     def handled_hosts(self) -> tuple[inventory.Host, ...]:
-        """The hosts that a role handles."""
+        """Hosts for which there is a role."""
         return tuple(host for host in self.hosts if is_supported(host))
 
     def request(
@@ -104,7 +104,7 @@ class CommandSession:
         run: str | None = None,
         via: Mapping[str, str] | None = None,
     ) -> Request:
-        """What the declaration does not say; `via` names bearers other than the usual ones."""
+        """Build the engine's request from the command line; `via` names links other than the usual ones."""
         return Request(
             state=self.state,
             mode=mode,
@@ -133,9 +133,9 @@ class CommandSession:
         via: Mapping[str, str] | None = None,
         is_paid: bool = False,
     ) -> RunReport:
-        """Run the playbook once for the hosts that a role handles; `via` names bearers other than the usual ones.
+        """Run the playbook once for the supported hosts; `via` names links other than the usual ones.
 
-        Asks a person before the first byte over a metered link, unless `is_paid`.
+        Asks for consent before the first byte over a metered link, unless `is_paid`.
         """
         request = self.request(mode, plans=plans, run=run, via=via)
         other_hosts = self._other_hosts(mode)
@@ -174,9 +174,9 @@ class CommandSession:
         )
 
     def configure_twins(self, *, strict: bool = False) -> None:
-        """Bring the emulated devices to their declared state: fresh from `provision adopt` they have none of it.
+        """Bring the emulated devices to the desired state: after `provision adopt` they have none of it.
 
-        A check that fails is for whoever looks at them afterwards to tell, unless `strict`. Raises NetcfgError.
+        A failed check is reported later, by the command that uses the devices, unless `strict`. Raises NetcfgError.
         """
         self.prepares = True
         try:
@@ -191,7 +191,7 @@ class CommandSession:
             raise errors.NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
 
     def _refuse_early(self, request: Request) -> None:
-        """Refuse what can be known before anything is started: a wrong bearer, a site that somebody works at."""
+        """Raise errors that can be known before anything is started: a wrong link, a site that is locked."""
         for host in self.hosts:
             bearer_of(self.declaration, host, request.via.get(host.name))
         if not request.mode.reads_only:
@@ -200,9 +200,9 @@ class CommandSession:
                     pass
 
     def confirm_cost(self, request: Request) -> Request:
-        """The request with a person's word to pay, if it needs one. Raises CostRefused.
+        """Return the request with consent to the cost, if it is needed. Raises CostRefusal.
 
-        Example values lead nowhere, and a rehearsal costs nothing: there is nothing to ask.
+        With example values nothing is contacted, and a rehearsal costs nothing: then there is no prompt.
         """
         if request.rehearsed or self.declaration.pilot.example_values:
             return request
@@ -213,9 +213,9 @@ class CommandSession:
         return accepted_request if words else request
 
     def _other_hosts(self, mode: Mode) -> tuple[inventory.Host, ...]:
-        """What a plan or a change goes over beside the engine's hosts: 4G units of other makes, terminals, computers.
+        """Return the hosts handled in addition to the engine's: 4G units of other makes, terminals, computers.
 
-        To a terminal nothing is sent: the evidence of what is declared of it is looked at.
+        Nothing is sent to a terminal: the evidence for its inventory data is checked.
         """
         if mode is Mode.BACKUP or self.back_to is not None or self.restore is not None:
             return ()
@@ -229,7 +229,7 @@ class CommandSession:
 
     @property
     def contacted_hosts(self) -> tuple[inventory.Host, ...]:
-        """The hosts of a rehearsal that stand behind a bearer: what the engine handles, and the computers."""
+        """Hosts of a rehearsal that are behind a link: those that the engine handles, and the computers."""
         return (
             *self.handled_hosts,
             *(host for host in self.hosts if is_computer(host) and host.name not in self.left_out),
@@ -237,16 +237,16 @@ class CommandSession:
 
     @property
     def left_out(self) -> Mapping[str, str]:
-        """The hosts of a rehearsal that nothing stands for here, and why."""
+        """Hosts of a rehearsal without an emulator, and why."""
         return self.rehearsal.left_out if self.rehearsal is not None else {}
 
     def _stream_result(self, out: TextIO, name: str, result: Mapping[str, Any]) -> None:
-        """Give a program that reads along the result of a device while others are still in work."""
+        """Print a device's result for a program that reads along, while other devices are still in progress."""
         if self.as_json and self.arguments.has_flag(syntax.STREAM):
             print(output.json_text({"device": name, **self._complete_hint(result)}), file=out, flush=True)
 
     def _complete_hint(self, result: Mapping[str, Any]) -> dict[str, Any]:
-        """A result whose hint can be typed as it stands: the engine does not know what else this command was told."""
+        """Complete the hint of a result with this command's arguments, which the engine does not know."""
         return {
             **result,
             "hint": result["hint"] and output.as_typed(result["hint"], output.carried_words(self.arguments)),
@@ -264,10 +264,10 @@ class CommandSession:
         return report
 
     def change(self, *, ask: bool, saved_plans: Mapping[str, str] | None = None, again: str = "") -> RunReport:
-        """Change the devices; a person agrees to the plan that is shown, and only that plan is carried out.
+        """Change the devices; the user agrees to the plan shown, and only that plan is applied.
 
-        `saved_plans`: device name to the `planned_state` of a plan that was saved. What is to be done now has to be the
-        same, or done already; `again` is the command that makes a new plan. Raises PlanOutdated.
+        `saved_plans`: device name to the `planned_state` of a saved plan. The current plan must be equal, or already
+        done; `again` is the command that makes a new plan. Raises OutdatedPlan.
         """
         if not ask and saved_plans is None:
             report = self.perform(Mode.APPLY)
@@ -294,7 +294,7 @@ class CommandSession:
         ]
 
     def _agree(self, plan_report: RunReport) -> None:
-        """Return when a person agrees to the plan, to its cost and to what goes by the hundred. Raises Declined."""
+        """Ask for consent to the plan, to its cost and to the removal of many rows. Raises ConsentRefusal."""
         dear = self._dear(plan_report)
         if dear and not self.arguments.has_flag(syntax.ACCEPT_COST):
             consent.pays(dear, ask=not self.as_json)
@@ -313,24 +313,24 @@ class CommandSession:
 
     @staticmethod
     def _plannable(plan_report: RunReport) -> Iterator[errors.ExitCode]:
-        """How each device ended: what the look at one has found wrong keeps no other from being changed."""
+        """Yield each device's exit code; failed checks of a device do not prevent changing it."""
         codes = (plan_report.exit, *(errors.ExitCode(device["exit"]) for device in plan_report.devices.values()))
         return (code for code in codes if code is not errors.ExitCode.CHECKS_FAILED)
 
     def _exports(self) -> dict[str, str]:
-        """What the twins hold, without the comment lines, which tell the time."""
+        """Return the exports of the emulated devices, without comment lines, which contain the time."""
         if self.rehearsal is None:
             return {}
         texts = {name: self.rehearsal.export(name) for name in self.rehearsal.targets}
         return {name: re.sub(r"(?m)^#.*\n", "", text) for name, text in texts.items()}
 
     def show_plan(self, report: RunReport) -> None:
-        """Print the changes in the device's own language, and what they cost; with `--summary` the cost alone."""
+        """Print the changes in the device's own syntax, and their cost; with `--summary` only the cost."""
         if not self.as_json:
             output.page(report.cost_rows() if self.arguments.has_flag(syntax.SUMMARY) else report.plan_rows())
 
     def close(self, report: RunReport, next_command: str = "") -> errors.ExitCode:
-        """Print how it ended, and keep that beside the journal; `next_command` in place of the usual one."""
+        """Print the result and store it beside the journal; `next_command` replaces the usual suggestion."""
         stop_signals.ignore()
         as_json = report.as_json()
         record = self._keep(report.runs, as_json)
@@ -342,7 +342,7 @@ class CommandSession:
         return report.exit
 
     def _keep(self, runs: Sequence[str], result: Mapping[str, Any]) -> str:
-        """Put the result beside the journals of these runs; the runs, and where they are, as a person reads it."""
+        """Store the result beside the journals of these runs; return a text with the runs and their place."""
         data = json.dumps(result, ensure_ascii=False, indent=1).encode()
         saved_runs, failure = list[str](), ""
         sites = sorted({host.site for host in self.hosts})
@@ -357,7 +357,7 @@ class CommandSession:
         return f"{', '.join(saved_runs)} in {paths.from_home(folder)}{failure}" if saved_runs else ""
 
     def _next_command(self, report: RunReport) -> str:
-        """What comes next where nothing went wrong; elsewhere the device has a hint of its own."""
+        """Return the next command after success; after an error, the device has its own hint."""
         site = min(host.site for host in self.hosts)
         if report.exit is errors.ExitCode.CHANGES:
             return self._typed_without(*PLAN_ONLY)
@@ -368,7 +368,7 @@ class CommandSession:
         return ""
 
     def _typed_without(self, *flags: str) -> str:
-        """This command line as it was typed, without these flags and their values."""
+        """Return this command line without these flags and their values."""
         arguments = self.arguments
         words = [f"{name}={','.join(values)}" for name, values in arguments.words.items()]
         kept_flags = [
@@ -386,11 +386,11 @@ PLAN_ONLY = ("plan", "summary", "save", "verbose", "json")
 
 
 class OutdatedPlan(errors.DeviceError):
-    """A saved plan is not what would be done now: the devices have moved on, and none was changed."""
+    """A saved plan differs from the current one: the devices have changed since, and none was changed now."""
 
 
 def planned_state(result: Mapping[str, Any]) -> str:
-    """A device's plan together with what was found there: the old values of rows count, as a person saw them."""
+    """Return a digest of a device's plan and its diff, so that the old values of rows count as well."""
     diff_digest = hashlib.sha256(str(result["diff"]).encode()).hexdigest()
     return f"{result['plan_hash']}:{diff_digest}"
 
@@ -420,7 +420,7 @@ def _refuse_outdated(plan_report: RunReport, saved_plans: Mapping[str, str], aga
 
 
 def _foreign(result: Mapping[str, Any]) -> bool:
-    """Whether rows of others go by the hundred; what no engine of ours has planned removes none."""
+    """Return whether the plan removes many foreign rows; results of other engines never do."""
     return bool(result.get("foreign_words"))
 
 
@@ -434,11 +434,11 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     only: Sequence[str] | None = None,
     choose_hosts: Callable[[inventory.Declaration], tuple[inventory.Host, ...]] | None = None,
 ) -> Iterator[CommandSession]:
-    """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context.
+    """Load and validate the inventory, choose the hosts, and start emulators if requested; they end with the context.
 
-    `site` and `only` are those of the words, unless the command finds them in another way. `choose_hosts` looks at the
-    declaration, before anything is started, and says which hosts take part, in place of `only`: also none. Between
-    plays nothing is in flight: a stop signal there leaves every device as its last result says. Raises Stopped.
+    `site` and `only` come from the arguments, unless the command sets them otherwise. `choose_hosts` returns the hosts
+    that take part, from the inventory and before anything is started, instead of `only`; it may return none. Between
+    plays nothing is pending: a stop signal there leaves every device as in its last result. Raises CommandInterrupt.
     """
     changed_devices: list[str] = []
     try:
@@ -491,7 +491,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
 
 
 def _warn_of_damage(hosts: Sequence[inventory.Host]) -> None:
-    """Name damaged journals on stderr: what a command takes from earlier runs may be missing."""
+    """Warn about damaged journals on stderr: data that a command reads from earlier runs may be missing."""
     store = Store(paths.state_dir())
     for site in sorted({host.site for host in hosts} & {*store.sites()}):
         if damage := store.damage_since(site):
@@ -499,7 +499,7 @@ def _warn_of_damage(hosts: Sequence[inventory.Host]) -> None:
 
 
 def _replay(arguments: syntax.Arguments, hosts: Sequence[inventory.Host]) -> Replay | None:
-    """Find the run that takes the place of a declared link, and say so. Raises UsageError."""
+    """Return the run that is replayed instead of a link in the inventory, and print this. Raises UsageError."""
     if not arguments.has_flag(syntax.PROFILE):
         return None
     from atlantis_netcfg.operations.common.link_shapes import open_replay
@@ -514,9 +514,9 @@ def _replay(arguments: syntax.Arguments, hosts: Sequence[inventory.Host]) -> Rep
 
 
 def require_handled(hosts: tuple[inventory.Host, ...], only: Sequence[str], command: str) -> None:
-    """Refuse where no role has anything to do, and what is named and would be passed over.
+    """Raise an error if no host has a role, or if a host given by name would be skipped.
 
-    Some commands also look at what the engine does not handle.
+    Some commands also handle hosts that the engine does not.
     """
     also = [is_unit] if command in {DEFAULT, "links"} else []
     if command in {DEFAULT, "links", "drift"}:

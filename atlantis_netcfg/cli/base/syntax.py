@@ -1,10 +1,10 @@
-"""What a command takes, declared as data: words (`site=coastal`), flags (`--plan`), and the values a person gave them.
+"""Definition of a command's arguments as data: `site=coastal`, flags such as `--plan`, and their parsed values.
 
 A command is two names of a module: `DRIFT = Command(...)` and `run_drift(arguments: Arguments) -> ExitCode`. The
-declaration feeds the parser, the help texts and the near-miss hints, so that none of them can disagree. Nothing heavy
-is imported at the top of a command module: `provision --help` reads every declaration.
+definition feeds the parser, the help texts and the suggestions, so that they are always consistent. A command module
+imports nothing heavy at its top: `provision --help` reads every definition.
 
-From what was typed to `Arguments`; all mistakes of a line are told together, each with what to type instead.
+Also parses a command line to `Arguments`; all errors of a line are reported together, each with its correction.
 """
 
 from __future__ import annotations
@@ -68,27 +68,27 @@ class Word:
 
     @property
     def value_kind(self) -> inventory_names.Values | None:
-        """What its values are; None where nobody but the person knows them."""
+        """Kind of its values for completion; None if they are not known."""
         return self.values or _VALUES.get(self.name)
 
     @property
     def usage(self) -> str:
-        """The word as help prints it."""
+        """The argument as printed in help."""
         choices = "|".join(self.choices)
         value = self.name.upper() if not choices or len(choices) > _LONG else choices
         return f"{self.name}={value}{',…' if self.many else ''}"
 
     @property
     def hint(self) -> str:
-        """The word as a hint tells people to type it."""
+        """The argument as suggested in a hint."""
         return f"{self.name}={self.example or (self.choices or (self.name.upper(),))[0]}"
 
 
 @dataclass(frozen=True, slots=True)
 class Flag:
-    """A `--name` switch; with `takes` it wants a value, as `--name VALUE` or `--name=VALUE`.
+    """A `--name` flag; with `takes` it needs a value, as `--name VALUE` or `--name=VALUE`.
 
-    `harmless` says that with it the command changes no device, whatever else it does.
+    `harmless` means that with it the command changes no device, whatever else it does.
     """
 
     name: str
@@ -99,7 +99,7 @@ class Flag:
 
     @property
     def usage(self) -> str:
-        """The flag as help prints it."""
+        """The flag as printed in help."""
         value = f" {self.takes}" if self.takes else ""
         return f"-{self.short}, --{self.name}{value}" if self.short else f"--{self.name}{value}"
 
@@ -136,11 +136,11 @@ FRAME = (
 
 @dataclass(frozen=True, slots=True)
 class CommandSpec:
-    """One command as a person meets it; `changes` says that it may alter a device, so an interrupted one is unknown.
+    """Definition of a command; `changes`: it may alter a device, so the outcome of an interrupted one is unknown.
 
-    `again` says what to do then, where `provision runs` does not. `plays` says that devices change in plays alone:
-    these settle when they are stopped, so that nothing is unknown beside what their report says. Commands without a
-    `group` are listed at the end of the overview.
+    `again` is the hint in that case, if `provision runs` does not help. `plays` means that devices change only in
+    plays: these finish cleanly when stopped, so that the report covers everything. Commands without a `group` are
+    listed at the end of the overview.
     """
 
     name: str
@@ -154,47 +154,47 @@ class CommandSpec:
     plays: bool = False
 
     def word(self, name: str) -> Word | None:
-        """The declared word of that name."""
+        """Return the argument definition with that name; None if there is none."""
         return next((word for word in self.words if word.name == name), None)
 
     def flag(self, name: str) -> Flag | None:
-        """The declared flag of that name."""
+        """Return the flag definition with that name; None if there is none."""
         return next((flag for flag in self.flags if flag.name == name), None)
 
 
 @dataclass(frozen=True, slots=True)
 class Arguments:
-    """The values given to a command. Asking for a name that the command did not declare is a KeyError: our fault."""
+    """The values given to a command. A name that the command does not define raises KeyError: a bug."""
 
     command: CommandSpec
     words: Mapping[str, tuple[str, ...]]
     flags: Mapping[str, str | None]
 
     def word(self, name: str) -> str:
-        """The value of a required word."""
+        """Return the value of a required argument."""
         (value,) = self._declared_word(name)
         return value
 
     def optional(self, name: str) -> str | None:
-        """The value of a word that may be missing."""
+        """Return the value of an optional argument; None if it was not given."""
         values = self._declared_word(name)
         return values[0] if values else None
 
     def many(self, name: str) -> tuple[str, ...]:
-        """All values of a `many` word, in the order given; empty when it was not given."""
+        """Return all values of a `many` argument, in order; empty if it was not given."""
         return self._declared_word(name)
 
     def flag(self, name: str) -> bool:
-        """Whether the flag was given."""
+        """Return whether the flag was given."""
         self._declared_flag(name)
         return name in self.flags
 
     def has_flag(self, flag: Flag) -> bool:
-        """Whether a flag was given that not every command has."""
+        """Return whether a flag was given that only some commands have."""
         return self.command.flag(flag.name) is not None and self.flag(flag.name)
 
     def value(self, name: str) -> str | None:
-        """The value of a flag that takes one; None when it was not given."""
+        """Return the value of a flag that takes one; None if it was not given."""
         self._declared_flag(name)
         return self.flags.get(name)
 
@@ -209,7 +209,7 @@ class Arguments:
 
 
 class SeveralErrors(UsageError):
-    """More than one mistake on one command line; `errors` holds them in the order typed."""
+    """Several errors on one command line; `errors` holds them in the order of the arguments."""
 
     def __init__(self, errors: Sequence[UsageError]) -> None:
         super().__init__("\n".join(str(error) for error in errors))
@@ -217,7 +217,7 @@ class SeveralErrors(UsageError):
 
 
 def parse(command: CommandSpec, words: Sequence[str]) -> Arguments:
-    """Raise UsageError (several: SeveralErrors) unless every argument is understood and none is missing."""
+    """Parse the arguments; raise UsageError (several: SeveralErrors) for unknown or missing ones."""
     reader = _WordReader(command)
     reader.read(list(words))
     if len(reader.errors) > 1:
@@ -228,7 +228,7 @@ def parse(command: CommandSpec, words: Sequence[str]) -> Arguments:
 
 
 class _WordReader:
-    """One pass over a command line."""
+    """Parser state of one command line."""
 
     def __init__(self, command: CommandSpec) -> None:
         self.command = command
@@ -286,7 +286,7 @@ class _WordReader:
                 )
 
     def _refuse_spaces(self, word: Word, argument: str, value: str) -> None:
-        """For `site=`, and for `site = coastal` and its like, whose pieces are one mistake."""
+        """Record the error of `site=`, and of `site = coastal` and similar, whose parts count as one error."""
         self._misspelt.add(word.name)
         correction = f"{word.name}={value}" if value else word.hint
         self._error(f"`{argument}` has no value", f"write it without spaces: `{correction}`")
@@ -351,7 +351,7 @@ class _WordReader:
         self._error(f"`{argument}`: `provision {self.command.name}` cannot place this word", hint)
 
     def _suggest_word(self, argument: str, flag: str | None) -> str | None:
-        """The word that takes this name of the inventory, or nearly a site's: `site=coastal` for `coastal`."""
+        """Suggest the argument for a name in the inventory, or similar to a site's: `site=coastal` for `coastal`."""
         folder = inventory_names.folder_of(self._typed)
         kind = inventory_names.kind_of(folder, argument)
         if (
@@ -378,7 +378,7 @@ class _WordReader:
 
 
 def _bare(rest: list[str]) -> str:
-    """Take what follows, if it is neither a flag nor a word; empty otherwise."""
+    """Remove and return the next argument if it is neither a flag nor `name=value`; empty otherwise."""
     return rest.pop() if rest and not rest[-1].startswith("--") and "=" not in rest[-1].strip("=") else ""
 
 

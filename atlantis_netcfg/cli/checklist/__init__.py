@@ -63,7 +63,7 @@ CHECK = syntax.CommandSpec(
 
 
 def run_check(arguments: syntax.Arguments) -> ExitCode:
-    """Work out the list, open its book, look and ask, tell."""
+    """Run `check`: compute the list, open the checklist, run probes and ask the user, report."""
     from atlantis_netcfg.cli.checklist.check_run import run_check
 
     return run_check(arguments)
@@ -101,7 +101,7 @@ def run_report_list(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _listed_row(entry: SavedChecklist, vehicle: str | None) -> dict[str, Any] | None:
-    """None: nothing of the vehicle is in it."""
+    """Return the row of a checklist; None if it contains nothing of the vehicle."""
     from atlantis_netcfg.checklist import filter_by_scope
 
     document = entry.document
@@ -130,7 +130,7 @@ def _listed_row(entry: SavedChecklist, vehicle: str | None) -> dict[str, Any] | 
 
 
 def _since(every: tuple[SavedChecklist, ...], vehicle: str | None) -> dict[str, Any] | None:
-    """What is otherwise in the newest readable one than in the last green one before it."""
+    """Return the differences between the newest readable checklist and the last green one before it."""
     from atlantis_netcfg.checklist import filter_by_scope, last_green, since
 
     readable = [item for item in every if item.document is not None]
@@ -201,7 +201,7 @@ REPORT_SHOW = syntax.CommandSpec(
 
 
 def run_report_show(arguments: syntax.Arguments) -> ExitCode:
-    """Print what its end has printed."""
+    """Print the same summary as at the end of a checklist."""
     import sys
 
     from atlantis_netcfg.checklist.report import body, ending
@@ -264,7 +264,7 @@ def run_report_verify(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _local_rows(arguments: syntax.Arguments) -> Iterator[dict[str, Any]]:
-    """A row for each that was signed here, real ones first."""
+    """Yield a row for each checklist signed here, real ones first."""
     from atlantis_netcfg.checklist import books, verify
     from atlantis_netcfg.cli.checklist import check_run
     from atlantis_netcfg.cli.checklist.check_run import folder_of
@@ -279,14 +279,14 @@ def _local_rows(arguments: syntax.Arguments) -> Iterator[dict[str, Any]]:
 
 
 def _was_signed(item: SavedChecklist) -> bool:
-    """Or is damaged, or has a signed report without the manifest, which comes last."""
+    """Return whether a checklist was signed, is damaged, or has a signed report without manifest, which comes last."""
     from atlantis_netcfg.checklist import VehicleState
 
     return item.state in {VehicleState.SIGNED, VehicleState.DAMAGED} or (item.folder / "report.json").exists()
 
 
 def _file_row(arguments: syntax.Arguments, name: str) -> dict[str, Any]:
-    """The row of a report that came alone: it is told by its own name."""
+    """Return the row of a single report file, named by its file name."""
     from dataclasses import replace
     from pathlib import Path
 

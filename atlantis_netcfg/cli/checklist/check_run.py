@@ -1,4 +1,4 @@
-"""One run of `provision check`: open the book of a real site or of a rehearsal, probe, ask, sign, report."""
+"""One run of `provision check`: open the checklist of a site or a rehearsal, probe, ask, sign, report."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 
 def refuse_faults(faults: Sequence[str], *, is_rehearsal: bool) -> None:
-    """Raise UsageError for what cannot be broken: nothing is, unless it is emulated."""
+    """Raise UsageError for invalid faults; faults are allowed only in a rehearsal."""
     if not faults:
         return
     if not is_rehearsal:
@@ -64,9 +64,9 @@ def refuse_faults(faults: Sequence[str], *, is_rehearsal: bool) -> None:
 
 
 def refuse_absent(faults: Sequence[str], every: Checklist, scope: Scope) -> None:
-    """Raise UsageError for a fault of something that this site does not have; `every`: its list, not narrowed.
+    """Raise UsageError for a fault that this site does not have; `every`: its complete list.
 
-    Of an integration record also for a fault that is not of its robot: it would break nothing of the record.
+    For an integration record, also for a fault of another robot, which would not affect the record.
     """
     if not faults:
         return
@@ -89,7 +89,7 @@ def refuse_absent(faults: Sequence[str], every: Checklist, scope: Scope) -> None
 
 
 def broken(faults: Sequence[str]) -> tuple[str, ...]:
-    """What is broken, in words."""
+    """Describe the faults."""
     if not faults:
         return ()
     from atlantis_netcfg.checklist.runner.simulated import FAULTS
@@ -98,7 +98,7 @@ def broken(faults: Sequence[str]) -> tuple[str, ...]:
 
 
 def breaks_a_site(faults: Sequence[str]) -> bool:
-    """Whether something beside vehicles is broken, which may be a router."""
+    """Return whether a fault affects anything other than vehicles, such as a router."""
     if not faults:
         return False
     from atlantis_netcfg.checklist.runner.simulated import FAULTS
@@ -107,13 +107,13 @@ def breaks_a_site(faults: Sequence[str]) -> bool:
 
 
 def asks_a_router(entries: Sequence[PlanEntry]) -> bool:
-    """Whether routers have to be there: a rehearsal starts and configures them for that alone."""
+    """Return whether routers are needed: a rehearsal starts and configures them only in that case."""
     probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
     return any(question.place is Place.ROUTER for probe in probes for question in probe.asks())
 
 
 def not_rehearsed(site_session: CommandSession, entries: Sequence[PlanEntry]) -> tuple[str, ...]:
-    """What the twins of these entries cannot stand for."""
+    """Return the limits of the emulators for these entries."""
     if site_session.rehearsal is None:
         return ()
     from atlantis_netcfg.checklist.runner.simulated import robots
@@ -130,9 +130,9 @@ def not_rehearsed(site_session: CommandSession, entries: Sequence[PlanEntry]) ->
 def listening(
     site_session: CommandSession, faults: Sequence[str], notify: events.Subscriber, ssh_config: str | None = None
 ) -> Iterator[workflow.Listening]:
-    """Give the ears of a site, once somebody has agreed to what the looking may cost. Raises CostRefused.
+    """Yield the access to a site's devices, after consent to the cost. Raises CostRefusal.
 
-    `ssh_config`: file of OpenSSH that says how the gateway is reached, in place of the declared address.
+    `ssh_config`: OpenSSH configuration file for the gateway, instead of the address in the inventory.
     """
     if site_session.rehearsal is None:
         request = site_session.confirm_cost(site_session.request(Mode.DRIFT))
@@ -152,12 +152,12 @@ def listening(
 
 
 def folder_of(store: runs.Store, site: str) -> Path:
-    """Where the checklists of a site are kept."""
+    """Return the folder of a site's checklists."""
     return store.root / site / "checks"
 
 
 def opened_book(site_session: CommandSession, checklist: Checklist, faults: Sequence[str], *, anew: bool) -> Book:
-    """Go on with the open book, or begin one. Raises SiteBusy."""
+    """Continue the open checklist, or start one. Raises SiteBusy."""
     folder = folder_of(site_session.store, site_session.site)
     head = BookHead(
         is_rehearsal=site_session.is_rehearsal,
@@ -173,19 +173,19 @@ def opened_book(site_session: CommandSession, checklist: Checklist, faults: Sequ
 
 
 def store(*, is_rehearsal: bool) -> runs.Store:
-    """Where they are kept."""
+    """Return the store of the checklists."""
     return runs.Store(paths.state_dir(), is_rehearsal=is_rehearsal)
 
 
 def sites_with(where: runs.Store) -> tuple[str, ...]:
-    """The sites that have a checklist there."""
+    """Return the sites that have a checklist in a store."""
     if not where.root.is_dir():
         return ()
     return tuple(sorted(path.name for path in where.root.iterdir() if books(folder_of(where, path.name))))
 
 
 def kept_of(where: runs.Store, site: str, *, is_rehearsal: bool) -> tuple[SavedChecklist, ...]:
-    """The checklists of a site, newest last. Raises NothingMatched where there are none."""
+    """Return the checklists of a site, newest last. Raises NoMatchError if there are none."""
     sites = sites_with(where)
     if site in sites:
         return books(folder_of(where, site))
@@ -203,7 +203,7 @@ def kept_of(where: runs.Store, site: str, *, is_rehearsal: bool) -> tuple[SavedC
 
 
 def run_of(entries: Sequence[SavedChecklist], run: str | None) -> SavedChecklist:
-    """One by its name, else the newest. Raises NothingMatched."""
+    """Return a checklist by its name, otherwise the newest. Raises NoMatchError."""
     if run is None:
         return entries[-1]
     for entry in entries:
@@ -221,18 +221,18 @@ def _suggest(word: str, names: Iterable[str], what: str) -> str:
 
 
 def as_json(document: report.Document) -> dict[str, Any]:
-    """The document, and how the command ends."""
+    """Return the document as JSON data, with the exit code."""
     return {**document.model_dump(mode="json"), "exit": int(document.exit)}
 
 
 def pages_in(folder: Path) -> Iterator[str]:
-    """Where the pages of a checklist are, for people."""
+    """Yield where the pages of a checklist are stored."""
     if (folder / "report.html").exists():
         yield translate(f"report: {paths.from_home(folder / 'report.html')}")
 
 
 def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
-    """What a person types to go on with the same checklist."""
+    """Return the command that continues the same checklist."""
     words = [f"{name}={','.join(values)}" for name, values in arguments.words.items()]
     kept_flags = {name: value for name, value in arguments.flags.items() if name not in without}
     flags = [part for name, value in kept_flags.items() for part in (f"--{name}", value) if part is not None]
@@ -240,7 +240,7 @@ def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
 
 
 def greet(prompt: workflow.Prompt, book: Book) -> None:
-    """Say what is settled already, and what is open; and how it is left for another time."""
+    """Print how many items are settled and open, and how to interrupt."""
     items = book.items
     waiting = sum(item.open and item.override is None for item in items)
     if book.words:
@@ -255,17 +255,17 @@ def greet(prompt: workflow.Prompt, book: Book) -> None:
 
 
 def note(words: str) -> None:
-    """Tell something beside the result."""
+    """Print a note on stderr, in addition to the result."""
     print(translate(f"note: {words}"), file=sys.stderr)
 
 
 def signer(answers: Answers | None, sign_as: str | None) -> str | None:
-    """Who signs where nobody is asked; None: nobody."""
+    """Return who signs without a prompt; None if nobody does."""
     return sign_as if sign_as is not None or answers is None else answers.sign_by
 
 
 def signer_at(prompt: workflow.Prompt, turn: workflow.CheckWorkflow, book: Book, signers: Sequence[str]) -> str | None:
-    """Who signs, after a look at all of it; None: nobody, or something is open. `signers`: who alone may."""
+    """Return who signs after a review; None if nobody, or an item is open. `signers`: those allowed to sign."""
     while not any(item.open and item.override is None for item in book.items):
         prompt.say(f"\n{report.lines(book.document())}\n")
         try:
@@ -280,9 +280,9 @@ def signer_at(prompt: workflow.Prompt, turn: workflow.CheckWorkflow, book: Book,
 def close(
     arguments: Arguments, book: Book, by: str | None, leave: Mapping[str, str], *, read: bool = False
 ) -> ExitCode:
-    """Sign if somebody does, write the pages, tell. An open item keeps the signature away, unless it is to be left.
+    """Sign if there is a signer, write the pages, report. Open items prevent it, unless left open on purpose.
 
-    `read`: whoever is here has just read the lines, so that their end is enough.
+    `read`: the user has just read the lines, so that only the last ones are printed.
     """
     document, errors = _sign(book, by, leave)
     if document.signed is None:
@@ -311,7 +311,7 @@ def _sign(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[report.
 
 
 def _draft(book: Book, document: report.Document) -> None:
-    """The pages as they would be, for who wants to look before anybody signs."""
+    """Write the pages as a draft, for a review before signing."""
     with runs.os_errors_as("the report", book.folder):
         for name, data in _pages(document, book).items():
             runs.write_atomically(book.folder / name, data)
@@ -323,7 +323,7 @@ _LAST = 8
 
 
 def _next(arguments: Arguments, document: report.Document) -> Iterator[str]:
-    """What to type next, and for what."""
+    """Yield the next command, and its purpose."""
     if not document.items or (document.signed is not None and document.exit is ExitCode.DONE):
         return
     waiting = sum(item.open and item.override is None for item in document.items)
@@ -340,7 +340,7 @@ def _next(arguments: Arguments, document: report.Document) -> Iterator[str]:
 
 
 def _begin_anew(bad: Sequence[report.Item]) -> str:
-    """After the signature of what has not passed. The worst is named: its own lines may have scrolled away."""
+    """Return the suggestion after signing a checklist that has not passed; it repeats the worst item."""
     if not bad:
         return "Nothing was checked. Begin a new checklist; type:"
     worst, others = bad[0].id, len(bad) - 1
@@ -358,12 +358,12 @@ def _pages(document: report.Document, book: Book) -> Mapping[str, bytes]:
 
 
 class CheckInterrupt(DeviceError):
-    """Somebody pressed Ctrl+C: the book has all that was found and answered until then."""
+    """The user pressed Ctrl+C: all results and answers so far are stored."""
 
 
 @dataclass(slots=True)
 class PreparedCheck:
-    """What follows from the words and the declaration alone, before anything is started or contacted."""
+    """A check prepared from the arguments and the inventory only, before anything is started or contacted."""
 
     arguments: Arguments
     _checklist: Checklist | None = None
@@ -371,12 +371,12 @@ class PreparedCheck:
 
     @property
     def checklist(self) -> Checklist:
-        """The list, once the declaration was looked at."""
+        """The checklist; available once `hosts` has read the inventory."""
         assert self._checklist is not None, "the session calls `hosts` first"  # noqa: S101 - ours to hold
         return self._checklist
 
     def hosts(self, declaration: Declaration) -> tuple[Host, ...]:
-        """Refuse what cannot be, work out the list, and say which hosts take part."""
+        """Validate the arguments, compute the list, and return the hosts that take part."""
         rehearse = self.arguments.flag("rehearse")
         self._checklist = plan(declaration, self.arguments.word("site"), _scope(self.arguments))
         if (name := self.arguments.value("sign-as")) is not None:
@@ -390,7 +390,7 @@ class PreparedCheck:
 
 
 def refuse_signer(name: str, checklist: Checklist) -> None:
-    """Raise UsageError for the name of somebody who may not sign the list, before anything is looked at."""
+    """Raise UsageError if this person may not sign the list, before anything is checked."""
     if (wrong := refused_person(name, checklist.signers, "sign this checklist")) is not None:
         raise UsageError(f"`--sign-as {name}`: {wrong[0]}", hint=wrong[1])
 
@@ -398,10 +398,10 @@ def refuse_signer(name: str, checklist: Checklist) -> None:
 def taking_part(
     declaration: Declaration, checklist: Checklist, *, rehearse: bool, faults: Sequence[str] = ()
 ) -> tuple[Host, ...]:
-    """The hosts that a checklist asks. Raises UsageError where example values would be contacted.
+    """Return the hosts that a checklist needs. Raises UsageError if example values would be contacted.
 
-    The gateway of a rehearsal is emulated as far as the checklist asks it, so no machine is started for it; and no
-    router where none is asked or broken.
+    In a rehearsal the gateway is emulated only as far as the checklist needs it, so no machine is started for it; and
+    no router is started if none is needed or has a fault.
     """
     refuse_examples(declaration, is_rehearsal=rehearse)
     hosts = tuple(declaration.site_hosts(checklist.site))
@@ -412,7 +412,7 @@ def taking_part(
 
 
 def run_check(arguments: Arguments, prompt: workflow.Prompt | None = None) -> ExitCode:
-    """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
+    """Run one session of the checklist, and report its result. `prompt` replaces the terminal."""
     refuse_faults(arguments.many("break"), is_rehearsal=arguments.flag("rehearse"))
     if (name := arguments.value("sign-as")) is not None and workflow.doubt_of_name(clean_name(name)):
         raise UsageError(
@@ -453,7 +453,7 @@ def _sit(site_session: CommandSession, check: PreparedCheck, prompt: workflow.Pr
 
 
 def _look(site_session: CommandSession, check: PreparedCheck, book: Book, prompt: workflow.Prompt | None) -> str | None:
-    """Look and ask; who signs."""
+    """Run the probes and ask the user; return who signs."""
     entries, faults = check.checklist.entries, site_session.arguments.many("break")
     with (
         # A person reads and types where progress would be drawn.
@@ -486,14 +486,14 @@ def _message(notify: events.Subscriber, prompt: workflow.Prompt | None) -> Calla
 
 
 def _anew(site_session: CommandSession, prompt: workflow.Prompt | None) -> bool:
-    """A rehearsal that nobody sits at has its things as they are declared, or broken, this time: nothing is kept."""
+    """Return whether to start a new checklist; a rehearsal without a person always does."""
     return site_session.arguments.flag("anew") or (site_session.is_rehearsal and prompt is None)
 
 
 def _with(
     prompt: workflow.Prompt, turn: workflow.CheckWorkflow, book: Book, sign_as: str | None, signers: Sequence[str]
 ) -> str | None:
-    """Go through it with a person; who signs (`sign_as`: whom `--sign-as` names)."""
+    """Go through the checklist with a person; return who signs (`sign_as`: value of `--sign-as`)."""
     greet(prompt, book)
     try:
         turn.with_a_person(prompt)

@@ -1,10 +1,7 @@
-"""The way through a checklist: phase by phase with a person, all at once without one.
+"""Workflow of a checklist: phase by phase with a person, all at once without one.
 
-What a person at a desk is shown and asked, item by item.
-
-A person at a terminal: questions, answers, and the word with which all of it is left for another time.
-
-What an active step costs where it goes over a link that is paid by the byte.
+Also: the display and prompts for a person, item by item; the prompts on a terminal, with a word that stops and leaves
+the rest for later; the cost of an active step over a metered link.
 """
 
 from __future__ import annotations
@@ -57,7 +54,7 @@ _NOTES: Mapping[Verdict, str] = {
 
 
 def render_item(item: report.Item) -> str:
-    """Tell a result, and what to do about it."""
+    """Format a result, and what to do about it."""
     hint = item.hint if item.hint and item.verdict not in {Verdict.PASS, Verdict.SKIP} else None
     return f"  {item.verdict:<12} {item.id}: {translate(item.message)}" + (
         f"\n  {'':<12} {translate(hint)}" if hint is not None else ""
@@ -65,7 +62,7 @@ def render_item(item: report.Item) -> str:
 
 
 def ready(prompt: Prompt, phase: report.Phase) -> bool:
-    """Whether things are where the next phase looks at them; otherwise it is left open. Raises Later."""
+    """Ask whether the next phase can start; otherwise it is left open. Raises PromptAbort."""
     return prompt.choose(_READY[phase], {YES: True, "skip": False})
 
 
@@ -79,7 +76,7 @@ _READY: Mapping[report.Phase, str] = {
 
 
 def confirm(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
-    """Show what to do and what to look for, and write down the answer. Raises Later."""
+    """Show what to do and what to look for, and record the answer. Raises PromptAbort."""
     _title(prompt, entry)
     step = entry.step
     if step.do:
@@ -123,7 +120,7 @@ def _answer(prompt: Prompt, step: Step) -> checklist.Confirmation:
 
 
 def _verdict(prompt: Prompt) -> Verdict:
-    """What was seen; that it failed is asked once more, since a slip of the finger says so too."""
+    """Ask for a verdict; a failure must be confirmed, because it may be a typing error."""
     while True:
         verdict = prompt.choose("Does it hold?", _WORDS)
         if verdict is not Verdict.FAIL or prompt.is_so(f"You answered {shown_word(NO)}: FAIL is kept. Is that right?"):
@@ -131,7 +128,7 @@ def _verdict(prompt: Prompt) -> Verdict:
 
 
 def consent(prompt: Prompt, entry: checklist.PlanEntry, price: Price | None) -> str | None:
-    """Ask for the word that an active step needs, and for the money. None: it is not given. Raises Later."""
+    """Ask for consent to an active step and to its cost; None if it is not given. Raises PromptAbort."""
     condition = entry.step.consent
     assert condition is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
     _title(prompt, entry)
@@ -147,7 +144,7 @@ def consent(prompt: Prompt, entry: checklist.PlanEntry, price: Price | None) -> 
 
 
 def otherwise(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
-    """What becomes of an active step that is not done. Raises Later."""
+    """Ask what to do with an active step that is not run. Raises PromptAbort."""
     if not book.item(entry.item.id).open:
         return
     leave_word, seen_word, override = map(shown_word, _ELSE)
@@ -167,9 +164,9 @@ def mend(
     *,
     read: bool,
 ) -> None:
-    """As long as an item is not green: look again, or take the responsibility, or leave it as it is. Raises Later.
+    """While an item is not green, ask: check again, override, or leave it. Raises PromptAbort.
 
-    `read`: its result is the line above.
+    `read`: its result has just been shown.
     """
     if not read and book.item(entry.item.id).counts not in GREEN:
         prompt.say(render_item(book.item(entry.item.id)))
@@ -180,7 +177,7 @@ def mend(
 def correct(
     book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry, probe: Callable[[checklist.PlanEntry], None]
 ) -> None:
-    """Show how an item stands, and let it be looked at or answered again, whatever it is. Raises Later."""
+    """Show an item and let it be checked or answered again, whatever its verdict. Raises PromptAbort."""
     prompt.say(render_item(book.item(entry.item.id)))
     if _ask_correction(book, prompt, entry, probe):
         mend(book, prompt, entry, probe, read=True)
@@ -189,7 +186,7 @@ def correct(
 def _ask_correction(
     book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry, probe: Callable[[checklist.PlanEntry], None]
 ) -> bool:
-    """Ask what becomes of an item; False: it stays as it is."""
+    """Ask what to do with an item; return False if it stays as it is."""
     item = book.item(entry.item.id)
     again, override, on = map(shown_word, _AFTER)
     if item.verdict in confirmations.OVERRIDABLE:
@@ -220,7 +217,7 @@ _ELSE = {word: word for word in ("open", "seen", "override")}
 
 @dataclass(slots=True)
 class CheckWorkflow:
-    """One sitting over a book."""
+    """One session on a checklist."""
 
     book: checklist.Book
     entries: Sequence[checklist.PlanEntry]
@@ -228,17 +225,17 @@ class CheckWorkflow:
     show: Callable[[report.Item], None]
     """Called with each result as soon as it is in the book."""
     price: Callable[[checklist.PlanEntry], Price | None]
-    """What an active step costs on a metered link. Raises CostRefused."""
+    """What an active step costs on a metered link. Raises CostRefusal."""
     at_once: bool = False
     """Nobody carries anything to the quay or into the water between the phases: it is a rehearsal."""
     _visited_entries: list[checklist.PlanEntry] = field(default_factory=list)
     """What a person was asked about in this sitting, for `back`."""
 
     def alone(self, answers: checklist.Answers | None) -> tuple[str, ...]:
-        """Look at all that needs no person, and at what the answers consent to; then write the answers down.
+        """Run all that needs no person, and what the answers consent to; then record the answers.
 
-        What was green at an earlier sitting is looked at again: without a person nobody can say that it still is.
-        Gives what of the answers was not needed, in words.
+        Items that were green in an earlier session are checked again: without a person it is not known whether they
+        still are. Returns descriptions of the answers that were not needed.
         """
         consents = self._collect_consents(answers) if answers is not None else {}
         self._examine(
@@ -247,7 +244,7 @@ class CheckWorkflow:
         return answers.write_down(self.book, self.show) if answers is not None else ()
 
     def with_a_person(self, prompt: Prompt) -> None:
-        """Go through what is not green, phase by phase. Raises Later."""
+        """Go through everything that is not green, phase by phase. Raises PromptAbort."""
         if self.at_once:
             self._examine(self._unseen(self.entries), {})
         before = None
@@ -276,7 +273,7 @@ class CheckWorkflow:
             mend(self.book, prompt, entry, partial(self._again, prompt), read=is_requested)
 
     def _visit(self, prompt: Prompt, entry: checklist.PlanEntry, ask: Callable[[], None]) -> None:
-        """Ask about one item; `back` begins it anew, at its first question it leads to the one before. Raises Later."""
+        """Ask about one item; `back` restarts it, or at its first question goes one item back. Raises PromptAbort."""
         while True:
             prompt.begin(self._place(entry))
             try:
@@ -293,7 +290,7 @@ class CheckWorkflow:
         prompt.begin("")
 
     def go_back(self, prompt: Prompt) -> None:
-        """Ask about the last item again; what was answered before stays in the log. Raises Later."""
+        """Ask about the last item again; the earlier answer stays in the log. Raises PromptAbort."""
         if not self._visited_entries:
             prompt.say(translate("  this is the first question"))
             return
@@ -305,7 +302,7 @@ class CheckWorkflow:
             self._visit(prompt, entry, partial(correct, self.book, prompt, entry, partial(self._again, prompt)))
 
     def _place(self, entry: checklist.PlanEntry) -> str:
-        """Which item of how many, in the order of the phases."""
+        """Format the item's number and the total, in the order of the phases."""
         order = sorted(self.entries, key=lambda each: tuple(report.Phase).index(each.item.phase))
         return translate(f"item {order.index(entry) + 1} of {len(order)}")
 
@@ -326,7 +323,7 @@ class CheckWorkflow:
             self._examine([entry], {})
 
     def _act(self, prompt: Prompt, entry: checklist.PlanEntry) -> None:
-        """Ask for the word, say what the person does meanwhile, and look; not where the thing itself has failed."""
+        """Ask for consent, show what the person has to do, and probe; not if the device itself has failed."""
         sick = self._sick(entry)
         if sick is not None:
             _title(prompt, entry)
@@ -348,7 +345,7 @@ class CheckWorkflow:
         self._examine([entry], {entry.item.id: by}, is_paid=True)
 
     def _sick(self, entry: checklist.PlanEntry) -> report.Item | None:
-        """What the tool has seen fail in the same cell: nobody is asked to move a stick of an armed vehicle."""
+        """Return a failed automatic item of the same cell: nobody may move the sticks of an armed vehicle."""
         cell = [
             other for other in self.entries if other.cell == entry.cell and other.item.kind is report.ItemKind.AUTOMATIC
         ]
@@ -358,7 +355,7 @@ class CheckWorkflow:
     def _examine(
         self, entries: Sequence[checklist.PlanEntry], consents: Mapping[str, str], *, is_paid: bool = False
     ) -> None:
-        """`consents`: who has consented to which active item; `is_paid`: to its cost as well."""
+        """Run entries. `consents`: who has consented to each active item; `is_paid`: also to its cost."""
 
         def settle(item: report.Item) -> None:
             by = consents.get(item.id)
@@ -369,7 +366,7 @@ class CheckWorkflow:
             asyncio.run(examine(entries, self.ears.paid_ears if is_paid else self.ears.free, settle))
 
     def _collect_consents(self, answers: checklist.Answers) -> dict[str, str]:
-        """The active items that the answers consent to, and that are paid for or cost nothing."""
+        """Return active items with consent in the answers that cost nothing, or whose cost is accepted."""
         active_entries = [
             item for item in self.entries if item.item.kind is report.ItemKind.ACTIVE and not self._green(item)
         ]
@@ -377,7 +374,7 @@ class CheckWorkflow:
         return {item_id: by for item_id, by in values.items() if by is not None}
 
     def _due(self, entry: checklist.PlanEntry) -> bool:
-        """Whether it costs what nobody has agreed to pay: a file of answers pays for nothing."""
+        """Return whether a step costs money without consent: an answer file never consents to costs."""
         try:
             price = self.price(entry)
         except CostRefusal:
@@ -397,7 +394,7 @@ class CheckWorkflow:
 
 
 def _with_consent(item: report.Item, entry: checklist.PlanEntry, by: str) -> report.Item:
-    """Put the person's word among the evidence of an active item; `by`: who, and behind a colon in which words."""
+    """Add a person's consent to the evidence of an active item; `by`: the name, and words after a colon."""
     assert entry.step.consent is not None, "only active steps are consented to"  # noqa: S101 - Step holds it
     name, _, words = by.partition(": ")
     text = f"{entry.step.consent.question}{f' ({words})' if words else ''}"
@@ -425,11 +422,11 @@ class PromptAbort(Exception):
 
 
 class PromptBack(Exception):
-    """The person goes to the question before."""
+    """The person goes back to the previous question."""
 
 
 class Prompt:
-    """Where somebody is asked; `ask` and `say` are those of a terminal, unless a test brings its own."""
+    """Prompts for a person; `ask` and `say` use the terminal, tests replace them."""
 
     def __init__(self, ask: Callable[[str], str] = input, say: Callable[[str], None] = print) -> None:
         self._ask = ask
@@ -440,23 +437,23 @@ class Prompt:
         """Given since `begin`."""
 
     def begin(self, place: str) -> None:
-        """Ask about another item from here on; `place`: `item 3 of 9`, which stands before each question."""
+        """Start the questions about another item; `place`, such as `item 3 of 9`, is shown before each one."""
         self._place, self.answers = place, 0
 
     def say(self, text: str = "") -> None:
-        """Print lines, in the person's language already; what came from a device or a file cannot move the cursor."""
+        """Print translated lines; control characters from a device or file are escaped."""
         self._say(_fit(printable.lines(text)))
 
     def refuses(self, refusal: checklist.ChecklistUsageError) -> None:
-        """Say why an answer is not taken, and what to do."""
+        """Print why an answer is not accepted, and what to do."""
         self.say(f"  {translate(str(refusal))}: {translate(refusal.hint or '')}")
 
     def ask(self, question: str) -> str:
-        """One answer, which may be empty. Raises Later, Back."""
+        """Ask for an answer, which may be empty. Raises PromptAbort, PromptBack."""
         return self._read(translate(question))
 
     def _read(self, question: str) -> str:
-        """The answer to a question that is in the person's language already."""
+        """Ask a question that is already translated."""
         place = f"({self._place}) " if self._place else ""
         try:
             answer = self._ask(f"{_fit(place + printable.lines(question).rstrip())} ").strip()
@@ -470,7 +467,7 @@ class Prompt:
         return answer
 
     def choose(self, question: str, words: Mapping[str, T], default: str = "") -> T:
-        """One of these words, or what `default` means for an empty answer; a first letter is enough if it is alone."""
+        """Ask for one of these words; `default` is used for an empty answer, an unambiguous prefix is enough."""
         every = (*words, BACK, LATER)
         choices = ", ".join(map(shown_word, every))
         while True:
@@ -487,27 +484,27 @@ class Prompt:
             self.say(translate(f"  type one of: {choices}") + (f" (`{near}`?)" if near else ""))
 
     def _with_choices(self, question: str, choices: str) -> str:
-        """Beside the question where a terminal has room for both, else below it."""
+        """Add the choices to a question: beside it if the terminal is wide enough, otherwise below it."""
         room = len(f"({self._place}) {question} [{choices}]") + _ANSWER <= _WIDTH
         return f"{question}{' ' if room else chr(10) + '  '}[{choices}]"
 
     def agrees(self, question: str, word: str = YES) -> bool:
-        """Whether the whole word is given: a slip of the finger is no consent."""
+        """Ask for the whole word, so that a typing error is no consent."""
         return whole_word(question, self._read, self.say, word=word)
 
     def is_so(self, question: str) -> bool:
-        """Yes or no, where nothing happens by the answer."""
+        """Ask yes or no, if the answer alone has no effect."""
         return yes_or_no(question, self._read, self.say)
 
     def needs(self, question: str) -> str:
-        """An answer that is not empty."""
+        """Ask for an answer that is not empty."""
         while not (answer := self.ask(question)):
             self.say(translate(f"  something has to stand here; `{shown_word(LATER)}` leaves it open"))
         return answer
 
     @property
     def name(self) -> str:
-        """Who answers: asked once."""
+        """Name of the person, asked once."""
         while not self._name:
             try:
                 name = confirmations.clean_name(self.needs("Your name, as it shall stand in the report:"))
@@ -519,7 +516,7 @@ class Prompt:
         return self._name
 
     def name_of(self, people: Sequence[str]) -> str:
-        """Who answers: the person at the terminal, or, where others alone may, one of these. Raises Later, Back."""
+        """Return who answers: the person at the terminal, or one of `people`. Raises PromptAbort, PromptBack."""
         if not people or confirmations.refused_person(self.name, people, "answer") is None:
             return self.name
         while True:
@@ -529,7 +526,7 @@ class Prompt:
             self.say(translate(f"  {wrong[0]}"))
 
     def number(self, question: str) -> float:
-        """A number, with a point or a comma. Raises Later, Back."""
+        """Ask for a number, with a point or a comma. Raises PromptAbort, PromptBack."""
         while True:
             text = self.needs(question)
             try:
@@ -541,7 +538,7 @@ class Prompt:
             self.say(translate(f"  `{text}` is no number: write it without its unit, like 16.1"))
 
     def files(self, *, photo: bool = False) -> tuple[Path, ...]:
-        """Photos or files that show it; none with an empty answer, unless a photo is needed. Raises Later, Back."""
+        """Ask for evidence files; may be empty unless a photo is needed. Raises PromptAbort, PromptBack."""
         files: list[Path] = []
         if photo:
             while not confirmations.is_photo(
@@ -568,7 +565,7 @@ _LABEL = re.compile(r" *\S+ {2,}| *")
 
 
 def _fit(text: str) -> str:
-    """Lines that are wider than a terminal are broken between words; the rest stands below the first words."""
+    """Wrap lines that are wider than a terminal, with aligned continuation lines."""
     return "\n".join(_broken(line) if len(line) > _WIDTH else line for line in text.split("\n"))
 
 
@@ -581,7 +578,7 @@ def _broken(line: str) -> str:
 
 
 def _match_word(text: str, words: Sequence[str]) -> str | None:
-    """The word that is typed whole, or that alone begins so."""
+    """Return the word that is typed in full, or by an unambiguous prefix."""
     prefix_matches = [
         word for word in words if text and any(alternative.startswith(text) for alternative in taken_words(word))
     ]
@@ -594,7 +591,7 @@ _FILE_NAME = re.compile(r"[/\\~]|\.(jpe?g|png|heic|gif|webp|tiff?|pdf|txt|log|ya
 
 
 def doubt_of_name(name: str) -> str | None:
-    """What to ask where a name is hardly one: the answer to another question, or a piece of the command; else None."""
+    """Return a question if a name looks like a flag, an argument or a file name; otherwise None."""
     if name.startswith("-"):
         return f"`{name}` looks like a flag. Is it your name?"
     if re.match(r"[\w-]+=", name):
@@ -607,7 +604,7 @@ def doubt_of_name(name: str) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """An estimate in words."""
+    """Cost estimate as text."""
 
     words: str
     due: bool
@@ -615,7 +612,7 @@ class Price:
 
 
 def price_of(session: CommandSession, entry: checklist.PlanEntry) -> Price | None:
-    """The price of an active step; None: it costs nothing. Raises CostRefused above the declared cap."""
+    """Return the price of an active step; None if it costs nothing. Raises CostRefusal above the inventory's cap."""
     if entry.step.probe is None or entry.step.consent is None or not entry.step.consent.cost:
         return None
     proofs = [ask for ask in entry.step.probe.asks() if isinstance(ask, AllowListTestRequest)]
@@ -639,7 +636,7 @@ def _previews(session: CommandSession, bearer: str) -> tuple[Preview, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Listening:
-    """The ears of a site."""
+    """Access to a site's devices, without and with consent to cost."""
 
     free: Ears
     paid_ears: Ears

@@ -1,1 +1,1 @@
-"""What a technician types when something went wrong: go on with a run, or put back what was before it."""
+"""Commands for recovery: continue a run, or restore the state before it."""

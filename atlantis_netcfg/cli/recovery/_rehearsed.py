@@ -1,4 +1,4 @@
-"""Rehearsals that do not begin with a fresh device: each is first brought to what stands for the real one."""
+"""Rehearsals that start from a given state instead of a factory-fresh device."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _WIDTH = 80
 def rehearse_from(
     session: CommandSession, start: Sequence[StartState], go_on: Callable[[], RunReport], what: str
 ) -> RunReport:
-    """Bring the emulated devices to their start, then go on; where that fails, the report says so.
+    """Bring the emulated devices to their start state, then continue; the report contains a failure to do so.
 
-    What stands for what is printed, and what that says nothing about is in the report.
+    The source of the start state is printed, and its gaps are in the report.
     """
     _tell(session, start)
     gaps = tuple(state.gap for state in start)
@@ -38,7 +38,7 @@ def rehearse_from(
 
 
 def _begin(session: CommandSession, start: Sequence[StartState]) -> RunReport | None:
-    """Apply what they begin with, and read it back. Returns the report of what failed."""
+    """Apply and verify the start state; return the report of a failure, otherwise None."""
     hosts, back_to, restore = session.hosts, session.back_to, session.restore
     ways = dict.fromkeys((state.back_to, state.restore) for state in start if not state.is_ready)
     try:

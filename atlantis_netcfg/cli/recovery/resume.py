@@ -1,4 +1,4 @@
-"""`provision resume`: go on with a run that was killed, or that lost the link before its outcome was known."""
+"""`provision resume`: continue a run that was interrupted, or that lost the link before its outcome was known."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ RESUME = syntax.CommandSpec(
 
 
 def run_resume(arguments: syntax.Arguments) -> errors.ExitCode:
-    """Wait until the devices have taken back what the broken run left open, then bring them to the declared state."""
+    """Wait until the devices have rolled back what the broken run left open, then bring them to the desired state."""
     from atlantis_netcfg.cli.base.session import session
 
     if arguments.flag("rehearse"):
@@ -67,7 +67,7 @@ def run_resume(arguments: syntax.Arguments) -> errors.ExitCode:
 
 
 def _run_rehearsed(arguments: syntax.Arguments) -> errors.ExitCode:
-    """The same against emulated devices; the run is found before any of them is started."""
+    """Run `resume` with emulated devices; the run is located before any of them is started."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core import paths
@@ -94,7 +94,7 @@ def _run_rehearsed(arguments: syntax.Arguments) -> errors.ExitCode:
 
 
 def _rehearse(session: CommandSession, broken: Run) -> RunReport:
-    """Go on as the real command would; again over each bearer, nothing may be left to change."""
+    """Continue like the real command; the repeated runs over each link must change nothing."""
     from atlantis_netcfg.cli.base.rehearsal import rehearse
     from atlantis_netcfg.cli.recovery._rehearsed import rehearse_from
     from atlantis_netcfg.operations import Mode
@@ -110,7 +110,7 @@ def _rehearse(session: CommandSession, broken: Run) -> RunReport:
 
 
 def _broken(state: Path, site: str, name: str | None, *, is_rehearsal: bool = False) -> Run:
-    """The run that was named, or the latest unfinished one. Raises NothingMatched."""
+    """Return the run given by name, or the latest unfinished one. Raises NoMatchError."""
     from atlantis_netcfg.operations.common.saved_states import saved_run, stores
     from atlantis_netcfg.runs import Purpose
 
@@ -128,7 +128,7 @@ def _broken(state: Path, site: str, name: str | None, *, is_rehearsal: bool = Fa
 
 
 def _resume(session: CommandSession, broken: Run) -> RunReport:
-    """Go on with a run of this computer: also on devices whose turn had not come, or which were as before again."""
+    """Continue a run of this computer, also on devices that it had not started, or that were rolled back."""
     from atlantis_netcfg.operations import Mode
 
     _refuse_others(broken)
@@ -141,16 +141,16 @@ def _resume(session: CommandSession, broken: Run) -> RunReport:
 
 
 def _aim(session: CommandSession, broken: Run) -> None:
-    """Go where the run was going, and say it."""
+    """Use the target state of the broken run, and print it."""
     _tell(session, broken)
     if broken.start_record is not None:
         session.back_to, session.restore = broken.start_record.back_to, broken.start_record.restore
 
 
 def _left_by_others(session: CommandSession, name: str | None, nothing: errors.NoMatchError) -> RunReport:
-    """The journal here knows of nothing: look on the devices for what a run of another computer has left open.
+    """Without a run in this journal, look on the devices for an unfinished run of another computer.
 
-    Raises `nothing` where there is nothing on them either.
+    Raises `nothing` if there is none on them either.
     """
     from atlantis_netcfg.operations import Mode
 
@@ -180,7 +180,7 @@ def _left_by_others(session: CommandSession, name: str | None, nothing: errors.N
 
 
 def _refuse_others(broken: Run) -> None:
-    """What is no run of the engine is repeated, and goes on by what the device says. Raises UsageError."""
+    """Raise UsageError for runs of other commands, which are repeated and continue from the device's state."""
     from atlantis_netcfg.runs import Purpose
 
     repeatable = {
@@ -194,7 +194,7 @@ def _refuse_others(broken: Run) -> None:
 
 
 def _refuse_settled(broken: Run) -> None:
-    """What has left nothing open may still not have come to its end everywhere. Raises NothingMatched."""
+    """Raise NoMatchError if the run left nothing open, although it may not be complete on all devices."""
     if (
         broken.unsettled_devices
         or broken.start_record is None

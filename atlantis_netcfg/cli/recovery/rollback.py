@@ -1,4 +1,4 @@
-"""`provision rollback`: put back what a device was before a run, guarded like any other change."""
+"""`provision rollback`: restore a device's state before a run, protected like any other change."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ ROLLBACK = syntax.CommandSpec(
 
 
 def run_rollback(arguments: syntax.Arguments) -> ExitCode:
-    """Show the way back, ask, then roll back every device of which the run has saved a state."""
+    """Run `rollback`: show the changes, ask, then roll back every device with a state saved by the run."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
 
@@ -77,7 +77,7 @@ def run_rollback(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _choose_run(declaration: Declaration, arguments: syntax.Arguments) -> tuple[Run, tuple[Host, ...]]:
-    """The run, and those of the hosts of which it has saved a state. Raises NothingMatched."""
+    """Return the run, and those of the hosts with a state saved by it. Raises NoMatchError."""
     from atlantis_netcfg.cli.base.session import require_handled
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose
@@ -95,7 +95,7 @@ def _choose_run(declaration: Declaration, arguments: syntax.Arguments) -> tuple[
 
 
 def _tell(session: CommandSession, run: Run) -> None:
-    """Say to before which run it goes back: `latest` is nobody's name for it."""
+    """Print the run before which the state was saved, because `latest` does not identify it."""
     if session.as_json:
         return
     start = run.start_record
@@ -118,7 +118,7 @@ def _real(session: CommandSession) -> RunReport:
 
 
 def _rehearse(session: CommandSession, run: Run) -> RunReport:
-    """Put back on the emulated devices what the run had saved; over each bearer again nothing may be left."""
+    """Restore the run's saved state on emulated devices; repeated runs over each link must change nothing."""
     from atlantis_netcfg.cli.base.rehearsal import rehearse
     from atlantis_netcfg.cli.recovery._rehearsed import rehearse_from
     from atlantis_netcfg.operations.common.saved_states import before_rollback

@@ -1,1 +1,1 @@
-"""`provision` in the technician's shell: completion of a line by Tab, and the manual page."""
+"""Shell integration of `provision`: completion by Tab, and the manual page."""

@@ -1,8 +1,8 @@
-"""`provision complete WORD…`: what could stand in the place of the last word, one candidate a line.
+"""`provision complete WORD…`: candidates for the last word of a command line, one per line.
 
-The scripts of `provision completion` ask it at every Tab; a candidate, two spaces, and what it means. Whatever is wrong
-(an inventory that is broken, a state folder that cannot be read) makes the list shorter, and never prints an error in
-the middle of a person's line. Nothing is contacted, validated or made.
+The scripts of `provision completion` call it at every Tab; a line is a candidate, two spaces, and its meaning. Errors
+(an invalid inventory, an unreadable state folder) only shorten the list, and are never printed into the user's command
+line. Nothing is contacted, validated or created.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def answer(command_line: Sequence[str], table: Mapping[str, str]) -> ExitCode:
 
 
 def candidates(command_line: Sequence[str], table: Mapping[str, str]) -> list[Candidate]:
-    """The candidates for the last word, where `command_line` is what stands behind `provision`."""
+    """Return the candidates for the last word; `command_line` is what follows `provision`."""
     *before, current = command_line or [""]
     return [(value, meaning) for value, meaning in _possible(before, current, table) if value.startswith(current)]
 
@@ -61,7 +61,7 @@ def _possible(before: Sequence[str], current: str, table: Mapping[str, str]) -> 
 
 
 def _commands(bare: Sequence[str], table: Mapping[str, str]) -> Iterator[Candidate]:
-    """The commands, word by word: `vpn`, and behind it `init`, `onboard` and the others."""
+    """Yield the commands, word by word: `vpn`, and after it `init`, `onboard` and the others."""
     meanings: dict[str, str] = {}
     for name in table:
         words = name.split()
@@ -73,7 +73,7 @@ def _commands(bare: Sequence[str], table: Mapping[str, str]) -> Iterator[Candida
 
 
 def _of_command(command: syntax.CommandSpec, before: Sequence[str], current: str) -> Iterator[Candidate]:
-    """Its words and flags that are not given yet, or the values of the word that is being typed."""
+    """Yield the arguments and flags not given yet, or the values of the argument being typed."""
     taking = {f"--{flag.name}" for flag in command.flags if flag.takes}
     if before and before[-1] in taking:
         return
@@ -94,7 +94,7 @@ def _of_command(command: syntax.CommandSpec, before: Sequence[str], current: str
 
 
 def _values(word: syntax.Word, value: str, before: Sequence[str]) -> Iterator[Candidate]:
-    """The values of a word; of a list the last one is completed, and those that stand there already are left out."""
+    """Yield the values of an argument; in a list only the last is completed, without values already used."""
     head = value.rpartition(",")[0] if word.many else ""
     used_values = head.split(",")
     start = f"{word.name}={head}," if head else f"{word.name}="

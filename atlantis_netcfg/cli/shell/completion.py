@@ -1,7 +1,7 @@
-"""`provision completion bash|zsh|fish`: a script that lets Tab complete a line of `provision` in that shell.
+"""`provision completion bash|zsh|fish`: a script for completion of `provision` by Tab in that shell.
 
-Words, flags, choices, sites, devices, vehicles, partners and runs are those of the moment: at every Tab the script asks
-`provision complete`, so that it never grows old.
+Arguments, flags, choices, sites, devices, vehicles, partners and runs are current: at every Tab the script calls
+`provision complete`, so that it never becomes outdated.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ COMPLETION_BASH = syntax.CommandSpec(
 
 
 def run_completion_bash(_arguments: syntax.Arguments) -> ExitCode:
-    """Print the script."""
+    """Print the script for bash."""
     return _print("bash")
 
 
@@ -39,7 +39,7 @@ COMPLETION_ZSH = syntax.CommandSpec(
 
 
 def run_completion_zsh(_arguments: syntax.Arguments) -> ExitCode:
-    """Print the script."""
+    """Print the script for zsh."""
     return _print("zsh")
 
 
@@ -52,5 +52,5 @@ COMPLETION_FISH = syntax.CommandSpec(
 
 
 def run_completion_fish(_arguments: syntax.Arguments) -> ExitCode:
-    """Print the script."""
+    """Print the script for fish."""
     return _print("fish")

@@ -1,4 +1,4 @@
-"""`provision man`: the manual page, made from the declarations of the commands, as `--help` is."""
+"""`provision man`: the manual page, generated from the definitions of the commands, like `--help`."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _SPECIAL = {"\\": "\\e", "-": "\\-", "`": "\\(ga", "'": "\\(aq"}
 
 
 def run_man(_arguments: Arguments) -> ExitCode:
-    """Print it as roff."""
+    """Print the manual page as roff."""
     print(page(COMMANDS))
     return ExitCode.DONE
 
 
 def page(table: Mapping[str, str]) -> str:
-    """The page as roff, with the macros of man(7)."""
+    """Return the manual page as roff, with the macros of man(7)."""
     from atlantis_netcfg import __version__
 
     commands = [load(name, table).command for name in table]
@@ -91,7 +91,7 @@ def _quote(text: str) -> str:
 
 
 def _text(text: str) -> str:
-    """Lines of text, none of which is too long or begins a request."""
+    """Wrap text for roff, so that no line is too long or starts a request."""
     from textwrap import wrap
 
     lines = wrap(_escape(text), _INPUT, break_long_words=False, break_on_hyphens=False)
@@ -99,5 +99,5 @@ def _text(text: str) -> str:
 
 
 def _escape(text: str) -> str:
-    """Backslashes and hyphens as they are typed: `--plan` can be copied out of the page."""
+    """Escape backslashes and hyphens, so that `--plan` can be copied from the page."""
     return "".join(_SPECIAL.get(each, each if each.isascii() else f"\\[u{ord(each):04X}]") for each in text)

@@ -1,1 +1,1 @@
-"""The commands of the VPN: its authority, its members, and what brings it to devices."""
+"""Commands of the VPN: its authority, its members, and the installation on devices."""

@@ -1,4 +1,4 @@
-"""What the `provision vpn` commands share: the authority, the declaration, who works, and how a result is told."""
+"""Shared by the `provision vpn` commands: authority, inventory, operator, and output of a result."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ NO_PUSH = syntax.Flag(
 
 
 def folder(arguments: syntax.Arguments) -> Path:
-    """The folder of the authority, whether it is there or not."""
+    """Return the folder of the authority, even if it does not exist."""
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
@@ -65,14 +65,14 @@ def folder(arguments: syntax.Arguments) -> Path:
 
 
 def open_authority(arguments: syntax.Arguments) -> Authority:
-    """The authority. Raises NoAuthority."""
+    """Open the authority. Raises NoAuthority."""
     from atlantis_netcfg.vpn.authority.authority import Authority
 
     return Authority.open(folder(arguments))
 
 
 def load_declaration(arguments: syntax.Arguments) -> Declaration:
-    """The whole pilot, checked; vaulted values stay sealed."""
+    """Load and validate the whole inventory; vaulted values stay encrypted."""
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
@@ -83,7 +83,7 @@ def load_declaration(arguments: syntax.Arguments) -> Declaration:
 
 
 def who() -> str:
-    """Who the record says it was: account and computer."""
+    """Return account and computer, as recorded for each action."""
     import os
     import pwd
     import socket
@@ -98,14 +98,14 @@ def who() -> str:
 
 
 def operator(arguments: syntax.Arguments, authority: Authority) -> OperatorContext:
-    """Who signs, on this command line."""
+    """Return the context of a signing command: authority, user, messages and clock."""
     from atlantis_netcfg.vpn.members import OperatorContext
 
     return OperatorContext(authority, who(), waiting(arguments), trust_clock=arguments.optional(CLOCK.name) is not None)
 
 
 def waiting(arguments: syntax.Arguments) -> Callable[[str], None]:
-    """What tells a person that somebody else has the authority's lock."""
+    """Return a function that prints a message while another process holds the authority's lock."""
 
     def tell_person(words: str) -> None:
         if not arguments.flag(syntax.JSON.name):
@@ -121,7 +121,7 @@ def tell(
     lines: Iterable[str],
     errors: Sequence[NetcfgError] = (),
 ) -> ExitCode:
-    """Print the result: one JSON object, or lines on the output and errors as every error is told."""
+    """Print the result: one JSON object, or lines on the output and errors in the usual format."""
     from atlantis_netcfg.cli.base import output
 
     words = output.carried_words(arguments)
@@ -139,7 +139,7 @@ def tell(
 
 
 def table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines with columns that stand below each other; the last one is as wide as it is."""
+    """Format rows as aligned columns; the last column has its own width."""
     widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]) - 1)] if rows else []
     return [
         "  ".join([*(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False)), row[-1]]).rstrip()
@@ -148,7 +148,7 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def server(arguments: syntax.Arguments, declaration: Declaration) -> Server:
-    """The server, or with `--no-push` nobody. Raises UsageError for example values, which lead to nobody's server."""
+    """Return the server; with `--no-push` one that is not contacted. Raises UsageError for example values."""
     from atlantis_netcfg.operations.vpn.server import NoPush, RemoteServer, over_ssh
 
     if arguments.has_flag(NO_PUSH):
@@ -158,12 +158,12 @@ def server(arguments: syntax.Arguments, declaration: Declaration) -> Server:
 
 
 def site(declaration: Declaration) -> str:
-    """Where the server stands."""
+    """Return the site of the VPN server."""
     return declaration.hosts[declaration.pilot.vpn.server].site
 
 
 def request(arguments: syntax.Arguments) -> Request:
-    """What the declaration does not say: here, which authority is meant."""
+    """Return the engine's request, with the authority's folder."""
     import shlex
 
     from atlantis_netcfg.operations.common.request import Request

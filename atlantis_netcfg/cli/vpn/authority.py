@@ -35,7 +35,7 @@ VPN_INIT = syntax.CommandSpec(
 
 
 def run_vpn_init(arguments: syntax.Arguments) -> ExitCode:
-    """Make it, unless it is there."""
+    """Create the authority, unless it exists."""
     from atlantis_netcfg.cli.base.passphrase import choose_passphrase
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
@@ -95,7 +95,7 @@ VPN_AUDIT = syntax.CommandSpec(
 
 
 def run_vpn_audit(arguments: syntax.Arguments) -> ExitCode:
-    """Tell the entries, oldest first."""
+    """Print the audit entries, oldest first."""
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.reports import audit, start_of
@@ -128,7 +128,7 @@ VPN_LIST = syntax.CommandSpec(
 
 
 def run_vpn_list(arguments: syntax.Arguments) -> ExitCode:
-    """List them, in the order of their onboarding."""
+    """List the members, in the order of their onboarding."""
     from datetime import UTC, datetime
 
     from atlantis_netcfg.cli.vpn import _common
@@ -167,7 +167,7 @@ VPN_SHOW = syntax.CommandSpec(
 
 
 def run_vpn_show(arguments: syntax.Arguments) -> ExitCode:
-    """Show it."""
+    """Show one member."""
     from datetime import UTC, datetime
 
     from atlantis_netcfg.cli.vpn import _common

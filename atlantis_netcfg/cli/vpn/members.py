@@ -80,7 +80,7 @@ VPN_ONBOARD = syntax.CommandSpec(
 
 
 def run_vpn_onboard(arguments: syntax.Arguments) -> ExitCode:
-    """Check everything, issue, hand out, tell the server."""
+    """Run `vpn onboard`: validate, issue, hand over the enrolment packages, update the server."""
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.vpn.members import Onboarding, refuse_example_authority
@@ -103,7 +103,7 @@ def run_vpn_onboard(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _device_words(arguments: syntax.Arguments) -> Sequence[DeviceWords]:
-    """What was asked for: the words, or the records of a file. Raises UsageError, ListInvalid."""
+    """Return the requested devices, from the arguments or from a file. Raises UsageError, ListInvalid."""
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import UsageError
@@ -150,7 +150,7 @@ VPN_RENEW = syntax.CommandSpec(
 
 
 def run_vpn_renew(arguments: syntax.Arguments) -> ExitCode:
-    """Choose the members, issue, hand out, tell the server."""
+    """Run `vpn renew`: choose the members, issue, hand over the enrolment packages, update the server."""
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.vpn.members import Onboarding, refuse_example_authority
@@ -219,7 +219,7 @@ VPN_REVOKE = syntax.CommandSpec(
 
 
 def run_vpn_revoke(arguments: syntax.Arguments) -> ExitCode:
-    """Ask, record, publish the list, end the sessions, look."""
+    """Run `vpn revoke`: ask, record, publish the CRL, end the sessions, verify."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
@@ -252,7 +252,7 @@ def _members_to_revoke(arguments: syntax.Arguments, membership: MembershipList) 
 
 
 def _agree(arguments: syntax.Arguments, members: tuple[Member, ...]) -> None:
-    """Show what will be cut, and return when a person agrees. Raises Declined, UsageError."""
+    """Show what will be revoked, and ask for consent. Raises ConsentRefusal, UsageError."""
     from atlantis_netcfg.cli.base.consent import require_agreement
     from atlantis_netcfg.vpn.reports import when
 
@@ -288,7 +288,7 @@ _LARGEST = 1_000_000
 
 
 def run_vpn_accept(arguments: syntax.Arguments) -> ExitCode:
-    """Open it, check it, keep it."""
+    """Run `vpn accept`: open an enrolment package, verify it, store it."""
     from datetime import UTC, datetime
     from pathlib import Path
 
@@ -317,7 +317,7 @@ def run_vpn_accept(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _opener(arguments: syntax.Arguments) -> Secret:
-    """The key out of its file, or the passphrase."""
+    """Return the key from its file, or the passphrase."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
@@ -351,7 +351,7 @@ def _bytes(path: Path, what: str) -> bytes:
 
 
 def handout_target(arguments: syntax.Arguments, recipients: Mapping[str, str]) -> HandoutTarget:
-    """How hand-outs leave. Raises UsageError for a folder that is none, and a contact that is no line."""
+    """Return where enrolment packages are written. Raises UsageError for an invalid folder or contact line."""
     from pathlib import Path
 
     from atlantis_netcfg.vpn.members import CONTACT, HandoutTarget
@@ -361,7 +361,7 @@ def handout_target(arguments: syntax.Arguments, recipients: Mapping[str, str]) -
 
 
 def hold(arguments: syntax.Arguments, server: Server, authority: Authority) -> None:
-    """Hold the record against the server, before anything is signed. Raises RecordOlder."""
+    """Check the record against the server, before anything is signed. Raises RecordOlder."""
     from atlantis_netcfg.cli.base.output import progress
 
     with progress(quiet=arguments.flag("json")) as notify:
@@ -377,10 +377,10 @@ def close(  # noqa: PLR0913 - one end of three commands
     *,
     more: Mapping[str, Any] | None = None,
 ) -> ExitCode:
-    """Tell what was issued, its one-time passphrases among it, then bring it to the server and tell that.
+    """Report what was issued, including one-time passphrases, then update the server and report that.
 
-    A passphrase is printed before the server is asked: who stops a command that waits for it has lost nothing.
-    `more`: what a program is told besides.
+    A passphrase is printed before the server is contacted, so that it is not lost when the user stops the command.
+    `more`: additional values for programs.
     """
     from atlantis_netcfg.cli.vpn import _common
 
@@ -407,7 +407,7 @@ def _deploy(arguments: syntax.Arguments, server: Server, authority: Authority) -
 
 
 def _row(package: HandedOut) -> dict[str, Any]:
-    """A member for programs; `passphrase` is the only secret that a command tells, and only this once."""
+    """Return a member for programs; `passphrase` is the only secret printed, and only this once."""
     from datetime import UTC, datetime
 
     from atlantis_netcfg.vpn.reports import member_row
@@ -448,7 +448,7 @@ def _lines(declaration: Declaration, package: HandedOut) -> Iterator[str]:
 
 
 def bringing(declaration: Declaration, member: Member) -> str:
-    """The command that brings a declared computer its identity."""
+    """Return the command that installs a member's identity on a computer in the inventory."""
     from atlantis_netcfg.vpn.identity import MemberKind
 
     if member.kind is MemberKind.ROUTER:
@@ -457,7 +457,7 @@ def bringing(declaration: Declaration, member: Member) -> str:
 
 
 def close_revoked(arguments: syntax.Arguments, revocation: RevocationResult, deployment: DeployResult) -> ExitCode:
-    """Tell who is out, and by which evidence."""
+    """Report the revoked members, with the evidence."""
     from atlantis_netcfg.cli.vpn import _common
 
     values = {
@@ -473,9 +473,9 @@ def close_revoked(arguments: syntax.Arguments, revocation: RevocationResult, dep
 def close_synced(
     arguments: syntax.Arguments, deployment: DeployResult, site: str | None, taken_names: Sequence[str] | None = None
 ) -> ExitCode:
-    """Tell what the server was brought to; `site` is where it stands, if it has a new certificate to get there.
+    """Report the server's update; `site` is the server's site, if its new certificate still has to be installed.
 
-    `taken_names`: who is revoked because the server's list was taken over.
+    `taken_names`: members revoked because the server's CRL was adopted.
     """
     from atlantis_netcfg.cli.vpn import _common
 

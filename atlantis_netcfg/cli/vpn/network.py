@@ -1,10 +1,10 @@
 """Commands that bring the VPN to its devices: `vpn install`, `vpn sync`, `vpn status`.
 
-`provision vpn install`: bring a site's router into the VPN.
+`provision vpn install`: connect a site's router to the VPN.
 
-`provision vpn sync`: bring the server of the VPN to what is recorded.
+`provision vpn sync`: bring the VPN server to the recorded state.
 
-`provision vpn status`: how it stands with the VPN, and what must be done soon.
+`provision vpn status`: the state of the VPN, and what must be done soon.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ VPN_INSTALL = syntax.CommandSpec(
 
 
 def run_vpn_install(arguments: syntax.Arguments) -> ExitCode:
-    """Look, ask, install, read back."""
+    """Run `vpn install`: read the router, ask, install, verify."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.session import session
@@ -143,7 +143,7 @@ VPN_SYNC = syntax.CommandSpec(
 
 
 def run_vpn_sync(arguments: syntax.Arguments) -> ExitCode:
-    """Push, end what must end, look."""
+    """Run `vpn sync`: push, end revoked sessions, verify."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
@@ -191,7 +191,7 @@ VPN_STATUS = syntax.CommandSpec(
 
 
 def run_vpn_status(arguments: syntax.Arguments) -> ExitCode:
-    """Look at the record and at the server; whoever was seen is recorded."""
+    """Run `vpn status`: read the record and the server; record which members were seen."""
     from datetime import UTC, datetime
 
     from atlantis_netcfg.cli.base.output import progress

@@ -1,12 +1,12 @@
-"""Make a bundle. An interrupted run continues where it was, and no bundle is ever incomplete.
+"""Make a bundle: an interrupted run resumes, and a finished bundle is always complete.
 
-What lies where in a bundle:
+Layout of a bundle:
 
-- `manifest.json`, `manifest.json.asc`, `key.gpg`: what it is, signed
-- `pool/*.deb`: packages, of all hosts together
-- `hosts/HOST/repository/`: the index of those that this host gets
+- `manifest.json`, `manifest.json.asc`, `key.gpg`: signed description of the bundle
+- `pool/*.deb`: packages of all hosts
+- `hosts/HOST/repository/`: package index of one host
 - `sources/git/SERVER/PATH/`: repositories of the libraries
-- `images/`: the vendor's image, where one was given, and the images of containers
+- `images/`: the vendor's image, if one was given, and container images
 """
 
 from __future__ import annotations
@@ -62,10 +62,10 @@ _DEPTH = 10
 
 @dataclass(slots=True)
 class RepositorySet:
-    """The repositories of some libraries in a folder.
+    """Bare git repositories of libraries in one folder.
 
-    They stand as bare repositories below `git/SERVER/PATH`, where git on the board finds them in place of
-    `https://SERVER/PATH` (url.<base>.insteadOf of git-config(1)). One commit of each is there, without its history.
+    They are stored below `git/SERVER/PATH`, where git on the board finds them instead of `https://SERVER/PATH`
+    (url.<base>.insteadOf of git-config(1)). Each has one commit, without history.
     """
 
     folder: Path
@@ -75,7 +75,7 @@ class RepositorySet:
     """URL and revision of each library -> places of the repositories that it needs, below `folder`."""
 
     def files(self, library: Library) -> Iterator[tuple[str, Path]]:
-        """What a board needs for a library: path below its folder of sources, and the file."""
+        """Yield the files that a board needs for a library: path below its source folder, and local file."""
         for place in sorted(self.of[library.url, library.revision]):
             root = self.folder / place
             for path in sorted(root.rglob("*")):
@@ -84,7 +84,7 @@ class RepositorySet:
 
 
 def gather(libraries: Iterable[Library], work: Path) -> RepositorySet:
-    """Fetch them; `work` keeps what came for the next time. Raises BundleRefused."""
+    """Fetch the repositories of these libraries; `work` caches downloads. Raises BundleError."""
     shutil.rmtree(work / "bare", ignore_errors=True)
     repositories = RepositorySet(work / "bare")
     for library in libraries:
@@ -100,7 +100,7 @@ def gather(libraries: Iterable[Library], work: Path) -> RepositorySet:
 def _place_repository(  # noqa: PLR0913, PLR0917 - a step of a walk
     repositories: RepositorySet, key: tuple[str, str], work: Path, library: Library, url: str, revision: str, depth: int
 ) -> str:
-    """Put one repository at one revision into place, then its submodules; give the commit."""
+    """Store one repository at one revision, then its submodules; return the commit."""
     place = _place(url)
     mirror, bare = work / "fetched" / place, repositories.folder / place
     environment = _access(library) if urlsplit(url)[:2] == urlsplit(library.url)[:2] else _SILENT
@@ -124,7 +124,7 @@ def _place_repository(  # noqa: PLR0913, PLR0917 - a step of a walk
 
 
 def _bring(mirror: Path, url: str, revision: str, environment: dict[str, str]) -> str:
-    """Fetch a revision from its server, with its history only where the server gives no commit without it."""
+    """Fetch a revision; fetch the history only if the server cannot serve a single commit."""
     if not (mirror / "HEAD").exists():
         shutil.rmtree(mirror, ignore_errors=True)
         mirror.mkdir(parents=True)
@@ -156,9 +156,9 @@ def _bring(mirror: Path, url: str, revision: str, environment: dict[str, str]) -
 
 
 def _submodules(mirror: Path, url: str, commit: str, home: str) -> Iterator[tuple[str, str]]:
-    """Address and commit of each submodule; those by SSH on the server of `home` are there by HTTPS as well.
+    """Yield URL and commit of each submodule; SSH URLs on the server of `home` become HTTPS.
 
-    Raises BundleRefused where a repository does not say where one is.
+    Raises BundleError if a repository does not define the URL of a submodule.
     """
     tree = _git(mirror, _SILENT, "ls-tree", "-r", "-z", commit)
     commits = {row.split("\t", 1)[1]: row.split()[2] for row in tree.split("\0") if row.startswith("160000 ")}
@@ -198,7 +198,7 @@ def _submodules(mirror: Path, url: str, commit: str, home: str) -> Iterator[tupl
 
 
 def _by_https(url: str, home: str) -> str:
-    """What git on the board makes of an address, by insteadOf."""
+    """Rewrite an SSH URL on the server of `home` to HTTPS, as git's insteadOf does on the board."""
     server = urlsplit(home)
     for start in (f"git@{server.hostname}:", f"ssh://git@{server.hostname}/"):
         if url.startswith(start):
@@ -207,7 +207,7 @@ def _by_https(url: str, home: str) -> str:
 
 
 def _place(url: str) -> str:
-    """Below `git`, as insteadOf makes it of the address."""
+    """Return the path of a repository below `git`, matching the insteadOf rule. Raises BundleError for other URLs."""
     place = url.partition("://")[2].rstrip("/")
     if not re.fullmatch(r"[A-Za-z0-9._+~@:/-]+", place) or ".." in place.split("/") or "/" not in place:
         raise BundleError(f"`{url}` is no address of a repository that a bundle can hold")
@@ -229,9 +229,9 @@ _SMALL = (
 
 
 def _access(library: Library) -> dict[str, str]:
-    """What git's environment holds: the token for the library's own server, and for no other.
+    """Return git's environment: the token is sent only to the library's own server.
 
-    It reaches git by its environment only (GIT_CONFIG_COUNT): it is in no argument, in no file, and in no message.
+    The token is passed only by environment (GIT_CONFIG_COUNT): it is in no argument, file or message.
     """
     if library.token is None:
         return _SILENT
@@ -255,14 +255,14 @@ def _whole(mirror: Path, commit: str) -> bool:
 
 
 def _plain(bare: Path) -> None:
-    """Leave nothing in a repository but what is fetched from it."""
+    """Remove everything from a bare repository that is not needed for fetching."""
     shutil.rmtree(bare / "hooks", ignore_errors=True)
     shutil.rmtree(bare / "info", ignore_errors=True)
     (bare / "description").unlink(missing_ok=True)
 
 
 def _git(folder: Path, environment: dict[str, str], *words: str) -> str:
-    """Run git in a repository of ours, away from every server."""
+    """Run git in a local repository, without network access."""
     folder.mkdir(parents=True, exist_ok=True)
     process = run(["git", "-C", str(folder), *words], environment)
     if process.returncode != 0:
@@ -289,9 +289,9 @@ def _last(text: str) -> str:
 
 @dataclass(slots=True)
 class StagingDirectory:
-    """A bundle in the making.
+    """A bundle that is being made.
 
-    It stands beside the bundle's place, stays when the run is interrupted, and is renamed at the end.
+    It is beside the bundle's final place, is kept when the run is interrupted, and is renamed at the end.
     """
 
     place: Path
@@ -302,11 +302,11 @@ class StagingDirectory:
 
     @property
     def work(self) -> Path:
-        """What is thrown away at the end."""
+        """Temporary folder, deleted at the end."""
         return self.folder / "work"
 
     def add(self, path: str, source: Path | bytes) -> None:
-        """Take a file into the bundle: bytes, or a file that is moved there unless it stands there already."""
+        """Add a file to the bundle: bytes are written; a file is moved unless it is there already."""
         place = self.folder / path
         place.parent.mkdir(parents=True, exist_ok=True)
         if isinstance(source, bytes):
@@ -316,7 +316,7 @@ class StagingDirectory:
         self.files[path] = BundleFile(path=path, size=place.stat().st_size, sha256=resolve.sha256_of(place))
 
     def finish(self) -> None:
-        """Remove what is not of the bundle, and let it take the place of an earlier one."""
+        """Remove files that are not part of the bundle, and replace an earlier bundle with it."""
         shutil.rmtree(self.work)
         bundle_names = {*self.files, MANIFEST, SIGNATURE}
         for path in sorted(self.folder.rglob("*"), reverse=True):
@@ -336,7 +336,7 @@ class StagingDirectory:
 
 
 def same(source: Path, target: Path) -> None:
-    """A second name for a file, or a copy where the file system has no such thing."""
+    """Hard-link a file, or copy it where the file system has no hard links."""
     try:
         os.link(source, target)
     except OSError:
@@ -345,7 +345,7 @@ def same(source: Path, target: Path) -> None:
 
 @contextmanager
 def workshop(place: Path) -> Iterator[StagingDirectory]:
-    """Open it, alone. Raises BundleRefused where the place cannot be used, or somebody is at work there."""
+    """Open the staging directory under a lock. Raises BundleError if the place is unusable or locked."""
     if re.search(r"[\s\"';]", str(place)):
         raise BundleError(f"no bundle can be made in {place}", hint="`to=` names a folder without blanks in its name")
     if place.is_symlink() or (place.exists() and not (place / MANIFEST).is_file() and not _empty(place)):
@@ -361,7 +361,7 @@ def workshop(place: Path) -> Iterator[StagingDirectory]:
 
 
 def _aside(place: Path) -> Path:
-    """Where an earlier bundle is while the new one takes its place."""
+    """Return the temporary name of an earlier bundle during replacement."""
     return place.with_name(f".{place.name}.old")
 
 
@@ -371,7 +371,7 @@ def _empty(place: Path) -> bool:
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Hold off a second run in the same place. Raises BundleRefused."""
+    """Lock the folder against a second run. Raises BundleError."""
     folder.mkdir(exist_ok=True)
     hold_own(folder, "remove it, or name another place with `to=`")
     current = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
@@ -387,14 +387,14 @@ def _alone(folder: Path) -> Iterator[None]:
 
 
 def _hold_still(folder: Path, current: int) -> None:
-    """Hold that nobody has finished the bundle between opening the folder and locking it."""
+    """Raise BlockingIOError if the folder was replaced between opening and locking it."""
     if not folder.exists() or os.fstat(current).st_ino != folder.stat().st_ino:
         raise BlockingIOError
 
 
 @contextmanager
 def _translate_errors(place: Path) -> Iterator[None]:
-    """Say in words that the place cannot be written."""
+    """Turn an OSError into a BundleError that says why the place cannot be written."""
     try:
         yield
     except OSError as error:
@@ -410,7 +410,7 @@ Tell = Callable[[str, float | None], None]
 
 @dataclass(frozen=True, slots=True)
 class BundlePurpose:
-    """One host, the system on it, and where that system's own packages come from."""
+    """One host, its system, and the archive of that system's own packages."""
 
     requirements: HostRequirements
     target: BundleTarget
@@ -420,7 +420,7 @@ class BundlePurpose:
 
 @dataclass(frozen=True, slots=True)
 class BundleOrder:
-    """What bundle is made, and where."""
+    """Request for a bundle: contents and destination."""
 
     site: str
     revision: str
@@ -433,7 +433,7 @@ class BundleOrder:
 
 @dataclass(frozen=True, slots=True)
 class BundleSize:
-    """What is going to be fetched, in bytes; told before it is."""
+    """Download size in bytes, reported before the download starts."""
 
     packages: int
     whole: int
@@ -442,7 +442,7 @@ class BundleSize:
 
 
 def make(order: BundleOrder, signer: BundleSigner, tell: Tell, on_size: Callable[[BundleSize], None]) -> Manifest:
-    """Make the bundle; `on_size` hears how much is fetched before it is, and may refuse. Raises BundleRefused."""
+    """Make the bundle; `on_size` receives the download size first and may refuse. Raises BundleError."""
     with workshop(order.place) as work:
         for each in order.purposes:
             _hold_archives(each.requirements)
@@ -474,7 +474,7 @@ def _fetch(root: resolve.Root, purpose: BundlePurpose, files: Sequence[resolve.D
 
 
 def _missing(purpose: BundlePurpose) -> list[PackageRequirement]:
-    """What the target does not have already, in one order."""
+    """Return the packages that the target does not have yet, sorted."""
     has = purpose.target.installed_packages
     return sorted(
         {each for each in purpose.requirements.packages if not each.fits(has.get(each.name))},
@@ -508,7 +508,7 @@ def _size(roots: dict[str, resolve.Root], lacking: dict[str, tuple[resolve.DebFi
 def _packages(
     work: StagingDirectory, signer: BundleSigner, purpose: BundlePurpose, files: Sequence[resolve.DebFile]
 ) -> HostPart:
-    """Put a host's packages and their index into the bundle."""
+    """Add a host's packages and their index to the bundle."""
     request, target = purpose.requirements, purpose.target
     packages = [resolve.read_package(_archive_path(work, file), file.sha256) for file in files]
     current = {}
@@ -543,18 +543,18 @@ def _packages(
 
 
 def _archive_path(work: StagingDirectory, file: resolve.DebFile) -> Path:
-    """Where a package file is: in apt's folder, or in the bundle already."""
+    """Return the path of a package file: in the bundle if already added, else in apt's folder."""
     inside = f"pool/{_pool_name(file)}"
     return work.folder / inside if inside in work.files else work.work / "archives" / file.name
 
 
 def _pool_name(file: resolve.DebFile) -> str:
-    """A package file's name in the bundle; apt writes the colon of an epoch as %3a."""
+    """Return a package file's name in the bundle; apt writes the colon of an epoch as %3a."""
     return file.name.replace("%3a", "-")
 
 
 def _reuse(work: StagingDirectory, lacking: dict[str, tuple[resolve.DebFile, ...]]) -> None:
-    """Take what an earlier bundle in this place has, or one that was interrupted; what it is worth its hash says."""
+    """Reuse package files of an earlier or interrupted bundle in this place; hashes are checked afterwards."""
     for file in {file.name: file for files in lacking.values() for file in files}.values():
         target = work.work / "archives" / file.name
         for place in (work.folder, work.place):
@@ -564,7 +564,7 @@ def _reuse(work: StagingDirectory, lacking: dict[str, tuple[resolve.DebFile, ...
 
 
 def _libraries(work: StagingDirectory, part: HostPart, purpose: BundlePurpose, repositories: RepositorySet) -> HostPart:
-    """Put a host's libraries into the bundle."""
+    """Add a host's libraries to the bundle."""
     current, libraries = dict(part.held), []
     for library in purpose.requirements.libraries:
         for path, source in repositories.files(library):
@@ -578,7 +578,7 @@ def _libraries(work: StagingDirectory, part: HostPart, purpose: BundlePurpose, r
 
 
 def _hold_archives(requirements: HostRequirements) -> None:
-    """Hold that the archives of containers are there and the declared ones, before anything is fetched."""
+    """Raise BundleError if a container archive is missing or does not match the inventory's SHA-256."""
     for archive in requirements.archives:
         hint = f"the partner's archive belongs in {archive.path.parent}; `sha256sum` says which one it is"
         if not archive.path.is_file():
@@ -589,7 +589,7 @@ def _hold_archives(requirements: HostRequirements) -> None:
 
 
 def _containers(work: StagingDirectory, part: HostPart, purpose: BundlePurpose) -> HostPart:
-    """Put the images of a host's containers into the bundle."""
+    """Add the images of a host's containers to the bundle."""
     for archive in purpose.requirements.archives:
         _copy(work, archive.path, archive.bundle_path)
     images = {archive.bundle_path: archive.bundle_path for archive in purpose.requirements.archives}
@@ -597,7 +597,7 @@ def _containers(work: StagingDirectory, part: HostPart, purpose: BundlePurpose) 
 
 
 def _copy(work: StagingDirectory, file: Path, path: str) -> None:
-    """Copy a large file into the bundle, unless it stands there already."""
+    """Copy a large file into the bundle, unless an identical one is there."""
     place = work.folder / path
     if not (
         place.is_file()
@@ -620,7 +620,7 @@ def _image(work: StagingDirectory, image: Path | None) -> BundleImage | None:
 def _write_manifest(
     work: StagingDirectory, order: BundleOrder, signer: BundleSigner, hosts: dict[str, HostPart]
 ) -> Manifest:
-    """Write the manifest and its signature: from then on the folder is a bundle."""
+    """Write the manifest and its signature, which makes the folder a bundle."""
     image = _image(work, order.image)
     files = tuple(work.files[path] for path in sorted(work.files))
     manifest = Manifest(

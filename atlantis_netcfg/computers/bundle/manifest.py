@@ -1,4 +1,4 @@
-"""What a bundle says of itself: `manifest.json`, signed by `manifest.json.asc`; and the keys that sign.
+"""The manifest of a bundle (`manifest.json`, signed by `manifest.json.asc`), and the signing keys.
 
 Paths of `files` are below the bundle's folder; those of `held` below /var/lib/atlantis/bundle/ID of a host's board.
 """
@@ -58,7 +58,7 @@ class BundleFile(_Data):
 
 
 class BundledLibrary(_Data):
-    """A repository at the commit that its revision meant when the bundle was made."""
+    """A repository at the commit to which its revision resolved when the bundle was made."""
 
     url: str
     revision: str
@@ -66,7 +66,7 @@ class BundledLibrary(_Data):
 
 
 class BundleImage(_Data):
-    """The vendor's image that cards are made of, for people; `path` is None where only its checksum is kept."""
+    """Vendor image for cards, for information; `path` is None where only the checksum is kept."""
 
     name: str
     sha256: Sha256
@@ -74,7 +74,7 @@ class BundleImage(_Data):
 
 
 class HostPart(_Data):
-    """What is in it for one host."""
+    """Contents of the bundle for one host."""
 
     architecture: str
     distribution: str
@@ -91,7 +91,7 @@ class HostPart(_Data):
 
 
 class Manifest(_Data):
-    """The whole bundle."""
+    """Contents of a whole bundle."""
 
     format: Literal[1] = 1
     id: Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
@@ -110,27 +110,27 @@ class Manifest(_Data):
 
     @property
     def size(self) -> int:
-        """Bytes of all files."""
+        """Total size of all files in bytes."""
         return sum(file.size for file in self.files)
 
     def of(self, host: str) -> dict[str, BundleFile]:
-        """Path on the board -> file, of one host."""
+        """Return one host's files by their path on the board."""
         files = {file.path: file for file in self.files}
         return {path: files[inside] for path, inside in sorted(self.hosts[host].held.items())}
 
     def encode(self) -> bytes:
-        """The text of the file."""
+        """Return the manifest as JSON text."""
         return f"{json.dumps(self.model_dump(mode='json'), indent=1, ensure_ascii=False)}\n".encode()
 
 
 def content_id(files: tuple[BundleFile, ...], hosts: dict[str, HostPart]) -> str:
-    """The `id` of a manifest with that content."""
+    """Compute the `id` of a manifest from its contents."""
     data = [[file.model_dump() for file in files], {name: part.model_dump() for name, part in hosts.items()}]
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def read_manifest(data: bytes, label: str) -> Manifest:
-    """Take a manifest from its file. Raises BundleRefused."""
+    """Parse and validate a manifest. Raises BundleError."""
     try:
         result = json.loads(data)
     except ValueError as error:
@@ -171,7 +171,7 @@ MAKERS = {name: _PACKAGES[name] for name in ("apt-get", "apt-config", "dpkg-deb"
 
 
 def program(name: str) -> str:
-    """The path of a program. Raises BundleRefused where it is not installed."""
+    """Return the path of a program. Raises BundleError if it is not installed."""
     result = shutil.which(name)
     if result is None:
         raise BundleError(f"`{name}` is not installed on this computer", hint=f"sudo apt install {_PACKAGES[name]}")
@@ -179,7 +179,7 @@ def program(name: str) -> str:
 
 
 def require_programs() -> None:
-    """Hold that what makes a bundle is there, before anything is unpacked or fetched. Raises BundleRefused with all."""
+    """Raise BundleError with all missing programs, before anything is unpacked or fetched."""
     missing = [name for name in MAKERS if shutil.which(name) is None]
     if missing:
         tools, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
@@ -190,7 +190,7 @@ def require_programs() -> None:
 def run(
     command: Sequence[str], environment: Mapping[str, str] | None = None, stdin: bytes | None = None
 ) -> subprocess.CompletedProcess[bytes]:
-    """Run a program whose words are the same in every language; its exit code is the caller's to judge."""
+    """Run a program in the C locale; the caller checks the exit code."""
     return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
         [program(command[0]), *command[1:]],
         input=stdin if stdin is not None else b"",
@@ -208,22 +208,21 @@ _SECRET = "signing-key.asc"  # noqa: S105 - the name of a file
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """What is kept in `<state>/bundle`: this computer's key, and the fingerprints that a person has accepted.
+    """Keys in `<state>/bundle`: this computer's key, and the fingerprints that a person has accepted.
 
-    One key a computer, not made anew with each bundle: a bundle that brings its own key could be signed by anybody,
-    while a key that stays can be recognised. Bundles of another computer are taken once a person has accepted its
-    fingerprint.
+    A computer has one key for all its bundles. Anybody could sign a bundle that brings its own key, while a permanent
+    key can be recognised. Bundles of another computer are used only after a person has accepted its fingerprint.
     """
 
     folder: Path
 
     @classmethod
     def of(cls, state: Path) -> Keys:
-        """Those in a state directory."""
+        """Return the keys of a state directory."""
         return cls(state / "bundle")
 
     def signer(self) -> BundleSigner:
-        """This computer's key, made at first use."""
+        """Return this computer's key; it is generated at first use."""
         private_directory(self.folder)
         place = self.folder / _SECRET
         if not place.exists():
@@ -242,25 +241,25 @@ class Keys:
         return BundleSigner(match[1], public, secret)
 
     def accepts(self, fingerprint: str) -> bool:
-        """Whether bundles signed by that key are taken here."""
+        """Return whether bundles signed by that key are trusted."""
         return (self.folder / "accepted" / fingerprint).exists() or (
             (self.folder / _SECRET).exists() and self.signer().fingerprint == fingerprint
         )
 
     def accept(self, fingerprint: str) -> None:
-        """Take bundles signed by that key from now on, on a person's word."""
+        """Trust bundles signed by that key from now on; a person has confirmed the fingerprint."""
         folder = private_directory(private_directory(self.folder) / "accepted")
         write_atomically(folder / fingerprint, b"")
 
 
 @dataclass(frozen=True, slots=True)
 class BundleSigner:
-    """A key that can sign.
+    """A signing key.
 
     Signatures are dated `SIGNED_AT`: gpgv(1) refuses a key or a signature from the future, and a board without a
-    battery starts years in the past. When a bundle was really made stands in its manifest. The key is a day older,
-    because gpg refuses its own key as well where it is a second younger than the signature. Its clock stands still
-    (`!`, gpg(1)): the same contents have the same signature, however slow the computer is.
+    battery starts years in the past. The manifest has the real date. The key is one day older, because gpg refuses its
+    own key if it is one second younger than the signature. The clock is frozen (`!`, gpg(1)): the same contents always
+    have the same signature.
     """
 
     fingerprint: str
@@ -272,11 +271,11 @@ class BundleSigner:
         return f"Signer({self.fingerprint})"
 
     def in_clear(self, text: str) -> bytes:
-        """A text with its signature, as apt's InRelease."""
+        """Return the text with an inline signature, like apt's InRelease."""
         return self._sign("--clear-sign", text.encode())
 
     def beside(self, data: bytes) -> bytes:
-        """A signature for a file of its own."""
+        """Return a detached signature of the data."""
         return self._sign("--detach-sign", data)
 
     def _sign(self, how: str, data: bytes) -> bytes:
@@ -286,7 +285,7 @@ class BundleSigner:
 
 
 def signed_by(data: bytes, signature: bytes, public: bytes) -> str | None:
-    """The fingerprint of the key that has signed these bytes; None: that is no signature of them by this key."""
+    """Return the fingerprint of the key that signed the data, or None if the signature is not valid."""
     with temporary.folder("gpg") as place:
         for name, content in (("data", data), ("data.asc", signature), ("key.gpg", public)):
             (place / name).write_bytes(content)
@@ -298,7 +297,7 @@ def signed_by(data: bytes, signature: bytes, public: bytes) -> str | None:
 
 @contextmanager
 def _home() -> Iterator[Path]:
-    """A folder for gpg(1), short enough for the socket of its agent, which ends with it."""
+    """Yield a gpg(1) home with a path short enough for the agent's socket; the agent ends with it."""
     with temporary.folder("gpg", Path("/tmp")) as folder:  # noqa: S108 - it is private
         try:
             yield folder

@@ -1,4 +1,4 @@
-"""Opening a bundle: signed by a key that is known here, every file as it was, all in it that the declaration wants."""
+"""Open a bundle: the key is trusted, files are unchanged, and everything the inventory requires is included."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _TAR_RECORD = 10240
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """A bundle whose signature and files were found right."""
+    """A bundle whose signature and files have been verified."""
 
     folder: Path
     manifest: Manifest
 
     def pack(self, host: str, digests: Collection[str], archive: Path) -> int:
-        """Put the files with these SHA-256 into one tar archive, named by it; give the archive's bytes."""
+        """Pack the files with these SHA-256 into a tar archive, named by hash; return its size in bytes."""
         files = {file.sha256: file for file in self.manifest.of(host).values() if file.sha256 in digests}
         with tarfile.open(archive, "w", format=tarfile.USTAR_FORMAT) as tar:
             for sha256, file in sorted(files.items(), key=lambda each: (each[1].size, each[0])):
@@ -40,9 +40,9 @@ class Bundle:
 
 
 def bytes_to_carry(bundle: Bundle, host: str, there: Collection[str] = ()) -> int:
-    """Bytes that go over the link to a host, as one archive; `there`: SHA-256 of what its board already has.
+    """Return the bytes to transfer to a host, as one archive; `there`: SHA-256 of files on its board.
 
-    Without `there` it is the most that it can be. What SSH adds (about 1 %) is not in it.
+    Without `there` it is the maximum. The overhead of SSH (about 1 %) is not included.
     """
     sizes = {file.sha256: file.size for file in bundle.manifest.of(host).values() if file.sha256 not in there}
     if not sizes:
@@ -58,10 +58,10 @@ def open_bundle(
     *,
     accept: str | None = None,
 ) -> Bundle:
-    """Open a bundle for these hosts. Raises BundleRefused with everything that is wrong or missing.
+    """Open a bundle for these hosts. Raises BundleError with everything that is wrong or missing.
 
-    `wishes` None: whatever is in it; nothing is held against the declaration. `accept`: the fingerprint of the key of
-    another computer, as a person has typed it.
+    `wishes` None: accept any contents, without comparing them with requirements. `accept`: the fingerprint of another
+    computer's key, as typed by a person.
     """
     bundle = Bundle(folder, _verify_manifest(folder, keys, accept))
     manifest = bundle.manifest

@@ -1,7 +1,7 @@
-"""What a host needs of a bundle, the system that the bundle is for, and how making or opening it fails.
+"""What a host needs from a bundle, the target system of a bundle, and the error class.
 
-The system is described by its own dpkg(1): /var/lib/dpkg/status of a card or a board. `operations.bundle` makes the
-requirements from the declaration.
+The system is described by its own dpkg(1): /var/lib/dpkg/status of a card or a board. `operations.bundle` builds the
+requirements from the inventory.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PackageRequirement:
-    """A package."""
+    """A Debian package that a host needs; `version` may be a pattern."""
 
     name: str
     version: str | None
@@ -28,17 +28,17 @@ class PackageRequirement:
 
     @property
     def apt_argument(self) -> str:
-        """For a command line of apt."""
+        """Package argument for an apt command line."""
         return self.name if self.version is None else f"{self.name}={self.version}"
 
     def fits(self, version: str | None) -> bool:
-        """Whether that version is what is wished; None: there is none."""
+        """Return whether an installed version meets the requirement; None: not installed."""
         return version is not None and (self.version is None or fnmatchcase(version, self.version))
 
 
 @dataclass(frozen=True, slots=True)
 class PackageSource:
-    """A file that tells apt where packages are, as it stands on the board."""
+    """An apt sources file, as on the board."""
 
     path: str
     content: str
@@ -46,7 +46,7 @@ class PackageSource:
 
 @dataclass(frozen=True, slots=True)
 class RequirementKey:
-    """A keyring that `Signed-By` of a source names."""
+    """A keyring that a source names in `Signed-By`."""
 
     path: str
     content: bytes
@@ -54,7 +54,7 @@ class RequirementKey:
 
 @dataclass(frozen=True, slots=True)
 class Library:
-    """A git repository at one revision, with all that its submodules name."""
+    """A git repository at one revision, with its submodules."""
 
     url: str
     revision: str
@@ -67,20 +67,20 @@ class Library:
 
 @dataclass(frozen=True, slots=True)
 class ContainerArchive:
-    """An archive with the image of a container: a file of the declaration's, by the SHA-256 that is declared for it."""
+    """An archive with a container image, identified by the SHA-256 in the inventory."""
 
     path: Path
     sha256: str
 
     @property
     def bundle_path(self) -> str:
-        """Its path on the board, below the bundle, and in the bundle."""
+        """Path in the bundle, the same on the board."""
         return f"images/{self.sha256}.tar"
 
 
 @dataclass(frozen=True, slots=True)
 class HostRequirements:
-    """Everything that the roles of one host take from elsewhere."""
+    """Everything that the roles of one host install from elsewhere."""
 
     host: str
     packages: tuple[PackageRequirement, ...]
@@ -95,7 +95,7 @@ class HostRequirements:
 
 
 class BundleError(UsageError):
-    """A bundle that cannot be made, or must not be used; nothing was contacted. `errors` are told one by one."""
+    """A bundle cannot be made, or must not be used; nothing was contacted. `errors` lists each problem."""
 
     def __init__(self, message: str, *, hint: str | None = None, errors: Sequence[BundleError] = ()) -> None:
         super().__init__(message, hint=hint)
@@ -103,7 +103,7 @@ class BundleError(UsageError):
 
 
 def join_errors(problems: Sequence[tuple[str, str | None]]) -> BundleError:
-    """One error for all that was found: pairs of message and hint."""
+    """Combine all problems (message and hint) into one error."""
     rows = [BundleError(message, hint=hint) for message, hint in problems]
     return BundleError("\n".join(str(row) for row in rows), hint=rows[-1].hint, errors=rows)
 
@@ -121,7 +121,7 @@ _RELEASES = {
 
 @dataclass(frozen=True, slots=True)
 class BundleTarget:
-    """What packages are resolved against."""
+    """The system against which packages are resolved."""
 
     status: bytes = field(repr=False)
     architecture: str
@@ -134,12 +134,12 @@ class BundleTarget:
 
     @property
     def title(self) -> str:
-        """For people."""
+        """Short description for people."""
         return f"{self.distribution} {self.codename} {self.architecture}"
 
 
 def read_target(status: bytes, label: str) -> BundleTarget:
-    """Read a status file; `label` is what people call it. Raises BundleRefused."""
+    """Parse a dpkg status file; `label` names it in messages. Raises BundleError."""
     packages = list(paragraphs(status.decode(errors="replace")))
     local = next((each for each in packages if each.get("Package") == "dpkg"), None)
     base = next((each for each in packages if each.get("Package") == "base-files"), None)
@@ -167,7 +167,7 @@ def read_target(status: bytes, label: str) -> BundleTarget:
 
 
 def paragraphs(text: str) -> Iterator[dict[str, str]]:
-    """The paragraphs of a file in the format of deb822(5); continuation lines are kept with their field."""
+    """Yield the paragraphs of a deb822(5) file; continuation lines stay with their field."""
     for block in re.split(r"\n\s*\n", text):
         fields: dict[str, str] = {}
         name = ""

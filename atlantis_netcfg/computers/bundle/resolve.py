@@ -1,10 +1,10 @@
-"""Which packages a target lacks, and fetching them: apt(8) in a folder of its own, for any architecture, without root.
+"""Resolve and fetch missing packages with an isolated apt(8), for any architecture, without root.
 
-Of this computer's own apt only its programs and its proxy are used: not its sources, keys, lists or settings. The
+From this computer's apt only the programs and the proxy are used: no sources, keys, lists or settings. The
 distributions' own archives are one row a distribution.
 
-The index is what apt reads before it takes a package from a repository: a flat one (sources.list(5):
-`deb file:/folder ./`), one a host, so that a board sees exactly what was resolved for it.
+The index is a flat repository (sources.list(5): `deb file:/folder ./`), one a host, so that a board sees exactly the
+packages that were resolved for it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _STATUS = re.compile(r"dlstatus:\d+:(?P<share>[0-9.]+):")
 
 @dataclass(frozen=True, slots=True)
 class DebFile:
-    """A package file that is to be fetched."""
+    """A package file to fetch."""
 
     name: str
     """In apt's folder of archives."""
@@ -50,7 +50,7 @@ class DebFile:
 
 @dataclass(frozen=True, slots=True)
 class Root:
-    """One target's apt; `lists` and `archives` may be shared between targets."""
+    """The isolated apt of one target; `lists` and `archives` may be shared between targets."""
 
     folder: Path
     lists: Path
@@ -58,7 +58,7 @@ class Root:
 
     @classmethod
     def make(cls, folder: Path, shared_folder: Path, target: BundleTarget, request: HostRequirements) -> Root:
-        """Lay the folder out anew for the wish's sources; `shared_folder` keeps what was fetched before."""
+        """Recreate the folder for the requested sources; `shared_folder` caches downloads."""
         if re.search(r"[\s\"';]", str(folder)):
             raise BundleError(f"no work can be done in {folder}", hint="to=FOLDER: a folder without blanks in its name")
         shutil.rmtree(folder, ignore_errors=True)
@@ -84,7 +84,7 @@ class Root:
         return root
 
     def update(self) -> None:
-        """Fetch the lists of the sources. Raises BundleRefused with what apt says of each."""
+        """Fetch the package lists. Raises BundleError with apt's messages."""
         process = self._apt("update", "-o", "APT::Update::Error-Mode=any")
         complaints = _complaints(process, "E:", "W:", "Err:")
         # apt-get(8) ends with 0 where a list could not be fetched, unless it is new enough for the option above.
@@ -95,7 +95,7 @@ class Root:
             )
 
     def lacking(self, requirements: Sequence[PackageRequirement]) -> tuple[DebFile, ...]:
-        """The package files that the target needs for these, dependencies included. Raises BundleRefused."""
+        """Return the package files that the target lacks, dependencies included. Raises BundleError."""
         if not requirements:
             return ()
         arguments = ["install", "--print-uris", "-q", "-o", "Acquire::ForceHash=SHA256"]
@@ -116,7 +116,7 @@ class Root:
         )
 
     def has(self, file: DebFile) -> bool:
-        """Whether a file is there already, whole; one that is not is removed."""
+        """Return whether a file is downloaded and complete; a damaged file is removed."""
         path = self.archives / file.name
         if not path.is_file():
             return False
@@ -128,7 +128,7 @@ class Root:
     def fetch(
         self, requirements: Sequence[PackageRequirement], files: Sequence[DebFile], tell: Callable[[float], None]
     ) -> None:
-        """Fetch what is not there yet; `tell` hears the share of it, 0 to 1. Raises BundleRefused."""
+        """Fetch missing files; `tell` receives the progress from 0 to 1. Raises BundleError."""
         there = [self.has(file) for file in files]
         if not all(there):
             self._download([each.apt_argument for each in requirements], tell)
@@ -175,7 +175,7 @@ _INSTALL_OPTIONS = ("-y", "--no-install-recommends", "--no-remove", "--allow-dow
 
 
 def sha256_of(path: Path) -> str:
-    """Of a file."""
+    """Return the SHA-256 of a file in hex."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -203,7 +203,7 @@ def _settings(root: Root, target: BundleTarget) -> str:
 
 
 def _proxies() -> str:
-    """How this computer's apt reaches the internet."""
+    """Return the proxy settings of this computer's apt."""
     lines = manifest.run(["apt-config", "dump"]).stdout.decode(errors="replace").splitlines()
     return "".join(f"{line}\n" for line in lines if re.match(r'Acquire::https?::Proxy(::\S+)? ".+";', line))
 
@@ -232,7 +232,7 @@ _DATE = "Sat, 01 Jan 2000 00:00:00 UTC"
 
 @dataclass(frozen=True, slots=True)
 class ResolvedPackage:
-    """One .deb file."""
+    """A .deb file with its control fields."""
 
     name: str
     version: str
@@ -243,12 +243,12 @@ class ResolvedPackage:
 
     @property
     def file(self) -> str:
-        """Its name in a repository; a colon is nothing for the file systems of USB sticks."""
+        """File name in a repository; colons are replaced, because USB sticks' file systems refuse them."""
         return f"{self.name}_{self.version.replace(':', '-')}_{self.architecture}.deb"
 
 
 def read_package(deb: Path, sha256: str) -> ResolvedPackage:
-    """Look into a package file. Raises BundleRefused."""
+    """Read the control fields of a package file. Raises BundleError."""
     process = manifest.run(["dpkg-deb", "--field", str(deb)])
     control = process.stdout.decode(errors="replace").rstrip()
     fields = next(paragraphs(control), {})
@@ -260,7 +260,7 @@ def read_package(deb: Path, sha256: str) -> ResolvedPackage:
 
 
 def index(packages: Iterable[ResolvedPackage], target: BundleTarget, signer: manifest.BundleSigner) -> dict[str, bytes]:
-    """The files of the index by name; packages are expected in `pool` beside them."""
+    """Return the index files by name; packages must be in `pool` beside them."""
     sorted_packages = sorted(packages, key=lambda each: (each.name, each.version, each.architecture))
     text = "\n".join(
         f"{each.control}\nFilename: ./pool/{each.file}\nSize: {each.size}\nSHA256: {each.sha256}\n"
@@ -281,7 +281,7 @@ def index(packages: Iterable[ResolvedPackage], target: BundleTarget, signer: man
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """The archive of a distribution."""
+    """Addresses and keyring of a distribution's package archive."""
 
     archive: str
     ports: str
@@ -315,10 +315,10 @@ _OF_PCS = ("amd64", "i386")
 
 
 def archive(target: BundleTarget, mirror: str | None, keyring: Path | None) -> tuple[PackageSource, RequirementKey]:
-    """The source of a target's own distribution and the key that signs it. Raises BundleRefused.
+    """Return the source of a target's own distribution and its signing key. Raises BundleError.
 
-    `mirror` in place of the archive's address (Debian's security updates then lie at MIRROR-security, as mirrors have
-    it); `keyring` in place of the distribution's own.
+    `mirror` replaces the archive's address (Debian's security updates are then expected at MIRROR-security, as mirrors
+    have it); `keyring` replaces the distribution's own.
     """
     row = DISTRIBUTIONS[target.distribution]
     base = (mirror or (row.archive if target.architecture in _OF_PCS else row.ports)).rstrip("/")

@@ -1,7 +1,7 @@
-"""Images of gateway computers: customised offline and without root, written to a card, and read back.
+"""Images of gateway computers: customised offline without root, written to a card, and read back.
 
-Nothing here knows the declaration: `operations.image` says what a host shall be. What needs the board itself is not
-promised: no ODROID was available, so that only the first one shows whether a card boots there.
+Nothing here reads the inventory: `operations.image` builds the desired state of a host. No ODROID was available: only
+the first one will show whether a card boots there.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What the kernel says of a block device: which disk it is, who uses it, and so whether it may be written.
+"""Block devices as the kernel reports them: which disk, who uses it, and whether it may be written.
 
-Read from `/sys` and `/proc` alone, so that another tree can stand in their place. The bus is read from the device's
-place in `/sys`: the flags `removable` and `hotplug` are wrong both ways (an SD slot says 0, an NVMe dock 1). A refusal
-lists every reason, not only the first.
+Only `/sys` and `/proc` are read, so that tests can use another tree. The bus is derived from the device's path in
+`/sys`: the flags `removable` and `hotplug` are unreliable (an SD slot says 0, an NVMe dock 1). A refusal lists every
+reason, not only the first.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class DeviceBus(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Use:
-    """Somebody has a part of the disk in use."""
+    """A use of the disk or of one of its parts."""
 
     part: str
     """Kernel name, like sdb1."""
@@ -47,7 +47,7 @@ class Use:
 
 @dataclass(frozen=True, slots=True)
 class BlockDevice:
-    """One block device as it was at one moment; two looks at the same card are equal."""
+    """State of a block device at one moment; two reads of the same card are equal."""
 
     name: str
     number: str
@@ -70,12 +70,12 @@ class BlockDevice:
 
     @property
     def proof(self) -> str:
-        """What a person types to say that this disk is meant: its serial, or its name and size where it has none."""
+        """What a person types to confirm this disk: its serial, or name and size if it has none."""
         return self.serial or f"{self.name}-{self.size}"
 
     @property
     def summary(self) -> str:
-        """One line for people."""
+        """One-line description for people."""
         label = self.label or "without a name"
         serial = f"serial {self.serial}" if self.serial else "without a serial"
         return f"{self.name}: {label}, {self.size / 1e9:.1f} GB, {self.bus}, {serial}"
@@ -83,13 +83,13 @@ class BlockDevice:
 
 @dataclass(frozen=True, slots=True)
 class BlockTree:
-    """Where the kernel tells of block devices."""
+    """Kernel folders that describe block devices."""
 
     sys: Path = Path("/sys")
     proc: Path = Path("/proc")
 
     def disk(self, path: Path) -> BlockDevice:
-        """The disk that a path leads to. Raises DeviceRefused where it leads to none."""
+        """Return the disk at a path. Raises BlockDeviceError if there is none."""
         number = self._number(path)
         place = self.sys / "dev" / "block" / number
         try:
@@ -133,7 +133,7 @@ class BlockTree:
         )
 
     def _serial(self, place: Path) -> str:
-        """Of the nearest thing above that has one; a USB root hub has its controller's address there, which is none."""
+        """Return the serial of the nearest parent device; a USB root hub has only a controller address."""
         for above in (place, *place.parents):
             if above == self.sys.resolve() or re.fullmatch(r"usb\d+", above.name):
                 return ""
@@ -142,7 +142,7 @@ class BlockTree:
         return ""
 
     def _uses(self, place: Path) -> list[Use]:
-        """Of the disk, its partitions, and everything that is built on one of these."""
+        """List uses of the disk, its partitions, and devices built on them."""
         uses: list[Use] = []
         mounts, swaps = self._mounts(), self._swaps()
         rest, seen_names = [place], set[str]()
@@ -162,7 +162,7 @@ class BlockTree:
         return list(dict.fromkeys(uses))
 
     def _mounts(self) -> dict[str, list[str]]:
-        """Mount points by MAJOR:MINOR, and by name: btrfs shows a number that no device has (proc_pid_mountinfo(5))."""
+        """Map MAJOR:MINOR and name to mount points; btrfs shows a number of no device (proc_pid_mountinfo(5))."""
         result: dict[str, list[str]] = {}
         for line in _text(self.proc / "self" / "mountinfo").splitlines():
             before, _, after = line.partition(" - ")
@@ -179,7 +179,7 @@ class BlockTree:
 
 
 def _text(path: Path) -> str:
-    """What a file of the kernel says; empty where there is none."""
+    """Read a kernel file; return an empty string if it does not exist."""
     try:
         return path.read_text(errors="replace").strip()
     except OSError:
@@ -192,7 +192,7 @@ def _label(place: Path) -> str:
 
 
 def _bus(place: Path) -> DeviceBus:
-    """An NVMe disk behind anything is NVMe; a SATA disk in a USB case hangs on USB."""
+    """Return the bus of a disk: NVMe behind any adapter is NVMe; a SATA disk in a USB case is USB."""
     parts = place.parts
     rows = (
         (r"nvme\d+.*", DeviceBus.NVME),
@@ -217,7 +217,7 @@ _BY_ID = "name the card by its link in /dev/disk/by-id, and unmount what is on i
 
 
 def reasons(disk: BlockDevice, image_size: int = 0) -> tuple[str, ...]:
-    """Why the disk must not be written with an image of so many bytes; empty where it may."""
+    """Return why the disk must not be written with an image of that size in bytes; empty if it may."""
     if disk.whole:
         return (f"{disk.name} is a partition of {disk.whole}: an image wants the whole disk",)
     objections = [f"this computer runs from it: {use.part} {use.how}" for use in disk.uses if use.system]
@@ -236,7 +236,7 @@ def reasons(disk: BlockDevice, image_size: int = 0) -> tuple[str, ...]:
 
 
 def admit(tree: BlockTree, path: Path, image_size: int = 0) -> BlockDevice:
-    """The disk at a path, if it may be written. Raises DeviceRefused with all reasons."""
+    """Return the disk at a path if it may be written. Raises BlockDeviceError with all reasons."""
     disk = tree.disk(path)
     if why := reasons(disk, image_size):
         lines = "".join(f"\n  {each}" for each in why)
@@ -245,7 +245,7 @@ def admit(tree: BlockTree, path: Path, image_size: int = 0) -> BlockDevice:
 
 
 def same(tree: BlockTree, path: Path, expected_disk: BlockDevice, image_size: int = 0) -> None:
-    """Hold that the path still leads to the disk that was shown. Raises DeviceRefused."""
+    """Raise BlockDeviceError if the path no longer leads to the disk that was shown."""
     disk = admit(tree, path, image_size)
     rows = (
         ("kernel's name", expected_disk.name, disk.name),
@@ -263,7 +263,7 @@ def same(tree: BlockTree, path: Path, expected_disk: BlockDevice, image_size: in
 
 
 def require_confirmation(disk: BlockDevice, answer: str) -> None:
-    """Hold a person's word to the disk that was shown. Raises DeviceRefused."""
+    """Raise BlockDeviceError if a person's answer does not identify the disk."""
     if answer.strip() != disk.proof:
         what = "serial" if disk.serial else "name and size (it has no serial)"
         raise BlockDeviceError(

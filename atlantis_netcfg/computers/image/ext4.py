@@ -1,9 +1,9 @@
-"""An ext4 file system inside an image file, read and edited by debugfs at its offset: no mount, no root.
+"""An ext4 file system inside an image file, read and edited by debugfs at its offset, without mount or root.
 
-debugfs(8) ends with 0 whatever happened, so that nothing is believed: after editing the file system is checked, and
-every edit is read back. Paths are those of this package; one that debugfs could take apart is refused.
+debugfs(8) always ends with 0: after editing, the file system is checked, and every edit is read back. Paths come from
+this package; a path that debugfs could split is refused.
 
-How the images of boards are laid out: data, one row a board. A new board is a row.
+Layouts of board images are data, one row a board. A new board is a row.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _ERRORS_FIXED = 1
 
 
 def require_tools(*names: str) -> None:
-    """Hold that programs of the system are installed. Raises ImageRefused with all that are not."""
+    """Raise ImageError with all programs that are not installed."""
     missing = [name for name in names if _find_program(name) is None]
     if missing:
         tools, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
@@ -45,7 +45,7 @@ def require_tools(*names: str) -> None:
 
 
 def tool(name: str) -> str:
-    """The path of a program of the system. Raises ImageRefused where it is not installed."""
+    """Return the path of a system program. Raises ImageError if it is not installed."""
     require_tools(name)
     return _find_program(name) or name
 
@@ -56,7 +56,7 @@ def _find_program(name: str) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class FileStatus:
-    """What the file system says of a path."""
+    """Type, mode, owner and link target of a path."""
 
     kind: str
     """`regular`, `directory`, `symlink`, or another word of debugfs."""
@@ -69,7 +69,7 @@ class FileStatus:
 
 @dataclass(frozen=True, slots=True)
 class Ext4:
-    """One file system; `image` is a working copy whose path has no blanks."""
+    """One ext4 file system; `image` is a working copy whose path has no blanks."""
 
     image: Path
     offset: int
@@ -79,7 +79,7 @@ class Ext4:
         return f"{self.image}?offset={self.offset}"
 
     def recover(self) -> None:
-        """Replay a journal that was left open. Raises ImageRefused where the file system is damaged."""
+        """Replay an open journal. Raises ImageError if the file system is damaged."""
         process = self._run([tool("e2fsck"), "-p", self._where])
         if unknown := re.search(r"unsupported feature\(s\): ([\w ,]*\w)", process.stdout):
             raise facts.ImageError(
@@ -92,7 +92,7 @@ class Ext4:
             )
 
     def hold_editable(self) -> None:
-        """Hold that debugfs can edit the file system. Raises ImageRefused."""
+        """Raise ImageError if the file system has features that debugfs cannot edit."""
         result = re.search(r"^Filesystem features:(.*)", self._ask("features"), re.MULTILINE)
         if features := sorted(_NOT_EDITED & {*(result[1].split() if result else ())}):
             raise facts.ImageError(
@@ -100,13 +100,13 @@ class Ext4:
             )
 
     def check(self) -> None:
-        """Hold that the file system is clean. Raises ImageRefused."""
+        """Raise ImageError if the file system is not clean."""
         process = self._run([tool("e2fsck"), "-fn", self._where])
         if process.returncode:
             raise facts.ImageError(f"the image's file system is damaged after customising: {_last(process.stdout)}")
 
     def status(self, path: str) -> FileStatus | None:
-        """What stands at a path; None: nothing. Links on the way are not followed."""
+        """Return the status of a path, None if nothing is there; links in the path are not followed."""
         text = self._ask(f"stat {_safe(path)}")
         head = re.search(r"Type: (\w+).*?Mode:\s+(\d+).*?User:\s+(\d+)\s+Group:\s+(\d+)", text, re.DOTALL)
         if head is None:
@@ -116,7 +116,7 @@ class Ext4:
         return FileStatus(head[1], int(head[2], 8), owner, target[1] if target else "")
 
     def read(self, path: str) -> bytes | None:
-        """A file's bytes; None where there is no regular file."""
+        """Return a file's bytes, or None if there is no regular file."""
         status = self.status(path)
         if status is None or status.kind != "regular":
             return None
@@ -126,17 +126,17 @@ class Ext4:
             return out.read_bytes() if out.exists() else None
 
     def names(self, path: str) -> tuple[str, ...]:
-        """The names in a directory; empty where there is none."""
+        """Return the names in a directory; empty if it does not exist."""
         text = self._ask(f"ls -p {_safe(path)}")
         entries = (line.split("/")[5] for line in text.splitlines() if line.count("/") >= 6)  # noqa: PLR2004
         return tuple(sorted(name for name in entries if name not in {"", ".", ".."}))
 
     def exists(self, path: str) -> bool:
-        """Whether anything stands there, also where the way leads through links like /sbin -> usr/sbin."""
+        """Return whether a path exists, also through links such as /sbin -> usr/sbin."""
         return self.status(path) is not None
 
     def hold_no_link(self, paths: Iterable[str]) -> None:
-        """Hold that none of these is a symbolic link: debugfs would edit the link itself. Raises ImageRefused."""
+        """Raise ImageError if a path is a symbolic link: debugfs would edit the link itself."""
         for path in paths:
             status = self.status(path)
             if status is not None and status.kind == "symlink":
@@ -147,7 +147,7 @@ class Ext4:
                 )
 
     def apply(self, edits: Sequence[facts.Edit]) -> None:
-        """Carry out the edits, check the file system, and read each edit back. Raises ImageRefused."""
+        """Apply the edits, check the file system, and read each edit back. Raises ImageError."""
         above = [edit.path for edit in edits if isinstance(edit, facts.ImageDirectory)] + [
             _above(edit.path) for edit in edits
         ]
@@ -238,7 +238,7 @@ def _above(path: str) -> str:
 
 
 def _complaint(text: str) -> str:
-    """What debugfs says besides repeating its commands and counting inodes; the first line is nearest to the cause."""
+    """Return debugfs's first error line, without echoed commands and inode counts; it is nearest to the cause."""
     lines = (line.strip() for line in text.splitlines() if not line.startswith(("debugfs", "Allocated inode")))
     return next(filter(None, lines), "")
 
@@ -257,7 +257,7 @@ _BOOT_MAGIC = (510, b"\x55\xaa")
 
 @dataclass(frozen=True, slots=True)
 class DiskLayout:
-    """One kind of image."""
+    """Partition layout of one kind of image."""
 
     name: str
     root: int | None
@@ -286,14 +286,14 @@ LAYOUTS: Mapping[str, DiskLayout] = {
 
 @dataclass(frozen=True, slots=True)
 class FatAt:
-    """Where the FAT partition begins, in bytes."""
+    """Position of the FAT partition."""
 
     offset: int
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """What was found in one image."""
+    """File systems of one image."""
 
     root: int
     """First byte of the ext4 file system with `/`."""
@@ -301,7 +301,7 @@ class Places:
 
 
 def find(image: Path, layout: DiskLayout) -> Places:
-    """Look into an image's partition table. Raises ImageRefused where the image is not of that layout."""
+    """Read an image's partition table. Raises ImageError if the image has another layout."""
     with image.open("rb") as file:
         starts = _partitions(file.read(_SECTOR * 34))
         ext4 = [number for number, at in starts.items() if _has(file.seek(at) and file.read(2048), _EXT4_MAGIC)]
@@ -334,7 +334,7 @@ def _only(ext4: list[int]) -> int:
 
 
 def _partitions(start: bytes) -> dict[int, int]:
-    """First bytes of the partitions by number, of an MBR (primary ones) or a GPT (UEFI 2.10, 5.3)."""
+    """Return the first byte of each partition, by number: MBR (primary) or GPT (UEFI 2.10, 5.3)."""
     if not _has(start, _BOOT_MAGIC):
         raise facts.ImageError("the image holds no partition table", hint="is it an image of a whole card?")
     rows = [_ENTRY.unpack_from(start, _TABLE + _ENTRY.size * row) for row in range(4)]

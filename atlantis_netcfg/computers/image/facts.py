@@ -1,4 +1,4 @@
-"""Value objects of an image: what it shall become, what was found in it, the edits between, and how making it fails."""
+"""Value objects of an image: request, facts read from it, edits, and errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class StaticNetwork:
-    """A fixed address."""
+    """A fixed IP address."""
 
     address: IPv4Interface
     """With the prefix length of the LAN."""
@@ -25,7 +25,7 @@ class StaticNetwork:
 
 @dataclass(frozen=True, slots=True)
 class ImageRequest:
-    """One host's image."""
+    """Desired state of one host's image."""
 
     host: str
     site: str
@@ -45,7 +45,7 @@ class ImageRequest:
 
 @dataclass(frozen=True, slots=True)
 class Account:
-    """A line of /etc/passwd."""
+    """An account of /etc/passwd."""
 
     name: str
     owner: tuple[int, int]
@@ -55,7 +55,7 @@ class Account:
 
 @dataclass(frozen=True, slots=True)
 class ImageFacts:
-    """What was found in an image's root file system."""
+    """Facts read from an image's root file system."""
 
     files: Mapping[str, str]
     """Texts of the files that the planner reads, by path; those that are missing are not there."""
@@ -67,13 +67,13 @@ class ImageFacts:
     """Texts of the files that hold the kernel's command line, by what a person calls them."""
 
     def text(self, path: str) -> str:
-        """A file's text; empty where there is none."""
+        """Return a file's text; empty if it does not exist."""
         return self.files.get(path, "")
 
 
 @dataclass(frozen=True, slots=True)
 class ImageFile:
-    """Write a regular file; one that is there is replaced."""
+    """Write a regular file, replacing an existing one."""
 
     path: str
     content: bytes
@@ -84,7 +84,7 @@ class ImageFile:
 
 @dataclass(frozen=True, slots=True)
 class ImageDirectory:
-    """Make a directory where there is none, or correct its mode and owner."""
+    """Create a directory, or correct its mode and owner."""
 
     path: str
     mode: int = 0o755
@@ -93,7 +93,7 @@ class ImageDirectory:
 
 @dataclass(frozen=True, slots=True)
 class ImageLink:
-    """A symbolic link; a file or link that is there is replaced."""
+    """Create a symbolic link, replacing an existing file or link."""
 
     path: str
     target: str
@@ -114,8 +114,8 @@ class ImageError(UsageError):
 
 
 class BlockDeviceError(UsageError):
-    """The device must not be written, or is not the one that was shown; nothing was written."""
+    """The device must not be written, or is not the one shown; nothing was written."""
 
 
 class CardWriteError(DeviceError):
-    """Writing began and did not succeed: the card's first block is empty, so it does not boot. Write it again."""
+    """Writing failed part-way; the first block is cleared if possible, so that the card does not boot. Try again."""

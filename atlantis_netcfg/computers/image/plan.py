@@ -1,4 +1,4 @@
-"""From what a host shall be and what its image holds to the edits of a working copy: look into it, plan, edit, check.
+"""Customise a working copy: read the image, plan the edits, apply them, check.
 
 The plan is a pure function. mtools reads and edits the FAT file system at its offset: no mount, no root.
 """
@@ -47,7 +47,7 @@ PubkeyAuthentication yes
 
 
 def accounts(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
-    """The technicians' keys, passwords removed, and an SSH server that takes keys only. Raises ImageRefused."""
+    """Yield edits for the technicians' keys, removed passwords and key-only SSH. Raises ImageError."""
     account = _account(facts.text(PASSWD), request.user)
     folder = f"{account.home.rstrip('/')}/.ssh"
     yield ImageDirectory(folder, 0o700, account.owner)
@@ -77,15 +77,15 @@ def _account(passwd: str, name: str) -> Account:
 
 
 def open_accounts(shadow: str) -> tuple[str, ...]:
-    """The accounts that a password, or none at all, would open."""
+    """Return the accounts that open with a password, or with none."""
     rows = (line.split(":") for line in shadow.splitlines())
     return tuple(row[0] for row in rows if len(row) > 1 and not row[1].startswith(("!", "*")))
 
 
 def passwords(facts: ImageFacts) -> Iterator[Edit]:
-    """No account has a password; `*` rather than `!`, which sshd without PAM takes for a locked account.
+    """Yield edits that remove all passwords; with `!` sshd without PAM sees a locked account, so `*` is used.
 
-    A password that must be changed at the first login would stand in the way of the key, so that its age goes too.
+    The password age is removed as well: a password that must be changed at the first login would block the key.
     """
     shadow, passwd = facts.text(SHADOW), facts.text(PASSWD)
     rows = [line.split(":") for line in shadow.splitlines()]
@@ -141,7 +141,7 @@ _HEADER = "# Written by `provision image`."
 
 
 def network(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
-    """One wired interface, with a fixed address or DHCP. Raises ImageRefused where nothing would configure it."""
+    """Yield edits for one wired interface, fixed address or DHCP. Raises ImageError if nothing configures it."""
     if NETPLAN in facts.present:
         others = (name for name in facts.names_by_folder.get(_PLANS, ()) if name.endswith(".yaml") and name != _PLAN)
         yield from (Remove(f"{_PLANS}/{name}") for name in others)
@@ -270,7 +270,7 @@ BOOT_WORDS = ("/etc/default/grub", "/boot/grub/grub.cfg", "/boot/extlinux/extlin
 
 
 def paths_to_check(request: ImageRequest) -> tuple[str, ...]:
-    """The paths of which it needs to know whether they exist."""
+    """Return the paths whose existence the planner must know."""
     zone = f"{_ZONES}/{request.time_zone}"
     return (
         *PATHS,
@@ -287,7 +287,7 @@ def paths_to_check(request: ImageRequest) -> tuple[str, ...]:
 
 
 def plan(facts: ImageFacts, request: ImageRequest) -> tuple[Edit, ...]:
-    """The edits, in the order in which they are carried out. Raises ImageRefused where the image cannot serve."""
+    """Return the edits in order of execution. Raises ImageError if the image cannot be used."""
     edits = [
         *(ImageDirectory(path) for path in _FOLDERS if path not in facts.present),
         *_identity(facts, request),
@@ -301,7 +301,7 @@ def plan(facts: ImageFacts, request: ImageRequest) -> tuple[Edit, ...]:
 
 
 def notes(facts: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
-    """What a person should know, although it does not stand in the way."""
+    """Return hints that do not prevent using the image."""
     result = []
     if f"{_ZONES}/{request.time_zone}" not in facts.present:
         result.append(
@@ -316,7 +316,7 @@ def notes(facts: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
 
 
 def _identity(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
-    """Host name; and no identity that other cards from this image have as well (machine-id(5))."""
+    """Yield edits for the host name, and remove identities shared by other cards of this image (machine-id(5))."""
     yield ImageFile("/etc/hostname", f"{request.host}\n".encode())
     host_lines = [line for line in facts.text(_HOSTS).splitlines() if line.split()[:1] != ["127.0.1.1"]]
     if not any(line.split()[:1] == ["127.0.0.1"] for line in host_lines):
@@ -332,7 +332,7 @@ def _identity(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
 
 
 def _time(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
-    """Zone and servers; by address, because names do not resolve while the clock is wrong."""
+    """Yield edits for time zone and time servers; by address, because names do not resolve while the clock is wrong."""
     yield ImageLink("/etc/localtime", f"{_ZONES}/{request.time_zone}")
     yield ImageFile("/etc/timezone", f"{request.time_zone}\n".encode())
     servers = " ".join(map(str, request.time_servers))
@@ -347,9 +347,9 @@ def _cloud_init(facts: ImageFacts) -> bool:
 
 
 def _no_cloud_init(facts: ImageFacts) -> Iterator[Edit]:
-    """At its first start it would give the computer an address, accounts, host keys and a name of its own.
+    """Disable cloud-init, which would set its own address, accounts, host keys and host name.
 
-    A file switches it off. Another file, and the kernel's command line, have precedence (its generator for systemd).
+    A file disables it. Another file, and the kernel's command line, have precedence (its generator for systemd).
     """
     if not _cloud_init(facts):
         return
@@ -404,18 +404,18 @@ def _first_boot(request: ImageRequest) -> Iterator[Edit]:
 
 @dataclass(frozen=True, slots=True)
 class Fat:
-    """One file system; file names are of its root folder, in 8.3."""
+    """One FAT file system; file names are 8.3 names in its root folder."""
 
     image: Path
     offset: int
 
     def read(self, name: str) -> bytes | None:
-        """A file's bytes; None where there is none."""
+        """Return a file's bytes, or None if it does not exist."""
         process = self._run("mcopy", "-n", f"::{name}", "-")
         return process.stdout if process.returncode == 0 else None
 
     def write(self, name: str, content: bytes) -> None:
-        """Replace a file, and read it back. Raises ImageRefused."""
+        """Replace a file and read it back. Raises ImageError."""
         with temporary.folder("fat") as scratch:
             file = scratch / name
             file.write_bytes(content)
@@ -441,7 +441,7 @@ _BOOT_FILES = ("cmdline.txt", "boot.ini")
 
 
 def look(root: ext4.Ext4, request: ImageRequest, boot: Fat | None = None) -> ImageFacts:
-    """What the planner needs to know of an image. Raises ImageRefused where a link stands in the place of a file."""
+    """Read the facts that the planner needs. Raises ImageError if a link replaces an expected file."""
     root.hold_no_link((*READ, *LISTED_FOLDERS))
     files = {path: data.decode(errors="surrogateescape") for path in READ if (data := root.read(path)) is not None}
     present = frozenset(path for path in paths_to_check(request) if root.exists(path))
@@ -453,7 +453,7 @@ def look(root: ext4.Ext4, request: ImageRequest, boot: Fat | None = None) -> Ima
 
 
 def customise(image: Path, layout: ext4.DiskLayout, request: ImageRequest) -> tuple[str, ...]:
-    """Edit the working copy; return what a person should know. Raises ImageRefused. May be repeated."""
+    """Edit the working copy; return hints for a person. Raises ImageError. Can be repeated."""
     places = ext4.find(image, layout)
     boot = None if places.boot is None else Fat(image, places.boot.offset)
     root = ext4.Ext4(image, places.root)

@@ -1,10 +1,10 @@
-"""From the vendor's file to a sparse working copy: checksum, xz or gz or raw, block map; memory stays small.
+"""Unpack the vendor's file into a sparse working copy: checksum, xz, gz or raw, block map; little memory.
 
 One pass over the file: its bytes are hashed as they are read. The checksum is compared before the copy is used.
 
-A block map beside an image says which blocks matter, with a checksum of each range. Format: bmap-tools, versions 1.3 to
-2.0 (XML; `BmapFileChecksum` is taken over the file with that checksum as zeros). `segments` are the parts that a card
-must hold: data, zeros, and, where a block map says so, parts that do not matter.
+A block map beside an image lists the blocks that matter, with a checksum of each range. Format: bmap-tools, versions
+1.3 to 2.0 (XML; `BmapFileChecksum` is computed over the file with that checksum as zeros). `segments` are the parts
+that a card must hold: data, zeros, and, where a block map defines them, parts that do not matter.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _HINT = "fetch it again, or move it away: without it every block of the image is
 
 @dataclass(frozen=True, slots=True)
 class MappedRange:
-    """Bytes that matter, and their checksum in hex; empty where the map has none."""
+    """A byte range that matters, with its checksum in hex; empty if the map has none."""
 
     start: int
     end: int
@@ -44,7 +44,7 @@ class MappedRange:
 
 @dataclass(frozen=True, slots=True)
 class Bmap:
-    """A block map."""
+    """A block map of an image (bmap-tools)."""
 
     size: int
     """Of the image, in bytes."""
@@ -54,13 +54,13 @@ class Bmap:
 
 
 def beside(image: Path) -> Path | None:
-    """The map that lies beside an image: `x.img.bmap`, or `x.img.xz.bmap`, for `x.img.xz`."""
+    """Return the block map next to an image: for `x.img.xz`, `x.img.bmap` or `x.img.xz.bmap`."""
     names = dict.fromkeys((f"{image.name}.bmap", f"{image.name.removesuffix('.xz').removesuffix('.gz')}.bmap"))
     return next((image.with_name(name) for name in names if image.with_name(name).is_file()), None)
 
 
 def read(path: Path) -> Bmap:
-    """Read a map. Raises ImageRefused where it is damaged or not understood."""
+    """Parse a block map. Raises ImageError if it is damaged or not supported."""
     if path.stat().st_size > _MOST:
         raise ImageError(f"{path}: too large for a block map", hint=_HINT)
     text = path.read_bytes()
@@ -110,7 +110,7 @@ _OTHERS = ((b"\x28\xb5\x2f\xfd", "zstd", "zstd -d"), (b"PK\x03\x04", "zip", "unz
 
 @dataclass(frozen=True, slots=True)
 class Checksum:
-    """What the file's SHA-256 shall be, and who says so."""
+    """Expected SHA-256 of the file, and its source."""
 
     sha256: str
     told_by: str
@@ -132,7 +132,7 @@ class UnpackedImage:
 
 
 def checksum(image: Path, sum_text: str | None = None) -> Checksum | None:
-    """The checksum that was typed, or that lies beside the image; None where there is none. Raises ImageRefused."""
+    """Return the checksum given by the user or stored beside the image, None if neither. Raises ImageError."""
     if sum_text is not None:
         if not re.fullmatch(r"[0-9a-fA-F]{64}", sum_text):
             raise ImageError(f"`{sum_text}` is no SHA-256: that has 64 hex digits", hint=f"sha256sum {image}")
@@ -145,7 +145,7 @@ def checksum(image: Path, sum_text: str | None = None) -> Checksum | None:
 
 
 def _read_sum(path: Path, name: str) -> str | None:
-    """The sum of a file in the format of `sha256sum`; a file of its own may hold the bare sum."""
+    """Read a checksum from `sha256sum` output, or from a file with only the checksum."""
     for line in path.read_text(errors="replace").splitlines():
         match = re.fullmatch(r"([0-9a-fA-F]{64})(?:[ *]+(\S.*))?", line.strip())
         if match and (match[2] or name).rpartition("/")[2] == name:
@@ -154,7 +154,7 @@ def _read_sum(path: Path, name: str) -> str | None:
 
 
 def expand(image: Path, copy: Path, expected_sum: Checksum | None, tell: Callable[[int, int], None]) -> UnpackedImage:
-    """Make the working copy; `tell` hears the bytes read, and of how many. Raises ImageRefused."""
+    """Make the working copy; `tell` receives bytes read and total bytes. Raises ImageError."""
     try:
         with image.open("rb") as file, copy.open("xb") as out:
             copy.chmod(0o600)
@@ -178,7 +178,7 @@ def expand(image: Path, copy: Path, expected_sum: Checksum | None, tell: Callabl
 
 
 class _HashingReader(io.RawIOBase):
-    """The vendor's file, hashed and counted as it is read."""
+    """Reader of the vendor's file that hashes and counts its bytes."""
 
     def __init__(self, file: IO[bytes], size: int, tell: Callable[[int, int], None]) -> None:
         self._file = file
@@ -202,7 +202,7 @@ class _HashingReader(io.RawIOBase):
         return len(data)
 
     def drain(self) -> None:
-        """Read what a decompressor has left, for the checksum is over the whole file."""
+        """Read the bytes that a decompressor left: the checksum covers the whole file."""
         while self.read(_CHUNK):
             pass
 
@@ -236,7 +236,7 @@ def _map_of(image: Path) -> Bmap | None:
 
 
 class _Sparse:
-    """The working copy: zeros, and what a block map leaves out, become holes."""
+    """Sparse writer of the working copy: zeros, and ranges outside the block map, become holes."""
 
     def __init__(self, file: IO[bytes], block_map: Bmap | None) -> None:
         self._file = file
@@ -247,11 +247,11 @@ class _Sparse:
 
     @property
     def spans(self) -> tuple[tuple[int, int], ...] | None:
-        """Spans that matter; None: all."""
+        """Byte ranges that matter; None: all."""
         return None if self._map is None else tuple((each.start, each.end) for each in self._map.ranges)
 
     def write(self, data: bytes) -> None:
-        """Take the next bytes of the image."""
+        """Write the next bytes of the image."""
         for start in range(0, len(data), _PIECE):
             piece = data[start : start + _PIECE]
             if self._map is None:
@@ -290,7 +290,7 @@ class _Sparse:
         self._digest = hashlib.new(self._map.algorithm)
 
     def finish(self, image: Path) -> int:
-        """Give the copy its whole length; return the image's."""
+        """Extend the copy to its full length; return the image's length."""
         if self._map is not None and self._map.size != self._at:
             raise ImageError(
                 f"{image} has {self._at} bytes, and its block map speaks of {self._map.size}",
@@ -306,7 +306,7 @@ Span = tuple[int, int]
 
 
 class SourceKind(Enum):
-    """What stands in a segment."""
+    """Content of a segment."""
 
     DATA = auto()
     ZERO = auto()
@@ -315,7 +315,7 @@ class SourceKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Bytes of an image that a card must hold."""
+    """A byte range of an image that a card must hold."""
 
     start: int
     end: int
@@ -323,15 +323,15 @@ class Segment:
 
     @property
     def size(self) -> int:
-        """In bytes."""
+        """Size in bytes."""
         return self.end - self.start
 
 
 def segments(image: Path, size: int, spans: Iterable[Span] | None = None) -> tuple[Segment, ...]:
-    """The segments of a sparse image file, in order, apart from each other.
+    """Return the segments of a sparse image file, in order, without overlap.
 
-    A hole of the file is zeros. With `spans` (of a bmap file) a hole outside of it does not matter and has no segment;
-    what was written there since, by customising, is data nevertheless. Where a file system knows no holes, all is data.
+    A hole of the file counts as zeros. With `spans` (of a bmap file) a hole outside them does not matter and has no
+    segment; data that customising wrote there still counts. On a file system without holes, everything is data.
     """
     data = _merge_spans(_data(image, size), size)
     relevant_spans = [(0, size)] if spans is None else _merge_spans([*spans, *data], size)
@@ -358,7 +358,7 @@ def _data(image: Path, size: int) -> Iterator[Span]:
 
 
 def _merge_spans(spans: Iterable[Span], size: int) -> list[Span]:
-    """Widened to whole blocks of 4 KiB (the end of the image excepted), sorted, and joined where they touch."""
+    """Align spans to 4 KiB blocks (except the end of the image), sort them, and join adjacent ones."""
     result: list[Span] = []
     for start, end in sorted(spans):
         first, last = start // _ALIGN * _ALIGN, min(-(-end // _ALIGN) * _ALIGN, size)
@@ -370,7 +370,7 @@ def _merge_spans(spans: Iterable[Span], size: int) -> list[Span]:
 
 
 def _without(spans: Iterable[Span], excluded_spans: Iterable[Span]) -> Iterator[Span]:
-    """What is left of the spans; both are sorted and joined."""
+    """Yield the spans without the excluded ones; both are sorted and joined."""
     rest = list(excluded_spans)
     for start, end in spans:
         at = start

@@ -1,12 +1,12 @@
-"""Writes an image to a card, and believes nothing that it has not read back.
+"""Write an image to a card, and verify it by reading everything back.
 
-Order, so that a card that was not finished does not boot: the card's first MiB is cleared; what must be zero is made
-so; the data is written; everything is read back and compared; then the first MiB is written, its first 4 KiB last of
-all (partition table, and the boot code of most boards), and read back.
+Order, so that an unfinished card does not boot: the card's first MiB is cleared; zero ranges are cleared; the data is
+written; everything is read back and compared; then the first MiB is written, its first 4 KiB last (partition table, and
+the boot code of most boards), and read back.
 
 The device is opened with O_EXCL (the kernel refuses a disk that is mounted or held anywhere, in other namespaces too)
-and O_DIRECT (what is read back comes from the device and not from this computer's memory; a reader's own memory cannot
-be ruled out). Reading back comes after all writing, so that a card that claims more room than it has is found out.
+and O_DIRECT (data is read from the device and not from this computer's memory; a cache of the card reader cannot be
+excluded). Reading comes after all writing, which exposes cards with less capacity than they report.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class WriterStep(StrEnum):
-    """What takes long."""
+    """A step that takes long, as shown to the user."""
 
     UNPACKING = "unpacking the image"
     CLEARING = "clearing what must be empty"
@@ -42,7 +42,7 @@ class WriterStep(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Where a step is."""
+    """Progress of one step."""
 
     step: WriterStep
     done_bytes: int
@@ -52,24 +52,24 @@ class Progress:
 
     @property
     def rate_bps(self) -> float:
-        """Bytes a second since the step began; 0 while no time has passed."""
+        """Bytes per second since the step began; 0 while no time has passed."""
         return self.done_bytes / self.elapsed_s if self.elapsed_s > 0 else 0.0
 
     @property
     def left_s(self) -> float | None:
-        """Seconds to the end at this speed; None while there is no speed."""
+        """Remaining seconds at this speed; None while the speed is zero."""
         return (self.total - self.done_bytes) / self.rate_bps if self.rate_bps > 0 else None
 
     @property
     def words(self) -> str:
-        """For people."""
+        """Progress line for people."""
         share = 100 * self.done_bytes // self.total if self.total else 100
         remaining_text = "" if self.left_s is None else f", {self.left_s:.0f} s left"
         return f"{self.step} {share} % of {self.total / 1e6:.0f} MB, {self.rate_bps / 1e6:.1f} MB/s{remaining_text}"
 
 
 class WriteMeter:
-    """Tells the progress of one step, at most once in so many seconds, and once its end."""
+    """Progress reporter of one step: at most one report per interval, and one at the end."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class WriteMeter:
         self._ended = False
 
     def __call__(self, done_bytes: int, total: int) -> None:
-        """So many of so many bytes are done."""
+        """Report the number of bytes done and the total."""
         at = self._clock()
         if self._ended:
             return
@@ -107,7 +107,7 @@ _BLKGETSIZE64 = 0x80081272
 
 @dataclass(frozen=True, slots=True)
 class WrittenCard:
-    """What was put on a card and read back."""
+    """Result of writing and verifying a card."""
 
     data: int
     """Bytes of data written."""
@@ -122,19 +122,19 @@ class WrittenCard:
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """The disk that a person was shown, and the path to it."""
+    """The disk that was shown to the user, and its path."""
 
     device: Path
     disk: blocks.BlockDevice
     tree: blocks.BlockTree
 
     def still(self, image_size: int) -> None:
-        """Hold that it is the same, and may be written. Raises DeviceRefused."""
+        """Raise BlockDeviceError if the disk has changed or must not be written."""
         blocks.same(self.tree, self.device, self.disk, image_size)
 
 
 def write(copy: Path, parts: Sequence[Segment], card: Card, tell: Callable[[Progress], None]) -> WrittenCard:
-    """Write the segments of a working copy. Raises DeviceRefused before the first byte, CardUnfinished after it."""
+    """Write the segments to a card. Raises BlockDeviceError before the first byte, CardWriteError after it."""
     image_size = max((part.end for part in parts), default=0)
     card.still(image_size)
     card_fd = _open(card.device)
@@ -162,7 +162,7 @@ def _open(device: Path) -> int:
 
 
 def _hold(card: int, device: Path, disk: blocks.BlockDevice) -> None:
-    """What was opened is what was shown: a path may lead elsewhere by the time that it is opened."""
+    """Check the opened device against the disk that was shown, since the path may have been re-pointed."""
     status = os.fstat(card)
     number = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
     if not stat.S_ISBLK(status.st_mode) or number != disk.number:
@@ -173,11 +173,11 @@ def _hold(card: int, device: Path, disk: blocks.BlockDevice) -> None:
 
 
 class _Differs(Exception):
-    """The card, or the working copy, is not what it must be."""
+    """Read-back does not match: the card or the working copy has other bytes."""
 
 
 class _Job:
-    """One card being written."""
+    """Writes and verifies one card."""
 
     def __init__(self, card: int, source: int, parts: Sequence[Segment], tell: Callable[[Progress], None]) -> None:
         self._card, self._source, self._tell = card, source, tell
@@ -188,7 +188,7 @@ class _Job:
         self._data = self._cleared = self._compared = 0
 
     def run(self) -> WrittenCard:
-        """Write and compare everything; whatever stops it leaves the first MiB empty."""
+        """Write and compare everything; after any failure the first MiB is cleared."""
         began = time.monotonic()
         try:
             self._put(0, self._head, zero=True)
@@ -204,7 +204,7 @@ class _Job:
         return WrittenCard(self._data, self._cleared, skipped_bytes, self._compared, time.monotonic() - began)
 
     def _write_error(self, error: BaseException) -> CardWriteError:
-        """Whatever has happened, and wherever: see to it that the card does not boot, and say whether that is so."""
+        """Clear the first MiB after a failure, so that the card does not boot, and return the error."""
         why = str(error)
         if isinstance(error, KeyboardInterrupt):
             why = "it was stopped"
@@ -223,7 +223,7 @@ class _Job:
         )
 
     def _clear(self) -> None:
-        """Make zeros of what must be zero. A card that is zero already is only read, which is quicker than writing."""
+        """Clear the zero segments; parts that are zero already are only read, which is faster."""
         zeros = [part for part in self._body if part.kind is SourceKind.ZERO]
         meter, done_bytes, total = WriteMeter(WriterStep.CLEARING, self._tell), 0, sum(part.size for part in zeros)
         for part in zeros:
@@ -258,7 +258,7 @@ class _Job:
         self._compared += done_bytes
 
     def _finish(self) -> None:
-        """The first MiB, its beginning last."""
+        """Write the first MiB, its first 4 KiB last."""
         first = min(_FIRST, self._head)
         if self._head > first:
             self._put(first, self._head - first)
@@ -298,7 +298,7 @@ def _zeros(size: int) -> bytes:
 
 
 def _after(parts: Sequence[Segment], start: int) -> Iterator[Segment]:
-    """What of the segments lies after a byte."""
+    """Yield the parts of the segments after a byte offset."""
     for part in parts:
         if part.end > start:
             yield Segment(max(part.start, start), part.end, part.kind)

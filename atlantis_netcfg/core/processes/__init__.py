@@ -1,1 +1,1 @@
-"""Processes of this computer and programs on others: started, read, stopped."""
+"""Local processes, and programs on other computers: starting, reading, stopping."""

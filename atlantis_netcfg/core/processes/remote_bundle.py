@@ -1,7 +1,7 @@
-"""Programs of ours that go to a computer: all our remote modules as one, a few dozen kB that go over a link once.
+"""The remote tool: all remote modules in one archive of a few dozen kB, sent over a link once.
 
-Ansible itself sends every call of a module as a program of its own, 170 kB each. What answers at the VPN's server while
-it runs is a program of its own, made of the same files: no gateway pays for it.
+Ansible itself sends every module call as a separate program of 170 kB. The responder on the VPN server is a separate
+archive of the same files, so that gateways do not download it.
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ _BEGINNING = (1980, 1, 1, 0, 0, 0)
 
 @dataclass(frozen=True)
 class Tool:
-    """An archive that Python runs as it is. It holds its files as they are, so that it packs well as a whole."""
+    """An archive that Python can run; its files are stored uncompressed, so that it compresses well as a whole."""
 
     content: bytes
 
     @cached_property
     def sha256(self) -> str:
-        """Its name on the gateways, in hex digits."""
+        """SHA-256 in hex, the tool's name on the gateways."""
         return hashlib.sha256(self.content).hexdigest()
 
     @cached_property
     def payload(self) -> bytes:
-        """As it goes over the link. For these texts bzip2 is smaller than xz and deflate, and every Python has it."""
+        """Compressed bytes for the link: bzip2 beats xz and deflate here, and every Python has it."""
         return bz2.compress(self.content)
 
 
 def build(plugins: Path = _PLUGINS) -> Tool:
-    """Make the tool of the modules as they are now; about 20 ms."""
+    """Build the tool from the current modules; takes about 20 ms."""
     return _pack(_files(plugins))
 
 
 def build_live(plugins: Path = _PLUGINS) -> Tool:
-    """Make the tool of the VPN's server: what serves there, and what that imports."""
+    """Build the VPN server's tool: the server program and its imports."""
     return _pack(_live_files(plugins))
 
 
@@ -97,13 +97,13 @@ def _live_files(plugins: Path) -> Iterator[tuple[str, str]]:
 
 
 def _imported_names(text: str) -> Iterator[str]:
-    """Files beside this one that it imports, in `from .name import …` and `from . import name, …`."""
+    """Yield sibling modules that a file imports by `from .name import …` or `from . import name, …`."""
     for module, names in _IMPORT.findall(text):
         yield from [module] if module else (name.strip() for name in names.split(","))
 
 
 def _strip_documentation(text: str) -> str:
-    """Leave out what is for `ansible-doc` alone."""
+    """Remove the parts that only `ansible-doc` uses."""
     lines = text.splitlines(keepends=True)
     for statement in reversed(ast.parse(text).body):
         names = {name.id for name in getattr(statement, "targets", ()) if isinstance(name, ast.Name)}

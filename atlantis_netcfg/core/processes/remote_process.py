@@ -1,4 +1,4 @@
-"""A process that is fed once and read line by line, from a thread; it is ended when it is overdue or not wanted."""
+"""A process with one input and line-by-line output, run in a thread; it is killed on timeout or request."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MOST = 64 * 1024 * 1024
 
 @dataclass(frozen=True, slots=True)
 class ProcessResult:
-    """How a process ended."""
+    """Exit code and output of a process."""
 
     rc: int
     out: bytes
@@ -28,12 +28,12 @@ class ProcessResult:
 
 
 def ignore_line(_line: bytes) -> None:
-    """What is done with a line that nobody waits for."""
+    """Ignore an output line."""
 
 
 @dataclass(slots=True)
 class Carrier:
-    """Feeds one process, and tells each line of its standard output as it comes."""
+    """Runs one process with input, and reports each output line as it comes."""
 
     feed: bytes = b""
     line: Callable[[bytes], None] = ignore_line
@@ -44,7 +44,7 @@ class Carrier:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def run(self, argv: Sequence[str]) -> ProcessResult:
-        """Run it to its end. OSError if there is no such program."""
+        """Run the process to its end. Raises OSError if there is no such program."""
         overdue = threading.Event()
         with tempfile.TemporaryFile() as errors, self._start(argv, errors) as process, self._watch(overdue):
             out = self._through(process)
@@ -74,14 +74,14 @@ class Carrier:
                 clock.join()
 
     def stop(self) -> None:
-        """End the process, if it runs."""
+        """Kill the process, if it is running."""
         self._is_stopped = True
         with self._lock:
             if self._process is not None:
                 self._process.kill()
 
     async def beside(self, work: Callable[[], object]) -> None:
-        """Do blocking work that uses this carrier in a thread; who gives up waiting ends the process."""
+        """Run blocking work that uses this carrier in a thread; cancelling it kills the process."""
         try:
             await asyncio.to_thread(work)
         except asyncio.CancelledError:
@@ -109,6 +109,6 @@ class Carrier:
 
 
 def _fed(pipe: IO[bytes], data: bytes) -> None:
-    """Give all of it, and say that there is no more; a process that has ended does not want it."""
+    """Write all data and close the pipe; a process that has ended is ignored."""
     with suppress(OSError), pipe:
         pipe.write(data)

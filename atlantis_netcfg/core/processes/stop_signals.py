@@ -1,9 +1,8 @@
-"""Stop signals of one command line: Ctrl-C, `kill` and a terminal that is closed.
+"""Stop signals of a command: Ctrl-C, `kill` and a closed terminal.
 
-From `take` to `ignore` a signal raises KeyboardInterrupt, so that the command settles and tells what is known. While a
-module is imported it waits until the module is there: extension modules panic, or make another error of it, when their
-imports are interrupted. Once the result is known, `ignore` lets it be printed whole: a stop would change nothing but
-the last words.
+Between `take` and `ignore` a signal raises KeyboardInterrupt, so that the command can clean up and report. During the
+import of a module it waits until the import ends: extension modules panic, or raise another error, when their imports
+are interrupted. Once the result is known, `ignore` lets it be printed completely.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ _pending: list[str] = []
 
 
 def pending_stop() -> str:
-    """Return the first signal that came, as `SIGINT`; empty: none. A library may have made another error of it."""
+    """Return the first signal received, such as `SIGINT`, or an empty string; libraries may hide the exception."""
     return _pending[0] if _pending else ""
 
 
 def take() -> None:
-    """Answer them from now on. Signals that we were told to ignore (`nohup`) stay ignored."""
+    """Handle stop signals from now on; signals ignored at start (`nohup`) stay ignored."""
     _pending.clear()
     if threading.current_thread() is not threading.main_thread():
         return
@@ -43,12 +42,12 @@ def take() -> None:
 
 
 def handlers() -> dict[int, Any]:
-    """Return what answers them now, for `restore`."""
+    """Return the current signal handlers, for `restore`."""
     return {number: signal.getsignal(number) for number in STOP_SIGNALS}
 
 
 def restore(before: Mapping[int, Any]) -> None:
-    """Let them be answered as before, and forget what came."""
+    """Restore signal handlers, and discard pending signals."""
     if threading.current_thread() is threading.main_thread():
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
@@ -57,7 +56,7 @@ def restore(before: Mapping[int, Any]) -> None:
 
 
 def ignore() -> None:
-    """Let the command end as its result says."""
+    """Ignore further stop signals, so that the result decides the exit code."""
     if threading.current_thread() is threading.main_thread():
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number in STOP_SIGNALS:
@@ -86,17 +85,17 @@ def _is_importing(frame: FrameType | None) -> bool:
 
 
 def _repeat() -> None:
-    """Try again soon. By the kernel's timer: a thread cannot be started where `threading` itself was interrupted."""
+    """Retry soon by a kernel timer: no thread can be started where `threading` itself was interrupted."""
     signal.signal(signal.SIGALRM, _raise_or_wait)
     signal.setitimer(signal.ITIMER_REAL, _REPEAT_S)
 
 
 def _hold(_number: int, _frame: FrameType | None) -> None:
-    """Go on: unlike an ignored signal it is not inherited by the programs that we start."""
+    """Ignore a signal; unlike SIG_IGN, a handler is not inherited by child programs."""
 
 
 def _repeat_lost_stop(before: Callable[[Any], object], unraisable: Any) -> None:  # noqa: ANN401 - sys.UnraisableHookArgs
-    """Raise a stop again that came where Python cannot raise it, in a callback of garbage collection."""
+    """Raise a stop again that was lost in a callback where Python cannot raise (garbage collection)."""
     if isinstance(unraisable.exc_value, KeyboardInterrupt) and unraisable.exc_value.args:
         _repeat()
     else:

@@ -1,7 +1,7 @@
-"""A task of Ansible's, which is a forked child: it ends with the process that has started it, and settles when told to.
+"""Ansible's forked task process: it ends with its parent, and cleans up when it is cancelled.
 
-A child that is left over would go on changing devices that nobody watches, and then sleep for ever on a queue that
-nobody reads (seen with ansible-core 2.19).
+An orphaned child would continue to change devices without supervision, and then block for ever on a queue without
+reader (seen with ansible-core 2.19).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Result = TypeVar("Result")
 
 
 def end_with_parent() -> None:
-    """Get SIGTERM as soon as the process that has started this one is dead; does nothing outside a forked child."""
+    """Request SIGTERM when the parent process dies; does nothing outside a forked child."""
     parent = parent_process()
     if parent is None:
         return
@@ -38,18 +38,18 @@ def end_with_parent() -> None:
 
 
 def end_if_orphaned() -> None:
-    """End now if nobody is left to hand a result to: what became of the devices stands in the journal."""
+    """Exit now if the parent is dead; the journal has the outcome of the devices."""
     parent = parent_process()
     if parent is not None and os.getppid() != parent.pid:
         os._exit(1)
 
 
 def run_until_settled(work: Coroutine[object, object, Result]) -> Result:
-    """Run it like `asyncio.run`; each SIGINT, SIGTERM or SIGHUP cancels it once.
+    """Run a coroutine like `asyncio.run`; each SIGINT, SIGTERM or SIGHUP cancels it once.
 
-    The engine answers the first cancellation by taking back what is open on the devices, and ends at the second, which
-    raises CancelledError here. In a forked child SIGTERM is never the second: it says that the parent is dead, and may
-    say so twice.
+    At the first cancellation the engine undoes open changes on the devices. At the second it ends, and CancelledError
+    is raised here. In a forked child SIGTERM never counts as the second: it means that the parent is dead, and may come
+    twice.
     """
     if threading.current_thread() is not threading.main_thread():
         return asyncio.run(work)

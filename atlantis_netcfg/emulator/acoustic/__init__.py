@@ -1,11 +1,11 @@
-"""Emulated acoustic modems: EvoLogics S2C and Blueprint SeaTrac, on a TCP port that serves one client, or on a pty.
+"""Emulated acoustic modems: EvoLogics S2C and Blueprint SeaTrac, on a TCP port for one client or on a pty.
 
-They answer reads as devices.md 5 has them, obey the one transmission that our steps can ask for, and count it as damage
-unless they are in the water; everything else that arrives is not obeyed but counted in `forbidden`. No client and no
-emulator of either language is published (neither on PyPI nor in Debian), so nobody else's program stands against them:
-a second, small client in the tests does. Inferred and not captured: the words after ERROR and BUSY, the form of each
-single value, the first two fields of SeaTrac's information record, the answer to its ping command, and that a modem
-with one seat hangs up on the second client at once.
+They respond to reads as in devices.md 5, and accept the one transmission that our steps can request. Out of the water
+that transmission counts as damage. Everything else is not executed but counted in `forbidden`. No client or emulator of
+either protocol is published (neither on PyPI nor in Debian), so that a second, small client in the tests checks them.
+Inferred and not captured: the text after ERROR and BUSY, the format of each single value, the first two fields of
+SeaTrac's information record, the response to its ping command, and that a modem for one client disconnects a second
+client at once.
 """
 
 from __future__ import annotations

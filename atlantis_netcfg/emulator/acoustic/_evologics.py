@@ -1,4 +1,4 @@
-"""An emulated EvoLogics S2C modem: its framing, its queries, its settings, and what it says unasked."""
+"""An emulated EvoLogics S2C modem: framing, queries, settings and notifications."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MULTIPATH = "10    10   \n11    12   \n12    14   \n13    16   \n15    18   \n1
 
 
 class EvologicsSpec(LineSpec):
-    """One modem and what is around it; by default it is well, quiet enough for air, and hears another modem."""
+    """Settings of a modem and its surroundings; default: healthy, power low enough for air, another modem in range."""
 
     local_address: int = 1
     highest_address: int = 14
@@ -74,7 +74,7 @@ class EvologicsSpec(LineSpec):
     """Tells what became of a message."""
 
     def listing(self) -> bytes:
-        """The answer to `AT&V`, with an empty line at its end once it is framed."""
+        """Return the response to `AT&V`, with an empty line at its end when framed."""
         retry = "IM Rerty Count" if self.old_spelling else "IM Retry Count"
         settings: dict[str, object] = {
             "Source Level": self.source_level,
@@ -100,7 +100,7 @@ class EvologicsSpec(LineSpec):
         return "".join(f"{'[*]' if n in self.pending else ''}{n}: {value}\r\n" for n, value in lines).encode()
 
     def values(self) -> dict[str, str]:
-        """Answers of one line, by their query."""
+        """Return one-line responses by query."""
         responses = {
             "AT?S": f"{self.state} 16384" if self.state == "INITIATION LISTEN" else self.state,
             "AT?E": str(self.rssi_db),
@@ -123,7 +123,7 @@ class EvologicsSpec(LineSpec):
         return responses if self.battery_v is None else {**responses, "AT?BV": str(self.battery_v)}
 
     def fix(self, remote: int, clock_s: float) -> bytes:
-        """One notification of a fix, framed or bare; `clock_s`: what the modem's clock shows."""
+        """Return one position notification, framed or bare; `clock_s`: time of the modem's clock."""
         head = f"{clock_s:.6f},{clock_s - self.fix_age_s:.6f},{remote}"
         quality = f"{self.fix_rssi_db},{self.fix_integrity},{self.fix_accuracy}"
         if self.directions_only:
@@ -160,7 +160,7 @@ class _EvologicsTalk:
 
     @staticmethod
     def _command(waiting: bytes) -> tuple[bytes, bytes] | None:
-        """The first whole command and the rest: a message is as long as it says, all else ends with its line."""
+        """Return the first complete command and the rest; a message has a length, other commands end with a newline."""
         if send := _SEND.match(waiting):
             end = send.end() + int(send[2])
             return (waiting[:end], waiting[end + 1 :]) if len(waiting) > end else None
@@ -225,5 +225,5 @@ class RunningEvologics(ModemLine):
         """Those that were damage: the modem was not in the water."""
 
     def talker(self) -> _EvologicsTalk:
-        """Talk AT in data mode."""
+        """Return a handler for the AT protocol in data mode."""
         return _EvologicsTalk(self)

@@ -1,4 +1,4 @@
-"""The end of a line on which an emulated modem sits: a TCP port that serves one client, or a serial port."""
+"""The interface of an emulated modem: a TCP port for a limited number of clients, or a serial port."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class LineSpec(BaseModel):
-    """How the end behaves, whatever language is spoken on it."""
+    """Behaviour of the interface, independent of the protocol."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -42,14 +42,14 @@ class LineSpec(BaseModel):
 
 
 class Talker(Protocol):
-    """One language, for one client."""
+    """A protocol handler for one client."""
 
     def hear(self, waiting: bytes) -> tuple[list[bytes], bytes]:
-        """Take what has come: give answers, and what is not a whole command yet."""
+        """Process input; return responses, and the bytes of an incomplete command."""
         ...
 
     def tell(self, now_s: float) -> tuple[bytes, float | None]:
-        """Give what is said unasked by then, and when the next thing will be (None: never); seconds of service."""
+        """Return notifications due until `now_s` (seconds of service), and the time of the next one (None: never)."""
         ...
 
 
@@ -61,7 +61,7 @@ class _LineClient:
 
 
 class ModemLine:
-    """A twin's end in a thread, while the context lasts; `host` and `port`, or `path`, say where."""
+    """Emulated interface that runs in a thread during the context; address: `host` and `port`, or `path`."""
 
     def __init__(self, spec: LineSpec) -> None:
         self._line = spec
@@ -74,7 +74,7 @@ class ModemLine:
         self._thread = threading.Thread(target=self._run, name=f"twin: {type(self).__name__}", daemon=True)
 
     def talker(self) -> Talker:
-        """Give whoever talks to a new client."""
+        """Return a protocol handler for a new client."""
         raise NotImplementedError
 
     def __enter__(self) -> Self:
@@ -149,7 +149,7 @@ class ModemLine:
         self._selector.register(sock.fileno(), selectors.EVENT_READ)
 
     def _read(self, handle: int) -> None:
-        """Take all that has come, and notice whoever has gone."""
+        """Read all available input, and detect disconnected clients."""
         while handle in self._clients:
             try:
                 data = os.read(handle, 4096)
@@ -181,7 +181,7 @@ class ModemLine:
         time.sleep(0.01)
 
     def _tell(self) -> float | None:
-        """Say what is due to everybody; give the time to the next such thing."""
+        """Send due notifications to all clients; return the time until the next one."""
         pauses = []
         for handle, client in list(self._clients.items()):
             if client.since is None:

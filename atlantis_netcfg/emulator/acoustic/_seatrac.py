@@ -1,4 +1,4 @@
-"""An emulated SeaTrac beacon: frames in ASCII-hex with their sum, settings, status, and pings of another beacon."""
+"""An emulated SeaTrac beacon: ASCII-hex frames with checksum, settings, status, and pings of another beacon."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NUMBERS = range(1, 16)
 
 
 def _crc_table() -> tuple[int, ...]:
-    """CRC-16 of 0x8005 reflected, a byte at a time; made otherwise than our driver's, so neither hides the other."""
+    """Return the table of CRC-16 0x8005 reflected; coded unlike our driver's, so that errors cannot cancel out."""
     table = []
     for byte in range(256):
         bits = int(f"{byte:08b}"[::-1], 2) << 8
@@ -40,7 +40,7 @@ def _sum(payload: bytes) -> bytes:
 
 
 class SeatracSpec(LineSpec):
-    """One beacon and what is around it; by default it is well, idle, in air, and hears another beacon."""
+    """Settings of a beacon and its surroundings; default: healthy, idle, in air, another beacon in range."""
 
     beacon: int = 1
     part: int = 795
@@ -88,11 +88,11 @@ class SeatracSpec(LineSpec):
 
     @property
     def depth(self) -> float:
-        """What the gauge shows, in m."""
+        """Displayed depth in m."""
         return self.depth_m if self.depth_m is not None else (1.2 if self.in_water else 0.0)
 
     def records(self) -> Mapping[int, bytes]:
-        """Answers to reading commands, without number and sum."""
+        """Return responses to read commands, without number and checksum."""
         all_records = {
             0x01: struct.pack("<I", 123456),
             0x02: self._info(),
@@ -125,7 +125,7 @@ class SeatracSpec(LineSpec):
         return bytes(record)
 
     def fix(self, remote: int, turn: int = 0) -> bytes:
-        """The record of a ping's response, with range, direction and position; the vehicle yaws from turn to turn."""
+        """Return the record of a ping response: range, direction, position; the vehicle yaws between turns."""
         flags = (0b001 if self.ranges_only else 0b111) | (0b10000 if self.suspect else 0)
         to = self.beacon if self.answers_to is None else self.answers_to
         yaw = 0 if self.frozen else turn % 3600
@@ -210,7 +210,7 @@ class _Talk:
 
 
 def _payload(line: bytes) -> bytes | None:
-    """Number and record of a command; None: no command, or its sum is wrong."""
+    """Return number and record of a command; None if it is no command or its checksum is wrong."""
     try:
         raw = bytes.fromhex(line.removeprefix(b"#").decode("ascii"))
     except ValueError:
@@ -237,5 +237,5 @@ class RunningSeatrac(ModemLine):
         """Those pings that were damage: the beacon was not in the water."""
 
     def talker(self) -> _Talk:
-        """Talk in frames."""
+        """Return a handler for the frame protocol."""
         return _Talk(self)

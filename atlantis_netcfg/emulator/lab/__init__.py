@@ -1,13 +1,13 @@
-"""Real Debian computers with systemd, for rehearsals and tests of what runs on a gateway computer.
+"""Real Debian machines with systemd, for rehearsals and tests of gateway software.
 
-A machine is a container of systemd-nspawn on an overlay of a shared, unpacked Debian, in a network namespace of its
-own with its declared address. Machines stand in a yard that leads nowhere; this computer reaches their sshd through a
-port of the loopback, over a bearer that can be slow, far and down. It takes root, and `why_not` says what else is
-missing; what a machine cannot stand for is `NOT_REHEARSED`.
+A machine is a systemd-nspawn container on an overlay of a shared, unpacked Debian, in its own network namespace, with
+its inventory address. Machines are in an isolated lab network. This computer reaches their sshd through a
+loopback port, over an emulated link that can be slow, far and down. Root is required; `why_not` lists what else is
+missing, and `NOT_REHEARSED` what a machine cannot emulate.
 
-    with yard(folder) as ground:
-        root = tree(TreeSpec())
-        gateway = ground.start("coastal-gateway", root, address="10.64.1.10/24", gateway="10.64.1.1", keys=keys)
+    with open_lab(folder) as lab:
+        root = build_rootfs(TreeSpec())
+        gateway = lab.start("coastal-gateway", root, address="10.64.1.10/24", gateway="10.64.1.1", keys=keys)
         gateway.link(delay_s=0.35, rate_up_bps=352_000, rate_down_bps=704_000)
         …  ssh -p gateway.port root@127.0.0.1, whose host key is gateway.host_key
         gateway.power_cut()

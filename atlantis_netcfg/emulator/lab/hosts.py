@@ -1,4 +1,4 @@
-"""One machine: a Debian with systemd in systemd-nspawn, its disk and network, and a port here that leads to sshd."""
+"""One lab machine: Debian with systemd in systemd-nspawn, its disk, network and local port for sshd."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 
 class MachineError(NetcfgError):
-    """A machine could not be built, started, or asked; nothing beyond this computer was touched."""
+    """A lab machine could not be built, started or queried; nothing beyond this computer was touched."""
 
 
 def output_of(
     words: Sequence[str], *, text: str | None = None, timeout_s: float | None = None, keep: Sequence[int] = ()
 ) -> subprocess.CompletedProcess[str]:
-    """Run a program and give what came of it, whatever that is; `keep`: file descriptors that it inherits."""
+    """Run a program and return its result, even after failure; `keep`: inherited file descriptors."""
     return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
         words,
         input="" if text is None else text,
@@ -51,7 +51,7 @@ def output_of(
 
 
 def program(*words: str) -> str:
-    """Run a program that has to succeed; give its output."""
+    """Run a program and return its output. Raises MachineError if it fails."""
     result = output_of(words)
     if result.returncode:
         raise MachineError(f"{' '.join(words)}: {result.stderr.strip() or f'ended with {result.returncode}'}")
@@ -70,7 +70,7 @@ _INTO_GROUPS = 'for group in $ATLANTIS_GROUPS; do echo $$ > "$group/cgroup.procs
 
 
 def wait(until: Callable[[], object], timeout_s: float, otherwise: Callable[[], str]) -> None:
-    """Wait until something is so; MachineFailed with these words when it does not come."""
+    """Wait until a condition is true. Raises MachineError with the given text after a timeout."""
     end = time.monotonic() + timeout_s
     while not until():
         if time.monotonic() > end:
@@ -79,7 +79,7 @@ def wait(until: Callable[[], object], timeout_s: float, otherwise: Callable[[], 
 
 
 class Container:
-    """One power-on of a machine; `name` is its namespace and its control groups, too."""
+    """One power-on of a machine; `name` is also its network namespace and cgroup."""
 
     def __init__(self, name: str, hostname: str, root: Path, log: Path) -> None:
         self._name = name
@@ -108,11 +108,11 @@ class Container:
 
     @property
     def runs(self) -> bool:
-        """Whether it has not ended, by itself or by us."""
+        """Whether the container is still running."""
         return self._nspawn.poll() is None
 
     def leader(self) -> int | None:
-        """The systemd inside; None: not yet, or no more. Before it is there, inside is not separated from outside."""
+        """Return the PID of the systemd inside; None before it starts (no isolation yet) and after it ends."""
         first = self._first()
         with suppress(OSError):
             if first is not None and not _same_program(first, self._nspawn.pid):
@@ -120,7 +120,7 @@ class Container:
         return None
 
     def _first(self) -> int | None:
-        """The process that is number 1 inside, whatever it does."""
+        """Return the process with PID 1 inside, whatever it runs."""
         tasks = Path("/proc", str(self._nspawn.pid), "task", str(self._nspawn.pid), "children")
         with suppress(OSError):
             for child in tasks.read_text(encoding="ascii").split():
@@ -129,7 +129,7 @@ class Container:
         return None
 
     def kill(self) -> None:
-        """End it as a power cut does, and everything in it."""
+        """Kill the container and everything in it, like a power cut."""
         while self.runs and (first := self._first()) is not None:
             with suppress(ProcessLookupError):
                 os.kill(first, signal.SIGKILL)
@@ -143,15 +143,16 @@ class Container:
         reaper.remove(Path("/run/systemd/nspawn/propagate", self._name))
 
     def last_words(self) -> str:
-        """The end of its console."""
+        """Return the end of the console log."""
         lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-5:]
         return "\n".join(f"  {line}" for line in lines)
 
 
 def entering(leader: int) -> tuple[str, ...]:
-    """What to write before a program's words so that it runs inside, and may do what root may do there.
+    """Return the command prefix that runs a program inside, with root's capabilities there.
 
-    Without the bounding set of the one inside it would keep this computer's powers, the one over its clock among them.
+    The bounding set of the container's init is applied: otherwise the program would keep this computer's capabilities,
+    such as setting its clock.
     """
     status = Path("/proc", str(leader), "status").read_text(encoding="utf-8")
     mask = int(next(line.split()[1] for line in status.splitlines() if line.startswith("CapBnd:")), 16)
@@ -178,19 +179,19 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 def add_namespace(name: str) -> None:
-    """A namespace with a loopback that is up."""
+    """Create a network namespace with its loopback up."""
     program("ip", "netns", "add", name)
     program("ip", "-n", name, "link", "set", "lo", "up")
 
 
 def delete_namespace(name: str) -> None:
-    """Remove it with its links; sockets that are still open in it keep it alive, nameless."""
+    """Delete a namespace with its links; open sockets keep it alive without a name."""
     if Path("/run/netns", name).exists():
         program("ip", "netns", "delete", name)
 
 
 def join(lab: str, port: str, machine: str, interface: str, mac: str) -> None:
-    """Lay a cable from a machine's interface to a port of the yard's bridge; the port is down."""
+    """Connect a machine's interface to a port of the lab's bridge; the port is down."""
     program(
         *("ip", "link", "add", interface, "netns", machine, "address", mac, "type", "veth"),
         *("peer", "name", port, "netns", lab),
@@ -199,17 +200,17 @@ def join(lab: str, port: str, machine: str, interface: str, mac: str) -> None:
 
 
 class Inside:
-    """Makes sockets in a network namespace: threads of its own live there, and a socket stays where it was made."""
+    """Creates sockets in a network namespace, by threads in it; a socket stays in its namespace."""
 
     def __init__(self, namespace: str) -> None:
         self._pool = ThreadPoolExecutor(4, namespace, initializer=_enter, initargs=(namespace,))
 
     def socket(self, kind: int = socket.SOCK_STREAM) -> socket.socket:
-        """A socket of IPv4, to be used from any thread."""
+        """Return an IPv4 socket that any thread can use."""
         return self._pool.submit(socket.socket, socket.AF_INET, kind).result()
 
     def close(self) -> None:
-        """End its threads."""
+        """Stop the threads."""
         self._pool.shutdown()
 
 
@@ -224,9 +225,9 @@ _MB = 1024 * 1024
 
 
 class Disk:
-    """Mounted at `root` until it is thrown away; what was written outlives the machine's power, not the yard.
+    """Disk mounted at `root` until it is discarded; data survive a power cut, but not the end of the lab.
 
-    The shared tree is below, and what the machine writes above it, in memory and of a size of its own.
+    The shared tree is the lower layer; changes are in an upper layer in memory, with its own size limit.
     """
 
     def __init__(self, folder: Path, tree: Path, size_mb: int | None) -> None:
@@ -243,13 +244,13 @@ class Disk:
         program("mount", "-t", "overlay", "-o", layers, "atlantis", str(self.root))
 
     def fill(self, leave_kb: int) -> None:
-        """Make it as small as what is on it, and this much more."""
+        """Shrink the disk to its contents plus `leave_kb`."""
         there = os.statvfs(self._memory)
         used = (there.f_blocks - there.f_bfree) * there.f_frsize
         self._resize(f"{used + leave_kb * 1024}")
 
     def free(self) -> None:
-        """Give it its size back."""
+        """Restore the original size."""
         self._resize(self._size)
 
     def _resize(self, size: str) -> None:
@@ -263,7 +264,7 @@ _ENVIRONMENT = ("PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/b
 
 @dataclass(frozen=True)
 class MachineSpec:
-    """What a machine is; `address` with its prefix, `gateway` is the yard's own end."""
+    """Settings of a machine; `address` has a prefix length, `gateway` is the lab's own address."""
 
     name: str
     tree: Path
@@ -277,7 +278,7 @@ class MachineSpec:
 
 
 class Machine:
-    """Made by `Yard.start`; ends with its yard."""
+    """A lab machine, made by `Yard.start`; it ends with the lab."""
 
     def __init__(self, spec: MachineSpec, unique: str, lab: str, inside: Inside, folder: Path, log: Path) -> None:  # noqa: PLR0913, PLR0917 - where it stands
         self.spec = spec
@@ -295,22 +296,22 @@ class Machine:
 
     @property
     def address(self) -> str:
-        """Its declared address, without the prefix; it is reached there from inside the yard only."""
+        """Inventory address without prefix length; reachable only from inside the lab network."""
         return str(self.spec.address.ip)
 
     @property
     def port(self) -> int:
-        """The port of 127.0.0.1 that leads to its sshd."""
+        """Port of 127.0.0.1 that is forwarded to the machine's sshd."""
         return self._relay.port
 
     @property
     def traffic(self) -> relay.RelayTraffic:
-        """What has passed through `port` since the start; connections from inside the yard do not."""
+        """Traffic through `port` since the start; connections inside the lab are not counted."""
         return self._relay.traffic
 
     @property
     def runs(self) -> bool:
-        """Whether it has power and has not ended by itself (`poweroff`, `reboot`)."""
+        """Whether the machine is on; it also ends after `poweroff` or `reboot`."""
         return self._container is not None and self._container.runs
 
     def link(
@@ -322,14 +323,14 @@ class Machine:
         up: bool = True,
         shapes: tuple[LinkShape, LinkShape] | None = None,
     ) -> None:
-        """Make the way through `port` such; what is left out is as good as can be. See `RelayWay`."""
+        """Set the properties of the link through `port`; an omitted one means no limit. See `RelayWay`."""
         self._relay.set(relay.RelayWay(delay_s, rate_up_bps, rate_down_bps, up, shapes))
 
     def power_on(self, *, is_configured: bool = True, wait_s: float | None = _PATIENCE_S) -> None:
-        """Boot it and wait for its sshd.
+        """Boot the machine and wait for its sshd.
 
-        `is_configured`: its interface has the declared address and a default route, as if its own configuration had set
-        them; False leaves that to the configuration on its disk. `wait_s`: None returns at once.
+        `is_configured`: its interface gets the inventory address and a default route, as if its own configuration had
+        set them; False leaves that to the configuration on its disk. `wait_s`: None returns at once.
         """
         if self.runs:
             raise MachineError(f"{self.name} runs already")
@@ -340,22 +341,22 @@ class Machine:
             self.wait_until_up(wait_s)
 
     def power_cut(self) -> None:
-        """Take its power away: no process ends in an orderly way, and no peer is told. Its disk is kept."""
+        """Cut the power: no process can shut down, and peers are not notified. The disk is kept."""
         self._off()
 
     def stop(self) -> None:
-        """Take it down for good, with its port; its disk goes with the yard."""
+        """Stop the machine permanently and close its port; its disk is removed with the lab."""
         self._relay.close()
         self._off()
 
     def wait_until_up(self, timeout_s: float = _PATIENCE_S) -> None:
-        """Wait until its sshd answers and lets in who may log in; MachineFailed with its last words otherwise."""
+        """Wait until sshd accepts logins. Raises MachineError with the last console lines after a timeout."""
         wait(lambda: not self.runs or self._greets(), timeout_s, lambda: self._output("does not answer SSH"))
         if not self.runs:
             raise MachineError(self._output("ended while it booted"))
 
     def state(self, *, wait_for_boot: bool = False) -> str:
-        """The state of systemd: `running`, `degraded`, `starting`, …; `wait_for_boot`: after the boot has ended."""
+        """Return systemd's state: `running`, `degraded`, `starting`, …; `wait_for_boot`: wait until it has booted."""
         wait_words = ("--wait",) if wait_for_boot else ()
         return self.run(shlex.join(("systemctl", "is-system-running", *wait_words)), check=False).stdout.strip()
 
@@ -367,7 +368,7 @@ class Machine:
         check: bool = True,
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
-        """Run a line of shell inside as root, without SSH; `check`: MachineFailed unless it ends with 0."""
+        """Run a shell command inside as root, without SSH; `check`: raises MachineError unless it ends with 0."""
         wait(lambda: not self.runs or self._leader(), _PATIENCE_S, lambda: self._output("does not boot"))
         leader = self._leader()
         if leader is None:
@@ -380,7 +381,7 @@ class Machine:
         return result
 
     def put(self, path: str, text: str, *, mode: str = "0644") -> None:
-        """Write a file inside, and the folders above it; works also while it is off."""
+        """Write a text file and its parent folders; also works while the machine is off."""
         name = shlex.quote(path)
         folder = shlex.quote(str(Path(path).parent))
         command = f"mkdir -p {folder} && cat > {name} && chmod {mode} {name}"
@@ -392,13 +393,13 @@ class Machine:
             raise MachineError(f"{self.name}: {path} cannot be written: {result.stderr.strip()}")
 
     def put_bytes(self, path: str, data: bytes) -> None:
-        """Write a file that is no text straight to its disk, whether it runs or not."""
+        """Write a binary file directly to the disk, whether the machine is on or off."""
         place = self._disk.root / path.lstrip("/")
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(data)
 
     def fill_disk(self, *, leave_kb: int = 0) -> None:
-        """Make its disk full; what is running inside goes on and meets ENOSPC."""
+        """Fill the disk; running programs get ENOSPC."""
         self._disk.fill(leave_kb)
 
     def free_disk(self) -> None:
@@ -406,7 +407,7 @@ class Machine:
         self._disk.free()
 
     def _plug(self, *, is_configured: bool) -> None:
-        """Give it a namespace with its interfaces, which have the same addresses of Ethernet each time."""
+        """Create the network namespace and its interfaces; MAC addresses are the same each time."""
         add_namespace(self._unique)
         for interface in filter(None, (self.spec.interface, self.spec.spare)):
             port = f"{self._unique.rpartition('-')[2]}-{len(self._ports)}"
@@ -426,7 +427,7 @@ class Machine:
         program("ip", "-n", self._unique, *words)
 
     def _off(self) -> None:
-        """Cut its cables first, so that no peer hears of its end."""
+        """Power off; interfaces are removed first, so that peers are not notified."""
         while self._ports:
             program("ip", "-n", self._lab, "link", "delete", self._ports.pop())
         if self._container is not None:
@@ -438,7 +439,7 @@ class Machine:
         return None if self._container is None else self._container.leader()
 
     def _greets(self) -> bool:
-        """Whether sshd says its name, and the boot has come so far that ordinary users may log in."""
+        """Return whether sshd sends its banner and the boot has reached the point where users may log in."""
         leader = self._leader()
         if leader is None or Path(f"/proc/{leader}/root/run/nologin").exists():
             return False
@@ -454,7 +455,7 @@ class Machine:
 
 
 def _card(root: Path, spec: MachineSpec) -> str:
-    """Write what a card of this one host holds beyond the tree; give its public host key."""
+    """Write the host-specific files of a card; return the public host key."""
     key = Ed25519PrivateKey.generate()
     private = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.OpenSSH, serialization.NoEncryption()

@@ -1,6 +1,6 @@
-"""A lab: containers on an isolated network of their own.
+"""Lab: containers in an isolated network of this computer.
 
-Tells whether machines can be run on this computer, and installs what they lack.
+The module also checks whether machines can run here, and installs missing packages.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
 
 
 def why_not(environ: Mapping[str, str] | None = None) -> str | None:
-    """Why no machine can be run here, in a few words; None where machines run."""
+    """Return why no machine can run here, in a few words, or None."""
     if why := _disabled_reason(environ):
         return why
     packages = missing_packages()
@@ -52,9 +52,9 @@ def why_not(environ: Mapping[str, str] | None = None) -> str | None:
 
 
 def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = None) -> None:
-    """Install the packages that machines lack, where this is a Debian and its root asks; else do nothing.
+    """Install missing packages if this is Debian and the user is root; otherwise do nothing.
 
-    What cannot be installed `why_not` names afterwards.
+    `why_not` then lists what could not be installed.
     """
     packages = () if _disabled_reason(environ) else missing_packages()
     if not packages or shutil.which("apt-get") is None:
@@ -76,7 +76,7 @@ def _disabled_reason(environ: Mapping[str, str] | None) -> str | None:
 
 
 def missing_packages() -> tuple[str, ...]:
-    """The Debian packages that machines need and this computer lacks."""
+    """Return the Debian packages that machines need and this computer lacks."""
     packages = {package for name, package in _PROGRAMS.items() if shutil.which(name) is None}
     if not _KEYRING.exists():
         packages.add("debian-archive-keyring")
@@ -84,7 +84,7 @@ def missing_packages() -> tuple[str, ...]:
 
 
 def _forbidden() -> str | None:
-    """What a computer that is itself a container may not do."""
+    """Return which kernel feature is missing or forbidden here (for example in a container), or None."""
     if not _overlays():
         return "the kernel has no overlay file system"
     if hosts.output_of(("unshare", "--net", "--mount", "--pid", "--fork", "true")).returncode:
@@ -105,7 +105,7 @@ _POLL_S = 0.05
 
 
 class Lab:
-    """Machines on one cable, and this computer's end of it; made by `yard`."""
+    """Machines on one network, with this computer's end of it; made by `open_lab`."""
 
     def __init__(self, name: str, folder: Path, stack: ExitStack) -> None:
         self.name = name
@@ -122,13 +122,13 @@ class Lab:
 
     @property
     def address(self) -> str:
-        """The yard's own end: the gateway of the first machine, where servers for machines listen."""
+        """Address of the lab's own end: the gateway of the first machine, where servers for machines listen."""
         if not self._addresses:
             raise hosts.MachineError("a yard has an address once it has a machine or was told one (`add_address`)")
         return self._addresses[0]
 
     def add_address(self, address: str) -> None:
-        """Give the yard's end an address with its prefix, such as 10.64.1.1/24; more than one is fine."""
+        """Add an address with prefix length, such as 10.64.1.1/24, to the lab's end; several are allowed."""
         new = IPv4Interface(address)
         if str(new.ip) not in self._addresses:
             hosts.program("ip", "-n", self.name, "address", "add", str(new), "dev", hosts.BRIDGE)
@@ -148,11 +148,11 @@ class Lab:
         is_configured: bool = True,
         wait_s: float | None = 60.0,
     ) -> hosts.Machine:
-        """Boot a machine from a tree, which stays as it is; wait for its sshd unless `wait_s` is None.
+        """Boot a machine from a tree, which is not modified; wait for its sshd unless `wait_s` is None.
 
-        `address` has its prefix; `gateway` becomes the yard's own end. `keys`: public keys with which root may log in.
-        `disk_mb`: room for what the machine writes, in this computer's memory; half of it if left out. `spare`: name
-        of a second interface without an address. `is_configured`: see `Machine.power_on`.
+        `address` has a prefix length; `gateway` becomes an address of the lab's end. `keys`: public keys of root.
+        `disk_mb`: room for what the machine writes, in this computer's memory; default: half of it. `spare`: name of a
+        second interface without an address. `is_configured`: see `Machine.power_on`.
         """
         if name in self.machines:
             raise hosts.MachineError(f"{name} stands in this yard already")
@@ -169,7 +169,7 @@ class Lab:
         return result
 
     def listen(self, port: int = 0, address: str | None = None) -> socket.socket:
-        """A listening socket at the yard's end, for a server in this process; 0: any free port."""
+        """Return a listening socket at the lab's end, for a server in this process; 0: any free port."""
         result = self._inside.socket()
         result.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         result.bind((address or self.address, port))
@@ -177,7 +177,7 @@ class Lab:
         return result
 
     def serve(self, folder: Path, port: int = 0) -> str:
-        """Serve a folder by HTTP at the yard's end as long as the yard stands; give the address, http://…:port."""
+        """Serve a folder by HTTP at the lab's end until the lab ends; return its URL, http://…:port."""
         handler = functools.partial(_Quiet, directory=str(folder))
         server = ThreadingHTTPServer((self.address, port), handler, bind_and_activate=False)
         server.socket.close()
@@ -196,29 +196,29 @@ class Lab:
         check: bool = True,
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
-        """Run a program of this computer, with its powers, in the yard's network; `check`: see `Machine.run`."""
+        """Run a local program with its normal rights in the lab's network; `check`: see `Machine.run`."""
         result = hosts.output_of((*self.prefix(), *words), text=input, timeout_s=timeout_s)
         if check and result.returncode:
             raise hosts.MachineError(f"{' '.join(words)}: ended with {result.returncode}: {result.stderr.strip()}")
         return result
 
     def prefix(self) -> tuple[str, ...]:
-        """What to write before a program's words so that it runs in the yard's network."""
+        """Return the command prefix that runs a program in the lab's network."""
         return ("ip", "netns", "exec", self.name)
 
 
 class _Quiet(SimpleHTTPRequestHandler):
-    """Says nothing on the terminal."""
+    """HTTP handler without log output."""
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - as the class above has it
-        """Requests are the machines' business."""
+        """Ignore log messages."""
 
 
 @contextmanager
 def open_lab(folder: Path) -> Iterator[Lab]:
-    """Ground for machines; consoles are written to `folder`. At its end, or its owner's, nothing is left of it.
+    """Open a lab for machines; consoles are logged to `folder`. Everything is removed at the end.
 
-    MachineFailed where no machine can be run (`why_not`). What owners that were killed could not take down goes first.
+    Raises MachineError if no machine can run (`why_not`). Leftovers of killed processes are removed first.
     """
     if (reason := why_not()) is not None:
         raise hosts.MachineError(f"no machine can be run here: {reason}")
@@ -231,7 +231,7 @@ def open_lab(folder: Path) -> Iterator[Lab]:
 
 @contextmanager
 def _reserve_name() -> Iterator[str]:
-    """A name, and a keeper that takes down whatever bears it when this process lets go of it, dead or alive."""
+    """Reserve a lab name, with a keeper process that removes everything with that name after this process."""
     name = f"{reaper.PREFIX}{os.getpid()}-{next(_NUMBERS)}"
     newborn = reaper.YARDS / f".{name}"  # nobody's to sweep until its owner holds the lock
     newborn.mkdir(exist_ok=True)

@@ -1,10 +1,10 @@
-"""Takes a yard down when its owner ends, in whatever way that happens; a program of the standard library alone.
+"""Remove a lab when its owner ends, in whatever way; uses only the standard library.
 
-    python _keeper.py YARD OWNER  waits for the end of its standard input, which the owner holds open, or of the owner:
-                                  a fork of it that lives on would hold the input open, too
+    python reaper.py YARD OWNER  waits for the end of its standard input, which the owner holds open, or of the owner:
+                                a surviving fork of it would hold the input open, too
 
-Everything of a yard bears its name: network namespaces, control groups, mounts. Taking down what is already gone is no
-error, so that the owner's keeper and the sweep of a later yard may meet.
+Everything of a lab has its name: network namespaces, control groups, mounts. Removing what is already gone is no error,
+so that the owner's keeper and the sweep of a later lab may run at the same time.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _PAUSE_S = 0.01
 
 
 def sweep() -> None:
-    """Take down the yards whose owners are dead."""
+    """Remove the labs whose owners are dead."""
     for folder in sorted(YARDS.glob(f"{PREFIX}*")):
         with suppress(FileNotFoundError, BlockingIOError), (folder / "owner").open("rb") as owner:
             fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -44,7 +44,7 @@ def sweep() -> None:
 
 
 def take_down(lab: str) -> None:
-    """End every process of a yard, then remove its mounts, namespaces and control groups."""
+    """Kill all processes of a lab, then remove its mounts, namespaces and control groups."""
     for name in _namespaces(lab):
         empty(partial(_inhabitants, name))
     for group in _groups(lab):
@@ -58,7 +58,7 @@ def take_down(lab: str) -> None:
 
 
 def _namespaces(lab: str) -> list[str]:
-    """Names of the network namespaces of a yard; those of its machines first."""
+    """Return the network namespaces of a lab, those of its machines first."""
     names = [lab, *(path.name for path in _NAMESPACES.glob(f"{lab}-*"))]
     return sorted((name for name in names if (_NAMESPACES / name).exists()), key=len, reverse=True)
 
@@ -69,7 +69,7 @@ def _inhabitants(name: str) -> list[int]:
 
 
 def empty(inhabitants: Callable[[], list[int]], patience_s: float = _PATIENCE_S) -> None:
-    """Kill until nobody is left, or patience is."""
+    """Kill processes until none is left, or the time is over."""
     end = time.monotonic() + patience_s
     while (processes := inhabitants()) and time.monotonic() < end:
         for process in processes:
@@ -79,7 +79,7 @@ def empty(inhabitants: Callable[[], list[int]], patience_s: float = _PATIENCE_S)
 
 
 def control_groups() -> list[Path]:
-    """Where the hierarchies of control groups are mounted that systemd keeps its books in."""
+    """Return the mount points of the control group hierarchies that systemd uses."""
     result = []
     for line in Path("/proc/self/mountinfo").read_text(encoding="utf-8").splitlines():
         place, _, kind = line.partition(" - ")
@@ -95,7 +95,7 @@ def _groups(lab: str) -> Iterator[Path]:
 
 
 def remove_group(group: Path) -> None:
-    """Kill what is left in a control group and in those below it, and remove them."""
+    """Kill the processes of a control group and its children, and remove the groups."""
     empty(partial(_members, group))
     for below, _, _ in os.walk(group, topdown=False):
         with suppress(OSError):
@@ -111,20 +111,20 @@ def _members(group: Path) -> list[int]:
 
 
 def mount_points() -> list[str]:
-    """Where something is mounted, in the order in which it was."""
+    """Return all mount points, in mount order."""
     lines = Path("/proc/self/mountinfo").read_text(encoding="utf-8").splitlines()
     return [re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), line.split()[4]) for line in lines]
 
 
 def unmount(folder: Path) -> None:
-    """Unmount what is mounted below a folder, the last one first."""
+    """Unmount everything below a folder, in reverse order."""
     for place in reversed(mount_points()):
         if Path(place).is_relative_to(folder):
             _quietly("umount", "--lazy", place)
 
 
 def remove(folder: Path) -> None:
-    """Delete a folder, but nothing that is mounted in it after all."""
+    """Delete a folder, but nothing that is still mounted in it."""
     _quietly("rm", "-rf", "--one-file-system", str(folder))
 
 

@@ -1,4 +1,4 @@
-"""The way from this computer to a machine's sshd: a port of the loopback, and a bearer with delay and outages."""
+"""Link from this computer to a machine's sshd: a loopback port, with emulated delay and outages."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _RESET = b"\1\0\0\0\0\0\0\0"
 
 @dataclass(frozen=True)
 class RelayWay:
-    """What the bearer does to every byte from now on; the default does nothing."""
+    """Properties of the emulated link from now on; the default has no delay and no limits."""
 
     delay_s: float = 0.0
     """One way: half of the round trip. Making a connection costs a round trip."""
@@ -41,7 +41,7 @@ class RelayWay:
 
     @property
     def tcp(self) -> TcpLink:
-        """What it makes of TCP connections."""
+        """The link's effect on TCP connections."""
         up, down = self.shapes or (
             LinkShape(rate_bps=rate, delay_s=self.delay_s) for rate in (self.rate_up_bps, self.rate_down_bps)
         )
@@ -50,7 +50,7 @@ class RelayWay:
 
 @dataclass
 class RelayTraffic:
-    """What has been handed to the bearer since the machine was started; headers are not counted."""
+    """Bytes sent to the link since the machine was started, without headers."""
 
     connections: int = 0
     up_bytes: int = 0
@@ -67,9 +67,9 @@ class _Direction(Enum):
 
 
 class Relay:
-    """Listens on 127.0.0.1, and leads every connection to an address inside a namespace, in a thread of its own.
+    """Listens on 127.0.0.1 and forwards each connection to an address in a namespace, in its own thread.
 
-    `buffer`: so many bytes wait in the kernel before a sender has to wait; None: as many as it gives, megabytes.
+    `buffer`: bytes that the kernel queues before a sender blocks; None: the kernel's default, megabytes.
     """
 
     def __init__(
@@ -90,11 +90,11 @@ class Relay:
 
     @property
     def traffic(self) -> RelayTraffic:
-        """What has passed up to now."""
+        """Traffic so far."""
         return self._bearer.traffic
 
     def set(self, way: RelayWay) -> None:
-        """Change the bearer; bytes that are already under way arrive when they would have."""
+        """Change the link; bytes in transit keep their arrival time."""
         asyncio.run_coroutine_threadsafe(self._bearer.set(way), self._loop).result()
 
     def close(self) -> None:
@@ -122,7 +122,7 @@ class Relay:
             task.add_done_callback(connections.discard)
 
     async def _connection(self, client: socket.socket) -> None:
-        """Carry both directions until both have ended; when one fails, both ends are reset."""
+        """Forward both directions until both end; if one fails, both ends are reset."""
         with client:
             await self._bearer.connect()
             with self._make() as machine:
@@ -137,7 +137,7 @@ class Relay:
 
 
 class _RelayBearer:
-    """The state that all connections share: the link, and whether anything arrives."""
+    """State shared by all connections: the link, and whether it is up."""
 
     def __init__(self) -> None:
         self._tcp = RelayWay().tcp
@@ -153,13 +153,13 @@ class _RelayBearer:
             self._air.clear()
 
     async def connect(self) -> None:
-        """Wait for what a TCP connection costs before its first byte."""
+        """Wait for the handshake time of a TCP connection."""
         self.traffic.connections += 1
         await asyncio.sleep(self._tcp.connect_s)
         await self._air.wait()
 
     def arrival(self, direction: _Direction, size: int) -> float:
-        """When bytes that are handed over now have arrived; a direction's rate is shared by all connections."""
+        """Return when bytes sent now arrive; all connections share a direction's rate."""
         up = direction is _Direction.UP
         self.traffic.up_bytes += size if up else 0
         self.traffic.down_bytes += 0 if up else size
@@ -181,7 +181,7 @@ async def _join(bearer: _RelayBearer, client: socket.socket, machine: socket.soc
 
 
 async def _take(bearer: _RelayBearer, direction: _Direction, source: socket.socket, line: _Line) -> None:
-    """Hand over at this end whatever comes, the end of the connection too."""
+    """Read from the source and queue all data, the end of the connection included."""
     loop = asyncio.get_running_loop()
     data: bytes | None = b"more"
     while data:
@@ -193,7 +193,7 @@ async def _take(bearer: _RelayBearer, direction: _Direction, source: socket.sock
 
 
 async def _deliver(bearer: _RelayBearer, sink: socket.socket, line: _Line) -> None:
-    """Give out at the other end, first in, first out, each piece when it is due."""
+    """Deliver queued data in order, each piece at its arrival time."""
     loop = asyncio.get_running_loop()
     last = 0.0
     while True:

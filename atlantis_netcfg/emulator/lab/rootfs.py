@@ -1,7 +1,7 @@
-"""Unpacked Debian roots that machines are started from: each is built once and never written to again.
+"""Unpacked Debian roots for machines: each is built once and never modified.
 
-Each use of one removes the others that an older release of the toolkit was the last to use, and those that nobody has
-used for `KEPT_DAYS` days; never one that a machine stands on.
+Each use of one removes the others if an older release of the toolkit used them last, or if they were not used for
+`KEPT_DAYS` days; never one that a machine is using.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _MESSAGES = 6
 
 @dataclass(frozen=True)
 class TreeSpec:
-    """A Debian root: what is installed beyond the base, and from where."""
+    """A Debian root: extra packages, and their sources."""
 
     packages: tuple[str, ...] = ()
     release: str = "bookworm"
@@ -58,21 +58,21 @@ class TreeSpec:
 
     @property
     def all_packages(self) -> tuple[str, ...]:
-        """All packages that are asked for, in one order whatever order they were named in."""
+        """All packages, sorted."""
         return tuple(sorted({*BASE, *self.packages}))
 
     def key(self) -> str:
-        """The name of the tree in the cache: another one for whatever makes another tree."""
+        """Return the tree's name in the cache, derived from everything that determines its contents."""
         text = json.dumps(asdict(self) | {"packages": self.all_packages, "recipe": _RECIPE, "hooks": _HOOKS})
         return f"{self.release}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
 def build_rootfs(spec: TreeSpec, cache: Path | None = None) -> Path:
-    """The unpacked root, built if it is missing: 25 s for the bare one, about 300 MB; MachineFailed if that fails.
+    """Return the unpacked root, building it if missing: 25 s for the minimum, about 300 MB. Raises MachineError.
 
-    `cache`: where trees are kept, and the packages that they were made from; `trees` in the user's cache if left out.
-    All of it may be deleted while no machine runs. Processes that want the same tree wait for the one that builds it;
-    what a killed build has left is thrown away by the next one. A proxy is taken from the environment (`http_proxy`).
+    `cache`: where trees and downloaded packages are kept; default: `trees` in the user's cache. It may be deleted while
+    no machine runs. Processes that need the same tree wait for the one that builds it; leftovers of a killed build are
+    removed by the next one. A proxy is taken from the environment (`http_proxy`).
     """
     place = cache_dir() / "trees" if cache is None else cache
     place.mkdir(parents=True, exist_ok=True)
@@ -87,14 +87,14 @@ def build_rootfs(spec: TreeSpec, cache: Path | None = None) -> Path:
 
 @contextmanager
 def in_use(tree: Path) -> Iterator[None]:
-    """Say to other processes that machines stand on a tree as long as this block lasts, or its process."""
+    """Mark a tree as used by machines, for other processes, until the block or the process ends."""
     with _lock(tree, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_SH):
         yield
 
 
 @contextmanager
 def _alone(lock: Path, *, wait: bool = True) -> Iterator[int]:
-    """Hold the lock of a tree: while it is built, or removed. Raises BlockingIOError if it is not to be waited for."""
+    """Lock a tree for building or removal. Raises BlockingIOError if it is locked and `wait` is False."""
     with _lock(lock, os.O_RDWR | os.O_CREAT, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB)) as descriptor:
         yield descriptor
 
@@ -110,13 +110,13 @@ def _lock(path: Path, flags: int, how: int) -> Iterator[int]:
 
 
 def _note_use(lock: int) -> None:
-    """Note which release has used the tree; when, is the time of the file."""
+    """Store the release that uses the tree; the file's time is the time of use."""
     os.truncate(lock, 0)
     os.pwrite(lock, __version__.encode(), 0)
 
 
 def _prune(place: Path, keep: Path) -> None:
-    """Remove the other trees that are no longer needed; what cannot be removed stays."""
+    """Remove other trees that are no longer needed; failures are ignored."""
     for lock in sorted(place.glob("*.lock")):
         tree = lock.with_suffix("")
         if tree == keep or not (_is_outdated(lock) or lock.with_suffix(".half").exists()):
@@ -129,7 +129,7 @@ def _prune(place: Path, keep: Path) -> None:
 
 
 def _is_outdated(lock: Path) -> bool:
-    """Whether an older release, or one that did not note it yet, was the last to use a tree, or it was long ago."""
+    """Return whether a tree was last used by an older or unknown release, or too long ago."""
     unused_s = time.time() - lock.stat().st_mtime
     return _release(lock.read_text(encoding="utf-8")) < _release(__version__) or unused_s > KEPT_DAYS * _DAY_S
 
@@ -139,7 +139,7 @@ def _release(version: str) -> list[int]:
 
 
 def _stood_on(tree: Path) -> bool:
-    """Whether a machine stands on a tree: one of a living process, or a mount that a killed one has left."""
+    """Return whether a machine uses a tree, or a killed process left it mounted."""
     try:
         with _lock(tree, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX | fcntl.LOCK_NB):
             return f"lowerdir={tree.resolve()}," in _MOUNTS.read_text(encoding="utf-8")
@@ -165,7 +165,7 @@ def _build(spec: TreeSpec, half: Path, tree: Path, lock: int) -> None:
 
 
 def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedProcess[str]:
-    """Run it with the locks in its hands: it may outlive us, and the next builder has to wait for its end.
+    """Run mmdebstrap; it inherits the locks, because it may outlive this process.
 
     Trees are built one after another: a build fails if another one changes the shared packages while it copies them.
     """
@@ -181,7 +181,7 @@ def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedPr
 
 
 def _kept_debs(debs: Path) -> tuple[str, ...]:
-    """How mmdebstrap is told to fetch a package once for all trees; apt fetches again what does not fit its list."""
+    """Return mmdebstrap options that cache packages for all trees; apt fetches outdated ones again."""
     place, inside = shlex.quote(str(debs)), "/var/cache/apt/archives"
     return (
         *("--skip=download/empty", "--skip=essential/unlink"),
@@ -191,7 +191,7 @@ def _kept_debs(debs: Path) -> tuple[str, ...]:
 
 
 def _remove(half: Path) -> None:
-    """Throw away what a killed build has left; its mounts first, which show this computer's own /proc and /sys."""
+    """Remove a killed build; first its mounts, which include this computer's /proc and /sys."""
     unmount(half)
     remove(half)
     if half.exists():

@@ -1,9 +1,9 @@
-"""An emulated Linux computer, as far as reading programs tell of it: what `ip`, `iw`, `ping` and others would print.
+"""An emulated Linux computer: the output of `ip`, `iw`, `ping` and other read-only programs.
 
-It stands for the output of the programs that the probes may run, in their exact form, for the DHCP servers that answer
-on its segments, for the DDS participants that run on it, and for the computers that answer its messages. It has no
-network: a ping answers as its specification says, and at once. Its specification is frozen and healthy by default; a
-rehearsal breaks things by another one.
+It emulates the exact output of the programs that the probes may run, the DHCP servers on its segments, its DDS
+participants, and the computers that respond to its messages. It has no network: the specification defines the result of
+a ping, which returns at once. The specification is immutable and healthy by default; a rehearsal uses another one to
+cause faults.
 """
 
 from __future__ import annotations

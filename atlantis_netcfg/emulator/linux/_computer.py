@@ -1,4 +1,4 @@
-"""The computer itself: which program answers a command line, and who offers addresses on its segments."""
+"""The emulated computer: the program for each command line, and the DHCP servers of its segments."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NOT_SYNCHRONISED = (
 
 
 def timedatectl(spec: _spec.ComputerSpec, argv: Sequence[str], now: float) -> ProgramOutput:
-    """Answer `timedatectl show`; `now`: seconds since 1970 by its own clock."""
+    """Emulate `timedatectl show`; `now`: seconds since 1970 by its own clock."""
     if list(argv[1:]) != ["show"]:
         return 1, "", f"Unknown command verb {argv[1] if len(argv) > 1 else ''}.\n"
     time = spec.time
@@ -44,7 +44,7 @@ def timedatectl(spec: _spec.ComputerSpec, argv: Sequence[str], now: float) -> Pr
 
 
 def chronyc(spec: _spec.ComputerSpec, argv: Sequence[str], now: float) -> ProgramOutput:
-    """Answer `chronyc -n -c tracking` and `sources`."""
+    """Emulate `chronyc -n -c tracking` and `sources`."""
     time = spec.time
     if not time.chrony:
         return 1, "", "506 Cannot talk to daemon\n"
@@ -65,7 +65,7 @@ _WRITER = b"\x00\x01\x00\xc2"
 
 
 def answers(number: int, spec: _spec.DdsSpec, asked_by: bytes) -> tuple[bytes, ...]:
-    """The messages of the participant with this number to the GUID prefix that has announced itself."""
+    """Build the messages of one participant in response to the announcement of a GUID prefix."""
     data = b"\x01\x10" + struct.pack(">HII", spec.domain, 0xA71A, number)
     head = b"RTPS\x02\x01\x01\x10" + data
     to_the_asker = struct.pack("<BBH", 0x0E, 1, 12) + asked_by
@@ -108,7 +108,7 @@ def cat(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
 
 
 def _sockets(sockets: Sequence[_spec.UdpSpec]) -> str:
-    """As `net/ipv4/udp.c` prints them, on a computer whose lowest byte comes first."""
+    """Format UDP sockets as `net/ipv4/udp.c` does on a little-endian computer."""
     head = (
         "   sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt"
         "   uid  timeout inode ref pointer drops"
@@ -127,7 +127,7 @@ def _reverse_bytes(address: str) -> str:
 
 
 def openssl(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
-    """Print every certificate in a file (`storeutl -noout -text -certs PATH`); words and code of OpenSSL 3.0."""
+    """Print all certificates of a file (`storeutl -noout -text -certs PATH`); output and exit code of OpenSSL 3.0."""
     path, command = argv[-1], argv[1] if len(argv) > 1 else ""
     if command != "storeutl":
         return 1, "", f"Invalid command '{command}'; type \"help\" for a list.\n"
@@ -158,7 +158,7 @@ def _stamp(moment: datetime) -> str:
 
 
 def uname(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
-    """Print name, release and machine of the kernel (`-s`, `-n`, `-r`, `-m`); words of coreutils 9."""
+    """Print name, release and machine of the kernel (`-s`, `-n`, `-r`, `-m`); output of coreutils 9."""
     fields = {"s": "Linux", "n": spec.name, "r": spec.kernel, "m": spec.machine}
     options = [word.removeprefix("-") for word in argv[1:] if word.startswith("-")]
     extra = next((word for word in argv[1:] if not word.startswith("-")), None)
@@ -171,7 +171,7 @@ def uname(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
 
 
 def ssh_keygen(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
-    """Print the fingerprint of a public key of Ed25519 (`-l -f PATH`); words and code of OpenSSH 9."""
+    """Print the fingerprint of an Ed25519 public key (`-l -f PATH`); output and exit code of OpenSSH 9."""
     if list(argv[1:3]) != ["-l", "-f"] or len(argv) != 4:  # noqa: PLR2004 - the program and three words
         return 1, "", "Too many arguments.\r\n"
     path = argv[3]
@@ -187,7 +187,7 @@ def ssh_keygen(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
 
 
 def dpkg_query(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
-    """Print installed packages by their names, no patterns (`-W -f=FORMAT NAME…`); words and codes of dpkg 1.21."""
+    """Print installed packages by name, no patterns (`-W -f=FORMAT NAME…`); output and codes of dpkg 1.21."""
     if len(argv) < 2 or argv[1] != "-W":  # noqa: PLR2004 - the program and its action
         reason = f"unknown option {argv[1]}" if len(argv) > 1 else "need an action option"
         return 2, "", f"dpkg-query: error: {reason}\n\nUse --help for help about querying packages.\n"
@@ -214,7 +214,7 @@ NOT_FOUND = 127
 
 
 class Computer:
-    """Answers without a socket or a process: the seam is the command line, as for SSH."""
+    """Emulated computer without sockets or processes; its interface is the command line, as for SSH."""
 
     def __init__(self, spec: _spec.ComputerSpec, clock: Callable[[], float] = time.time) -> None:
         self.spec = spec
@@ -229,7 +229,7 @@ class Computer:
         return self._clock() + self.spec.time.offset_s
 
     def answer(self, argv: Sequence[str]) -> ProgramOutput:
-        """Exit code, output and error output; 127 for a program that it does not have."""
+        """Run a command line: exit code, output, error output; 127 for a missing program."""
         self.inputs.append(tuple(argv))
         program = argv[0] if argv else ""
         if program in self.spec.lacks or program not in _PROGRAMS:
@@ -237,9 +237,9 @@ class Computer:
         return _PROGRAMS[program](self, argv)
 
     def offers(self, interface: str, cards: Sequence[str] = ()) -> tuple[_spec.OfferSpec, ...] | None:
-        """Who answers a DISCOVER on an interface, named by its name or an address of it; None: no such interface.
+        """Return the DHCP offers on an interface (name or address); None: no such interface.
 
-        It is asked in the name of the interface, of `cards`, and of one that nobody knows.
+        The requests use the MAC addresses of the interface and of `cards`, and an unknown one.
         """
         item = self._segment_interface(interface)
         if item is None:
@@ -251,19 +251,19 @@ class Computer:
         )
 
     def routers(self, interface: str) -> tuple[_spec.AdvertisementSpec, ...] | None:
-        """Who answers a router solicitation on an interface, named as for `offers`; None: no such interface."""
+        """Return the router advertisements on an interface, named as for `offers`; None: no such interface."""
         item = self._segment_interface(interface)
         if item is None:
             return None
         return self.spec.routers.get(item.name, ()) if item.up else ()
 
     def _segment_interface(self, word: str) -> _spec.InterfaceSpec | None:
-        """The interface of this name, or the one that has this address."""
+        """Return the interface with this name or address."""
         item = self.spec.interface(word)
         return self.spec.holding(word) if item is None and word[:1].isdigit() else item
 
     def participants(self, domain: int, address: str, asked_by: bytes) -> tuple[tuple[str, bytes], ...] | None:
-        """Address and messages of the DDS participants that answer one who announces itself to an own address.
+        """Return address and messages of the DDS participants that respond to an announcement.
 
         None: no interface has this address.
         """
@@ -277,9 +277,9 @@ class Computer:
     def reflect(
         self, source: str, address: str, tokens: Sequence[str]
     ) -> tuple[tuple[str, str, float, bytes], ...] | None:
-        """Sender, interface, delay in seconds and text of the answers to messages with these tokens.
+        """Return sender, interface, delay in seconds and text of each response to messages with these tokens.
 
-        None: no interface has the source address. Each answer says that it is emulated.
+        None: no interface has the source address. Each response says that it is emulated.
         """
         interface, way, there = self.spec.holding(source), self.spec.towards(address), self.spec.reflectors.get(address)
         if interface is None:
@@ -322,10 +322,11 @@ def lan_computer(  # noqa: PLR0913 - each is one value of a declaration
     server: str | None = None,
     interface: str = "eth0",
 ) -> _spec.ComputerSpec:
-    """`address` with its prefix length; `router` and `others`: address and MAC; `tunnel`: own address in the VPN.
+    """Build a computer on a LAN, on which all addresses respond to pings.
 
-    `mac`: None where nobody has declared it; `server`: address of the VPN's server in the tunnel. Everybody answers
-    pings, and the router alone offers addresses.
+    `address` has a prefix length; `router` and `others`: address and MAC; `tunnel`: own VPN address.
+    `mac`: None if the inventory has none; `server`: address of the VPN server in the tunnel. Only the router offers
+    addresses.
     """
     there = {router[0]: router[1], **others}
     interfaces = [

@@ -1,6 +1,6 @@
-"""`ip -j`: keys and order of iproute2 6.1 (`ip/ipaddress.c`, `ip/iproute.c`, `ip/ipneigh.c`), seen on a real one.
+"""`ip -j`: keys and order of iproute2 6.1 (`ip/ipaddress.c`, `ip/iproute.c`, `ip/ipneigh.c`), captured on a real one.
 
-`iw`: the words of iw 5.4 to 6.7 (`link.c`, `station.c`, `interface.c`, `reg.c`), from general knowledge.
+`iw`: the output of iw 5.4 to 6.7 (`link.c`, `station.c`, `interface.c`, `reg.c`), from general knowledge.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LOOPBACK = {"ifindex": 1, "ifname": "lo", "flags": ["LOOPBACK", "UP", "LOWER_UP
 
 
 def ip(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
-    """Answer a reading command; what the twin does not print says so as the program does, and fails."""
+    """Emulate read commands of `ip`; unsupported ones fail with the program's own message."""
     words = list(argv[1:])
     statistics = "-s" in words
     words = [word for word in words if word not in {"-j", "-json", "-s", "-d"}]
@@ -50,7 +50,7 @@ def ip(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
 
 
 def _of(device: str | None, rows: Iterable[dict[str, Any]], what: str) -> list[dict[str, Any]]:
-    """With `dev` the rows of routes and neighbours do not repeat its name."""
+    """Select the rows of a device; with `dev`, rows of routes and neighbours omit its name."""
     name = "ifname" if what in _OF_CARDS else "dev"
     matches = [row for row in rows if device is None or row.get(name) == device]
     is_redundant = what not in _OF_CARDS and device is not None
@@ -135,7 +135,7 @@ def _address(interface: _spec.InterfaceSpec, address: _spec.AddressSpec, *, seco
 
 
 def _routes(spec: _spec.ComputerSpec, selectors: dict[str, str]) -> list[dict[str, Any]]:
-    """In the kernel's order; of several addresses in one network the first brings the route."""
+    """Return routes in kernel order; of several addresses in one network, the first gives the route."""
     rows = [_route(spec, way) for way in spec.routes]
     rows += [row for interface in spec.interfaces for row in _connected_routes(interface)]
     if selectors.get("table", "main") not in {"main", "all"}:
@@ -210,7 +210,7 @@ _WITH_VALUE = ("-c", "-i", "-W", "-I", "-s", "-w")
 
 
 def ping(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
-    """Answer at once what a ping would have said in the end."""
+    """Return the output of a ping at once, without waiting."""
     if len(argv) < 2:  # noqa: PLR2004 - the program and a target
         return 1, "", "ping: usage error: Destination address required\n"
     options = {word: argv[place + 1] for place, word in enumerate(argv[:-1]) if word in _WITH_VALUE}
@@ -250,7 +250,7 @@ def _is_address(text: str) -> bool:
 
 
 def _answers(target: str, echo: _spec.EchoSpec, count: int) -> tuple[str, int]:
-    """The share that is lost is lost evenly, beginning with the last of each run."""
+    """Format the responses and count them; losses are spread evenly, at the end of each interval."""
     sequence_numbers = [number for number in range(1, count + 1) if not is_lost(number, echo.loss_percent)]
     lines = (
         f"64 bytes from {target}: icmp_seq={number} ttl=64 time={_time(echo.rtt_ms)} ms\n"
@@ -260,12 +260,12 @@ def _answers(target: str, echo: _spec.EchoSpec, count: int) -> tuple[str, int]:
 
 
 def is_lost(number: int, percent: float) -> bool:
-    """Whether a message is one of the share that is lost."""
+    """Return whether a message is lost at this loss rate."""
     return int(number * percent / 100) > int((number - 1) * percent / 100)
 
 
 def _time(value: float) -> str:
-    """Three figures, as iputils prints them."""
+    """Format a time with three figures, as iputils does."""
     digits = next((digits for least, digits in ((100, 0), (10, 1), (1, 2)) if value >= least), 3)
     return f"{value:.{digits}f}"
 
@@ -283,7 +283,7 @@ def _sum(target: str, count: int, reply_count: int, interval: float, echo: _spec
 
 
 def _silence(target: str, source: str, count: int, waits: tuple[float, float], *, on_segment: bool) -> str:
-    """On a segment the kernel gives up asking by ARP after some seconds, and says so where ping still listens."""
+    """Format a ping without response; on a segment, ARP fails after some seconds and ping may report it."""
     interval, patience = waits
     unreachable = on_segment and (count - 1) * interval + patience > _ARP_S
     lines = [f"From {source} icmp_seq={number} Destination Host Unreachable\n" for number in range(1, count + 1)]
@@ -298,7 +298,7 @@ _USAGE = (1, "", "Usage:\tiw [options] command\n")
 
 
 def iw(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
-    """Answer `iw reg get` and `iw dev NAME link|info|station dump`."""
+    """Emulate `iw reg get` and `iw dev NAME link|info|station dump`."""
     words = list(argv[1:])
     if words == ["reg", "get"]:
         return 0, _REGULATION.format(country=spec.country, region=_REGIONS.get(spec.country, "ETSI")), ""

@@ -1,4 +1,4 @@
-"""What a computer is made of, as data that survives a trip through JSON; healthy unless a field says otherwise."""
+"""Specification of an emulated computer, as JSON-able data; healthy unless a field says otherwise."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class AddressSpec(_Spec):
 
 
 class AssociationSpec(_Spec):
-    """What a wireless interface is associated with."""
+    """Association of a wireless interface."""
 
     ssid: str
     bssid: str
@@ -46,7 +46,7 @@ class AssociationSpec(_Spec):
 
 
 class InterfaceSpec(_Spec):
-    """A network interface, the loopback left out: every computer has one."""
+    """A network interface; every computer also has a loopback."""
 
     name: str
     mac: str | None = None
@@ -67,7 +67,7 @@ class InterfaceSpec(_Spec):
 
 
 class RouteSpec(_Spec):
-    """A route that somebody has configured; those of the addresses are there by themselves."""
+    """A configured route; routes of the addresses are added automatically."""
 
     to: str = "default"
     via: str | None = None
@@ -78,7 +78,7 @@ class RouteSpec(_Spec):
 
 
 class NeighbourSpec(_Spec):
-    """A line of the table of neighbours."""
+    """An entry of the neighbour table."""
 
     address: str
     dev: str
@@ -88,14 +88,14 @@ class NeighbourSpec(_Spec):
 
 
 class EchoSpec(_Spec):
-    """How an address answers to pings."""
+    """Ping responses of an address."""
 
     loss_percent: float = Field(default=0, ge=0, le=100)
     rtt_ms: float = Field(default=1.5, ge=0)
 
 
 class TimeSpec(_Spec):
-    """Its clock, and what sets it."""
+    """The clock and its time source."""
 
     zone: str = "Europe/Lisbon"
     offset_s: float = 0.0
@@ -110,7 +110,7 @@ class TimeSpec(_Spec):
 
 
 class UdpSpec(_Spec):
-    """A UDP socket that somebody has bound."""
+    """A bound UDP socket."""
 
     port: int = Field(ge=1, le=65535)
     address: str = "0.0.0.0"  # noqa: S104 - as the table of the kernel has it; nothing is bound
@@ -118,7 +118,7 @@ class UdpSpec(_Spec):
 
 
 class ReflectorSpec(_Spec):
-    """How another computer of the pilot answers the messages that are sent to it."""
+    """Responses of another computer of the pilot to messages."""
 
     host: str
     """The name that it gives itself."""
@@ -129,7 +129,7 @@ class ReflectorSpec(_Spec):
 
 
 class DdsSpec(_Spec):
-    """A DDS participant that answers whoever announces itself to it at an address of the computer."""
+    """A DDS participant that responds to announcements sent to an address of the computer."""
 
     domain: int = Field(default=0, ge=0, le=101)
     addresses: tuple[str, ...]
@@ -137,7 +137,7 @@ class DdsSpec(_Spec):
 
 
 class OfferSpec(_Spec):
-    """What a DHCP server of a segment offers."""
+    """Offer of a DHCP server on a segment."""
 
     server: str
     mac: str
@@ -148,7 +148,7 @@ class OfferSpec(_Spec):
 
 
 class AdvertisementSpec(_Spec):
-    """What an IPv6 router of a segment says of itself."""
+    """Advertisement of an IPv6 router on a segment."""
 
     address: str
     mac: str
@@ -201,11 +201,11 @@ class ComputerSpec(_Spec):
     """Programs that are not installed."""
 
     def interface(self, name: str) -> InterfaceSpec | None:
-        """Of that name."""
+        """Return the interface with that name."""
         return next((item for item in self.interfaces if item.name == name), None)
 
     def holding(self, address: str) -> InterfaceSpec | None:
-        """Give the interface that has an address."""
+        """Return the interface that has an address."""
         target = IPv4Address(address)
         return next(
             (
@@ -217,7 +217,7 @@ class ComputerSpec(_Spec):
         )
 
     def towards(self, address: str) -> tuple[str, str | None] | None:
-        """Interface and next hop of the way to an address; next hop None: it is on the segment; None: no way."""
+        """Return interface and next hop for an address; next hop None: same segment; None: no route."""
         target = IPv4Address(address)
         ways: list[tuple[IPv4Network, str, str | None]] = [
             (IPv4Interface(a.address).network, interface.name, None)

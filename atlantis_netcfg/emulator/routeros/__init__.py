@@ -1,8 +1,8 @@
-"""Emulated devices that speak the real protocol on real sockets, as strict as the devices they stand for.
+"""Emulated RouterOS devices that use the real protocol on real sockets, as strict as real devices.
 
 Asyncio programs use `EmulatedRouter` or `EmulatedSite`; others `RunningSite` (a thread) or `spawn` (a process).
 
-A name is imported when it is asked for: who only describes a twin does not load the whole of an emulated router.
+Names are imported lazily: code that only describes an emulated device does not load a whole emulated router.
 """
 
 from __future__ import annotations

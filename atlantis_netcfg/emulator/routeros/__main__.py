@@ -1,8 +1,8 @@
-"""`python -m atlantis_netcfg.emulator.routeros SITE.json --state DIR`: the twins of a site as a process.
+"""`python -m atlantis_netcfg.emulator.routeros SITE.json --state DIR`: the emulated routers of a site as a process.
 
-One JSON line on stdout when all listen (or cannot), then one for each command on stdin (see control.py). Ends when
-stdin closes, when the process `--owner` ends (a fork of it may hold stdin open) or on SIGTERM; the state is on flash by
-then.
+It prints one JSON line on stdout when all listen (or cannot), then one for each command on stdin (see control.py). It
+ends when stdin closes, when the process `--owner` ends (a fork of it may hold stdin open) or on SIGTERM; the state is
+then saved to flash.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _OBJECTS = 50_000
 
 
 def main() -> int:
-    """Run until told to end."""
+    """Run until stdin closes, the owner ends, or SIGTERM."""
     parser = argparse.ArgumentParser(
         prog="python -m atlantis_netcfg.emulator.routeros", description="emulated routers of a site"
     )
@@ -75,7 +75,7 @@ async def _serve(spec: SiteSpec, state_dir: Path, owner: int | None) -> ExitCode
 
 
 def _end_with(owner: int, loop: asyncio.AbstractEventLoop, lines: asyncio.Queue[str | None]) -> None:
-    """Take the end of this process for the end of stdin."""
+    """Treat the end of the owner process like the end of stdin."""
     try:
         handle = os.pidfd_open(owner)
     except ProcessLookupError:

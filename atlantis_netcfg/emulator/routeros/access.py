@@ -1,6 +1,6 @@
-"""Who may log in (Manual, User; Manual, API: Login).
+"""User authentication of an emulated router (Manual, User; Manual, API: Login).
 
-Which features the device-mode lets a router use (Manual, Device-mode; from 7.17 set at the factory).
+Also the features that the device-mode permits (Manual, Device-mode; from 7.17 set at the factory).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _POLICIES = {"api-ssl": "api", "console": "local"}
 
 
 def admit(core: Core, user: str, right: Callable[[str], bool], via: str, address: str) -> Caller:
-    """Return the new session. Raises Trap, in the same words whatever is wrong about name, password or address."""
+    """Return a new session. Raises Trap, with the same text for a wrong name, password or address."""
     table = core.store.table("/user")
     for item in table.items:
         if core.store.text(table, item, "name") != user or core.store.text(table, item, "disabled") == "yes":
@@ -51,7 +51,7 @@ def admit(core: Core, user: str, right: Callable[[str], bool], via: str, address
 
 @dataclass(frozen=True, slots=True)
 class SshPublicKey:
-    """A key in the text form of OpenSSH: `ssh-ed25519 AAAA... comment`."""
+    """A public key in the text form of OpenSSH: `ssh-ed25519 AAAA... comment`."""
 
     algorithm: str
     bits: int
@@ -60,12 +60,12 @@ class SshPublicKey:
 
     @property
     def fingerprint(self) -> str:
-        """As `ssh-keygen -l` prints it."""
+        """Fingerprint as printed by `ssh-keygen -l`."""
         return "SHA256:" + base64.b64encode(hashlib.sha256(self.blob).digest()).decode().rstrip("=")
 
 
 def public_key(core: Core, text: str) -> SshPublicKey | None:
-    """Read a key that this version takes: RSA, and Ed25519 from 7.12 (tikoci/quickchr, test/lab/ssh-keys)."""
+    """Parse a key that this version supports: RSA, and Ed25519 from 7.12 (tikoci/quickchr, test/lab/ssh-keys)."""
     kind, encoded_key, comment = [*text.split(maxsplit=2), "", "", ""][:3]
     if kind not in _FIELDS or (kind == "ssh-ed25519" and not core.schema.at_least("7.12")):
         return None
@@ -81,7 +81,7 @@ def public_key(core: Core, text: str) -> SshPublicKey | None:
 
 
 def _fields(blob: bytes) -> Iterator[bytes]:
-    """Yield the strings of a key; a last one that is cut short is left out (RFC 4251, section 5)."""
+    """Yield the strings of a key; a truncated last one is omitted (RFC 4251, section 5)."""
     at = 0
     while at + _LENGTH <= len(blob):
         end = at + _LENGTH + int.from_bytes(blob[at : at + _LENGTH], "big")
@@ -100,12 +100,12 @@ def _keys(core: Core, user: str) -> Iterator[SshPublicKey]:
 
 
 def has_authorized_key(core: Core, user: str, blob: bytes) -> bool:
-    """Tell whether a user may log in over SSH by this key."""
+    """Return whether a user may log in over SSH with this key."""
     return any(key.blob == blob for key in _keys(core, user))
 
 
 def by_password(core: Core, user: str) -> bool:
-    """Tell whether a user may log in over SSH by password: one with a key may not, unless the settings say so."""
+    """Return whether a user may log in over SSH by password; not with a key, unless the settings allow it."""
     table = core.store.table("/ip/ssh")
     always = core.store.text(table, table.items[0], "always-allow-password-login")
     policy = core.store.text(table, table.items[0], "password-authentication")
@@ -178,7 +178,7 @@ COMMANDS = {
 
 
 def is_allowed(spec: RouterSpec, feature: str) -> bool:
-    """Tell whether the router may use a feature; before 7.17 nothing was restricted."""
+    """Return whether the device-mode permits a feature; before 7.17 all were permitted."""
     if version_key(spec.version) < version_key("7.17"):
         return True
     return spec.device_mode.features.get(feature, spec.device_mode.mode in FEATURES[feature])

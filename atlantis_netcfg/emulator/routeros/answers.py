@@ -1,6 +1,6 @@
-"""Reply sentences as the core hands them to the wire, and the refusal that becomes a `!trap`.
+"""Reply sentences of the core, and the error that becomes a `!trap`.
 
-What router twins do not stand for.
+Also the list of what emulated routers do not emulate.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ class Answer:
 
     @property
     def last(self) -> bool:
-        """Nothing follows under this tag."""
+        """Whether this is the last reply with its tag."""
         return self.kind in ("!done", "!fatal")
 
     @classmethod
     def row(cls, properties: dict[str, str]) -> Answer:
-        """One item."""
+        """Build the reply for one item."""
         return cls("!re", tuple(f"={name}={value}" for name, value in properties.items()))
 
     @classmethod
     def done_reply(cls, ret: str | None = None) -> Answer:
-        """The end, with what the command returns."""
+        """Build the final reply, with the command's return value."""
         return DONE_REPLY if ret is None else cls("!done", (f"=ret={ret}",))
 
     @classmethod
     def fatal(cls, text: str) -> Answer:
-        """The end of the session: a bare text word, after which the router closes."""
+        """Build the `!fatal` reply, a text after which the router closes the session."""
         return cls("!fatal", (text,))
 
 
@@ -57,7 +57,7 @@ EMPTY = Answer("!empty")
 
 
 class Trap(Exception):
-    """The router refuses, in its own words."""
+    """Error of the router, with its own text."""
 
     def __init__(self, message: str, category: Category | None = None) -> None:
         super().__init__(message)
@@ -65,14 +65,14 @@ class Trap(Exception):
         self.category = category
 
     def answer(self) -> Answer:
-        """The `!trap` sentence; a `!done` has to follow it."""
+        """Return the `!trap` sentence; a `!done` must follow it."""
         category = () if self.category is None else (f"=category={int(self.category)}",)
         return Answer("!trap", (*category, f"=message={self.message}"))
 
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """A session that has logged in. `address` is the technician's, not the loopback's."""
+    """A logged-in session. `address` is the technician's, not the loopback's."""
 
     number: int
     user: str

@@ -1,4 +1,4 @@
-"""What happens while an emulated router starts: factory configuration, adoption, scheduler jobs.
+"""Start of an emulated router: factory configuration, adoption, scheduler jobs.
 
 Assumption: factory-cpe
 """
@@ -42,13 +42,13 @@ _BAD_IPV6 = {
 
 
 def default_configuration(spec: RouterSpec) -> str:
-    """Export-style text of what the factory puts on this board.
+    """Return the factory configuration of this board as an export-style text.
 
     Manual, Default configurations: "RouterMode": the first port is WAN with a DHCP client behind a firewall, all others
     are bridged, with 192.168.88.1/24 and a DHCP server. The rows are those of public exports of RB5009UPr+S+ with
-    7.16.2 and 7.20.6; what a board adds for its disks and radios is left out.
+    7.16.2 and 7.20.6; rows for disks and radios of a board are left out.
 
-    A box of one port and a radio comes as "CPE Router": the radio is the WAN, a station that looks for its access
+    A device with one port and a radio comes as "CPE Router": the radio is the WAN, a station that looks for its access
     point, and the port has the address and the DHCP server itself, without a bridge. A few models for bridges
     (DynaDish) come with both in a bridge instead, and are not emulated.
     """
@@ -73,7 +73,7 @@ def _lan(spec: RouterSpec) -> Iterator[str]:
 
 
 def _station(spec: RouterSpec) -> tuple[str, ...]:
-    """Switch the radio on, where a package drives it; otherwise there is no such interface."""
+    """Enable the radio if its driver package is installed; otherwise the interface does not exist."""
     radio = spec.radios[0].name
     if "wireless" in spec.packages:
         return (f"/interface wireless set [ find default-name={radio} ] disabled=no mode=station ssid=MikroTik",)
@@ -83,7 +83,7 @@ def _station(spec: RouterSpec) -> tuple[str, ...]:
 
 
 def _services(inside: str, outside: str | None) -> Iterator[str]:
-    """What the factory serves on the inside, and asks for on the outside, where there is one."""
+    """Yield the factory services on the inside, and the clients on the outside, if any."""
     yield "/interface list add comment=defconf name=WAN"
     yield "/interface list add comment=defconf name=LAN"
     yield "/ip pool add name=default-dhcp ranges=192.168.88.10-192.168.88.254"
@@ -162,11 +162,11 @@ _BUILTIN_USER = "system default user"
 
 
 class SeedError(ValueError):
-    """The seed of a spec is not something that this router would take."""
+    """The seed of a spec is invalid for this router."""
 
 
 def boot(core: Core) -> None:
-    """Fill the tables: the factory's rows, the spec's users, certificates and management address, then the seed."""
+    """Fill the tables: factory rows, the spec's users, certificates and management address, then the seed."""
     for path in menus.INTERFACES:
         core.store.table(path)
     for path in (*menus.MODELLED_MENUS, *menus.BUILT_IN):
@@ -215,7 +215,7 @@ def _ports(core: Core) -> None:
 
 
 def _radios(core: Core) -> None:
-    """Radios whose driver is installed: without it they are not there (Manual, Packages)."""
+    """Add radios whose driver is installed; others do not exist (Manual, Packages)."""
     newer = any(package.startswith("wifi-") for package in core.spec.packages)
     path = "/interface/wifi" if newer else "/interface/wireless"
     if not core.schema.has_menu(path):
@@ -230,7 +230,7 @@ def _radios(core: Core) -> None:
 
 
 def _modem(core: Core) -> None:
-    """The one row of a board with a modem; the device writes that roaming is off when it finds it."""
+    """Add the single row of a board with a modem; roaming is off from the factory."""
     if core.spec.modem is None or not core.schema.has_menu("/interface/lte"):
         return
     factory = {"name": core.spec.modem.name, "allow-roaming": "no"}
@@ -298,15 +298,15 @@ _AFTER_BOOT_S = 3.0
 
 
 def next_run(core: Core) -> float | None:
-    """When, on the core's `now`, the next job runs; None if none will.
+    """Return when the next scheduled job runs, on the core's `now`; None if none will.
 
-    When rows of `/system/scheduler` run: Manual, Scheduler; in a device-mode without `scheduler` none does.
+    Rows of `/system/scheduler`: Manual, Scheduler; in a device-mode without `scheduler` none runs.
     """
     return min((when for _, when in _jobs(core)), default=None)
 
 
 def run_due(core: Core) -> None:
-    """Run every job whose time has come, once; what it prints is lost, an error goes to the log."""
+    """Run each due job once; its output is discarded, errors go to the log."""
     now = core.now()
     for item, when in list(_jobs(core)):
         if when > now:
@@ -332,7 +332,7 @@ def _jobs(core: Core) -> Iterator[tuple[StoredItem, float]]:
 
 
 def _when(core: Core, item: StoredItem) -> float | None:
-    """An `interval` of 0 means once; `start-time=startup` is 3 s after boot, and with an interval from then on."""
+    """Return a job's next run: `interval` 0 means once; `start-time=startup` is 3 s after boot, then periodic."""
     period = seconds(item.values.get("interval", "0s")) or 0.0
     first = _first(core, item)
     ran = core.ran.get(item.id)
@@ -357,5 +357,5 @@ def _first(core: Core, item: StoredItem) -> float:
 
 
 def _later(first: float, period: float, after: float) -> float:
-    """Return the first moment of the rhythm behind `after`."""
+    """Return the first time after `after` in the schedule."""
     return first + period * (max(0, int((after - first) // period)) + 1)

@@ -1,4 +1,4 @@
-"""Certificates and OpenVPN profiles that an emulated router makes and imports (Manual, Certificates; Manual, OpenVPN).
+"""Certificates and OpenVPN profiles created or imported by an emulated router (Manual, Certificates; Manual, OpenVPN).
 
 Assumption: ovpn-import
 """
@@ -45,12 +45,12 @@ _BLOCK = re.compile(r"-----BEGIN ([A-Z ]+)-----.*?-----END \1-----\n?", re.DOTAL
 
 
 class BadRequest(ValueError):
-    """A value that no certificate can have; the text is the argument's name."""
+    """A value that no certificate can have; the error text is the argument's name."""
 
 
 @dataclass(frozen=True, slots=True)
 class CertificateInfo:
-    """What a certificate says; `fingerprint` is SHA-256 in hex, as RouterOS prints it."""
+    """Contents of a certificate; `fingerprint` is SHA-256 in hex, as RouterOS prints it."""
 
     fingerprint: str
     common_name: str
@@ -62,7 +62,7 @@ class CertificateInfo:
 
 
 def issue(template: Mapping[str, str], *, now: datetime, authority: str | None = None) -> str:
-    """Make a key and a certificate after a template's row; signed by itself, or by the PEM of an authority."""
+    """Make a key and a certificate from a template, self-signed or signed by an authority's PEM."""
     key = _key(template.get("key-size", "2048"))
     subject = x509.Name([x509.NameAttribute(_NAMES[name], template[name]) for name in _NAMES if template.get(name)])
     issuer, signer = subject, key
@@ -90,7 +90,7 @@ def issue(template: Mapping[str, str], *, now: datetime, authority: str | None =
 
 
 def read_certificate(pem: str) -> CertificateInfo:
-    """Read what a certificate says about itself."""
+    """Parse a certificate."""
     certificate = x509.load_pem_x509_certificate(pem.encode())
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     constraints = [
@@ -108,7 +108,7 @@ def read_certificate(pem: str) -> CertificateInfo:
 
 
 def split(text: str) -> tuple[list[str], list[str]]:
-    """Part a file into certificates and unencrypted keys; ValueError for what is neither."""
+    """Split a file into certificates and unencrypted keys. Raises ValueError for anything else."""
     certificates, keys = [], []
     for match in _BLOCK.finditer(text):
         if match[1] == "CERTIFICATE":
@@ -121,7 +121,7 @@ def split(text: str) -> tuple[list[str], list[str]]:
 
 
 def belongs(key: str, certificate: str) -> bool:
-    """Whether a private key is that of a certificate."""
+    """Return whether a private key belongs to a certificate."""
     public = load_pem_private_key(key.encode(), None).public_key()
     return public == x509.load_pem_x509_certificate(certificate.encode()).public_key()
 
@@ -135,7 +135,7 @@ def _key(size: str) -> rsa.RSAPrivateKey | ec.EllipticCurvePrivateKey:
 
 
 def _alternatives(text: str) -> list[x509.GeneralName]:
-    """`IP:10.0.0.1,DNS:router.lan,email:a@b` (Manual, Certificates)."""
+    """Parse alternative names such as `IP:10.0.0.1,DNS:router.lan,email:a@b` (Manual, Certificates)."""
     result: list[x509.GeneralName] = []
     for part in text.split(",") if text else ():
         kind, _, value = part.partition(":")
@@ -154,7 +154,7 @@ _ALTERNATIVES: dict[str, Callable[[str], x509.GeneralName]] = {
 
 
 def expires_after(moment: datetime, now: datetime) -> str:
-    """How RouterOS writes the rest of a validity: weeks, days, and a time of day."""
+    """Format the remaining validity as RouterOS does: weeks, days, and time of day."""
     rest = max(timedelta(), moment - now.astimezone(UTC))
     weeks, days = divmod(rest.days, 7)
     hours, seconds = divmod(rest.seconds, 3600)
@@ -184,12 +184,12 @@ _INLINE = re.compile(r"^<([a-z0-9-]+)>\n(.*?)^</\1>\n?", re.DOTALL | re.MULTILIN
 
 
 class OvpnError(ValueError):
-    """A file that is not taken; the text is what the router says."""
+    """A profile that the router refuses, with its error text."""
 
 
 @dataclass(frozen=True, slots=True)
 class OvpnProfile:
-    """What is made of a file."""
+    """Interface settings, certificates and key of an imported profile."""
 
     values: Mapping[str, str]
     """Of the interface, as `add` takes them."""
@@ -200,15 +200,15 @@ class OvpnProfile:
 
 
 def read_ovpn(text: str, *, wraps: bool) -> OvpnProfile:
-    """Read a file; `wraps`: this version knows tls-crypt. Raises OvpnRefused.
+    """Parse a profile; `wraps`: this version supports tls-crypt. Raises OvpnError.
 
     Documented: tls-crypt and tls-crypt-v2 only from 7.17 on, with `auth SHA256` and `key-direction 1`; no negotiation,
     so that the file names its cipher; a user of at most 27 characters is mandatory. Seen in others' exports and
-    scripts: the interface is called `ovpn-import`, its certificate `cert_ovpn-import`, each with the second at which it
-    was made; an older version says `unsupported option '<tls-crypt>'` (angristan/openvpn-install#1267).
+    scripts: the interface is called `ovpn-import`, its certificate `cert_ovpn-import`, each with the second of its
+    creation; an older version reports `unsupported option '<tls-crypt>'` (angristan/openvpn-install#1267).
 
-    Other options than these are refused, in the same words; a lacking cipher, SHA256 or direction is refused at once;
-    nothing is made where anything is refused; the interface is disabled as a new one is.
+    Our assumptions: other options are refused with the same text; a missing cipher, SHA256 or direction is refused at
+    once; nothing is created if anything is refused; the interface is disabled, as a new one is.
     """
     text = text.replace("\r\n", "\n")
     blocks = {match[1]: match[2] for match in _INLINE.finditer(text)}

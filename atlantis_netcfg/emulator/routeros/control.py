@@ -1,6 +1,6 @@
-"""What a rehearsal or a test may ask of running twins, as JSON: `{"twin": ..., "do": ..., argument: value, ...}`.
+"""Commands that control running emulators, as JSON: `{"twin": ..., "do": ..., argument: value, ...}`.
 
-The same words serve a twin in this process, in another thread, and in a process of its own.
+The same commands work in this process, in another thread, and in another process.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _AIR = "air"
 
 
 class ControlError(UsageError, ValueError):
-    """A command that twins do not know, or that makes no sense to them."""
+    """A control command that is unknown or invalid."""
 
 
 async def obey(site: EmulatedSite, twin: str, do: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 (JSON of any shape)
-    """Carry out one command; the result is JSON-able. Raises TwinRefused."""
+    """Execute one control command; the result is JSON-able. Raises ControlError."""
     if twin not in site.routers:
         raise ControlError(f"no twin is called {twin!r}", hint=f"there are: {', '.join(site.routers)}")
     if do not in {*COMMANDS, _AIR}:
@@ -48,7 +48,7 @@ async def obey(site: EmulatedSite, twin: str, do: str, arguments: Mapping[str, A
 
 
 def _air(site: EmulatedSite, twin: str, changes: Mapping[str, Any]) -> None:
-    """Change what lies between an end of a radio link and the other one; what is not named stays."""
+    """Change the path between both ends of a radio link; omitted values are kept."""
     link = next(
         (
             radio_link

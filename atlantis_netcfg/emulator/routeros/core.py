@@ -1,6 +1,6 @@
-"""The inside of a router twin: rows, history, sessions, files, clock. `Device` drives it, commands change it.
+"""State of an emulated router: rows, history, sessions, files, clock; driven by `Device`, changed by commands.
 
-The undo history and safe mode (Manual, Configuration Management: Safe Mode, Undo/Redo).
+Also the undo history and safe mode (Manual, Configuration Management: Safe Mode, Undo/Redo).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ GREETINGS = ("licence", "default-configuration", "password")
 
 @dataclass(frozen=True, slots=True)
 class FlashFile:
-    """A file on the flash; contents are text. A folder holds nothing itself: it is part of other files' names."""
+    """A text file on the flash; folders exist only as parts of file names."""
 
     number: int
     contents: str
@@ -40,7 +40,7 @@ class FlashFile:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A line of `/log`."""
+    """An entry of `/log`."""
 
     number: int
     time: str
@@ -50,7 +50,7 @@ class Record:
 
 @dataclass(slots=True)
 class Listener:
-    """A `/listen` that goes on: which menu, and what it has shown already."""
+    """An active `/listen`: its menu, and the rows already shown."""
 
     caller: answers.Caller
     tag: str
@@ -60,7 +60,7 @@ class Listener:
 
 @dataclass(slots=True)
 class NetwatchState:
-    """A row of `/tool/netwatch` at work: the test under way, and what the last ones have shown."""
+    """State of a `/tool/netwatch` row: the current test and the last results."""
 
     values: dict[str, str]
     """The row's own values when it began; others, and it begins anew."""
@@ -91,7 +91,7 @@ class NextHop:
 
 @dataclass(slots=True)
 class WatchedHost:
-    """What the router watches by itself."""
+    """Hosts and gateways that the router probes."""
 
     rows: dict[int, NetwatchState] = field(default_factory=dict)
     gateways: dict[IPv4Address, NextHop] = field(default_factory=dict)
@@ -100,7 +100,7 @@ class WatchedHost:
 
 
 class Core:
-    """All state of one router."""
+    """The whole state of one router."""
 
     def __init__(  # noqa: PLR0915 - one line for each thing
         self, spec: RouterSpec, now: Callable[[], float], dispatch: Handler
@@ -166,36 +166,36 @@ class Core:
         self._numbers = 0
 
     def count(self, port: str, *, is_received: bool, size: int) -> None:
-        """Let the byte counter of a port rise."""
+        """Increase a port's byte counter."""
         rx, tx = self.octets.get(port, (0, 0))
         self.octets[port] = (rx + size, tx) if is_received else (rx, tx + size)
 
     @property
     def topology(self) -> Topology:
-        """The network that the configuration amounts to now."""
+        """Network topology of the current configuration."""
         if self._topology is None or self._topology.revision != self.store.revision:
             self._topology = Topology(self.store, self.linked | connected_clients(self), self.dead)
         return self._topology
 
     def deviates(self, deviation: Deviation) -> bool:
-        """Whether this router does something otherwise than assumed."""
+        """Return whether this router deviates from an assumption."""
         return deviation in self.spec.deviations
 
     def number(self) -> int:
-        """Draw a number for things without a menu: sessions, files, log lines."""
+        """Allocate a number for a session, file or log line."""
         self._numbers += 1
         return self._numbers
 
     def time(self) -> datetime:
-        """The router's own clock."""
+        """Return the time of the router's clock."""
         return self.moment(self.now())
 
     def moment(self, when: float) -> datetime:
-        """What the router's clock shows at a time of `now`."""
+        """Convert a time of `now` to the router's clock."""
         return self.boot_clock + timedelta(seconds=when - self.started)
 
     def resume(self, before: Core) -> None:
-        """Go on with the clock of before a restart, and with the numbers of its sessions."""
+        """Continue with the clock and session numbers from before a restart."""
         self.boot_clock = before.time()
         self.silent = before.silent
         self._numbers = before.number()
@@ -203,27 +203,27 @@ class Core:
         self.sim.restart()
 
     def set_clock(self, moment: datetime) -> None:
-        """Let the clock show `moment` now."""
+        """Set the router's clock."""
         self.boot_clock += moment - self.time()
 
     def stamp(self, moment: datetime | None = None) -> str:
-        """Write a moment as this version does: `2026-01-31 12:00:00`, before 7.10 `jan/31/2026 12:00:00`."""
+        """Format a time as this version does: `2026-01-31 12:00:00`, before 7.10 `jan/31/2026 12:00:00`."""
         moment = moment or self.time()
         new = self.schema.at_least("7.10")
         return moment.strftime("%Y-%m-%d %H:%M:%S") if new else moment.strftime("%b/%d/%Y %H:%M:%S").lower()
 
     def free_space(self, *, besides: str = "") -> int:
-        """Bytes that a file could take which replaces the one called `besides`."""
+        """Return the bytes free for a file that replaces `besides`."""
         used = sum(len(file.contents) for name, file in self.files.items() if name != besides)
         return max(0, self.spec.disk_bytes - used)
 
     def note(self, topics: str, message: str) -> None:
-        """Write to the log."""
+        """Write a log entry."""
         self.log.append(Record(self.number(), self.stamp(), topics, message))
         del self.log[:-_LOG_LINES]
 
     def policies(self, caller: answers.Caller) -> frozenset[str]:
-        """What the session may do: the policies of its user's group."""
+        """Return the session's rights: the policies of its user's group."""
         if caller.group == NETWATCH_GROUP:
             return NETWATCH_POLICIES
         groups = self.store.table("/user/group")
@@ -236,7 +236,7 @@ class Core:
 
 @dataclass(slots=True)
 class SimState:
-    """The card keeps `tries_left` without power; everything else begins anew with the modem."""
+    """State of the SIM card; `tries_left` survives a power loss, everything else restarts with the modem."""
 
     tries_left: int
     pins_entered: int = 0
@@ -251,7 +251,7 @@ class SimState:
     """The last line of the log about the card, so that each is written once."""
 
     def enter(self, pin: str, right: str) -> None:
-        """Let the modem enter a PIN: the card counts wrong ones, and a right one resets the count."""
+        """Enter a PIN: the card counts wrong ones, and a correct one resets the count."""
         self.tried_pin = pin
         if self.is_unlocked or self.tries_left == 0:
             return
@@ -261,13 +261,13 @@ class SimState:
         self.tries_left = 3 if self.is_unlocked else self.tries_left - 1
 
     def swap(self, tries_left: int) -> None:
-        """Another card is put in, or the same one with its count as it is."""
+        """Insert another card, or the same card with another count."""
         self.tries_left = tries_left
         self.last_line = ""
         self.restart()
 
     def restart(self) -> None:
-        """The modem starts anew: the card is locked again if it has a PIN."""
+        """Restart the modem: a card with a PIN is locked again."""
         self.is_unlocked = self.is_refused = False
         self.tried_pin = None
         self.connected_since = None
@@ -277,7 +277,7 @@ CLIENTS = "/interface/ovpn-client"
 
 
 def connected_clients(core: Core) -> frozenset[int]:
-    """The OpenVPN clients whose server lets them in."""
+    """Return the OpenVPN clients that the server accepts."""
     open_tunnels = core.spec.around.tunnels
     if not open_tunnels or not core.schema.has_menu(CLIENTS):
         return frozenset()
@@ -300,13 +300,13 @@ class Call:
 
     @property
     def path(self) -> str:
-        """Menu and command in one."""
+        """Menu and command as one path."""
         return f"{self.menu.rstrip('/')}/{self.command}"
 
 
 @dataclass(slots=True)
 class CallResult:
-    """Rows for `!re`, a value for `=ret=`, text for a console."""
+    """Result of a command: rows for `!re`, a value for `=ret=`, text for a console."""
 
     rows: list[dict[str, str]] = field(default_factory=list)
     ret: str | None = None
@@ -322,7 +322,7 @@ _TAKEOVER_MESSAGE = "[Safe mode released by another user]"
 
 
 def notify_holder_lost(core: Core, caller: answers.Caller) -> None:
-    """Let a console whose safe mode somebody else ends know it."""
+    """Notify a console whose safe mode another session ends."""
     holder = core.history.holder
     if holder is not None and holder.number != caller.number and holder.via in _CONSOLES:
         core.notices.append((holder.number, _TAKEOVER_MESSAGE))
@@ -333,7 +333,7 @@ _CONSOLES = ("ssh", "console")
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """A row of `/ip/service` as the wire needs it; `certificate` is None where none is set."""
+    """A row of `/ip/service` for the network side; `certificate` is None if none is set."""
 
     name: str
     port: int
@@ -345,13 +345,13 @@ class Service:
     """Networks that it talks to, as `/ip/service` has them; empty is everybody."""
 
     def admits(self, caller: str) -> bool:
-        """Does it talk to this address; others learn it from a connection that is closed (Manual, Services)."""
+        """Return whether the service accepts this address; others get a closed connection (Manual, Services)."""
         networks = [ip_network(part) for part in self.address.split(",") if part]
         return not networks or any(ip_address(caller) in network for network in networks)
 
 
 def services_of(core: Core) -> Mapping[str, Service]:
-    """The services by name, as they are configured now."""
+    """Return the currently configured services by name."""
     store = core.store
     table = store.table("/ip/service")
     result = {}

@@ -1,8 +1,7 @@
-"""One emulated router without sockets: sentences in, reply sentences out, time by the caller's clock.
+"""One emulated router without sockets: sentences in, reply sentences out, the caller's clock.
 
-The words of an API sentence, sorted by what they are (Manual, API: API words).
-
-`/menu/listen`: rows that change, as they change (Manual, API: Command examples).
+Also the parser of API sentences (Manual, API: API words), and `/menu/listen`, which reports changed rows (Manual, API:
+Command examples).
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ __all__ = ["NOT_REHEARSED", "ConsoleReply", "Device", "Service"]
 
 @dataclass(slots=True)
 class Sentence:
-    """A command with its arguments; `unset` are names that came as `!name` or `=!name=`."""
+    """A command with its arguments; `unset` are names given as `!name` or `=!name=`."""
 
     menu: str
     command: str
@@ -51,12 +50,12 @@ class Sentence:
 
     @property
     def path(self) -> str:
-        """Menu and command in one."""
+        """Menu and command as one path."""
         return f"{self.menu.rstrip('/')}/{self.command}"
 
     @classmethod
     def read(cls, words: Sequence[str]) -> Sentence:
-        """Sort the words. Raises Trap on the first that is none; of an argument given twice the last counts."""
+        """Parse the words of a sentence. Raises Trap on an invalid one; the last of repeated arguments counts."""
         path, *rest = words
         if not path.startswith("/") or path.endswith("/"):
             raise Trap("no such command", Category.MISSING)
@@ -86,7 +85,7 @@ class Sentence:
 
 
 def listen(core: Core, call: Call, tag: str) -> list[Answer]:
-    """Begin to listen; nothing is answered before something changes."""
+    """Start listening; the first reply comes with the first change."""
     if not core.schema.has_menu(call.menu):
         raise Trap("no such command prefix", Category.MISSING)
     if not core.schema.has_command(call.menu, "listen"):
@@ -96,14 +95,14 @@ def listen(core: Core, call: Call, tag: str) -> list[Answer]:
 
 
 class Device(ConsoleBackend, FileSide):
-    """A router twin's core. Synchronous; every method but `path_open`, `services` and `export` may change its state.
+    """An emulated router without sockets; all methods except `path_open`, `services` and `export` may change its state.
 
-    It stands for the router's configuration: menus, values, history, safe mode, export, and the walk of the
-    management path. It cannot stand for what NOT_REHEARSED lists.
+    It emulates the router's configuration: menus, values, history, safe mode, export, and the management path.
+    NOT_REHEARSED lists what it cannot emulate.
     """
 
     def __init__(self, spec: RouterSpec, now: Callable[[], float]) -> None:
-        """`now` is a monotonic clock in seconds, the one that `due()` speaks about. Raises SeedRefused."""
+        """Boot the router; `now` is a monotonic clock in seconds, also used by `due()`. Raises SeedError."""
         self.spec = spec
         self._now = now
         self._core = Core(spec, now, dispatch)
@@ -113,42 +112,42 @@ class Device(ConsoleBackend, FileSide):
 
     @property
     def core(self) -> Core:
-        """The inside, for what stands beside the device in the twin: the air between two radios."""
+        """The router's state, for code that couples routers: the air between two radios."""
         return self._core
 
     @property
     def revision(self) -> int:
-        """Grows with every change of the configuration: whoever caches `path_open` or `services` looks here."""
+        """Revision of the configuration, for caches of `path_open` and `services`."""
         return self._core.store.revision
 
     @property
     def wants_reboot(self) -> bool:
-        """Somebody asked for a reboot: whoever owns the sockets closes every one and calls `reboot()`."""
+        """Whether a reboot was requested: the owner of the sockets must close them and call `reboot()`."""
         return self._core.wants_reboot
 
     @property
     def closed_sessions(self) -> frozenset[int]:
-        """Numbers of sessions that another session logged out: whoever owns their sockets closes them."""
+        """Sessions ended by another session: the owner of their sockets must close them."""
         return frozenset(self._core.ended)
 
     # --- sessions --------------------------------------------------------------------------------------------------
 
     def challenge(self) -> str:
-        """A fresh challenge for the login of before 6.43 (`/login` without a name)."""
+        """Return a new challenge for the login before 6.43 (`/login` without a name)."""
         return secrets.token_hex(16)
 
     def login(self, user: str, password: str, *, via: str, address: str) -> Caller:
-        """Open a session over service `via`. Raises Trap in the router's words."""
+        """Open a session over service `via`. Raises Trap with the router's text."""
         return self._open(
             user, lambda stored_password: hmac.compare_digest(stored_password.encode(), password.encode()), via, address
         )
 
     def login_by_key(self, user: str, key: bytes, *, via: str, address: str) -> Caller:
-        """Open a session for whoever holds the private half of a key. Raises Trap in the router's words."""
+        """Open a session for the holder of a private key. Raises Trap with the router's text."""
         return self._open(user, lambda _password: access.has_authorized_key(self._core, user, key), via, address)
 
     def login_response(self, user: str, challenge: str, response: str, *, via: str, address: str) -> Caller:
-        """The old login's second step: `response` is `00` + md5(0x00 + password + challenge) in hex."""
+        """Complete the old login: `response` is `00` + md5(0x00 + password + challenge) in hex."""
 
         def right(stored_password: str) -> bool:
             digest = hashlib.md5(b"\0" + stored_password.encode() + bytes.fromhex(challenge))  # noqa: S324 - RouterOS' protocol
@@ -160,11 +159,11 @@ class Device(ConsoleBackend, FileSide):
             raise Trap("cannot log in") from refused
 
     def has_key(self, user: str, key: bytes) -> bool:
-        """Tell whether SSH lets this user in by a public key."""
+        """Return whether SSH accepts this public key of the user."""
         return access.has_authorized_key(self._core, user, key)
 
     def takes_password(self, user: str) -> bool:
-        """Tell whether SSH asks this user for a password: one with a key is not asked, as the settings stand."""
+        """Return whether SSH asks this user for a password; by default not a user with a key."""
         return access.by_password(self._core, user)
 
     def _open(self, user: str, right: Callable[[str], bool], via: str, address: str) -> Caller:
@@ -174,14 +173,14 @@ class Device(ConsoleBackend, FileSide):
         return caller
 
     def logout(self, caller: Caller, *, clean: bool) -> None:
-        """The session is gone: closed by its client (`clean`), or silent (the router does not know it yet)."""
+        """End a session: closed by its client (`clean`), or lost (detected by the router only later)."""
         if clean:
             self._forget(caller.number)
         elif caller.number in self._core.sessions:
             self._lost[caller.number] = self._now() + self.spec.silent_timeout_s
 
     def _forget(self, number: int) -> None:
-        """Drop a session; if it holds safe mode, its changes are undone a little later."""
+        """Remove a session; if it holds safe mode, its changes are undone shortly after."""
         core = self._core
         core.sessions.pop(number, None)
         core.menus.pop(number, None)
@@ -195,10 +194,10 @@ class Device(ConsoleBackend, FileSide):
     # --- sentences -------------------------------------------------------------------------------------------------
 
     def run(self, caller: Caller, words: Sequence[str]) -> list[Answer]:
-        """Answer one sentence, without tags.
+        """Run one sentence and return its replies, without tags.
 
-        If the last answer is not `last`, the sentence goes on under its `.tag` (`/listen`), and `pending` brings the
-        rest. `/quit` ends with `!fatal`: the wire closes then.
+        If the last reply is not `last`, the sentence continues under its `.tag` (`/listen`), and `pending` returns the
+        rest. `/quit` ends with `!fatal`: the connection is then closed.
         """
         self.tick()
         try:
@@ -253,7 +252,7 @@ class Device(ConsoleBackend, FileSide):
         return [DONE_REPLY]
 
     def pending(self, caller: Caller) -> list[tuple[str, Answer]]:
-        """Later answers of sentences that went on, with the tag of their sentence; each is handed out once."""
+        """Return and remove later replies of continuing sentences, with their tags."""
         local = [(tag, answer) for number, tag, answer in self._core.outbox if number == caller.number]
         self._core.outbox = [item for item in self._core.outbox if item[0] != caller.number]
         return local
@@ -261,13 +260,13 @@ class Device(ConsoleBackend, FileSide):
     # --- time ------------------------------------------------------------------------------------------------------
 
     def due(self) -> float | None:
-        """When, on the `now` clock, `tick` has something to do; None if nothing is scheduled."""
+        """Return when `tick` is next needed, on the `now` clock; None if nothing is scheduled."""
         local = (self._unroll_at, next_run(self._core), next_watch(self._core))
         moments = [*self._lost.values(), *self._core.expires.values(), *local]
         return min((moment for moment in moments if moment is not None), default=None)
 
     def tick(self) -> None:
-        """Do what has become due: notice dead sessions, undo their safe mode, run schedulers."""
+        """Process everything that is due: lost sessions, their safe mode, schedulers."""
         now = self._now()
         for number in [number for number, when in self._lost.items() if when <= now]:
             self._forget(number)
@@ -283,12 +282,12 @@ class Device(ConsoleBackend, FileSide):
         emit(self._core)
 
     def silence(self, addresses: Iterable[str]) -> None:
-        """Let no answer come from these addresses, and from all others again."""
+        """Make these addresses stop responding, and all others respond again."""
         self.tick()
         self._core.silent = frozenset(IPv4Address(address) for address in addresses)
 
     def _expire(self, now: float) -> None:
-        """Let entries of address lists go whose time is over; that is no action of the history."""
+        """Remove expired entries of address lists, without a history entry."""
         core, path = self._core, "/ip/firewall/address-list"
         for number in [number for number, when in core.expires.items() if when <= now]:
             del core.expires[number]
@@ -297,9 +296,9 @@ class Device(ConsoleBackend, FileSide):
                 core.store.changes.clear()
 
     def reboot(self, *, clean: bool = True) -> None:
-        """Restart: all sessions and safe mode end (with undo), history is empty, the rest stays as on flash.
+        """Restart: sessions, safe mode (with undo) and history end; the rest is kept on flash.
 
-        Without `clean` the power was cut: nobody undoes anything, and the flash decides.
+        Without `clean` the power was cut: nothing is undone explicitly, and the flash decides.
 
         Assumption: safe-mode-power-loss
         """
@@ -313,31 +312,31 @@ class Device(ConsoleBackend, FileSide):
     def path_open(
         self, caller: str, local: str, service: str, *, is_established: bool = False, plug: str | None = None
     ) -> bool:
-        """Would a packet from the technician's address `caller` reach `service` at `local`, and the answer come back.
+        """Return whether a packet from address `caller` reaches `service` at `local`, and the response returns.
 
-        `is_established`: for an existing session (its connection is tracked). `plug`: factory name of the port
-        that the technician's cable is in; the management port if left out.
+        `is_established`: for an existing session (its connection is tracked). `plug`: factory name of the technician's
+        port; by default the management port.
         """
         return path_open(self._core, caller, local, service, is_established=is_established, plug=plug)
 
     def certificate(self, name: str) -> str | None:
-        """Key and certificate of a row of `/certificate` as PEM text; None for a template that nobody has signed."""
+        """Return key and certificate of a `/certificate` row as PEM; None for an unsigned template."""
         number = self._core.store.id_of("certificate", name)
         return None if number is None else self._core.keys.get(number)
 
     def is_wrapped(self, interface: str) -> bool:
-        """Whether an interface of OpenVPN wraps its control channel by tls-crypt; no menu tells."""
+        """Return whether an OpenVPN interface uses tls-crypt for its control channel, which no menu shows."""
         return self._core.store.id_of("interface", interface) in self._core.wraps
 
     def give_certificate(self, name: str, pem: str) -> None:
-        """Put key and certificate of a row on the flash, as its maker has done. LookupError without a row."""
+        """Store a row's key and certificate on the flash, as if made earlier. Raises LookupError without a row."""
         number = self._core.store.id_of("certificate", name)
         if number is None:
             raise LookupError(name)
         self._core.keys[number] = pem
 
     def services(self) -> Mapping[str, Service]:
-        """The services by name, as they are configured now."""
+        """Return the currently configured services by name."""
         return services_of(self._core)
 
     def export(
@@ -349,16 +348,16 @@ class Device(ConsoleBackend, FileSide):
         menu: str = "/",
         header: bool = True,
     ) -> str:
-        """What `/export` prints; `header=False` leaves out the lines with the clock, to compare two exports."""
+        """Return the output of `/export`; `header=False` omits the lines with the clock, for comparisons."""
         form = Form(verbose=verbose, terse=terse, show_sensitive=show_sensitive, header=header)
         return export_text(self._core, menu, form)
 
     # --- flash -----------------------------------------------------------------------------------------------------
 
     def snapshot(self) -> dict[str, Any]:
-        """The flash as JSON-able data: the configuration with the changes of an open safe mode undone.
+        """Return the flash as JSON-able data: the configuration without changes of an open safe mode.
 
-        With `Deviation.POWER_LOSS` they are in it.
+        With `Deviation.POWER_LOSS` those changes are included.
         """
         store = self._core.store
         if floating := self._floating():
@@ -370,7 +369,7 @@ class Device(ConsoleBackend, FileSide):
         return {**self._beside_rows(), "configuration": store.dump()}
 
     def save_to(self, flash: Flash) -> None:
-        """Write to the flash what is new: a line where rows were changed, else all that `snapshot` returns."""
+        """Save changes to the flash: one line for changed rows, else a complete `snapshot`."""
         store = self._core.store
         changes = store.dump_unsaved()
         if store.unsaved is None or self._floating() or not flash.extend(self._beside_rows(), changes, store.counters):
@@ -378,7 +377,7 @@ class Device(ConsoleBackend, FileSide):
         store.unsaved = None if self._floating() else []
 
     def _floating(self) -> list[HistoryEntry]:
-        """Return what a power cut would undo."""
+        """Return the history entries that a power cut would undo."""
         if Deviation.POWER_LOSS in self.spec.deviations:
             return []
         return [entry for entry in self._core.history.entries if entry.floating and not entry.undone]
@@ -394,7 +393,7 @@ class Device(ConsoleBackend, FileSide):
         return flash | sim | {"greetings": list(core.greetings)}
 
     def restore(self, flash: Mapping[str, Any]) -> None:
-        """Boot from what `snapshot` returned: sessions, safe mode and history are gone, packages get installed."""
+        """Boot from a `snapshot`: sessions, safe mode and history are lost, packages get installed."""
         revision = self._core.store.revision
         files = {name: FlashFile(*parts) for name, parts in flash["files"].items()}
         software_boot = boot_with(self.spec.model_copy(update=_software(flash)), files)
@@ -418,6 +417,6 @@ class Device(ConsoleBackend, FileSide):
 
 
 def _software(flash: Mapping[str, Any]) -> dict[str, Any]:
-    """What was installed when the flash was written."""
+    """Return version and packages installed when the flash was written."""
     software = flash.get("software")
     return {} if software is None else {"version": software["version"], "packages": tuple(software["packages"])}

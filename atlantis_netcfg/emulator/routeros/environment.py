@@ -1,6 +1,6 @@
-"""What stands around a router twin, and what the router shows of it: neighbours, loads on PoE, the far end of a VPN.
+"""Surroundings of an emulated router and how it shows them: neighbours, PoE loads, the far end of a VPN.
 
-All of it is a fact of the place and no setting, so that no command changes it; a rehearsal does, by the twin's control.
+These are facts of the place and no settings: no command changes them, but a rehearsal can, by the emulator's control.
 The names of fields are those of the manual (PoE-Out, DHCP, Neighbor discovery, OVPN, NTP).
 
 Assumption: poe-load
@@ -28,7 +28,7 @@ _Row = dict[str, str]
 
 
 def move(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Change the place of a router at work; what is not named stays. Raises ValueError for what cannot be."""
+    """Change the surroundings of a running router; omitted values are kept. Raises ValueError for invalid ones."""
     around = Environment.model_validate({**core.spec.around.model_dump(), **changes})
     core.spec = core.spec.model_copy(update={"around": around})
     core.store.revision += 1
@@ -36,13 +36,13 @@ def move(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def mac_of(core: Core, address: IPv4Address) -> str:
-    """The card that answers for an address; one made of the address where the place does not say."""
+    """Return the MAC address of an IP address; derived from it if the surroundings define none."""
     result = core.spec.around.cards.get(str(address))
     return (result or f"02:00:5E:10:{int(address) >> 8 & 255:02X}:{int(address) & 255:02X}").upper()
 
 
 def tunnel_addresses(core: Core, path: str) -> list[_Row]:
-    """The addresses that the VPN server has given."""
+    """Return the addresses assigned by the VPN server."""
     if path != "/ip/address":
         return []
     return [_tunnel_address(core, number) for number in sorted(connected_clients(core)) if core.topology.up(number)]
@@ -60,7 +60,7 @@ def _tunnel_address(core: Core, number: int) -> _Row:
 
 
 def alert(core: Core, item: StoredItem) -> _Row:
-    """Of a row of `/ip/dhcp-server/alert`: the servers on its interface that it does not know as valid."""
+    """Return the unknown DHCP servers on the interface of a `/ip/dhcp-server/alert` row."""
     table = core.store.table("/ip/dhcp-server/alert")
     place = core.store.text(table, item, "interface") or ""
     valid = (core.store.text(table, item, "valid-server") or "").upper().split(",")
@@ -70,7 +70,7 @@ def alert(core: Core, item: StoredItem) -> _Row:
 
 
 def lease(core: Core, item: StoredItem) -> _Row:
-    """Of a static lease: whether its device holds it now."""
+    """Return whether the device of a static lease currently holds it."""
     table = core.store.table("/ip/dhcp-server/lease")
     address, mac, server = (core.store.text(table, item, name) or "" for name in ("address", "mac-address", "server"))
     status = core.spec.around.leases.get(address)
@@ -83,7 +83,7 @@ def lease(core: Core, item: StoredItem) -> _Row:
 
 
 def ntp(core: Core, _item: StoredItem) -> _Row:
-    """Of `/system/ntp/client`: whether a declared server has set the clock."""
+    """Return whether a configured server has set the clock, for `/system/ntp/client`."""
     server = core.spec.around.time_server
     client, servers = core.store.table("/system/ntp/client"), core.store.table("/system/ntp/client/servers")
     on = any(core.store.text(client, item, "enabled") == "yes" for item in client.items)
@@ -94,7 +94,7 @@ def ntp(core: Core, _item: StoredItem) -> _Row:
 
 
 def heard_names(core: Core) -> list[_Row]:
-    """Rows of `/ip/neighbor`: who is called what on the interfaces where discovery listens."""
+    """Return the rows of `/ip/neighbor`: names on interfaces with discovery."""
     settings = core.store.table("/ip/neighbor/discovery-settings")
     result = []
     for number, neighbour in enumerate(core.spec.around.called, start=1):
@@ -123,7 +123,7 @@ def heard_names(core: Core) -> list[_Row]:
 
 
 def _listens(core: Core, settings: StoredItem, interface: int) -> bool:
-    """`discover-interface-list` is a list, or `!` and a list."""
+    """Return whether discovery is active on an interface; `discover-interface-list` may start with `!`."""
     table = core.store.table("/ip/neighbor/discovery-settings")
     number = core.store.target(table, settings, "discover-interface-list")
     text = core.store.text(table, settings, "discover-interface-list") or ""
@@ -132,7 +132,7 @@ def _listens(core: Core, settings: StoredItem, interface: int) -> bool:
 
 
 def load_of(core: Core, port: str, setting: str) -> _Row:
-    """Status and figures of `/interface/ethernet/poe/monitor` for a port (Manual, PoE-Out)."""
+    """Return status and values of `/interface/ethernet/poe/monitor` for a port (Manual, PoE-Out)."""
     load = core.spec.around.loads.get(port)
     if setting == "off":
         return {"poe-out-status": "off"}

@@ -1,4 +1,4 @@
-"""The 4G modem of a router twin: its SIM, the network around it, and what `/interface/lte` shows of both.
+"""The 4G modem of an emulated router: SIM, surrounding network, and the output of `/interface/lte`.
 
 Sources: Manual, LTE/5G (`allow-roaming`, `use-network-apn` for MBIM modems, `show-capabilities`), and published logs.
 Levels are constants; cells, SMS and eSIM are not emulated.
@@ -32,7 +32,7 @@ LTE, APN = "/interface/lte", "/interface/lte/apn"
 
 
 class ModemPhase(Enum):
-    """How far the modem has come."""
+    """Phase of the modem's connection."""
 
     OFF = auto()
     NO_SIM = auto()
@@ -47,7 +47,7 @@ class ModemPhase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ModemSettings:
-    """The interface's row, and the APN profile that it uses."""
+    """Row of the interface, with the APN profile it uses."""
 
     item: StoredItem
     name: str
@@ -64,7 +64,7 @@ class ModemSettings:
 
 
 def settings_of(core: Core) -> ModemSettings | None:
-    """Read what the modem is set to; None: the board has none."""
+    """Return the modem's settings; None if the board has no modem."""
     if core.spec.modem is None or not core.schema.has_menu(LTE):
         return None
     table = core.store.table(LTE)
@@ -98,7 +98,7 @@ def _profile(core: Core, name: str) -> dict[str, str]:
 
 
 def phase_of(core: Core, mine: ModemSettings) -> ModemPhase:
-    """Tell how far the modem comes with these settings."""
+    """Return the phase that the modem reaches with these settings."""
     modem, state = core.spec.modem, core.sim
     if modem is None or not mine.is_enabled:
         return ModemPhase.OFF
@@ -124,7 +124,7 @@ def _on_air(modem: ModemSpec, sim: SimSpec, mine: ModemSettings) -> ModemPhase:
 
 
 def settle(core: Core) -> None:
-    """Let the modem act on what it is set to now: enter a PIN that is new to it, come up or go down."""
+    """Update the modem after a change of its settings: enter a new PIN, connect or disconnect."""
     mine = settings_of(core)
     if mine is None or core.spec.modem is None:
         return
@@ -148,9 +148,9 @@ def settle(core: Core) -> None:
 
 
 def refit(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Change the card (`sim`) or the network (`cell`) under a modem at work; None takes it away. Tell what it is then.
+    """Change the card (`sim`) or network (`cell`) of a running modem; None removes it. Return the new state.
 
-    Properties that are not named stay. Raises LookupError where the board has no modem, ValueError for what cannot be.
+    Omitted properties are kept. Raises LookupError if the board has no modem, ValueError for invalid values.
     """
     modem = core.spec.modem
     if modem is None:
@@ -173,7 +173,7 @@ def _part(before: BaseModel | None, changes: Mapping[str, Any] | None) -> dict[s
 
 
 def _tell(core: Core, line: str, *, request_line: str | None = None) -> None:
-    """Write what the modem answers to the log, once for each answer."""
+    """Write the modem's response to the log, once for each response."""
     if not line or line == core.sim.last_line:
         return
     core.sim.last_line = line
@@ -193,7 +193,7 @@ def _connect(core: Core, mine: ModemSettings, *, up: bool) -> None:
 
 
 def modem_rows(core: Core, path: str) -> list[dict[str, str]]:
-    """The address and the default route that the device makes by itself while the modem is connected."""
+    """Return the address and default route that exist while the modem is connected."""
     mine = settings_of(core) if path in {"/ip/address", "/ip/route"} else None
     modem = core.spec.modem
     if mine is None or modem is None or modem.cell is None or phase_of(core, mine) is not ModemPhase.CONNECTED:

@@ -1,7 +1,7 @@
-"""One router twin on sockets.
+"""One emulated router on sockets.
 
-It cannot stand for: traffic (nothing is forwarded), radio, PoE power, CPU load, the time that real hardware takes
-to apply a change, or what no document of RouterOS tells; for the last there are knobs (`Knobs`, `Deviation`).
+Not emulated: traffic (nothing is forwarded), radio, PoE power, CPU load, the time that real hardware needs to apply a
+change, and behaviour that no RouterOS document describes; the last is adjustable (`WireBehaviour`, `Deviation`).
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 
 class EmulatedRouter:
-    """A twin between `start()` and `stop()`, or inside `async with`; all methods belong to its event loop.
+    """An emulated router between `start()` and `stop()`, or inside `async with`; bound to its event loop.
 
-    `ports` wishes loopback ports by service port, e.g. `{8729: 18729}`.
+    `ports`: requested loopback port for a service port, e.g. `{8729: 18729}`.
     """
 
     device: Device
@@ -67,7 +67,7 @@ class EmulatedRouter:
         self._carried: Callable[[], bool] | None = None
 
     async def start(self) -> None:
-        """Boot from the state directory and listen. Raises SeedRefused, or OSError if a port is taken."""
+        """Boot from the state directory and listen. Raises SeedError, or OSError if a port is taken."""
         loop = asyncio.get_running_loop()
         self.device = Device(self.spec, lambda: loop.time() + self._ahead_s)
         flash = self._flash.load()
@@ -96,7 +96,7 @@ class EmulatedRouter:
             raise
 
     async def stop(self) -> None:
-        """Pull the plug: sockets close, the flash stays; raises what went wrong inside the twin meanwhile."""
+        """Cut the power: sockets close, the flash stays; raises errors that occurred inside the emulator."""
         self._doors.close()
         self._side_doors.close()
         self.device.save_to(self._flash)
@@ -126,7 +126,7 @@ class EmulatedRouter:
 
     @property
     def host(self) -> str:
-        """Where it listens."""
+        """Address on which it listens."""
         return HOST
 
     @property
@@ -136,24 +136,24 @@ class EmulatedRouter:
 
     @property
     def port_map(self) -> dict[int, int]:
-        """Loopback port by the port in `/ip/service`: to go from the declaration's port to the twin's."""
+        """Loopback port for each port of `/ip/service`: maps inventory ports to emulator ports."""
         return self._doors.port_map
 
     @property
     def first_contact_ports(self) -> dict[int, int]:
-        """Loopback port by the port in `/ip/service`, for a laptop at the spec's `first_contact`."""
+        """Loopback port for each port of `/ip/service`, for a laptop at the spec's `first_contact`."""
         return self._side_doors.port_map
 
     @property
     def pin(self) -> str | None:
-        """SHA-256 of the certificate that api-ssl shows, in hex; None if it has none."""
+        """SHA-256 of the api-ssl certificate in hex, or None if there is none."""
         service = self.device.services().get("api-ssl")
         pem = None if service is None or service.certificate is None else self.device.certificate(service.certificate)
         return None if pem is None else read_certificate(pem).fingerprint
 
     @property
     def serial(self) -> str | None:
-        """Path of the pty that stands for its serial line; None if it has none. Another one after every start."""
+        """Path of the pty of its serial line, or None; it changes with every start."""
         return None if self._serial is None else self._serial.path
 
     @property
@@ -170,7 +170,7 @@ class EmulatedRouter:
         menu: str = "/",
         header: bool = True,
     ) -> str:
-        """What `/export` prints, read beside all sessions; without `header` (it has the clock) for comparisons."""
+        """Return the output of `/export` without a session; no `header` (with the clock) for comparisons."""
         return self.device.export(verbose=verbose, terse=terse, show_sensitive=show_sensitive, menu=menu, header=header)
 
     def counters(self) -> WireCounters:
@@ -181,11 +181,11 @@ class EmulatedRouter:
         return total
 
     def connections(self) -> tuple[TrafficCounters, ...]:
-        """Counters and sentences of each connection, in the order of their coming."""
+        """Return counters and sentences of each connection, in order of connection."""
         return tuple(self._tallies)
 
     def reset_counters(self) -> None:
-        """Count from zero; connections that are open go on counting."""
+        """Reset the counters; open connections continue to count."""
         self._tallies[:] = [connection.tally for connection in self._board.connections]
         for tally in self._tallies:
             tally.counters = WireCounters()
@@ -194,9 +194,9 @@ class EmulatedRouter:
     # What it does to the router.
 
     async def console(self, words: Sequence[str], *, user: str | None = None) -> list[Answer]:
-        """Run a sentence as another admin, who keeps his session from call to call and needs no path.
+        """Run a sentence as another administrator, whose session is kept and needs no network path.
 
-        `user` is one of the spec's, the first without. Raises LookupError, or Trap if the router does not let him in.
+        `user`: a user of the spec, by default the first. Raises LookupError, or Trap if the login is refused.
         """
         account = next((item for item in self.spec.users if user in (None, item.name)), None)
         if account is None:
@@ -211,33 +211,33 @@ class EmulatedRouter:
         return answers
 
     def relink(self, link: RouterLink) -> None:
-        """Another bearer for everything that is sent from now on."""
+        """Change the link for all data sent from now on."""
         self._link = self._board.bearer.link = link
 
     def turn(self, knobs: WireBehaviour) -> None:
-        """Set the knobs."""
+        """Change the adjustable behaviour."""
         self._knobs = knobs
         self._board.turn(knobs)
 
     def arm(self, fault: LinkFault) -> None:
-        """Let a fault strike at a sentence to come."""
+        """Schedule a fault for a later sentence."""
         self._board.faults.arm(fault)
 
     def disarm(self) -> None:
-        """Forget the faults that are armed."""
+        """Cancel scheduled faults."""
         self._board.faults.disarm()
 
     def gap(self, seconds: float) -> None:
-        """Let the bearer carry nothing for a while."""
+        """Interrupt the link for some seconds."""
         self._board.gap(seconds)
 
     def silence(self, addresses: Sequence[str]) -> None:
-        """Let no answer come from these addresses to what the router asks, and from all others again."""
+        """Make these addresses stop responding to the router, and all others respond again."""
         self.device.silence(addresses)
         self._board.tell()
 
     async def wait(self, seconds: float) -> None:
-        """Let time pass for the router alone, with all that becomes due; its connections stand still meanwhile."""
+        """Advance only the router's time and process what becomes due; its connections are paused."""
         ours = asyncio.get_running_loop().time()
         end = ours + self._ahead_s + seconds
         while (due := self.device.due()) is not None and due <= end:
@@ -249,17 +249,17 @@ class EmulatedRouter:
         self._board.tell()
 
     def drop(self) -> None:
-        """Reset all connections under both ends."""
+        """Reset all connections, at both ends."""
         for connection in self._board.connections:
             connection.drop()
 
     def vanish(self) -> None:
-        """Silence all connections for good, without telling anybody."""
+        """Silence all connections permanently, without notice."""
         for connection in self._board.connections:
             connection.vanish()
 
     def reboot(self, *, clean: bool = True) -> None:
-        """Reboot, or lose power (`clean=False`: sockets are not closed first); back after `boot_s`."""
+        """Reboot, or cut the power (`clean=False`: sockets are not closed first); up again after `boot_s`."""
         self._board.reboot(clean=clean)
         self._consoles.clear()
 
@@ -276,22 +276,22 @@ class EmulatedRouter:
 
     @property
     def booting(self) -> bool:
-        """It is down, after a reboot or a power cut."""
+        """Whether the router is down after a reboot or power cut."""
         return self._board.booting
 
     def on_radio(self, on_change: Callable[[], None] | None, carries: Callable[[], bool] | None) -> None:
-        """Who is told when this router changes; and, where it is reached by radio, who says whether packets come."""
+        """Set the callbacks for changes of this router, and, behind a radio link, for reachability."""
         self._radio, self._carried = on_change, carries
         self._board.radio, self._board.carried = on_change, carries
 
     def regate(self) -> None:
-        """Let what has happened in the air take effect on its connections."""
+        """Apply changes of the radio link to the connections."""
         self._board.regate()
 
     # Inside.
 
     def _issue(self, *, again: bool = False) -> None:
-        """Let the certificates of the spec be those that an earlier start has made."""
+        """Restore the spec's certificates from an earlier start, or create them."""
         for name in () if self.spec.factory else self.spec.certificates:
             if again or self.device.certificate(name) is None:
                 pem = self._flash.certificate(name, common_name=self.spec.name, address=self.spec.management.local)

@@ -1,7 +1,7 @@
-"""Twins for callers that are not asyncio programs: in a thread of this process, or in a process of their own.
+"""Emulated routers for synchronous callers: in a thread of this process, or in a separate process.
 
-Both are context managers with the same face: `ready` tells where the twins are, `do` commands them (see control.py).
-An emulated router is imported where it runs: who starts twins in a process of their own does not load it.
+Both are context managers with the same interface: `ready` has the addresses, `do` sends control commands (see
+control.py). The emulator is imported where it runs: a caller with a separate process does not load it.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ _LAST_LINES = 5
 
 
 class EmulatorError(NetcfgError):
-    """The twins could not be started, or have died: a fault of ours, not of any device."""
+    """The emulators could not be started, or have crashed: an internal error, not a device's."""
 
 
 class RunningSite:
-    """The twins of `spec` in a thread with its own event loop."""
+    """The emulated routers of `spec` in a thread with its own event loop."""
 
     def __init__(self, spec: SiteSpec, state_dir: Path) -> None:
         from atlantis_netcfg.emulator.routeros.site import EmulatedSite  # noqa: PLC0415 - see above
@@ -63,7 +63,7 @@ class RunningSite:
             raise self._failure
 
     def do(self, twin: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
-        """Command one twin and wait for the result. Raises TwinRefused."""
+        """Send a control command to one router and wait for the result. Raises ControlError."""
         from atlantis_netcfg.emulator.routeros.control import obey  # noqa: PLC0415 - see above
 
         work = obey(self.site, twin, command, arguments)
@@ -87,7 +87,7 @@ class RunningSite:
 
 
 class SpawnedSite:
-    """The twins of a site in a process of their own, which ends with us."""
+    """The emulated routers of a site in a separate process, which ends with this one."""
 
     def __init__(self, process: subprocess.Popen[str], log: Path) -> None:
         self._process = process
@@ -104,7 +104,7 @@ class SpawnedSite:
         self.close()
 
     def do(self, twin: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
-        """Command one twin and wait for the result. Raises TwinRefused, or TwinsFailed if the process is gone."""
+        """Send a control command and wait. Raises ControlError, or EmulatorError if the process has ended."""
         with self._turn:
             self._say({"twin": twin, "do": command, **arguments})
             answer = self._hear()
@@ -115,7 +115,7 @@ class SpawnedSite:
         return answer["result"]
 
     def close(self) -> None:
-        """Let the twins save their state and end."""
+        """Stop the routers after they have saved their state."""
         if self._process.stdin is not None:
             with suppress(BrokenPipeError):  # a command that a dead process has not read
                 self._process.stdin.close()
@@ -150,7 +150,7 @@ class SpawnedSite:
         return values
 
     def _death(self) -> EmulatorError:
-        """Show the end of its log, which goes with the rehearsal."""
+        """Build the error with the end of the log, which is deleted with the rehearsal."""
         last: list[str] = []
         with suppress(OSError):
             last = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-_LAST_LINES:]
@@ -159,7 +159,7 @@ class SpawnedSite:
 
 
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
-    """Start the twins of `spec` in a process of their own and wait until they listen."""
+    """Start the emulated routers of `spec` in a separate process, and wait until they listen."""
     file, log = state_dir / "site.json", state_dir / "twins.log"
     write_private(file, spec.model_dump_json(indent=1).encode())
     twins = (sys.executable, "-m", "atlantis_netcfg.emulator.routeros", str(file))

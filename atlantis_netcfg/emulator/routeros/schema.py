@@ -1,20 +1,20 @@
-"""Which menus, commands and arguments a RouterOS version has: read from its own command trees, never guessed.
+"""Menus, commands and arguments of a RouterOS version, from its published command trees.
 
-From 7.16 to 7.24 every published tree is there. A version between two of them is held to the older one, so that the
-twin is at worst stricter than the device; a version beyond the newest is held to that (`versions.NEWEST_KNOWN`).
-Versions below 7.16 have the tree of 7.16 less what is known to be newer (`BOUNDARIES`); what else RouterOS 6 lacks,
-or had and lost, no published tree tells.
+From 7.16 to 7.24 every published tree is included. A version between two trees uses the older one, so that the emulator
+is at worst stricter than the device; a version beyond the newest uses the newest (`versions.NEWEST_KNOWN`).
+Versions below 7.16 have the tree of 7.16 without what is known to be newer (`BOUNDARIES`); what else RouterOS 6 lacks,
+or had and lost, is in no published tree.
 
-What is known of versions below 7.16 (`BOUNDARIES`), and what is not:
+Knowledge of versions below 7.16 (`BOUNDARIES`), and its limits:
 
 * 7.9 to 7.16: the first published tree that shows a name (`tikoci/restraml`, one or more for every minor version), for
   the menus that the emulator models, for whole menus, and for what our engine sends; below 7.15 one tree for each minor
   version was published, so that the patch is uncertain.
-* 6.49 and 7.0 to 7.8: no tree was published. Rows marked `MANUAL` and `EXPORT` say what is known to be newer than
-  RouterOS 6; everything else is taken to be as in 7.16, which it surely is not. A menu that is not in that tree is not
-  rehearsed there, and no refusal of RouterOS 6 but those that adoption may meet (`console/run.py`).
+* 6.49 and 7.0 to 7.8: no tree was published. Rows marked `MANUAL` and `EXPORT` list what is known to be newer than
+  RouterOS 6; everything else is assumed to be as in 7.16, which is certainly inexact. A menu that is not in that tree
+  is not emulated, and of RouterOS 6 only the errors that adoption may cause (`console/run.py`).
 
-What no tree can know (`ADDITIONS`, `BOARD_FEATURES`, `PACKAGE_MENUS`): hardware that a Cloud Hosted Router lacks, and
+Not in any tree (`ADDITIONS`, `BOARD_FEATURES`, `PACKAGE_MENUS`): hardware that a Cloud Hosted Router lacks, and
 packages. Sources: Manual, CLI reference (`/interface/ethernet`, `poe`, `/system/routerboard`); Manual, Packages.
 """
 
@@ -32,7 +32,7 @@ from typing import Any
 
 
 class Source(StrEnum):
-    """Where a row comes from."""
+    """Source of a row."""
 
     TREE = "command trees of tikoci/restraml"
     MANUAL = "Manual: Moving from ROSv6 to ROSv7, OpenVPN, VRF, NTP, Device-mode, WireGuard, Container, Netwatch"
@@ -43,7 +43,7 @@ class Source(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """A menu (with all below it), a command, or arguments, that routers have from `since` on."""
+    """A menu (with submenus), a command, or arguments that exist from version `since` on."""
 
     menu: str
     commands: tuple[str, ...] = ()
@@ -150,7 +150,7 @@ OLDEST_TREE = "7.9"
 
 @dataclass(frozen=True, slots=True)
 class Addition:
-    """A command, and arguments, that a device has and the tree does not show; `feature` is of BOARD_FEATURES."""
+    """A command with arguments that a device has but the tree lacks; `feature` is one of BOARD_FEATURES."""
 
     menu: str
     command: str
@@ -239,7 +239,7 @@ _REQUIRED_FILE, _OLDEST_NEEDED = "required.json", "7.20.8"
 
 @cache
 def version_key(version: str) -> tuple[int, ...]:
-    """Make `7.18.2` comparable; `7.19beta2` and `7.19rc1` are below 7.19."""
+    """Return a sort key for a version such as `7.18.2`; `7.19beta2` and `7.19rc1` are below 7.19."""
     match = re.match(r"(\d+)\.(\d+)(?:\.(\d+))?(?:(beta|rc)(\d+))?", version)
     if match is None:
         raise ValueError(f"not a RouterOS version: {version}")
@@ -263,7 +263,7 @@ def _tree(version: str) -> dict[str, Any]:
 
 
 def _merge_patch(node: Mapping[str, Any], patch: Mapping[str, Any]) -> dict[str, Any]:
-    """Apply a JSON merge patch (RFC 7396); what it leaves alone is shared with the older tree."""
+    """Apply a JSON merge patch (RFC 7396); unchanged parts are shared with the older tree."""
     result = dict(node)
     for name, child in patch.items():
         if child is None:
@@ -282,7 +282,7 @@ TREES = tuple(sorted((*_WHOLE, *_load("changes.json.gz")), key=version_key))
 
 @cache
 def offered_values(menu: str, argument: str) -> tuple[str, ...]:
-    """Return the values that the console of 7.21.5 offers for an argument; free values are not among them."""
+    """Return the values that the console of 7.21.5 offers for an argument, without free values."""
     values = _load("7.21.5.values.json.gz")
     offers = values.get(f"{menu}/add {argument}") or values.get(f"{menu}/set {argument}") or []
     return tuple(value for value in offers if value not in ("!", ",", "!,"))
@@ -296,7 +296,7 @@ _NO_ROW = frozenset({"", "all", "any", "global", "no-queue", "none"})
 
 @cache
 def recorded_rows() -> Mapping[str, frozenset[str]]:
-    """Return the names of the rows that the recorded router had, by menu."""
+    """Return the row names of the recorded router, by menu."""
     rows: dict[str, frozenset[str]] = {}
     for place, words in _load("7.21.5.values.json.gz").items():
         path, _, argument = place.rpartition(" ")
@@ -307,7 +307,7 @@ def recorded_rows() -> Mapping[str, frozenset[str]]:
 
 
 def description(menu: str, argument: str) -> str:
-    """Return what the tree of 7.21.5 says of the values of an argument: `A.B.C.D    (IP address)`; often nothing."""
+    """Return the tree's description (7.21.5) of an argument's values: `A.B.C.D    (IP address)`; often empty."""
     node: Any = _tree("7.21.5")
     for part in menu.strip("/").split("/"):
         node = node.get(part, {})
@@ -316,16 +316,16 @@ def description(menu: str, argument: str) -> str:
 
 
 def menus_named(menu: str, argument: str) -> tuple[str, ...]:
-    """Return the menus whose rows an argument may name: the words offered for it were the names of all their rows."""
+    """Return the menus that an argument may reference: their row names were exactly the offered values."""
     names = frozenset(offered_values(menu, argument)) - _NO_ROW
     return tuple(path for path, rows in recorded_rows().items() if names and rows - _NO_ROW == names)
 
 
 @cache
 def required_arguments(version: str, menu: str) -> tuple[str, ...] | str:
-    """Return the arguments without which `add` is refused, or the words said to an `add` with no argument at all.
+    """Return the arguments that `add` requires, or the error text of an `add` without arguments.
 
-    As devices of three versions said it; an older device is held to the oldest of them.
+    Recorded on devices of three versions; an older device uses the oldest.
     Assumption: offered-values
     """
     arguments: list[str] | str = []
@@ -340,7 +340,7 @@ def required_arguments(version: str, menu: str) -> tuple[str, ...] | str:
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """The vocabulary of one router: its version's tree, its packages, and what its board adds."""
+    """Vocabulary of one router: its version's tree, its packages, and additions of its board."""
 
     version: str
     packages: tuple[str, ...] = ("routeros",)
@@ -348,25 +348,25 @@ class Schema:
     """Of `supplement.BOARD_FEATURES`: what a Cloud Hosted Router lacks and this board has."""
 
     def at_least(self, version: str) -> bool:
-        """Tell whether the router runs `version` or a newer one."""
+        """Return whether the router runs `version` or a newer one."""
         return version_key(self.version) >= version_key(version)
 
     @property
     def tree(self) -> str:
-        """The newest shipped tree that is not newer than the router; the oldest for older routers."""
+        """The newest included tree that is not newer than the router; the oldest for older routers."""
         return _newest(self)
 
     def has_menu(self, menu: str) -> bool:
-        """Tell whether `menu` is a menu of this router."""
+        """Return whether `menu` is a menu of this router."""
         return menu == "/" or _has_menu(self, menu)
 
     def has_command(self, menu: str, command: str) -> bool:
-        """Tell whether `menu` knows `command`; `getall` and `listen` are the API's forms of `print`."""
+        """Return whether `menu` has `command`; `getall` and `listen` are the API's forms of `print`."""
         command = "print" if command in _PRINT_FORMS else command
         return self.has_menu(menu) and command in _commands(self, menu)
 
     def arguments(self, menu: str, command: str) -> frozenset[str]:
-        """Return the names that `command` takes."""
+        """Return the argument names of `command`."""
         return _arguments(self, menu, "print" if command in _PRINT_FORMS else command)
 
     def commands(self, menu: str) -> frozenset[str]:
@@ -401,7 +401,7 @@ class Schema:
 
 @dataclass(frozen=True, slots=True)
 class _Words:
-    """How the vocabulary of a router differs from the tree that it is held to."""
+    """Differences between a router's vocabulary and its command tree."""
 
     additions: Mapping[str, Mapping[str, frozenset[str]]]
     """By menu and command: arguments."""
@@ -488,6 +488,6 @@ def _arguments(schema: Schema, menu: str, command: str) -> frozenset[str]:
 
 
 def features_of(board: str, *, poe: bool) -> frozenset[str]:
-    """Return the board features of a router: every RouterBOARD is one, and PoE is what its spec says."""
+    """Return the board features of a router: all but a CHR are RouterBOARDs; PoE is from the spec."""
     features = {"routerboard"} if not board.startswith("CHR") else set()
     return frozenset(features | ({"poe"} if poe else set())) & BOARD_FEATURES

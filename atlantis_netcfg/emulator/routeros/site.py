@@ -1,4 +1,4 @@
-"""The twins of a site together, from one specification that is plain JSON."""
+"""All emulated routers of a site, from one specification in plain JSON."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class EmulatedSite:
-    """The twins of `spec`, each with its own folder below `state_dir`; `async with` starts and stops them."""
+    """The emulated routers of `spec`, each with a folder below `state_dir`; `async with` starts and stops them."""
 
     def __init__(self, spec: SiteSpec, state_dir: Path) -> None:
         self.spec = spec
@@ -33,7 +33,7 @@ class EmulatedSite:
         self._running: list[EmulatedRouter] = []
 
     async def start(self) -> None:
-        """Start all twins, or none."""
+        """Start all routers, or none."""
         try:
             for router in self.routers.values():
                 await router.start()
@@ -45,7 +45,7 @@ class EmulatedSite:
             raise
 
     async def stop(self) -> None:
-        """Stop all; what went wrong inside them is raised together."""
+        """Stop all routers; errors inside them are raised together."""
         failures: list[Exception] = []
         for link in self.links if len(self._running) == len(self.routers) else ():
             link.stop()
@@ -67,12 +67,12 @@ class EmulatedSite:
         await self.stop()
 
     def describe(self) -> dict[str, Any]:
-        """Where each twin is to be found, as JSON-able data."""
+        """Return the addresses of all routers, as JSON-able data."""
         return {name: describe(router) for name, router in self.routers.items()}
 
 
 def describe(router: EmulatedRouter) -> dict[str, Any]:
-    """Where one twin is to be found; a service that does not listen is null."""
+    """Return the addresses of one router; a service that does not listen is null."""
     return {
         "host": router.host,
         "api": router.ports.get("api"),

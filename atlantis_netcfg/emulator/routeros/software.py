@@ -1,8 +1,8 @@
-"""Packages of a router twin: `.npk` files on its flash, and what a reboot makes of them (Manual, Packages; Upgrade).
+"""Packages of an emulated router: `.npk` files on its flash, installed at reboot (Manual, Packages; Upgrade).
 
 Nothing is unpacked and no signature is checked: name, version and architecture are read from the file's header (see
-repositories rsa9000/npk-tools and botlabsDev/npkpy), and a router boots with another version's command tree. The words
-in the log when a package is not taken are ours: the manual shows them in a picture only.
+repositories rsa9000/npk-tools and botlabsDev/npkpy), and a router boots with another version's command tree. Log
+messages about refused packages are ours: the manual shows them in a picture only.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _X86 = {"i386": "x86", "x86_64": "x86"}
 
 @dataclass(frozen=True, slots=True)
 class PackageFile:
-    """What `/file` tells of a package: `package-name`, `package-version`, `package-architecture`."""
+    """Properties of a package in `/file`: `package-name`, `package-version`, `package-architecture`."""
 
     name: str
     version: str
@@ -39,12 +39,12 @@ class PackageFile:
 
     @property
     def package(self) -> str:
-        """The name in `/system/package`."""
+        """Name in `/system/package`."""
         return _MAIN if self.name == _SYSTEM or self.name.startswith(f"{_MAIN}-") else self.name
 
 
 def package_file(contents: str) -> PackageFile | None:
-    """Read the header; None for what is no whole package."""
+    """Parse the header; None for an incomplete or other file."""
     data = contents.encode(errors="surrogateescape")
     if data[:4] != _MAGIC or len(data) < 8 or int.from_bytes(data[4:8], "little") != len(data) - 8:  # noqa: PLR2004
         return None
@@ -65,7 +65,7 @@ def package_file(contents: str) -> PackageFile | None:
 
 @dataclass(frozen=True, slots=True)
 class Boot:
-    """What the router is after a boot: its spec, the files that are left, and what it wrote to its log."""
+    """Result of a boot: spec, remaining files, and log entries."""
 
     spec: RouterSpec
     files: Mapping[str, FlashFile]
@@ -74,7 +74,7 @@ class Boot:
 
 
 def boot_with(spec: RouterSpec, files: Mapping[str, FlashFile]) -> Boot:
-    """Install the packages in the root folder: all of the new system's version, or those that are installed already."""
+    """Install the packages of the root folder: all of the new version, or only those already installed."""
     packages = {
         name: package
         for name, file in files.items()

@@ -1,4 +1,4 @@
-"""What twins are made of: the box, its version and device-mode, its users, the path by which we manage it; a site.
+"""Specification of emulated routers and sites: board, version, device-mode, users, management path.
 
 Everything here is data that survives a round trip through JSON
 (`RouterSpec.model_validate_json(spec.model_dump_json())`).
@@ -24,7 +24,7 @@ class _Spec(BaseModel):
 
 
 class User(_Spec):
-    """An account of the router; `group` names a row of `/user/group`."""
+    """An account of the router; `group` is the name of a row of `/user/group`."""
 
     name: str
     password: str = ""
@@ -34,9 +34,9 @@ class User(_Spec):
 
 
 class ManagementSpec(_Spec):
-    """The path by which the technician reaches the router: `technician` sends packets into `port` to `address`.
+    """Management path of a router: `technician` sends packets into `port` to `address`.
 
-    The port is a radio where the technician stands at the other end of a radio link.
+    The port is a radio if the technician is at the other end of a radio link.
     """
 
     address: str = "10.64.101.1/24"
@@ -45,12 +45,12 @@ class ManagementSpec(_Spec):
 
     @property
     def local(self) -> str:
-        """The router's own address, without its prefix length."""
+        """The router's own address, without prefix length."""
         return str(IPv4Interface(self.address).ip)
 
     @property
     def network(self) -> IPv4Address:
-        """The address of the network that the router and the technician share."""
+        """Address of the network shared by router and technician."""
         return IPv4Interface(self.address).network.network_address
 
     @model_validator(mode="after")
@@ -70,7 +70,7 @@ class DeviceModeName(StrEnum):
 
 
 class DeviceMode(_Spec):
-    """`/system/device-mode`: a mode, features that were switched one by one (`{"scheduler": False}`), and the flag."""
+    """`/system/device-mode`: a mode, individually switched features (`{"scheduler": False}`), and the flag."""
 
     mode: DeviceModeName = DeviceModeName.ADVANCED
     features: dict[str, bool] = Field(default_factory=dict)
@@ -78,9 +78,9 @@ class DeviceMode(_Spec):
 
 
 class Deviation(StrEnum):
-    """What a router may do otherwise than engine and twin assume: the id of each row of routeros/assumptions.py.
+    """Deviations from the assumptions of engine and emulator; each value is an id in routeros/assumptions.py.
 
-    For others there are `Knobs`, `Execute`, `history_limit`, `unroll_delay_s` and `silent_timeout_s`.
+    Other deviations are set by `WireBehaviour`, `Execute`, `history_limit`, `unroll_delay_s` and `silent_timeout_s`.
     """
 
     AMBIGUOUS = "console-ambiguous"
@@ -128,7 +128,7 @@ class Deviation(StrEnum):
 
 
 class Execute(StrEnum):
-    """What `/execute as-string` does when its script stops at an error, or that the router has no `/execute`.
+    """Behaviour of `/execute as-string` if its script stops at an error, or absence of `/execute`.
 
     Assumption: execute-error-text
     """
@@ -142,7 +142,7 @@ class Execute(StrEnum):
 
 
 class Radio(_Spec):
-    """A radio on the board; the package that is installed drives it: `wireless`, or one called `wifi-...`."""
+    """A radio on the board, driven by an installed package: `wireless`, or one called `wifi-...`."""
 
     name: str = "wlan1"
     """Factory name: `wlan1` with the older driver, `wifi1` with the newer."""
@@ -167,7 +167,7 @@ class SimSpec(_Spec):
 
 
 class CellSpec(_Spec):
-    """The network at the site."""
+    """The mobile network at the site."""
 
     plmn: _Plmn = "00101"
     operator: str = "EXAMPLE"
@@ -201,7 +201,7 @@ class ModemSpec(_Spec):
 
 
 class Load(_Spec):
-    """A box that is fed by a port."""
+    """A device powered by a PoE port."""
 
     milliamps: int = Field(default=180, ge=0)
     volts: float = Field(default=24.0, ge=0)
@@ -210,7 +210,7 @@ class Load(_Spec):
 
 
 class DiscoveryNeighbour(_Spec):
-    """A device that tells its name by MNDP, CDP or LLDP."""
+    """A device that announces its name by MNDP, CDP or LLDP."""
 
     identity: str
     interface: str
@@ -223,14 +223,14 @@ class DiscoveryNeighbour(_Spec):
 
 
 class Validity(_Spec):
-    """From when until when a certificate says that it is valid."""
+    """Validity period of a certificate."""
 
     since: datetime
     until: datetime
 
 
 class NearbyStation(_Spec):
-    """A client of 802.11 near the router: it joins the network with its name and passphrase, if there is one."""
+    """An 802.11 client near the router: it joins a network that has its name and passphrase."""
 
     mac: str
     ssid: str
@@ -240,7 +240,7 @@ class NearbyStation(_Spec):
 
 
 class Environment(_Spec):
-    """Everything around a router; by default nothing is."""
+    """Surroundings of a router; empty by default."""
 
     cards: dict[str, str] = Field(default_factory=dict)
     """Address to the MAC that answers there: they answer pings and ARP, like `neighbours` of the router's own spec."""
@@ -270,7 +270,7 @@ class Environment(_Spec):
 
 
 class RouterSpec(_Spec):
-    """One emulated router in its "adopted" state: the factory's rows without a default configuration, then `seed`."""
+    """An emulated router after adoption: factory rows without a default configuration, then `seed`."""
 
     name: str
     version: str = "7.18.2"
@@ -320,12 +320,12 @@ class RouterSpec(_Spec):
 
     @property
     def answering(self) -> tuple[str, ...]:
-        """Every address that answers pings and ARP."""
+        """All addresses that respond to pings and ARP."""
         return tuple(dict.fromkeys((*self.neighbours, *self.around.cards)))
 
     @property
     def paths(self) -> tuple[ManagementSpec, ...]:
-        """Every place from which the router is managed, the declared one first."""
+        """All management paths of the router, that of the inventory first."""
         return (self.management,) if self.first_contact is None else (self.management, self.first_contact)
 
     @model_validator(mode="after")
@@ -338,7 +338,7 @@ class RouterSpec(_Spec):
 
 
 class TwinSpec(_Spec):
-    """A router, the bearer that leads to it, and its moods."""
+    """A router with the link to it and its adjustable behaviour."""
 
     router: RouterSpec
     link: RouterLink = RouterLink()
@@ -348,7 +348,7 @@ class TwinSpec(_Spec):
 
 
 class SiteSpec(_Spec):
-    """All twins of a site."""
+    """All emulated routers of a site."""
 
     name: str
     twins: tuple[TwinSpec, ...]

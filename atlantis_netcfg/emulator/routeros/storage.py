@@ -1,4 +1,4 @@
-"""The files of a device as a transfer sees them: bytes by name, a disk of limited size, rights."""
+"""Files of a device for transfers: bytes by name, limited disk size, rights."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _UPLOAD = ".auto.rsc"
 
 
 class FileSide:
-    """What `Device` adds for SFTP. Transfers need the policy `ftp` (Manual, User). Assumption: sftp-policy."""
+    """SFTP functions of `Device`. Transfers need the policy `ftp` (Manual, User). Assumption: sftp-policy."""
 
     _core: Core
 
     def tick(self) -> None:
-        """Do what has become due."""
+        """Process everything that is due."""
         raise NotImplementedError
 
     def file_data(self, caller: answers.Caller) -> dict[str, bytes]:
-        """All files. Raises Trap."""
+        """Return all files. Raises Trap without permission."""
         self.tick()
         if not {"ftp", "read"} <= self._core.policies(caller):
             raise answers.Trap("not enough permissions (9)")
@@ -44,21 +44,21 @@ class FileSide:
 
     @property
     def folders(self) -> frozenset[str]:
-        """All folders but the root."""
+        """All folders except the root."""
         return frozenset(name for name, file in self._core.files.items() if file.folder)
 
     def make_folder(self, caller: answers.Caller, name: str) -> None:
-        """Make an empty folder. Raises Trap."""
+        """Create an empty folder. Raises Trap."""
         if not {"ftp", "write"} <= self._core.policies(caller):
             raise answers.Trap("not enough permissions (9)")
         self._core.files[name] = FlashFile(self._core.number(), "", self._core.stamp(), folder=True)
 
     def free_space(self, *, besides: str = "") -> int:
-        """Bytes that a file could take which replaces the one called `besides`."""
+        """Return the bytes free for a file that replaces `besides`."""
         return self._core.free_space(besides=besides)
 
     def store_file(self, caller: answers.Caller, name: str, data: bytes) -> None:
-        """Write a file anew. Raises Trap."""
+        """Write or overwrite a file. Raises Trap."""
         core = self._core
         if not {"ftp", "write"} <= core.policies(caller):
             raise answers.Trap("not enough permissions (9)")
@@ -68,11 +68,11 @@ class FileSide:
         core.files[name] = FlashFile(number, data.decode(errors="surrogateescape"), core.stamp())
 
     def drop_file(self, name: str) -> bool:
-        """Delete a file; False if there is none."""
+        """Delete a file; return False if it does not exist."""
         return self._core.files.pop(name, None) is not None
 
     def run_upload(self, caller: answers.Caller, name: str) -> None:
-        """Run a file whose name ends with `.auto.rsc`, and leave `.auto.log` (Manual, Configuration Management)."""
+        """Run a file whose name ends with `.auto.rsc`, and write an `.auto.log` (Manual, Configuration Management)."""
         core = self._core
         outcome = run_file(core, caller, core.files[name].contents)
         report = name.removesuffix(".rsc") + ".log"
@@ -93,7 +93,7 @@ def _replay(tables: dict[str, list[list[Any]]], menu: str, number: int, position
 
 
 class Flash:
-    """The state directory of one twin; nobody but its owner may read it."""
+    """State directory of one emulated router, readable only by its owner."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -103,7 +103,7 @@ class Flash:
         self._room = 0
 
     def load(self) -> dict[str, Any] | None:
-        """What was saved last, or None on the first start."""
+        """Return the last saved state, or None on the first start."""
         if not self._file.exists():
             return None
         first, *lines = self._file.read_text(encoding="utf-8").split("\n")
@@ -117,14 +117,14 @@ class Flash:
         return state
 
     def save(self, snapshot: dict[str, Any], beside: dict[str, Any]) -> None:
-        """Replace the file atomically; `beside` is what the snapshot holds beside the rows."""
+        """Replace the file atomically; `beside` is the snapshot's data other than rows."""
         data = json.dumps(snapshot).encode() + b"\n"
         write_private(self._file, data)
         self._beside, self._counters = beside, snapshot["configuration"]["counters"]
         self._room = max(len(data), _FIRST_ROOM)
 
     def extend(self, beside: dict[str, Any], changes: Sequence[Sequence[Any]], counters: Mapping[str, int]) -> bool:
-        """Add what is new as one line; False: there are so many by now that the file has to be replaced."""
+        """Append changes as one line; return False if the file has grown too long and must be replaced."""
         new = {name: value for name, value in beside.items() if value != self._beside.get(name)}
         new_counters = {name: number for name, number in counters.items() if number != self._counters.get(name)}
         if not new and not changes and not new_counters:
@@ -142,11 +142,11 @@ class Flash:
         return True
 
     def certificate(self, name: str, *, common_name: str, address: str) -> Path:
-        """PEM file of the certificate that the router calls `name`."""
+        """Return the PEM file of the certificate `name`."""
         return certificate(self._folder / "certificates", name, common_name=common_name, address=address)
 
     def keep(self, pem: str) -> Path:
-        """A file with this key and certificate."""
+        """Write a file with this key and certificate, unless it exists; return its path."""
         path = self._folder / "certificates" / f"{hashlib.sha256(pem.encode()).hexdigest()[:16]}.used.pem"
         if not path.exists():
             write_private(path, pem.encode())
@@ -154,14 +154,14 @@ class Flash:
 
     @property
     def host_key(self) -> Path:
-        """Where the SSH host key lies; it may have to be made first."""
+        """Path of the SSH host key, which may not exist yet."""
         return self._folder / "host-key"
 
     def forget_host_key(self) -> None:
-        """Let the next connection find a new SSH host key, as after a reset of the router."""
+        """Delete the SSH host key, as a reset does; the next connection gets a new one."""
         self.host_key.unlink(missing_ok=True)
 
     def forget_certificates(self) -> None:
-        """Let the next connection find new keys, as after a reset of the router."""
+        """Delete the certificates, as a reset does; the next connection gets new keys."""
         for file in (self._folder / "certificates").glob("*.pem"):
             file.unlink()

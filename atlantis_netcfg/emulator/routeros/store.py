@@ -1,4 +1,4 @@
-"""The configuration: tables of rows, references by id, and every change as an exact pair of before and after."""
+"""The configuration: tables of rows, references by id, and each change with its state before and after."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class HistoryEntry:
-    """One action, one row changed; `undo` and `redo` are its console commands."""
+    """One action that changed one row; `undo` and `redo` are its console commands."""
 
     number: int
     action: str
@@ -35,7 +35,7 @@ class HistoryEntry:
 
 @dataclass(slots=True)
 class ActionHistory:
-    """The latest actions, oldest first, and who holds safe mode."""
+    """The latest actions, oldest first, and the session that holds safe mode."""
 
     limit: int
     entries: list[HistoryEntry] = field(default_factory=list)
@@ -44,9 +44,9 @@ class ActionHistory:
     _count: int = 0
 
     def record(self, store: RowStore, action: str, *, by: str, time: str, commands: tuple[str, str]) -> None:
-        """Close an action: take the changes that the store has collected; `commands` undo and redo it.
+        """Record an action with the changes collected by the store; `commands` undo and redo it.
 
-        In safe mode the action that no longer fits ends it without a word, and nothing will be undone.
+        In safe mode, an action beyond the limit ends safe mode silently, and nothing will be undone.
         """
         changes, store.changes = tuple(store.changes), []
         if not changes:
@@ -62,14 +62,14 @@ class ActionHistory:
         del self.entries[: -self.limit]
 
     def join(self, first: int) -> None:
-        """Let all entries from this place on be one, whose commands are those of the first."""
+        """Merge all entries from this index on into one, with the commands of the first."""
         later = self.entries[first:]
         if later:
             changes = tuple(change for entry in later for change in entry.changes)
             self.entries[first:] = [replace(later[0], changes=changes)]
 
     def settle(self, first: int) -> None:
-        """Let safe mode forget the entries from this place on."""
+        """Remove the entries from this index on from safe mode, so that they stay."""
         for entry in self.entries[first:]:
             entry.floating = False
 
@@ -78,20 +78,20 @@ class ActionHistory:
         self.holder = caller
 
     def release(self) -> None:
-        """Leave safe mode and keep everything."""
+        """Leave safe mode and keep all changes."""
         self.holder = None
         for entry in self.entries:
             entry.floating = False
 
     def unroll(self, store: RowStore) -> None:
-        """Undo everything since safe mode was taken, whoever did it, newest first, and leave safe mode."""
+        """Undo all changes of all sessions since safe mode began, newest first, and leave safe mode."""
         for entry in reversed([entry for entry in self.entries if entry.floating and not entry.undone]):
             _put_back(store, entry)
         self.entries = [entry for entry in self.entries if not entry.floating]
         self.holder = None
 
     def undo(self, store: RowStore) -> bool:
-        """Undo the newest action that is not undone."""
+        """Undo the latest action not yet undone."""
         for entry in reversed(self.entries):
             if not entry.undone:
                 _put_back(store, entry)
@@ -100,7 +100,7 @@ class ActionHistory:
         return False
 
     def redo(self, store: RowStore) -> bool:
-        """Do the oldest undone action again."""
+        """Redo the oldest undone action."""
         for entry in self.entries:
             if entry.undone:
                 for change in entry.changes:
@@ -110,7 +110,7 @@ class ActionHistory:
         return False
 
     def clear(self) -> None:
-        """Forget everything, as a reboot does."""
+        """Clear the history, as a reboot does."""
         self.entries.clear()
         self.holder = None
 
@@ -130,9 +130,9 @@ _SPACE_MENUS = {
 
 @dataclass(slots=True, eq=False)
 class StoredItem:
-    """One row, equal to itself alone: lists of thousands are searched for it.
+    """One row, compared by identity because lists of thousands are searched for it.
 
-    `values` holds what was given, in stored form; what is missing has its default. It is replaced, never changed.
+    `values`: given values in stored form; missing ones have their default. The dict is replaced, never modified.
     """
 
     id: int
@@ -146,7 +146,7 @@ class StoredItem:
 
 @dataclass(frozen=True, slots=True)
 class PrintedRow:
-    """The arguments of a row as the API prints them, for as long as `values` is the content of the row."""
+    """Cached arguments of a row as the API prints them, valid while `values` is the row's content."""
 
     values: dict[str, str]
     row: dict[str, str]
@@ -164,7 +164,7 @@ class PlacedRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StoreChange:
-    """One row before and after; None is "not there"."""
+    """One row before and after a change; None: does not exist."""
 
     menu: str
     id: int
@@ -174,7 +174,7 @@ class StoreChange:
 
 @dataclass(slots=True)
 class Table:
-    """The rows of one menu in their order."""
+    """The ordered rows of one menu."""
 
     menu: menus.EmulatedMenu
     args: dict[str, menus.Arg]
@@ -184,7 +184,7 @@ class Table:
     """By argument, the rows of each stored value, so that nobody has to look through thousands of them."""
 
     def alike(self, name: str, value: str | None) -> list[StoredItem]:
-        """Return the rows that have this stored value, or none."""
+        """Return the rows whose stored value equals `value`; None: not set."""
         if name not in self._groups:
             groups: dict[str | None, dict[StoredItem, None]] = {}
             for item in self.items:
@@ -194,7 +194,7 @@ class Table:
         return [*groups.get(value, ()), *(groups.get(None, ()) if value is not None else ())]
 
     def regroup(self, item: StoredItem, before: Mapping[str, str] | None, after: Mapping[str, str] | None) -> None:
-        """Let the groups follow one change of a row; None is "not there"."""
+        """Update the value index after a change of a row; None: does not exist."""
         for name, groups in self._groups.items():
             if before is not None:
                 groups.get(before.get(name), {}).pop(item, None)
@@ -202,7 +202,7 @@ class Table:
                 groups.setdefault(after.get(name), {})[item] = None
 
     def ungroup(self) -> None:
-        """Forget the groups: rows were changed behind their back."""
+        """Discard the value index after rows were changed directly."""
         self._groups.clear()
 
     def find(self, number: int) -> StoredItem | None:
@@ -211,7 +211,7 @@ class Table:
 
 
 class RowStore:
-    """All tables of a router; the name space of references."""
+    """All tables of a router, and the name space of references."""
 
     def __init__(self, schema: Schema, *, reuses_ids: bool = False) -> None:
         self.schema = schema
@@ -226,7 +226,7 @@ class RowStore:
         self._dynamic_ids: dict[tuple[str, str, int], int] = {}
 
     def table(self, path: str) -> Table:
-        """Return the table of a menu that the schema has, an empty one at first use."""
+        """Return the table of a menu of the schema; it is created empty at first use."""
         if path not in self.tables:
             menu = menus.MODELLED_MENUS.get(path) or menus.generic(self.schema, path)
             names = self.schema.arguments(path, "add") | self.schema.arguments(path, "set")
@@ -239,7 +239,7 @@ class RowStore:
     # --- names -----------------------------------------------------------------------------------------------------
 
     def space_tables(self, space: str) -> Iterator[Table]:
-        """Yield the tables whose rows a space holds; the path of a menu stands for its rows."""
+        """Yield the tables of a name space; the path of a menu is also accepted."""
         for path in (space,) if space.startswith("/") else _SPACE_MENUS.get(space, ()):
             yield self.table(path)
         for path, table in list(self.tables.items()):
@@ -247,7 +247,7 @@ class RowStore:
                 yield table
 
     def id_of(self, space: str, name: str) -> int | None:
-        """Return the id of the row of that name, None if there is none."""
+        """Return the id of the row with that name, or None."""
         for table in self.space_tables(space):
             for item in table.items:
                 if self.text(table, item, "name") == name:
@@ -255,28 +255,28 @@ class RowStore:
         return None
 
     def name_of(self, space: str, number: int) -> str | None:
-        """Return the name of the row, None if it has gone."""
+        """Return the name of the row, or None if it was removed."""
         for table in self.space_tables(space):
             if (item := table.find(number)) is not None:
                 return self.text(table, item, "name")
         return None
 
     def text(self, table: Table, item: StoredItem, name: str) -> str | None:
-        """Return a property as an export spells it; None: it is not set and has no default."""
+        """Return a property in export format; None: not set and without default."""
         if name in item.values:
             return spell(item.values[name], self)
         arg = table.args.get(name)
         return arg.default if arg is not None else None
 
     def target(self, table: Table, item: StoredItem, name: str) -> int | None:
-        """Return the id of the row that a property refers to, also by its default."""
+        """Return the id of the row that a property references, by value or default."""
         value = item.values.get(name)
         if value is None and (arg := table.args.get(name)) is not None and arg.default is not None:
             value = arg.kind.parse(arg.default, self)
         return next((number for _, number in references(value or "")), None)
 
     def refer(self, space: str, name: str) -> str:
-        """Make the stored form of a reference to a row that exists. Raises LookupError."""
+        """Return the stored form of a reference to an existing row. Raises LookupError."""
         number = self.id_of(space, name)
         if number is None:
             raise LookupError(f"no {space} called {name}")
@@ -285,7 +285,7 @@ class RowStore:
     # --- ids -------------------------------------------------------------------------------------------------------
 
     def new_id(self, path: str) -> int:
-        """Draw the next id of a menu; interfaces of all kinds share theirs. Assumption: api-ids-grow."""
+        """Allocate the next id of a menu; interfaces of all kinds share a counter. Assumption: api-ids-grow."""
         menu = self.table(path).menu
         if self._reuses_ids and menu.space != "interface":
             used_ids = {item.id for item in self.table(path).items}
@@ -296,7 +296,7 @@ class RowStore:
         return number
 
     def dynamic_id(self, path: str, why: str, source: int) -> int:
-        """Return the lasting id of a row that the router makes by itself because of row `source`."""
+        """Return the permanent id of a dynamic row that exists because of row `source`."""
         key = (path, why, source)
         if key not in self._dynamic_ids:
             self._dynamic_ids[key] = self.new_id(path)
@@ -305,11 +305,11 @@ class RowStore:
     # --- changes ---------------------------------------------------------------------------------------------------
 
     def place(self, path: str, item: StoredItem) -> PlacedRow:
-        """Return a row's content and position as they are now."""
+        """Return a row's current content and position."""
         return PlacedRow(dict(item.values), self.table(path).items.index(item))
 
     def insert(self, path: str, values: Mapping[str, str], index: int | None = None) -> StoredItem:
-        """Add a row, at the end if no index is given."""
+        """Insert a row, by default at the end."""
         items = self.table(path).items
         item = StoredItem(self.new_id(path), dict(values))
         position = len(items) if index is None else index
@@ -318,13 +318,13 @@ class RowStore:
         return item
 
     def update(self, path: str, item: StoredItem, values: Mapping[str, str]) -> None:
-        """Give a row new content."""
+        """Replace a row's content."""
         before = self.place(path, item)
         item.values = dict(values)
         self._note(StoreChange(path, item.id, before, before._replace(values=dict(values))), item)
 
     def move(self, path: str, item: StoredItem, index: int) -> None:
-        """Put a row at a position, counted without itself."""
+        """Move a row to a position, counted without the row itself."""
         before = self.place(path, item)
         items = self.table(path).items
         items.remove(item)
@@ -332,7 +332,7 @@ class RowStore:
         self._note(StoreChange(path, item.id, before, self.place(path, item)), item)
 
     def remove(self, path: str, item: StoredItem) -> None:
-        """Take a row away."""
+        """Remove a row."""
         before = self.place(path, item)
         self.table(path).items.remove(item)
         self._note(StoreChange(path, item.id, before, None), item)
@@ -365,7 +365,7 @@ class RowStore:
     # --- flash -----------------------------------------------------------------------------------------------------
 
     def dump_unsaved(self) -> list[tuple[str, int, int | None, list[Any]]]:
-        """Return what is `unsaved` as JSON-able data: menu, id, position or None for a row that has gone, its rest."""
+        """Return the `unsaved` changes as JSON-able data: menu, id, position (None: removed), other values."""
         return [
             (change.menu, change.id, place and place.position, [place and place.values, item.factory, item.dynamic])
             for change, item in self.unsaved or ()
@@ -374,7 +374,7 @@ class RowStore:
         ]
 
     def dump(self) -> dict[str, Any]:
-        """Return everything as JSON-able data."""
+        """Return the whole store as JSON-able data."""
         return {
             "counters": dict(self.counters),
             "tables": {
@@ -388,10 +388,10 @@ class RowStore:
         }
 
     def load(self, data: Mapping[str, Any], *, is_upgrade: bool = False) -> None:
-        """Replace everything by what `dump` returned.
+        """Replace the whole store by the result of `dump`.
 
-        `is_upgrade`: it was written by another version. What this one does not know is dropped, where a device converts
-        some of it; what it has beyond keeps the factory's rows.
+        `is_upgrade`: the data are from another version. Unknown values are dropped, where a device converts some of
+        them; menus new in this version keep the factory rows.
         """
         self.counters = {**self.counters, **data["counters"]} if is_upgrade else dict(data["counters"])
         if not is_upgrade:

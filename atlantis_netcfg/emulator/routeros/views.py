@@ -1,6 +1,6 @@
-"""Rows as `print` shows them: what was configured, what the defaults add, what the router computes.
+"""Rows as `print` shows them: configured values, defaults, and values computed by the router.
 
-Properties that the router computes: flags, status, and the rows that it makes by itself.
+Computed are flags, status, and dynamic rows.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def _truth(value: object) -> str:
 
 
 def type_of(interface: Interface) -> str:
-    """Return the `type` that `/interface` shows."""
+    """Return an interface's `type` in `/interface`."""
     return _TYPES.get(interface.menu, interface.menu.rpartition("/")[2])
 
 
@@ -165,7 +165,7 @@ def _table(topology: Topology, item: StoredItem) -> Properties:
 
 
 def _rule(topology: Topology, item: StoredItem) -> Properties:
-    """A lookup in a table that has gone, or an interface that has gone, makes the rule inactive."""
+    """Compute `inactive`: the rule's table or interface was removed."""
     table = topology.store.table("/routing/rule")
     target = topology.store.target(table, item, "table")
     looks_up = (topology.store.text(table, item, "action") or "").startswith("lookup")
@@ -174,7 +174,7 @@ def _rule(topology: Topology, item: StoredItem) -> Properties:
 
 
 def _firewall(topology: Topology, item: StoredItem) -> Properties:
-    """A rule that names an interface or list that has gone is invalid."""
+    """Compute `invalid`: the rule names a removed interface or list."""
     values = [value for name, value in item.values.items() if name.startswith(("in-", "out-"))]
     is_invalid = any("*" in spell(value, topology.store) for value in values)
     return {"bytes": "0", "packets": "0", "dynamic": "false", "invalid": _truth(is_invalid)}
@@ -190,7 +190,7 @@ def _dns(_topology: Topology, _item: StoredItem) -> Properties:
 
 
 def _fast_path(family: str) -> Callable[[Topology, StoredItem], Properties]:
-    """Nothing takes it here. Assumption: settings-computed."""
+    """Return zero counters: there is no fast path here. Assumption: settings-computed."""
     counters = {
         f"{family}-{path}-{name}": value
         for path in ("fast-path", "fasttrack")
@@ -200,12 +200,12 @@ def _fast_path(family: str) -> Callable[[Topology, StoredItem], Properties]:
 
 
 def _snmp(_topology: Topology, _item: StoredItem) -> Properties:
-    """MikroTik's enterprise number is 14988 (IANA), 3a8c; the form of RFC 3411 with a text of the router's own."""
+    """Return the engine id (RFC 3411): MikroTik's enterprise number 14988 (IANA), 3a8c, with a text format."""
     return {"engine-id": "80003a8c04"}
 
 
 def _romon(topology: Topology, item: StoredItem) -> Properties:
-    """The `id`, or the address of a port (manual, RoMON). Assumption: settings-computed."""
+    """Return the configured `id`; real devices may use a port address (RoMON). Assumption: settings-computed."""
     local = topology.store.text(topology.store.table("/tool/romon"), item, "id")
     return {"current-id": local or ""}
 
@@ -239,13 +239,13 @@ _COMPUTED_MENUS: dict[str, Callable[[Topology, StoredItem], Properties]] = {
 
 
 def properties(topology: Topology, path: str, item: StoredItem) -> Properties:
-    """Return what the router computes for a row."""
+    """Return the computed properties of a row."""
     compute = _COMPUTED_MENUS.get(path)
     return compute(topology, item) if compute is not None else {}
 
 
 def dynamic_rows(topology: Topology, path: str) -> list[Properties]:
-    """Return the rows of a menu that nobody configured; they refuse every command but print."""
+    """Return the dynamic rows of a menu; they refuse every command except print."""
     if path == "/ip/route":
         return [_connected_row(topology, route) for route in topology.routes if route.is_connected]
     if path in _DUMMY_CHAINS and _uses_fasttrack(topology.store):
@@ -302,7 +302,7 @@ _COUNTERS = ("bytes", "packets", *TRAFFIC)
 
 
 def applies(store: RowStore, table: Table, item: StoredItem, arg: Arg) -> bool:
-    """Tell whether an argument is part of a row now (`pvid` of a bridge without VLAN filtering is not)."""
+    """Return whether an argument currently applies to a row (not `pvid` on a bridge without VLAN filtering)."""
     if arg.shown_if is None:
         return True
     name, expected_value = arg.shown_if
@@ -310,12 +310,12 @@ def applies(store: RowStore, table: Table, item: StoredItem, arg: Arg) -> bool:
 
 
 def factory_value(item: StoredItem, arg: Arg) -> str | None:
-    """Return what a row held when the router left the factory, or what a new row holds."""
+    """Return a row's factory value of an argument, or the default of a new row."""
     return (item.factory or {}).get(arg.name, arg.default)
 
 
 def _printed_row(store: RowStore, table: Table, item: StoredItem) -> PrintedRow:
-    """Return every argument that a row has; kept until the content of the row is replaced."""
+    """Return all arguments of a row, cached until its content is replaced."""
     if item.print_cache is None or item.print_cache.values is not item.values:
         args = [arg for arg in table.args.values() if not arg.never and applies(store, table, item, arg)]
         values = {arg.name: item.values.get(arg.name, arg.default) for arg in args}
@@ -348,7 +348,7 @@ def item_row(core: Core, path: str, table: Table, item: StoredItem, *, sensitive
 
 
 def _schedule(core: Core, item: StoredItem) -> dict[str, str]:
-    """A job that device-mode blocks says so, and nothing else tells it from one that runs."""
+    """Compute owner and run count; a job blocked by the device-mode is marked only by a comment."""
     row = {"owner": "*sys", "run-count": str(core.run_counts.get(item.id, 0))}
     return row if access.is_allowed(core.spec, "scheduler") else {**row, ".about": access.INACTIVE}
 
@@ -368,7 +368,7 @@ def _service(core: Core, _item: StoredItem) -> dict[str, str]:
 
 
 def _certificate(core: Core, item: StoredItem) -> dict[str, str]:
-    """A template says nothing of these before it is signed."""
+    """Compute the certificate's properties; an unsigned template has none."""
     pem = core.keys.get(item.id)
     if pem is None:
         return {}
@@ -389,7 +389,7 @@ def _certificate(core: Core, item: StoredItem) -> dict[str, str]:
 
 
 def _ssh_key(core: Core, item: StoredItem) -> dict[str, str]:
-    """Fields of a key, as they came and went (tikoci/quickchr, test/lab/ssh-keys: 7.12, 7.15, 7.20.8, 7.23.1)."""
+    """Compute a key's properties per version (tikoci/quickchr, test/lab/ssh-keys: 7.12, 7.15, 7.20.8, 7.23.1)."""
     key, since = access.public_key(core, item.values.get("key", "")), core.schema.at_least
     if key is None:
         return {}
@@ -404,7 +404,7 @@ def _expiring(core: Core, item: StoredItem) -> dict[str, str]:
 
 
 def _netwatch(core: Core, item: StoredItem) -> dict[str, str]:
-    """A row that is disabled, or has not begun, knows nothing (Manual, Netwatch: status)."""
+    """Compute the status; `unknown` if the row is disabled or not started (Manual, Netwatch: status)."""
     row = core.watched.rows.get(item.id)
     if row is None:
         return {"status": "unknown"}
@@ -444,7 +444,7 @@ _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
 
 
 def made_rows(core: Core, path: str) -> list[dict[str, str]]:
-    """Return the rows that the router made by itself; they refuse every command but print."""
+    """Return the rows that the router creates; they refuse every command except print."""
     if path == "/ip/service" and core.schema.at_least("7.19"):
         return [_connection(core, caller) for caller in core.sessions.values()]
     lacking = _lacking(core, path)
@@ -459,13 +459,13 @@ def made_rows(core: Core, path: str) -> list[dict[str, str]]:
 
 
 def _lacking(core: Core, path: str) -> set[str]:
-    """Return what this version's rows do not have of what the table knows: RouterOS 6 has no `routing-table`."""
+    """Return the properties that this version lacks: RouterOS 6 has no `routing-table`."""
     table = core.store.table(path)
     return set(table.menu.by_name) - set(table.args)
 
 
 def _connection(core: Core, caller: Caller) -> dict[str, str]:
-    """From 7.19 `/ip/service` also lists the connections that services serve (Manual, Services)."""
+    """Return the row of a service connection; from 7.19 `/ip/service` lists them (Manual, Services)."""
     return {
         ".id": id_text(core.store.dynamic_id("/ip/service", "session", caller.number)),
         "name": caller.via,
@@ -480,7 +480,7 @@ def _connection(core: Core, caller: Caller) -> dict[str, str]:
 
 
 def rows(core: Core, path: str, *, sensitive: bool = True) -> list[dict[str, str]]:
-    """Return every row of a menu, those that the router made by itself first where RouterOS puts them first."""
+    """Return all rows of a menu; dynamic ones first where RouterOS lists them first."""
     table = core.store.table(path)
     local = [item_row(core, path, table, item, sensitive=sensitive) for item in table.items]
     extra_rows = made_rows(core, path)
@@ -488,5 +488,5 @@ def rows(core: Core, path: str, *, sensitive: bool = True) -> list[dict[str, str
 
 
 def without_counters(row: dict[str, str]) -> dict[str, str]:
-    """Leave out what `print` shows only with `stats`."""
+    """Remove the counters, which `print` shows only with `stats`."""
     return {name: value for name, value in row.items() if name not in _COUNTERS}

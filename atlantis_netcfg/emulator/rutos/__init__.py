@@ -1,7 +1,7 @@
-"""An emulated Teltonika RutOS unit: its HTTPS interface, ubus, and SSH with a small, strict `uci`.
+"""An emulated Teltonika RutOS unit: HTTPS interface, ubus, and SSH with a small, strict `uci`.
 
-It stands for the protocol and the settings, not for radio: signal figures are those that it is given. Only what our
-drivers use is there, and everything else is refused: the twin is a subset of the device and never laxer.
+It emulates protocol and settings, not radio: signal values are given. Only the functions that our drivers use exist,
+and everything else is refused: the emulator is a subset of the device and never more lenient.
 """
 
 from __future__ import annotations

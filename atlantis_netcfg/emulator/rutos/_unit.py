@@ -1,4 +1,4 @@
-"""The whole unit on loopback, with SSH and a small `uci` shell; in a thread for programs without asyncio."""
+"""The whole unit on loopback, with SSH and a small `uci` shell; in a thread for synchronous programs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Gate(asyncssh.SSHServer):
-    """Who may in: one user, by password."""
+    """SSH authentication: one user, by password."""
 
     def __init__(self, spec: _web.RutosSpec, there: set[asyncssh.SSHServerConnection]) -> None:
         self._spec = spec
@@ -33,25 +33,25 @@ class Gate(asyncssh.SSHServer):
         self._connection: asyncssh.SSHServerConnection | None = None
 
     def connection_made(self, conn: asyncssh.SSHServerConnection) -> None:
-        """Somebody has come."""
+        """Register the connection."""
         self._connection = conn
         self._there.add(conn)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncssh's signature
-        """And is gone."""
+        """Unregister the connection."""
         if self._connection is not None:
             self._there.discard(self._connection)
 
     def begin_auth(self, username: str) -> bool:  # noqa: ARG002 - asyncssh's signature
-        """Nobody enters without proof."""
+        """Require authentication."""
         return True
 
     def password_auth_supported(self) -> bool:
-        """By password."""
+        """Allow authentication by password."""
         return True
 
     def validate_password(self, username: str, password: str) -> bool:
-        """The one who may set things."""
+        """Accept only the administrator."""
         return (username, password) == (self._spec.admin, self._spec.admin_password)
 
 
@@ -69,7 +69,7 @@ class Shell:
         """Knob: the session is lost while the network reloads."""
 
     async def serve(self, process: asyncssh.SSHServerProcess[str]) -> None:
-        """One command."""
+        """Run one command."""
         command = process.command or ""
         self.commands.append(command)
         batch = await process.stdin.read() if command == "uci batch" else ""
@@ -147,7 +147,7 @@ class Rutos:
         self.host_key = fingerprint(key)
 
     async def stop(self) -> None:
-        """Let everybody go."""
+        """Stop all servers and connections."""
         for server in self._servers:
             server.close()
         await self.web.hang_up()
@@ -168,7 +168,7 @@ class Rutos:
         await self.stop()
 
     def describe(self) -> dict[str, Any]:
-        """Where it is to be found."""
+        """Return the unit's addresses, ports and pins."""
         return {
             "host": _HOST,
             "https": self.https_port,
@@ -178,7 +178,7 @@ class Rutos:
         }
 
     def export(self) -> str:
-        """What it is set to, as `uci show` prints it."""
+        """Return the configuration as `uci show` prints it."""
         return self.uci.show("network") + self.uci.show("simcard")
 
     def _tls(self) -> ssl.SSLContext:

@@ -1,7 +1,7 @@
-"""The unit's own interface: HTTPS with a self-signed certificate, the API of RutOS 7, and ubus over JSON-RPC.
+"""The unit's HTTPS interface: self-signed certificate, the API of RutOS 7, and ubus over JSON-RPC.
 
 Status codes and error texts follow Teltonika's published description (Assumption: rutos-refusals); a page that a
-firmware does not have answers with HTTP 501 (devices.md, section 4: `sim_switch`).
+firmware lacks returns HTTP 501 (devices.md, section 4: `sim_switch`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _Reply = tuple[int, Any]
 
 
 class Web:
-    """Answers requests; `requests` is what was asked for, in order."""
+    """HTTP request handler; `requests` lists the received requests in order."""
 
     def __init__(self, spec: RutosSpec, modem: RutosModem) -> None:
         self._spec = spec
@@ -37,7 +37,7 @@ class Web:
         """Knob: after so many requests every token has run out, once."""
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """One connection, kept open between requests."""
+        """Serve one connection, which stays open between requests."""
         visit = asyncio.current_task()
         assert visit is not None  # noqa: S101 - asyncio's servers make one for each connection
         self._visits[visit] = writer
@@ -52,7 +52,7 @@ class Web:
             del self._visits[visit]
 
     async def hang_up(self) -> None:
-        """Close every connection that is left."""
+        """Close all remaining connections."""
         visits = tuple(self._visits)
         for writer in self._visits.values():
             writer.transport.abort()
@@ -151,7 +151,7 @@ class Web:
 
 
 def _slots() -> list[dict[str, str]]:
-    """Slots, not cards (devices.md, section 4)."""
+    """Return the SIM slots, whether or not they hold cards (devices.md, section 4)."""
     return [
         {"sms_limit_enabled": "0", "modem": "1-1", "sim": str(slot), "section_name": f"cfg0{slot + 1}aa0e"}
         for slot in (1, 2)
@@ -181,7 +181,7 @@ INVALID = "uci: Invalid argument"
 
 
 class UciError(Exception):
-    """`str()` is what uci prints on standard error."""
+    """Error of uci; `str()` is its text on standard error."""
 
 
 @dataclass(slots=True)
@@ -194,7 +194,7 @@ class Section:
 
 
 class Uci:
-    """Packages with sections; changes lie beside them until they are committed."""
+    """Packages with sections; uncommitted changes are kept separately."""
 
     def __init__(self, packages: dict[str, list[Section]]) -> None:
         self._saved = packages
@@ -202,7 +202,7 @@ class Uci:
         self.commits = 0
 
     def show(self, package: str) -> str:
-        """As `uci show PACKAGE` prints it, with what is not committed yet. Raises UciRefused."""
+        """Return the output of `uci show PACKAGE`, uncommitted changes included. Raises UciError."""
         if package not in self._staged:
             raise UciError(NOT_FOUND)
         lines = []
@@ -212,11 +212,11 @@ class Uci:
         return "".join(f"{line}\n" for line in lines)
 
     def saved_sections(self, package: str, kind: str) -> list[dict[str, str]]:
-        """Committed options of the sections of a type, as a service reads them."""
+        """Return the committed options of all sections of a type, as a service reads them."""
         return [dict(section.options) for section in self._saved.get(package, ()) if section.kind == kind]
 
     def batch(self, text: str) -> str:
-        """Run the lines of `uci batch`; give what went to standard error."""
+        """Run the lines of `uci batch`; return the text on standard error."""
         reply = []
         for line in text.splitlines():
             if not line.strip():
@@ -267,7 +267,7 @@ class Uci:
 
 
 def factory(*, mobile: bool) -> Uci:
-    """The sections of a unit with one modem and two slots, as they are before anybody has set anything."""
+    """Return the factory sections of a unit, with one modem and two slots if `mobile`."""
     network = [
         Section("loopback", "interface", {"proto": "static"}),
         Section("lan", "interface", {"proto": "static", "area_type": "lan"}),
@@ -305,11 +305,10 @@ _NEW = {"state": "data_conn_state", "netstate": "operator_state", "oper": "opera
 
 
 class RutosModem:
-    """Card, network, and the settings that the unit has read last.
+    """SIM card, network, and the settings last read by the unit.
 
-    When the unit tries the saved PIN, here at every reload while the card asks for one, the worst that a caller can
-    meet (Assumption: rutos-pin). That a foreign network with roaming denied leaves it registered is
-    Assumption: rutos-settings.
+    The saved PIN is tried at every reload while the card requires one, which is the worst case for a caller
+    (Assumption: rutos-pin). A foreign network with roaming denied leaves it registered (Assumption: rutos-settings).
     """
 
     def __init__(self, spec: RutosSpec, uci: Uci) -> None:
@@ -323,7 +322,7 @@ class RutosModem:
         self.reload()
 
     def reload(self) -> None:
-        """Read the committed settings, and try the saved PIN if the card asks for one."""
+        """Read the committed settings, and try the saved PIN if the card requires one."""
         interface = next(
             (item for item in self._uci.saved_sections("network", "interface") if item.get("sim") == "1"), {}
         )
@@ -339,12 +338,12 @@ class RutosModem:
                 self._tries -= 1
 
     def hear(self, network: RutosNetwork) -> None:
-        """Be elsewhere: this is on the air from now on."""
+        """Change the surrounding network from now on."""
         self._spec = self._spec.model_copy(update={"network": network})
 
     @property
     def registration(self) -> str:
-        """In the unit's words."""
+        """Registration state in the unit's wording."""
         spec = self._spec
         if spec.sim is None or self._locked or spec.network.silent:
             return "Searching"
@@ -354,7 +353,7 @@ class RutosModem:
 
     @property
     def is_connected(self) -> bool:
-        """Whether data flow."""
+        """Whether the data connection is up."""
         sim = self._spec.sim
         if sim is None or self.registration not in ("Registered, home", "Roaming"):
             return False
@@ -365,7 +364,7 @@ class RutosModem:
 
     @property
     def pin_words(self) -> str:
-        """`pinstate`."""
+        """Value of `pinstate`."""
         if self._spec.sim is None:
             return "SIM not inserted"
         if not self._locked:
@@ -373,7 +372,7 @@ class RutosModem:
         return f"Required PIN, {self._tries} attempts left" if self._tries else "Required PUK, 10 attempts left"
 
     def status(self) -> dict[str, Any]:
-        """A row of `/api/modems/status`."""
+        """Return a row of `/api/modems/status`."""
         spec = self._spec
         has_signal = self.registration in ("Registered, home", "Roaming")
         row: dict[str, Any] = {
@@ -410,18 +409,18 @@ class RutosModem:
         return row if spec.old_names else {_NEW.get(name, name): value for name, value in row.items()}
 
     def interfaces(self) -> list[dict[str, Any]]:
-        """Rows of `/api/interfaces/basic/status`."""
+        """Return the rows of `/api/interfaces/basic/status`."""
         mobile = {"id": "mob1s1a1", "name": "mob1s1a1", "network_type": "mobile", "is_up": self.is_connected}
         lan = {"id": "lan", "name": "lan", "network_type": "wired", "is_up": True, "ipaddrs": ["192.168.1.1/24"]}
         return [lan, mobile | {"ipaddrs": [f"{ADDRESS}/32"] if self.is_connected else []}]
 
     def signal(self) -> dict[str, Any]:
-        """`ubus call gsm.modem0 get_signal_query`."""
+        """Return the response to `ubus call gsm.modem0 get_signal_query`."""
         row = self.status()
         return {name: row[name] for name in ("rsrp", "rsrq", "sinr")} | {"rssi": row.get("signal", row.get("rssi"))}
 
     def info(self) -> dict[str, Any]:
-        """`ubus call gsm.modem0 info`."""
+        """Return the response to `ubus call gsm.modem0 info`."""
         row = self.status()
         cache = {
             "provider_name": row["provider"],
@@ -458,7 +457,7 @@ class RutosSim(_Spec):
 
 
 class RutosNetwork(_Spec):
-    """What is on the air."""
+    """The surrounding mobile network."""
 
     plmn: str = "26803"
     operator: str = "EXAMPLE-OPERATOR"

@@ -1,4 +1,4 @@
-"""The declaration's vocabulary: every key that an inventory may hold, with its type, unit and meaning."""
+"""The vocabulary of an inventory: every key that it may hold, with type, unit and meaning."""
 
 from __future__ import annotations
 

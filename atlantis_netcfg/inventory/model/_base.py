@@ -1,8 +1,8 @@
-"""What every part of the declaration shares: strict models, and the syntax of the values in them.
+"""Base of all inventory models: strict validation, and value syntaxes.
 
-A value that cannot be understood is refused with `wrong`, in words for a technician; the validator adds file and line.
+Invalid values are refused with `wrong`, in a technician's wording; the validator adds file and line.
 
-What the boxes of a site have in common.
+The module also has the common keys of a site's devices.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ class Model(BaseModel):
 
 
 def wrong(what: str, hint: str) -> PydanticCustomError:
-    """An error in our own words: what is wrong, and what to type instead."""
+    """Build an error with our own text: what is wrong, and what to type instead."""
     return PydanticCustomError(WRONG, "{what}", {"what": what, "hint": hint})
 
 
 def plain(value: object) -> str:
-    """The text without blanks at its ends; what YAML read as something else is refused, and told as that."""
+    """Return a text without surrounding blanks; other types are refused by name."""
     if not isinstance(value, str):
         raise PydanticCustomError(NOT_TEXT, "not text")
     return value.strip()
@@ -208,7 +208,7 @@ def _ssid(value: object) -> str:
 
 
 def text_like(pattern: str, **more: int) -> WithJsonSchema:
-    """What the schema for editors says of a text: it sees its form alone, the validator beside it sees the rest."""
+    """Return the editor schema of a text: only its form, since the validator checks the rest."""
     return WithJsonSchema({"type": "string", "pattern": pattern, **more})
 
 
@@ -308,7 +308,7 @@ class Transport(StrEnum):
 
 
 class WifiRadio(Model):
-    """What every radio of ours is set to that others join."""
+    """Settings of a radio that others join."""
 
     ssid: Ssid
     """Name of the radio network, the same at every end."""

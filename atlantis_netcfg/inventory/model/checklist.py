@@ -1,7 +1,7 @@
-"""What the pre-test checklist asks beside the endpoints: items of the pilot's own, missions, and who may answer.
+"""Extra items of the pre-test checklist, missions, and persons who may answer.
 
-Stands under `checklist` of a site (`group_vars/<site>.yml`) and of a vehicle. The texts are asked as they stand here,
-and are never translated.
+They are in `checklist` of a site (`group_vars/<site>.yml`) and of a vehicle. The texts are shown unchanged, and are
+never translated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from atlantis_netcfg.inventory.model.endpoints import SeenFrom
 
 
 class Phase(StrEnum):
-    """When an item's turn is, in this order."""
+    """Phase of a test in which an item is checked, in this order."""
 
     BENCH = "bench"
     QUAY = "quay"
@@ -29,12 +29,12 @@ class Phase(StrEnum):
 
     @property
     def is_alone(self) -> bool:
-        """Whether its items are a list by themselves."""
+        """Whether the items of this phase form a separate list."""
         return self in {Phase.RECOVERY, Phase.INTEGRATION}
 
 
 class ItemSort(StrEnum):
-    """Who finds out."""
+    """Who checks an item."""
 
     PERSON = "person"
     """Somebody looks, and answers by name."""
@@ -43,7 +43,7 @@ class ItemSort(StrEnum):
 
 
 class EvidenceKind(StrEnum):
-    """What a person gives besides the answer that it holds."""
+    """What a person has to add to the answer that the item holds."""
 
     NONE = "none"
     TEXT = "text"
@@ -76,7 +76,7 @@ _OF_A_COMMAND = ("command", "expect", "seen_from")
 
 
 class CheckItem(_base.Model):
-    """An item of the checklist that the pilot has thought of. The order of the list is that of the questions."""
+    """An item that the pilot adds to the checklist. Items are asked in the order of the list."""
 
     id: _base.Name
     """Last part of the item's id in the list: `battery` of Sparus is `sparus/items/battery`."""

@@ -89,7 +89,7 @@ class ImageLayout(StrEnum):
 
 
 class AddressBy(StrEnum):
-    """Where the gateway has its address from."""
+    """Source of the gateway's address."""
 
     STATIC = "static"
     DHCP = "dhcp"
@@ -132,7 +132,7 @@ class NetworkTool(StrEnum):
 
 
 class ComputerNetwork(_base.Model):
-    """The interface of the LAN, changed under a timer that takes the change back."""
+    """The interface of the LAN; its changes are rolled back automatically unless confirmed."""
 
     by: NetworkTool
     """What configures the interface on the computer."""
@@ -179,7 +179,7 @@ class VpnServer(SshHost):
 
 
 class SiteComputer(SshHost):
-    """A computer whose network and membership of the VPN are brought to what is declared."""
+    """A computer whose network and VPN membership the toolkit configures."""
 
     image: Image | None = None
     """None: no card is made for it here."""
@@ -193,14 +193,14 @@ class SiteComputer(SshHost):
 
 
 class OperatorStation(SiteComputer):
-    """The computer of an operator's place: its network and its membership of the VPN, and nothing else, are ours."""
+    """The computer of an operator's place: the toolkit manages only its network and its VPN membership."""
 
     kind: Literal["operator_station"]
     """What the device is: it decides which keys the block has."""
 
 
 class ServerComputer(SiteComputer):
-    """A computer whose whole base system is ours: name, time, SSH, firewall, journal, watchdog."""
+    """A computer whose whole base system the toolkit manages: name, time, SSH, firewall, journal, watchdog."""
 
     gps: GpsTime | None = None
     """None: time comes over the network."""
@@ -218,7 +218,7 @@ class ServerComputer(SiteComputer):
 
     @property
     def has_interop(self) -> bool:
-        """Whether the pilot's library is built on it."""
+        """Whether the pilot's interoperability library is built on it."""
         raise NotImplementedError
 
 
@@ -249,12 +249,12 @@ class Gateway(ServerComputer):
 
     @property
     def has_ros2(self) -> bool:
-        """Whatever `gateways` declares."""
+        """True: gateways follow the settings in `gateways`."""
         return True
 
     @property
     def has_interop(self) -> bool:
-        """Whatever `gateways` declares."""
+        """True: gateways follow the settings in `gateways`."""
         return True
 
 
@@ -275,5 +275,5 @@ class ControlCentre(ServerComputer):
 
     @property
     def has_interop(self) -> bool:
-        """By choice."""
+        """Whether the inventory selects ROS 2 for it."""
         return self.interop

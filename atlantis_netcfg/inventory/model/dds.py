@@ -1,4 +1,4 @@
-"""ROS 2 and its middleware: who shall hear whom, and by which implementation. `group_vars/all/pilot.yml`, key `dds`."""
+"""ROS 2 and its middleware: participants and DDS implementation. `group_vars/all/pilot.yml`, key `dds`."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class TelemetryData(StrEnum):
 
 
 class TelemetryTopic(_base.Model):
-    """A topic that a robot publishes all the time, for what it costs on a link that is paid by the byte."""
+    """A topic that a robot publishes all the time, with its cost on a metered link."""
 
     topic: _base.Text
     """Its name in ROS, like /sparus/pose."""
@@ -75,7 +75,7 @@ class TelemetryTopic(_base.Model):
 
     @property
     def useful_hz(self) -> float:
-        """The lowest rate to which it may be thinned: never above the declared one."""
+        """Lowest useful rate when thinning out, in Hz: never above the inventory's rate."""
         least = 1.0 if self.data is TelemetryData.NUMBERS else 0.1
         return min(self.rate_hz, least if self.least_hz is None else self.least_hz)
 
@@ -102,7 +102,7 @@ class Dds(_base.Model):
 
     @property
     def ports(self) -> range:
-        """Unicast ports of every participant that is found: DDSI-RTPS 2.5, 9.6.2.3, with its default numbers.
+        """Unicast ports of all participants: DDSI-RTPS 2.5, 9.6.2.3, with default values.
 
         Discovery at 7410 and data at 7411 for the first, two more for each.
         """
@@ -111,11 +111,11 @@ class Dds(_base.Model):
 
     @property
     def all_ports(self) -> range:
-        """The same from multicast discovery on: what is opened for DDS on a computer."""
+        """All DDS ports to open on a computer, from multicast discovery to the last unicast port."""
         return range(7400 + 250 * self.domain, self.ports.stop)
 
     def address_of(self, device: ServerComputer) -> str:
-        """Where a computer is reached on the declared way; that there is one is a rule of the declaration."""
+        """Return a computer's DDS address, in LAN or VPN. Raises ValueError if a VPN address is missing."""
         if self.over is DdsPath.LAN:
             return str(device.address)
         if device.vpn_address is None:

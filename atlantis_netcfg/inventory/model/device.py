@@ -106,7 +106,7 @@ class RadioMenus(StrEnum):
 
 
 class SignalBounds(_base.Model):
-    """Between which levels the other end is to be heard; a receiver is also spoilt by too much."""
+    """Lowest and highest acceptable signal level of the other end; a receiver is also disturbed by too much."""
 
     weakest_dbm: Annotated[StrictInt, Field(ge=-95, le=-30)] = -75
     """Weaker than this is poor, in dBm."""
@@ -289,7 +289,7 @@ class TerminalEvidence(_base.Model):
 
 
 class SatelliteTerminal(_base.Box):
-    """The Thales VesseLINK: no machine interface of it is documented, so its own settings are declared, not driven."""
+    """The Thales VesseLINK: it has no documented machine interface, so its settings are recorded, not configured."""
 
     kind: Literal["satellite_terminal"]
     """What the device is: it decides which keys the block has."""

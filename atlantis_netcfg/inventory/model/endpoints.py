@@ -1,7 +1,7 @@
-"""How the endpoints of a vehicle (or of a location) are probed before a test; what is left out, a person confirms.
+"""Probes of a vehicle's (or location's) endpoints before a test; a person confirms omitted ones.
 
-Stands under `endpoints` of a vehicle and of a site's `location`, one key for each column of Table 3 that a program can
-see. Satellite and 4G have no key: they are the bearers of a site. What a vehicle has at all is for Table 3 to say.
+They are in `endpoints` of a vehicle and of a site's `location`, one key for each column of Table 3 that a program can
+check. Satellite and 4G have no key: they are links of a site. Table 3 defines which endpoints a vehicle has.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Port = Annotated[StrictInt, Field(ge=1, le=65535)]
 
 
 class SeenFrom(StrEnum):
-    """Where a probe stands."""
+    """From where a probe runs."""
 
     GATEWAY = "gateway"
     """The site's gateway computer, over SSH."""
@@ -116,7 +116,7 @@ class AcousticEndpoint(_ModemEndpoint):
 
 
 class UsblEndpoint(_ModemEndpoint):
-    """A modem that tells fixes: the vehicle's own, or one of the site that hears the vehicle."""
+    """A modem that reports positions: the vehicle's own, or one of the site that receives the vehicle."""
 
     hears: tuple[Annotated[StrictInt, Field(ge=1, le=254)], ...] = ()
     """Acoustic addresses whose fixes are expected; none: anybody's."""
@@ -193,7 +193,7 @@ class EthernetEndpoint(_EndpointModel):
 
 
 class Endpoints(_base.Model):
-    """What a program can look at; a column of Table 3 that is missing here is confirmed by a person."""
+    """What a program can check; a column of Table 3 that is missing here is confirmed by a person."""
 
     wifi: WifiEndpoint | None = None
     acoustic: AcousticEndpoint | None = None

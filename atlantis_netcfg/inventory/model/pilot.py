@@ -1,4 +1,4 @@
-"""What holds for the whole pilot: time, VPN, partners, vehicles. One file of `group_vars/all/` each."""
+"""Settings of the whole pilot: time, VPN, partners, vehicles. One file of `group_vars/all/` each."""
 
 from __future__ import annotations
 

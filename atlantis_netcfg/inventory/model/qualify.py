@@ -1,4 +1,4 @@
-"""Measuring links: the far end at the control centre, and what a link has to be."""
+"""Link measurements: the far end at the control centre, and the requirements on a link."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ThresholdsName(StrEnum):
 
 
 class Qualify(_base.Model):
-    """Who answers the test packets of `provision qualify`: a program of ours, on this host alone."""
+    """The responder to test packets of `provision qualify`: our own program, on this host only."""
 
     reflector: _base.HostName
     """The control centre that is the far end of every link."""
@@ -35,7 +35,7 @@ class Qualify(_base.Model):
 
 
 class LinkThresholds(_base.Model):
-    """What `provision qualify` holds a link against: thresholds by their name, and what is other here."""
+    """Limits that `provision qualify` applies to a link: thresholds by name, and deviations from them."""
 
     profile: ThresholdsName | None = None
     """`satellite`, `lte` or `wifi`; null: those of the kind of the link (of a plain cable those of `wifi`)."""

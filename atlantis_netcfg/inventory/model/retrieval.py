@@ -1,4 +1,4 @@
-"""Recordings that are brought to the control centre: from which gateways, and from which robots by way of a gateway.
+"""Recordings transferred to the control centre: from gateways, and from robots through a gateway.
 
 `inventory/group_vars/all/pilot.yml`, key `retrieval` of `pilot`.
 """
@@ -49,7 +49,7 @@ class RetrievalSource(_base.Model):
 
     @property
     def name(self) -> str:
-        """Whose recordings they are: of its folder at the control centre."""
+        """Name of the source and of its folder at the control centre."""
         return self.host
 
 
@@ -77,7 +77,7 @@ class RetrievalRobot(_base.Model):
 
     @property
     def name(self) -> str:
-        """Whose recordings they are: of its folder at the control centre."""
+        """Name of the source and of its folder at the control centre."""
         return self.robot
 
 
@@ -103,5 +103,5 @@ class Retrieval(_base.Model):
 
     @property
     def all_sources(self) -> tuple[RetrievalSource | RetrievalRobot, ...]:
-        """Of gateways, then of robots."""
+        """All sources: gateways, then robots."""
         return (*self.sources, *self.robots)

@@ -71,17 +71,17 @@ class TopicKind(StrEnum):
 
     @property
     def message_type(self) -> str:
-        """The report's type (3.3.3); the package `c4i-asset-msgs` is not public, the others are standard."""
+        """Message type in the report (3.3.3); the package `c4i-asset-msgs` is not public, the others are standard."""
         return _TYPES[self]
 
     @property
     def moves(self) -> bool:
-        """Whether it never stands quite still on the water."""
+        """Whether the value changes even at rest, because of movement on the water."""
         return self in {TopicKind.POSE, TopicKind.GPS}
 
     @property
     def data(self) -> model.TelemetryData:
-        """By which guideline its rate is judged."""
+        """Rate guideline for topics of this kind."""
         return _DATA.get(self, model.TelemetryData.NUMBERS)
 
 
@@ -190,7 +190,7 @@ class CommandKind(StrEnum):
 
     @property
     def action_type(self) -> str:
-        """The report's action (3.3.4); of `time` it names none: that of a number, of seconds, is inferred."""
+        """Action type in the report (3.3.4); it names none for `time`, so that of a number (seconds) is inferred."""
         return f"c4i_asset_msgs/action/{_ACTIONS[self]}"
 
 
@@ -264,11 +264,11 @@ class RobotFile(model.Model):
 
     @property
     def name(self) -> str:
-        """The namespace without slashes at its ends, as two robots are compared."""
+        """Namespace without leading and trailing slashes, used to compare robots."""
         return self.namespace.strip("/")
 
     def topics(self) -> Iterator[PublishedTopic]:
-        """Every topic that it publishes, that of the pose first."""
+        """Yield every published topic, that of the pose first."""
         if self.pose.topic is not None:
             yield PublishedTopic(
                 self.full_name(self.pose.topic), TopicKind.POSE, TopicKind.POSE.message_type, ("pose", "topic")
@@ -279,7 +279,7 @@ class RobotFile(model.Model):
                 yield PublishedTopic(self.full_name(topic.topic), kind, topic.type or kind.message_type, path)
 
     def actions(self) -> Iterator[OfferedAction]:
-        """Every action that it offers, that of the mission executor first."""
+        """Yield every offered action, that of the mission executor first."""
         if self.mission_executor.action is not None:
             path: tuple[str | int, ...] = ("mission_executor", "action")
             yield OfferedAction(self.full_name(self.mission_executor.action), "c4i_asset_msgs/action/ExecutePlan", path)
@@ -289,11 +289,11 @@ class RobotFile(model.Model):
             )
 
     def every_command(self) -> Iterator[tuple[CommandKind, int, RobotCommand]]:
-        """Kind, place in its list, and command."""
+        """Yield kind, index in its list, and command."""
         for kind in CommandKind:
             for index, command in enumerate(getattr(self.commands, kind.value)):
                 yield kind, index, command
 
     def full_name(self, name: str) -> str:
-        """A topic or an action of this robot with its namespace."""
+        """Return the full name of a topic or action of this robot."""
         return ros_names.resolve(name, self.namespace)

@@ -1,4 +1,4 @@
-"""What runs on a computer for partners, and for ROS: services with their ports, programs and containers, recordings.
+"""Workloads on a computer for partners and ROS: services with ports, programs, containers, recordings.
 
 `host_vars/<host>.yml`, key `device`.
 """
@@ -30,7 +30,7 @@ def _command(value: object) -> str:
 
 
 def matching(pattern: str, build_error: Callable[[str], PydanticCustomError]) -> BeforeValidator:
-    """A validator of texts that one pattern describes."""
+    """Build a validator for texts that match a pattern."""
 
     def validate(value: object) -> str:
         text = _base.plain(value)
@@ -162,7 +162,7 @@ class ServiceProgram(ServiceBounds):
 
     @property
     def path(self) -> str:
-        """The program itself, without its arguments."""
+        """Path of the program, without arguments."""
         return self.command.split(" ", 1)[0]
 
 
@@ -219,7 +219,7 @@ class HostedService(_base.Model):
 
     @property
     def workload(self) -> ServiceProgram | ServiceContainer | None:
-        """What the computer starts for it."""
+        """Program or container that the computer starts for the service, or None."""
         return self.program or self.container
 
 
@@ -263,5 +263,5 @@ class Ros1Bridge(_base.Model):
 
     @property
     def master(self) -> IPv4Address:
-        """Where the master of ROS 1 is."""
+        """Address of the ROS 1 master."""
         return IPv4Address(self.master_uri.removeprefix("http://").partition(":")[0])

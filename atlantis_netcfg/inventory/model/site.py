@@ -1,6 +1,6 @@
-"""One site: its address plan and the bearers that carry it to the control centre.
+"""One site: its address plan, and the links that connect it to the control centre.
 
-Stands in `group_vars/<site>.yml`, key `site`.
+`group_vars/<site>.yml`, key `site`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from atlantis_netcfg.inventory.model.qualify import LinkThresholds, ThresholdsNa
 
 
 class TrafficClass(StrEnum):
-    """Who goes first on a thin link; the order is the order of preference."""
+    """Priority of traffic on a slow link; the order is the order of preference."""
 
     CONTROL = "control"
     """The tunnel goes first; whatever else the device sends goes last, as from any other device."""
@@ -89,7 +89,7 @@ class BearerKind(StrEnum):
 
     @property
     def traits(self) -> BearerTraits:
-        """What is particular to links of this kind."""
+        """Properties of links of this kind."""
         return BEARER_TRAITS[self]
 
 
@@ -103,7 +103,7 @@ class Pace(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class BearerTraits:
-    """All that is particular to a kind of bearer: whoever treats kinds differently asks here."""
+    """Properties of a kind of link: all differences between kinds are defined here."""
 
     column: str
     """Of the checklist, in which a location's link is looked at: of the report's Table 3, or our own `ethernet`."""
@@ -139,7 +139,7 @@ class LinkGap(_base.Model):
 
 
 class LinkRate(_base.Model):
-    """What a bearer can do, for estimates and rehearsals. Jitter, loss and gaps count in rehearsals only."""
+    """Performance of a link, for estimates and rehearsals. Jitter, loss and gaps are used only in rehearsals."""
 
     rtt_ms: Annotated[StrictFloat, Field(gt=0, le=5000)]
     """Round trip to the control centre, in milliseconds."""
@@ -245,17 +245,17 @@ class Bearer(_base.Model):
     """Satellite only: targets of our own outside the allow-list, to prove that they cannot be reached."""
 
     def carries(self, dds: Dds) -> bool:
-        """Whether DDS may cross it. By LAN addresses it always does, through the router's own tunnel."""
+        """Return whether DDS may use the link; by LAN addresses it always may, through the router's own tunnel."""
         return dds.over is DdsPath.LAN or (not self.metered if self.dds is None else self.dds)
 
     @property
     def has_standing_budget(self) -> bool:
-        """Whether it is declared what may go over it by itself."""
+        """Whether the inventory has a budget for standing traffic, which runs without a person's request."""
         return self.standing_budget_mb is not None or self.standing_budget_eur is not None
 
     @property
     def canary_budget_bytes(self) -> float | None:
-        """What its canaries may take in 30 days, answers included; None: nothing is declared."""
+        """Budget of the link's probes in bytes per 30 days, responses included; None: no limit."""
         most = [] if self.canary_budget_mb is None else [self.canary_budget_mb * 1e6]
         if self.canary_budget_eur is not None and self.billing is not None and self.billing.price_per_mb:
             most.append(self.canary_budget_eur / self.billing.price_per_mb * 1e6)
@@ -263,13 +263,13 @@ class Bearer(_base.Model):
 
     @property
     def canary_pause_s(self) -> int:
-        """Seconds between two questions to a canary, of which the budget admits no more; 0 without one."""
+        """Least seconds between two probes of a probe target, by the budget; 0 without a budget."""
         budget = self.canary_budget_bytes
         return 0 if budget is None else ceil(_MONTH_S * len(self.canaries) * 2 * ECHO_BYTES / budget)
 
     @property
     def thin(self) -> bool:
-        """So slow that what leaves over it passes a queue: a satellite, or less than 2 Mbit/s from the site."""
+        """Whether the link needs a queue: a satellite, or less than 2 Mbit/s from the site."""
         return self.kind.traits.allow_list or self.rate.up_kbps < _THIN_KBPS
 
 

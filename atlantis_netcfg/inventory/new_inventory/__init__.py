@@ -1,1 +1,1 @@
-"""A new inventory from a person's answers: what nobody has answered is left out, or written as a marked example."""
+"""A new inventory from a person's answers; missing answers are omitted, or become marked examples."""

@@ -1,6 +1,6 @@
-"""What `provision init` has to know, as a file (`--answers`) or as the answers to questions; the rest is derived.
+"""Input of `provision init`, from a file (`--answers`) or from questions; the rest is derived.
 
-An answer that is left out leaves a feature out, or becomes an example value, marked `# EXAMPLE`: nothing is invented.
+Without an answer a feature is left out, or gets an example value, marked `# EXAMPLE`: nothing is invented.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def _room(longest: int) -> Callable[[IPv4Network], IPv4Network]:
-    """Whether a network has room for what is derived from it."""
+    """Return a validator that requires a network of at least that size, for derived addresses."""
 
     def check(network: IPv4Network) -> IPv4Network:
         if network.prefixlen > longest:

@@ -1,6 +1,6 @@
-"""The files of a new inventory: a function of the answers, of what encrypts a secret, and of the report's vehicles.
+"""Files of a new inventory, computed from the answers, the encryption function and the report's vehicles.
 
-What is derived (the router's address in a network, the order of its ports) is an example where its network is one.
+Derived values (the router's address in a network, the order of its ports) are examples if their network is one.
 """
 
 from __future__ import annotations
@@ -53,17 +53,17 @@ class AnsweredNetwork:
         return yaml_text.Value(self.network, self.is_example)
 
     def at(self, number: int) -> yaml_text.Value:
-        """Its address of that number; a negative one counts from the end."""
+        """Return the address with that number; a negative number counts from the end."""
         return yaml_text.Value(self.network[number], self.is_example)
 
 
 def network_or_example(answer: IPv4Network | None, example: str) -> AnsweredNetwork:
-    """The answered network, else the example."""
+    """Return the answered network, else the example."""
     return AnsweredNetwork(answer if answer is not None else IPv4Network(example), answer is None)
 
 
 def value_or_example(answer: Any, example: Any) -> yaml_text.Value:  # noqa: ANN401 - any scalar
-    """The answered value, else the example."""
+    """Return the answered value, else the example."""
     return yaml_text.Value(answer if answer is not None else example, answer is None)
 
 
@@ -88,27 +88,27 @@ class InventoryWriter:
 
     @property
     def vpn(self) -> AnsweredNetwork:
-        """All tunnel addresses."""
+        """Network of all tunnel addresses."""
         return network_or_example(self.answers.vpn.network, "10.80.0.0/16")
 
     @property
     def pools(self) -> list[IPv4Network]:
-        """The first is the infrastructure's, the others are the partners'."""
+        """Address pools: the first for infrastructure, the others for partners."""
         pools = self.vpn.network.subnets(new_prefix=24)
         return [next(pools) for _ in range(1 + len(PARTNERS))]
 
     def tunnel(self, number: int) -> yaml_text.Value:
-        """An address of the infrastructure's pool."""
+        """Return an address of the infrastructure's pool."""
         return yaml_text.Value(self.pools[0][number], self.vpn.is_example)
 
     def secret(self, name: str) -> yaml_text.Tree:
-        """A new secret, encrypted; an example where nothing can encrypt it."""
+        """Return a new encrypted secret, or an example if encryption is unavailable."""
         if self.encrypt is None:
             return yaml_text.Value(f"EXAMPLE-{name}", is_example=True)
         return yaml_text.VaultSecret(self.encrypt(secrets.token_urlsafe(18)))
 
     def add(self, site: str, host: str, kind: str, comment: str, device: Mapping[str, yaml_text.Tree]) -> None:
-        """One more host with its file."""
+        """Add a host with its file."""
         self.hosts.setdefault(site, {})[host] = kind
         tree: dict[str, yaml_text.Tree] = {"device": {"kind": kind, **device}}
         self.trees[f"host_vars/{host}.yml"] = (comment, kind, tree)
@@ -117,7 +117,7 @@ class InventoryWriter:
 def files(
     answers: InventoryAnswers, vehicles: Mapping[str, Mapping[str, Any]], encrypt: Callable[[str], str] | None
 ) -> dict[str, str]:
-    """Every file of the inventory by its path below it."""
+    """Return every file of the inventory, by path."""
     writer = InventoryWriter(answers, vehicles, encrypt)
     _control_centre(writer)
     for number, (name, place) in enumerate(answers.sites.items(), start=1):
@@ -249,7 +249,7 @@ def _canaries(answer: tuple[Any, ...], number: int, *, is_required: bool) -> dic
 
 
 def _ports(place: SiteAnswers | CentreAnswers, links: list[str]) -> yaml_text.Tree:
-    """Links first, the technician last, the local network between."""
+    """Return the router's ports: links first, the management port last, the local network between."""
     is_example = place.router_ports is None
     count = place.router_ports or max(_PORTS, len(links) + 2)
     ports: list[yaml_text.Tree] = [
@@ -265,7 +265,7 @@ def _access(writer: InventoryWriter, address: yaml_text.Value) -> dict[str, yaml
 
 
 def _bridge_names(writer: InventoryWriter, site: str) -> tuple[str, str]:
-    """The bridge's name at the control centre, and the CPE there; one bridge needs no site in its name."""
+    """Return the bridge's link name at the control centre, and its CPE; a single bridge needs no site in its name."""
     bridge_sites = [name for name, place in writer.answers.sites.items() if place.wifi_bridge is not None]
     centre = writer.centre.name
     return ("wifi-ptp", f"{centre}-cpe") if len(bridge_sites) == 1 else (f"wifi-{site}", f"{centre}-cpe-{site}")
@@ -451,7 +451,7 @@ def _metered_link(
 
 
 def _boxes(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -> None:
-    """The boxes of the links."""
+    """Add the devices of a site's links."""
     if place.wifi_bridge is not None:
         _bridge(writer, number, name, place.wifi_bridge)
     if (lte := place.lte) is not None:

@@ -1,4 +1,4 @@
-"""The questions of `provision init` on a terminal. An answer is judged when it is typed, and asked again if wrong."""
+"""Questions of `provision init` on a terminal; invalid answers are refused and asked again."""
 
 from __future__ import annotations
 
@@ -107,14 +107,14 @@ _LINKS = ("wifi_bridge", "cable", "lte", "satellite")
 
 
 class Interview:
-    """Asks a person, and gives the answers as `InventoryAnswers` takes them."""
+    """Asks a person, and returns the answers in the form of `InventoryAnswers`."""
 
     def __init__(self, ask: Callable[[str], str], tell: Callable[[str], None]) -> None:
         self.ask = ask
         self.tell = tell
 
     def answers(self) -> dict[str, Any]:
-        """Everything, in order."""
+        """Ask all questions in order."""
         self.tell("The pilot")
         pilot = self.block(PilotAnswers, _PILOT)
         self.tell("The VPN")
@@ -132,7 +132,7 @@ class Interview:
         return {"pilot": pilot, "vpn": vpn, "control_centre": centre, "sites": sites}
 
     def site(self) -> dict[str, Any]:
-        """One test site, with at least one link."""
+        """Ask about one test site with at least one link."""
         place = self.block(SiteAnswers, _PLACE)
         while True:
             for key, text, model, questions in _PARTS:
@@ -143,7 +143,7 @@ class Interview:
             self.tell("A site needs a link: a bridge, a cable, 4G or a satellite.")
 
     def yes(self, text: str) -> bool:
-        """Whether the answer is yes."""
+        """Ask a yes/no question."""
         while True:
             answer = self.ask(f"{text} (yes/no) [no]: ").strip().lower()
             if answer in YES | NO:
@@ -151,7 +151,7 @@ class Interview:
             self.tell("Type yes or no.")
 
     def names(self, text: str, default: str, other: str = "") -> list[str]:
-        """One name or several, none of them twice."""
+        """Ask for one or more distinct names."""
         while True:
             answer = self.ask(f"{text} [{default}]: " if default else f"{text}: ").strip() or default
             names = [name.strip() for name in answer.split(",") if name.strip()]
@@ -167,12 +167,12 @@ class Interview:
             self.tell(problems[0])
 
     def block(self, model: type[BaseModel], questions: Sequence[Question]) -> dict[str, Any]:
-        """The answers to the questions about a block; what is not answered is not in it."""
+        """Ask the questions about one block and return the answers by key; unanswered questions are left out."""
         answers = {question.key: self.answer(model, question) for question in questions}
         return {key: value for key, value in answers.items() if value is not None}
 
     def answer(self, model: type[BaseModel], question: Question) -> Any:  # noqa: ANN401 - as YAML has it
-        """The answer to a question; None where there is none."""
+        """Ask a question until the answer is valid; return None if an optional question is left empty."""
         prompt = f"{question.text} [{question.without}]: " if question.without else f"{question.text}: "
         while True:
             text = self.ask(prompt).strip()
@@ -186,7 +186,7 @@ class Interview:
 
 
 def parse_answer(annotation: Any, text: str) -> Any:  # noqa: ANN401 - a type, and what YAML holds
-    """What was typed, as YAML would have read it in a file."""
+    """Convert a typed answer to the value that YAML would have read from a file."""
     if _schema.model_of(annotation) is LinkRate:
         numbers = [_number(part) for part in text.replace(",", " ").split()]
         required_keys = [key for key, field in LinkRate.model_fields.items() if field.is_required()]
@@ -207,7 +207,7 @@ def _number(text: str) -> int | float | str:
 
 
 def wrong(model: type[BaseModel], key: str, value: Any) -> str | None:  # noqa: ANN401 - as YAML has it
-    """What is wrong with an answer and what to type instead; None if nothing is."""
+    """Return the validation error of an answer and what to type instead; None if the answer is valid."""
     try:
         model.model_validate({key: value})
     except ValidationError as error:

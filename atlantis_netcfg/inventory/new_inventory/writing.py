@@ -1,4 +1,4 @@
-"""A new folder with an inventory: all of its files or none, and only if the whole of it is valid."""
+"""Creation of a new inventory folder: all files are written or none, and only if the whole inventory is valid."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ README = "README.md"
 
 
 def refuse_used(folder: Path) -> None:
-    """Raise UsageError unless the folder is new or empty, and the one above it is there."""
+    """Raise UsageError unless the folder is new or empty and its parent folder exists."""
     another = "name a folder that does not exist yet"
     if folder.is_dir():
         if any(folder.iterdir()):
@@ -35,7 +35,7 @@ def refuse_used(folder: Path) -> None:
 
 
 def create(folder: Path, files: Mapping[str, str]) -> Declaration:
-    """Write the files with their schemas and read them back; UsageError and InventoryInvalid leave nothing behind."""
+    """Write the files with their schemas and load them; on UsageError or InventoryInvalid nothing is left behind."""
     refuse_used(folder)
     target = folder.absolute()
     scratch = draft_of(target)
@@ -57,7 +57,7 @@ def create(folder: Path, files: Mapping[str, str]) -> Declaration:
 
 
 def _check(scratch: Path, folder: Path) -> None:
-    """Raise InventoryInvalid with the names that the files would have had."""
+    """Load the draft; raise InventoryInvalid with findings that name the final folder."""
     try:
         load(scratch)
     except InventoryInvalid as error:
@@ -66,7 +66,7 @@ def _check(scratch: Path, folder: Path) -> None:
 
 
 def _rename_folder(finding: Finding, names: Sequence[str], folder: str) -> Finding:
-    """The finding as if the folder had its final name already."""
+    """Replace the draft folder's name in a finding by the final folder's name."""
     for name in names:
         texts = {key: getattr(finding, key).replace(name, folder) for key in ("file", "message", "hint")}
         finding = replace(finding, **texts)
@@ -74,7 +74,7 @@ def _rename_folder(finding: Finding, names: Sequence[str], folder: str) -> Findi
 
 
 def example_files(inventory: Path) -> dict[str, str]:
-    """The shipped inventory: what lies hidden is made anew."""
+    """Return the files of the shipped inventory, without hidden ones: those are generated again."""
     return {
         path.relative_to(inventory).as_posix(): path.read_text(encoding="utf-8")
         for path in sorted(inventory.rglob("*"))

@@ -1,4 +1,4 @@
-"""YAML as a person would write it: values in the order given, comments, marks on examples, vaulted secrets."""
+"""YAML as a person would write it: keys in the order given, comments, marked examples, vaulted secrets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Scalar = str | int | float | bool | IPv4Address | IPv4Network | None
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A value with what stands behind it in its line."""
+    """A YAML value with the comment that follows it on its line."""
 
     value: Scalar | tuple[Scalar, ...]
     is_example: bool = False
@@ -22,7 +22,7 @@ class Value:
 
 @dataclass(frozen=True, slots=True)
 class VaultSecret:
-    """A secret that is encrypted already."""
+    """A secret as an already encrypted Ansible Vault text."""
 
     text: str
 
@@ -31,7 +31,7 @@ Tree = Mapping[str, "Tree"] | Sequence["Tree"] | Value | VaultSecret | Scalar
 
 
 def has_examples(tree: Tree) -> bool:
-    """Whether any value is an example."""
+    """Return whether any value in the tree is an example."""
     if isinstance(tree, Mapping):
         return any(has_examples(below) for below in tree.values())
     if isinstance(tree, Value | VaultSecret | str) or not isinstance(tree, Sequence):
@@ -40,7 +40,7 @@ def has_examples(tree: Tree) -> bool:
 
 
 def document(tree: Mapping[str, Tree], comments: Sequence[str]) -> str:
-    """A file: comments, `---`, the tree."""
+    """Render a YAML file: comments, `---`, the tree."""
     return "\n".join([*comments, "---", *_mapping(tree, 0)]) + "\n"
 
 
@@ -50,7 +50,7 @@ def _mapping(tree: Mapping[str, Tree], depth: int) -> Iterator[str]:
 
 
 def _entry(start: str, below: Tree, depth: int) -> Iterator[str]:
-    """A key, or the dash of a list, and what stands behind or below it."""
+    """Render a key or list dash with the value behind it or the block below it."""
     if isinstance(below, VaultSecret):
         yield f"{start} !vault |"
         yield from (f"{'  ' * (depth + 1)}{line}" for line in below.text.splitlines())
@@ -87,7 +87,7 @@ def _inline(below: Tree) -> str:
 
 
 def _scalar(value: Scalar | tuple[Scalar, ...]) -> str:
-    """As YAML has it; a text that would be read as something else is put in quotes."""
+    """Render a scalar as YAML; quote a text that would be read as another type."""
     if isinstance(value, tuple):
         return "[" + ", ".join(_scalar(item) for item in value) + "]"
     if value is None or isinstance(value, bool | int | float):

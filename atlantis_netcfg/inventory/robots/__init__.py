@@ -1,5 +1,6 @@
-"""Robots of the pilot: their configuration files, checked before a robot meets the control centre.
+"""Configuration files of the pilot's robots, checked before a robot connects to the control centre.
 
-The report describes such a file by the meaning of its parts (3.3.1); its examples are lost. The keys here are ours, and
-an inventory declares how its partners call them (`robots/keys.yml`). A partner's file is data: nothing of it is run.
+The report describes such a file by the meaning of its parts (3.3.1); its examples are lost. The keys here are this
+project's own; an inventory maps them to the partners' key names (`robots/keys.yml`). A partner's file is data: nothing
+in it is executed.
 """

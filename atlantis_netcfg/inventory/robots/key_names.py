@@ -1,13 +1,13 @@
-"""How the partners' files call the keys: `robots/keys.yml` of the inventory, ours on the left and theirs on the right.
+"""Key names in the partners' files: `robots/keys.yml` of the inventory maps this project's keys to theirs.
 
     keys:
-      mission_executor: executor                # at its own place
-      telemetry.booleans: interfaces.bool       # elsewhere in the file
-      label: name                               # wherever a `label` may stand
-    ignored: [robot_colour]                     # keys of theirs that are not read
+      mission_executor: executor                # at the same place in the file
+      telemetry.booleans: interfaces.bool       # at another place in the file
+      label: name                               # wherever a `label` may occur
+    ignored: [robot_colour]                     # keys of the partner that are not read
     configuration_topic: /atlantis/configuration    # on which robots publish their files
 
-Our own words are understood as well.
+This project's own key names are accepted as well.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _OURS = ("keys", "ignored", "configuration_topic")
 
 @dataclass(frozen=True, slots=True)
 class KeyNames:
-    """The declared names, and the keys that nobody reads."""
+    """The partners' key names from the inventory, and the partners' keys that are ignored."""
 
     names: Mapping[str, str] = field(default_factory=dict)
     """Our key, alone or with those above it (`telemetry.booleans`; entries of lists have no number), and theirs."""
@@ -46,14 +46,14 @@ class KeyNames:
     """On which robots publish their files; its real name is not known, and this one is a proposal."""
 
     def key_of(self, path: tuple[str | int, ...]) -> str:
-        """The key at a path of ours as the file calls it."""
+        """Return the name that the partner's file uses for the key at one of our paths."""
         dotted_path = ".".join(step for step in path if isinstance(step, str))
         return self.names.get(dotted_path) or self.names.get(str(path[-1])) or str(path[-1])
 
     def translate(self, root: Node) -> tuple[Node, list[Finding]]:
-        """The file with its keys called as ours, and keys that stand in it under both names.
+        """Return the file with its keys renamed to ours, and findings for keys present under both names.
 
-        What stands elsewhere is brought to our place first.
+        Values at another place of the partner's file are moved to our place first.
         """
         clashes: list[Finding] = []
         for ours, theirs in self.names.items():
@@ -81,7 +81,7 @@ class KeyNames:
 
 
 def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
-    """What `robots/keys.yml` declares, and what is wrong in it."""
+    """Parse `robots/keys.yml`; return the key names and the findings."""
     findings = [
         Finding.at(below.place, f"`{shown_key(key)}` is not known here", suggest(key, _OURS, none=""))
         for key, below in node.keys.items()
@@ -118,7 +118,7 @@ def _relative(name: str) -> tuple[str, str] | None:
 
 
 def key_paths(model: type[BaseModel], above: tuple[str, ...] = ()) -> Iterator[str]:
-    """Every key of a robot's file, alone and with those above it."""
+    """Yield every key of a robot's file, once alone and once with its parent keys (dotted)."""
     for name, info in model.model_fields.items():
         yield name
         yield ".".join((*above, name))
@@ -127,7 +127,7 @@ def key_paths(model: type[BaseModel], above: tuple[str, ...] = ()) -> Iterator[s
 
 
 def _move(root: Node, source: tuple[str, ...], target: tuple[str, ...]) -> Node:
-    """The file with a value at another place, without blocks that are empty then; as it is where there is none."""
+    """Move a value to another path and drop blocks that become empty; return the file unchanged if there is none."""
     value = root
     for step in source:
         if step not in value.keys:

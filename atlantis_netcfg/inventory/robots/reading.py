@@ -1,4 +1,4 @@
-"""From robots' files to their models, or to every error of them; and what holds between the robots of a pilot."""
+"""Robots' files parsed into models or into all of their errors, and the rules that hold between robots."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _Path = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class RobotSource:
-    """A robot's file as it was read."""
+    """A robot's file as it was read, with its parsed model and its findings."""
 
     file: Path
     node: _yaml.Node
@@ -48,16 +48,16 @@ class RobotSource:
     warnings: tuple[Finding, ...] = ()
 
     def text(self) -> str:
-        """The file as the robot publishes it."""
+        """Return the file's text as the robot publishes it."""
         return self.file.read_text(encoding="utf-8-sig")
 
     @property
     def token_is_sealed(self) -> bool:
-        """Nobody has opened the vault: the token cannot be compared."""
+        """Whether the token is still encrypted in the vault and so cannot be compared."""
         return self.robot is None or isinstance(self.robot.token, _yaml.SealedSecret)
 
     def with_token(self, decrypt: _yaml.Decrypt | None) -> RobotSource:
-        """The same with its token opened, where the vault's password is known."""
+        """Return a copy with the token decrypted, if the vault's password is known."""
         robot = self.robot
         if decrypt is None or robot is None or not isinstance(robot.token, _yaml.SealedSecret):
             return self
@@ -68,21 +68,21 @@ class RobotSource:
         return replace(self, robot=robot.model_copy(update={"token": token}))
 
     def wrong(self, path: _Path, message: str, hint: str) -> Finding:
-        """An error at a value; of a block, at its key."""
+        """Return a finding at a value; for a block, at its key."""
         return Finding.at(self.mark(path), message, hint)
 
     def mark(self, path: _Path) -> Mark:
-        """The place of a value; of a block, the place of its key."""
+        """Return the position of a value; for a block, the position of its key."""
         node = self.node.at(*path)
         return node.place if isinstance(node.value, dict | list) else node.mark
 
     def label(self, path: _Path) -> str:
-        """A key in an error, as the file calls it."""
+        """Return a key's name for a message, as this file spells it, in backticks."""
         return f"`{self.key_of(path)}`"
 
 
 def key_names(declaration: Declaration) -> tuple[KeyNames, list[Finding]]:
-    """How the partners of an inventory call the keys, and what is wrong in that."""
+    """Read the partners' key names of an inventory; return them with the findings."""
     path = declaration.root / FOLDER / _KEYS
     if not path.exists():
         return KeyNames(), []
@@ -92,19 +92,19 @@ def key_names(declaration: Declaration) -> tuple[KeyNames, list[Finding]]:
 
 
 def robot_files(declaration: Declaration) -> dict[str, Path]:
-    """Vehicle to its robot's file, of those that have one; also of names that no vehicle has."""
+    """Return each robot's file by vehicle name, including files whose name no vehicle has."""
     paths = sorted((declaration.root / FOLDER).glob("*.yml"))
     return {path.stem: path for path in paths if path.name != _KEYS}
 
 
 def read_declared(declaration: Declaration, names: KeyNames) -> list[RobotSource]:
-    """Every robot of the inventory, with what is wrong in its file and between them."""
+    """Read every robot file of the inventory, with findings per file and between the files."""
     sources = [_read(path, declaration, names, vehicle) for vehicle, path in robot_files(declaration).items()]
     return _with_namespaces_compared(sources)
 
 
 def read_given(files: Iterable[Path], declaration: Declaration, names: KeyNames) -> list[RobotSource]:
-    """Partners' files. One with the namespace of a robot of the inventory is a newer file of that robot."""
+    """Read partners' files; a file with the namespace of an inventory robot is a newer file of that robot."""
     source_by_file = {source.file.resolve(): source for source in read_declared(declaration, names)}
     vehicle_by_name = {source.robot.name: source.vehicle for source in source_by_file.values() if source.robot}
     sources = []
@@ -116,14 +116,14 @@ def read_given(files: Iterable[Path], declaration: Declaration, names: KeyNames)
 
 
 def past_guests(declaration: Declaration) -> dict[str, str]:
-    """Guests whose last day is over, by the clocks of the pilot, and that day."""
+    """Return guests whose last day has passed in the pilot's time zone, with that day (ISO date)."""
     today = datetime.now(ZoneInfo(declaration.pilot.time_zone)).date().isoformat()
     guests = {key: each for key, each in declaration.vehicles.items() if isinstance(each, Guest)}
     return {key: guest.until for key, guest in guests.items() if guest.until < today}
 
 
 def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
-    """Every robot of an inventory, with warnings alone. Raises InventoryInvalid with the errors of all."""
+    """Read every robot of an inventory; raise InventoryInvalid with the errors of all, so only warnings remain."""
     names, findings = key_names(declaration)
     sources = read_declared(declaration, names)
     findings += [finding for source in sources for finding in source.findings]
@@ -133,7 +133,7 @@ def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
 
 
 def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]:
-    """A configuration as a robot publishes it: YAML, of which JSON is a part. None: the second is the first error."""
+    """Parse a configuration published by a robot (YAML or JSON); return None and the first error if it is invalid."""
     if len(data) > loader.LARGEST:
         return None, "it is larger than 1 MB"
     node, findings = _yaml.parse(data, "line", None)
@@ -146,7 +146,7 @@ def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]
 
 
 def _with_namespaces_compared(sources: Sequence[RobotSource]) -> list[RobotSource]:
-    """Two robots of one namespace carry out each other's commands, and nothing on the network says so."""
+    """Add a finding where two robots share a namespace: each would execute the other's commands unnoticed."""
     first: dict[str, RobotSource] = {}
     result = []
     for source in sources:
@@ -161,7 +161,7 @@ def _with_namespaces_compared(sources: Sequence[RobotSource]) -> list[RobotSourc
 
 
 def _parse(path: Path) -> tuple[_yaml.Node | None, int, list[Finding]]:
-    """Read one file: at most 1 MB, and 100 levels deep. Raises NothingMatched where it cannot be read."""
+    """Read and parse one file (at most 1 MB and 100 levels); raise NoMatchError if it cannot be read."""
     file_name = loader.shown_path(path)
     try:
         data = loader.content(path)
@@ -176,7 +176,7 @@ def _parse(path: Path) -> tuple[_yaml.Node | None, int, list[Finding]]:
 
 
 def _read(path: Path, declaration: Declaration, names: KeyNames, vehicle: str | None) -> RobotSource:
-    """One file; `vehicle` is set for those of the inventory."""
+    """Read one robot file; `vehicle` is set for files of the inventory."""
     root, size, findings = _parse(path)
     start = Mark(loader.shown_path(path), 1, 1)
     if vehicle is not None and vehicle not in declaration.vehicles:
@@ -204,7 +204,7 @@ def _read(path: Path, declaration: Declaration, names: KeyNames, vehicle: str | 
 
 
 def one_of_two(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
-    """The pose and the mission executor have one way each."""
+    """Require exactly one alternative: topic or library for the pose, action or callback for the mission executor."""
     blocks = {"pose": (robot.pose.topic, "topic", robot.pose.library, "library")}
     executor = robot.mission_executor
     blocks["mission_executor"] = (executor.action, "action", executor.callback, "callback")
@@ -217,7 +217,7 @@ def one_of_two(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
 
 
 def names_once(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
-    """A topic and an action stand in the file once, and operators can tell commands apart."""
+    """Require unique topics, actions and command labels within one file."""
     first_paths: dict[tuple[str, str], _Path] = {}
     rows = [("topic", topic.name, topic.path) for topic in robot.topics()]
     rows += [("action", action.name, action.path) for action in robot.actions()]
@@ -233,7 +233,7 @@ def names_once(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
 
 
 def conditions(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
-    """A command depends on a boolean that the robot publishes."""
+    """Require that a command's condition is a boolean topic that the robot publishes."""
     full = {topic.name: topic.kind for topic in robot.topics()}
     booleans = [name for name, kind in full.items() if kind is TopicKind.BOOLEAN]
     for kind, index, command in robot.every_command():
@@ -251,7 +251,7 @@ def conditions(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
 
 
 def token_is_vaulted(source: RobotSource, robot: RobotFile, declaration: Declaration) -> Iterator[Finding]:
-    """A real token never stands readable in a file that goes into git; and what is an example is known to be one."""
+    """Require that a real token is encrypted, since the file goes into git, and that example tokens are marked so."""
     key = source.key_of(("token",))
     if not isinstance(robot.token, _yaml.SealedSecret) and not robot.token.is_example:
         hint = f"ansible-vault encrypt_string --stdin-name {key}"
@@ -264,14 +264,14 @@ def token_is_vaulted(source: RobotSource, robot: RobotFile, declaration: Declara
 
 
 def token_is_real(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
-    """A robot does not come with the token of an example."""
+    """Report a token that is still the example value."""
     if not isinstance(robot.token, _yaml.SealedSecret) and robot.token.is_example:
         message = f"{source.label(('token',))} is still an example"
         yield source.wrong(("token",), message, "write the token that the control centre expects of this robot")
 
 
 def file_is_private(source: RobotSource, robot: RobotFile) -> Iterator[Finding]:
-    """A token in clear text is for its owner alone."""
+    """Report a file with a clear-text token that other users of this computer can read."""
     if isinstance(robot.token, _yaml.SealedSecret) or robot.token.is_example:
         return
     if source.file.stat().st_mode & _MINE_ALONE:
@@ -280,7 +280,7 @@ def file_is_private(source: RobotSource, robot: RobotFile) -> Iterator[Finding]:
 
 
 def units(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
-    """An operator sees what a number means."""
+    """Require a unit for every number, so that an operator knows what it means."""
     for index, topic in enumerate(robot.telemetry.numbers):
         if topic.unit is None:
             path = ("telemetry", "numbers", index)
@@ -289,7 +289,7 @@ def units(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Fin
 
 
 def costs_are_of_topics(source: RobotSource, robot: RobotFile, declaration: Declaration) -> Iterator[Finding]:
-    """The `telemetry:` of a vehicle, by which links are judged, names what its robot publishes."""
+    """Require that the vehicle's `telemetry:` in the inventory, used to judge links, names topics of its robot."""
     vehicle = declaration.vehicles.get(source.vehicle or "")
     topic_names = [topic.name for topic in robot.topics()]
     for item in vehicle.telemetry if vehicle is not None else ():

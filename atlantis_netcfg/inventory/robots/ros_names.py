@@ -1,4 +1,4 @@
-"""Names of topics and actions in ROS 2, and how they become topics of DDS."""
+"""Names of ROS 2 topics and actions, and their mapping to DDS topic names."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _LONGEST = 200
 
 
 def why_no_name(text: str) -> tuple[str, str] | None:
-    """What is wrong with a topic's or namespace's name and what to type; None: ROS 2 takes it.
+    """Return why ROS 2 rejects a topic or namespace name, and what to type instead; None if it is valid.
 
     Rules: design.ros2.org, topic and service names.
     """
@@ -33,12 +33,12 @@ def why_no_name(text: str) -> tuple[str, str] | None:
 
 
 def resolve(name: str, namespace: str) -> str:
-    """A topic's full name: `pose` of `sparus` is /sparus/pose; one that begins with `/` is full already."""
+    """Return a topic's full name: `pose` of `sparus` is /sparus/pose; a name that begins with `/` is full already."""
     return name if name.startswith("/") else f"/{namespace.strip('/')}/{name}"
 
 
 def why_no_type(text: str) -> tuple[str, str] | None:
-    """What is wrong with the name of a message's type, and what to type; None: it is one."""
+    """Return why a text is no ROS 2 message type, and what to type instead; None if it is one."""
     if re.fullmatch(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*", text):
         return None
     short = re.fullmatch(r"([a-z][a-z0-9_]*)/([A-Z][A-Za-z0-9]*)", text)

@@ -1,8 +1,8 @@
-"""What must hold between the parts of a declaration. One small function a rule, one module a theme.
+"""Rules between the parts of an inventory: one small function per rule, one module per theme.
 
-A rule takes the draft and yields a `Finding` for every breach, at the value that a person would change. It looks at
-valid parts only, so a rule never fails because of an error that is told elsewhere; a reference to a part that is
-declared but invalid is passed over. A new rule is a function in the module of its theme and a name in its `RULES`.
+A rule takes the draft and yields a `Finding` for every violation, at the value that a person would change. It checks
+valid parts only, so it never fails because of an error that is reported elsewhere; a reference to a part that exists
+but is invalid is skipped. A new rule is a function in the module of its theme and a name in its `RULES`.
 """
 
 from __future__ import annotations

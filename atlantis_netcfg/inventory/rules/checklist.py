@@ -1,4 +1,4 @@
-"""Items of the checklist that the pilot declares: one id means one item, and what they name is there."""
+"""Rules for the pilot's own checklist items: ids are unique, and everything that an item names exists."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _of_vehicles(draft: _draft.Draft) -> Iterator[_ItemPlace]:
 def _of_a_site(
     name: str, site: model.Site, only: int | None = None
 ) -> Iterator[tuple[_draft.Part, _Path, model.SiteCheckItem]]:
-    """Those that are always asked there, then mission by mission; `only`: those of one mission."""
+    """Yield a site's items: the permanent ones, then those of each mission or, with `only`, of one mission."""
     part = _draft.Part("site", name)
     for index, item in enumerate(site.checklist.items):
         yield part, ("checklist", "items", index), item
@@ -33,7 +33,7 @@ def _of_a_site(
 
 
 def unique(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """In a list, an id of a vehicle or of the site stands once; two missions may share one, for one is asked."""
+    """Require unique item ids in one checklist; two missions may share an id, as only one of them runs."""
     every = list(_of_vehicles(draft))
     yield from _twice(draft, every)
     for name, site in draft.sites.items():
@@ -45,7 +45,7 @@ def unique(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def _twice(draft: _draft.Draft, items: Iterable[_ItemPlace]) -> Iterator[findings.Finding]:
-    """`items`: those of one list."""
+    """Report ids that occur twice among the items of one list."""
     first: dict[tuple[str | None, str], tuple[_draft.Part, _Path]] = {}
     for part, path, item in items:
         row = part.name if part.sort == "vehicle" else getattr(item, "vehicle", None)
@@ -58,7 +58,7 @@ def _twice(draft: _draft.Draft, items: Iterable[_ItemPlace]) -> Iterator[finding
 
 
 def vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The vehicle of an item is one that the site tests."""
+    """Require that an item's vehicle is one that the site tests."""
     vehicle_names = draft.names("vehicle")
     for name, site in draft.sites.items():
         here = site.checklist.vehicles
@@ -75,7 +75,7 @@ def vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def people(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """Who may answer or sign is a role of the pilot, or a person by name."""
+    """Require that whoever may answer or sign is a role of the pilot or a named person."""
     if draft.pilot is None:
         return
     roles = [role.name for role in draft.pilot.roles]
@@ -97,7 +97,7 @@ def _person_lists(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, _Path, tup
 
 
 def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A mission of a site, and a role of the pilot, has a name of its own."""
+    """Require unique names for the missions of a site and the roles of the pilot."""
     for name, site in draft.sites.items():
         mission_names = [mission.name for mission in site.checklist.missions]
         for index, word in enumerate(mission_names):
@@ -113,7 +113,7 @@ def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def gateways(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """What a site's gateway shall be asked needs one; a vehicle's item is INCONCLUSIVE where there is none."""
+    """Require a gateway at sites with gateway items; a vehicle's item is INCONCLUSIVE without one."""
     sites = {place for host, place in draft.layout.hosts.items() if draft.kind_of(host) == "gateway"}
     for name, site in draft.sites.items():
         for part, path, item in _of_a_site(name, site):

@@ -1,4 +1,4 @@
-"""DDS: every participant has an address on the way that was chosen, and stands in the list of peers once."""
+"""Rules for DDS: each participant has an address on the chosen path and is listed as a peer once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _dds_settings(draft: _draft.Draft) -> model.Dds | None:
 
 
 def participants_have_addresses(draft: _draft.Draft) -> Iterator[Finding]:
-    """Gateways and control centres that talk over the VPN have an address in it."""
+    """Require a VPN address for gateways and control centres whose DDS traffic uses the VPN."""
     dds = _dds_settings(draft)
     if dds is None or dds.over is not model.DdsPath.VPN:
         return
@@ -33,7 +33,7 @@ def participants_have_addresses(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def peers_in_the_vpn(draft: _draft.Draft) -> Iterator[Finding]:
-    """Over the VPN a peer is reached at its tunnel address."""
+    """Require tunnel addresses for peers if DDS uses the VPN."""
     dds = _dds_settings(draft)
     if draft.pilot is None or dds is None or dds.over is not model.DdsPath.VPN:
         return
@@ -45,7 +45,7 @@ def peers_in_the_vpn(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def peers_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """Each address more is announced to all the time: hosts of the inventory are peers by themselves."""
+    """Report duplicate peers: each is announced to all the time, and inventory hosts are peers automatically."""
     dds = _dds_settings(draft)
     if dds is None:
         return
@@ -63,7 +63,7 @@ def peers_once(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def peers_at_known_sites(draft: _draft.Draft) -> Iterator[Finding]:
-    """A peer of a site that does not exist would be a peer of nobody there."""
+    """Require that the site named by a peer exists."""
     dds = _dds_settings(draft)
     for index, peer in enumerate(dds.peers if dds is not None else ()):
         site_names = draft.names("site")
@@ -73,7 +73,7 @@ def peers_at_known_sites(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def processes_are_found(draft: _draft.Draft) -> Iterator[Finding]:
-    """More processes than `participants` do not start (Cyclone DDS) or are not found (Fast DDS)."""
+    """Require `participants` ≥ `processes`: others do not start (Cyclone DDS) or are not discovered (Fast DDS)."""
     dds = _dds_settings(draft)
     if dds is not None and dds.processes > dds.participants:
         message = f"{dds.processes} ROS processes run on a computer, and {dds.participants} of them are found"

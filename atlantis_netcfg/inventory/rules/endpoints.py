@@ -1,6 +1,6 @@
-"""How endpoints are looked at: those in the table, by devices that can, at addresses that are there.
+"""Rules for endpoint checks: only checklist endpoints, checked from capable devices, at existing addresses.
 
-Canaries: addresses beyond a link that are pinged over it, to learn whether it carries traffic.
+Probe targets: addresses beyond a link that are pinged over it, to learn whether it carries traffic.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _Path = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class _EndpointRow:
-    """A row of the checklist that has endpoints."""
+    """A checklist row that has endpoints."""
 
     part: _draft.Part
     path: _Path
@@ -44,13 +44,13 @@ def _rows(draft: _draft.Draft) -> Iterator[_EndpointRow]:
 
 
 def _link_columns(site: model.Site) -> set[str]:
-    """Columns of a location that are checked because of its links."""
+    """Return the checklist columns of a location that are checked because of its links."""
     columns = {str(bearer.kind.traits.column) for bearer in site.bearers} & {str(model.Column.WIFI), model.ETHERNET}
     return columns | ({model.ETHERNET} if site.location.ethernet else set())
 
 
 def check_tested_vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The vehicles that a site tests are vehicles of the pilot, once each."""
+    """Require that the vehicles that a site tests exist in the pilot and are listed once."""
     vehicle_names = draft.names("vehicle")
     for name, site in draft.sites.items():
         here = site.checklist.vehicles or ()
@@ -64,7 +64,7 @@ def check_tested_vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def in_the_table(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """What is looked at is marked in the row's own Table 3, or (a cable) beside it."""
+    """Require that a described endpoint is marked in the row's `table3` or, for a cable, listed beside it."""
     for row in _rows(draft):
         for name in row.endpoint_names:
             if name in row.columns:
@@ -78,7 +78,7 @@ def in_the_table(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def seen_by(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The device that tells of an endpoint is a RouterOS device; of a location, one of its own."""
+    """Require that `seen_by` is a RouterOS device; for a location, one of that location."""
     for row in _rows(draft):
         for name in row.endpoint_names:
             host = getattr(getattr(row.endpoints, name), "seen_by", None)
@@ -116,7 +116,7 @@ def _is_routeros(device: model.Device | None) -> bool:
 
 
 def another_modem(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A modem talks to others: not to itself, and no two of a kind have one address."""
+    """Require that a modem's peer is another modem, and unique addresses per kind of modem."""
     first: dict[tuple[str, int], str] = {}
     for key, vehicle in draft.vehicles.items():
         part, acoustic, usbl = _draft.Part("vehicle", key), vehicle.endpoints.acoustic, vehicle.endpoints.usbl
@@ -147,7 +147,7 @@ def _to_itself(local: int, acoustic: model.AcousticEndpoint, usbl: model.UsblEnd
 
 
 def addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """Where a vehicle is tested, it has an address at which it can be asked."""
+    """Require an address for a vehicle at every site that tests it, so that its endpoints can be reached."""
     gateways = {place for _, place, _ in draft.boxes(model.Gateway)}
     for name, site in draft.sites.items():
         reserved_names = {reservation.name for reservation in site.lan.reservations}
@@ -167,7 +167,7 @@ def addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def _wanting(vehicle: model.Vehicle) -> list[str]:
-    """Endpoints that are asked at an address, and have none of their own."""
+    """Return the endpoints that are checked at an address and have none configured."""
     all_of_it = vehicle.endpoints
     modems = {"acoustic": all_of_it.acoustic, "usbl": all_of_it.usbl}
     wanting = {name: modem is not None and modem.device is None for name, modem in modems.items()}
@@ -179,7 +179,7 @@ def _wanting(vehicle: model.Vehicle) -> list[str]:
 
 
 def streams(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """Two autopilots do not send to one port of one computer."""
+    """Report two autopilots that send their streams to the same port of one computer."""
     for name, site in draft.sites.items():
         has_gateway = any(place == name for _, place, _ in draft.boxes(model.Gateway))
         first: dict[tuple[model.SeenFrom, int], str] = {}
@@ -203,9 +203,9 @@ _PAIR = 2
 
 
 def two_or_none(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """One silent canary must not take a link down: two of them, or the link is not probed.
+    """Require at least two probe targets on a probed link: one silent target must not take it down.
 
-    A satellite may have none wherever it stands in the order: its port and its terminal are watched, which is for free.
+    A satellite may have none at any rank: its port and its terminal are watched, which costs nothing.
     """
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
@@ -220,7 +220,7 @@ def two_or_none(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def own_to_each_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A canary is routed over its own link only, so no other link of the site can use it."""
+    """Require probe targets of its own for each link: a target is routed over one link only."""
     for name, site in draft.sites.items():
         part = _draft.Part("site", name)
         first_uses: dict[IPv4Address, tuple[int, int]] = {}
@@ -237,7 +237,7 @@ def own_to_each_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def used_for_nothing_else(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A canary is unreachable while its link is down: nothing that is needed may stand at its address."""
+    """Require that nothing needed has a probe target's address: it is unreachable while the link is down."""
     networks = NetworkIndex(claims(draft))
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):

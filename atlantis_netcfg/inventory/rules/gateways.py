@@ -1,6 +1,6 @@
-"""What gateways run: each part has what it is built on, and a token does not travel in clear.
+"""Rules for gateways: each part has its prerequisites, and no token travels in clear text.
 
-The gateway computer: what its image needs from the rest of the declaration.
+Also what the gateway computer's image needs from the rest of the inventory.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _PILOT = _draft.Part("pilot")
 
 
 def release_known(draft: _draft.Draft) -> Iterator[Finding]:
-    """Which ROS 2 is installed, and how its programs find each other, is declared in one place."""
+    """Require `dds:` where ROS 2 is installed: it names the release and how programs discover each other."""
     if draft.pilot is None or draft.pilot.dds is not None:
         return
     if draft.pilot.gateways.ros2 is not None:
@@ -29,7 +29,7 @@ def release_known(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def pins_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """One package has one version."""
+    """Report a package that is pinned twice."""
     ros2 = draft.pilot.gateways.ros2 if draft.pilot is not None else None
     seen_packages: set[str] = set()
     for index, pin in enumerate(ros2.pins if ros2 is not None else ()):
@@ -40,7 +40,7 @@ def pins_once(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def builds_on_ros(draft: _draft.Draft) -> Iterator[Finding]:
-    """The library is a workspace of ROS 2."""
+    """Require `ros2:` for the interop library, which is a ROS 2 workspace."""
     if draft.pilot is None:
         return
     gateways = draft.pilot.gateways
@@ -50,7 +50,7 @@ def builds_on_ros(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def tested_with_examples(draft: _draft.Draft) -> Iterator[Finding]:
-    """The robot of the connection test is one of the examples."""
+    """Require `examples:` for the connection test: its robot is one of the examples."""
     interop = draft.pilot.gateways.interop if draft.pilot is not None else None
     if interop is not None and interop.connection_test is not None and interop.examples is None:
         message = "the program of the connection test is one of the examples, and none are declared"
@@ -59,7 +59,7 @@ def tested_with_examples(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def tokens_unseen(draft: _draft.Draft) -> Iterator[Finding]:
-    """Plain HTTP shows a token to everyone on the way; inside a site's own network that is accepted."""
+    """Report a token sent over plain HTTP; inside a site's own network that is accepted."""
     interop = draft.pilot.gateways.interop if draft.pilot is not None else None
     if interop is None:
         return
@@ -84,7 +84,7 @@ def _private(host: str) -> bool:
 
 
 def one_interface(draft: _draft.Draft) -> Iterator[Finding]:
-    """The card and the run configure the same interface: otherwise the first run cuts what the card has made."""
+    """Require the same interface in image and `network:`; otherwise the first run cuts off the gateway."""
     for host, _, device in draft.boxes(model.SiteComputer):
         if device.network is None or device.image is None or device.image.interface is None:
             continue
@@ -106,7 +106,7 @@ RULES: tuple[_draft.Rule, ...] = (
 
 
 def way_in(draft: _draft.Draft) -> Iterator[Finding]:
-    """Every password is removed from an image, so that without a key nobody could log in."""
+    """Require an SSH key for every image: it has no passwords, so without a key nobody could log in."""
     for host, _, device in draft.boxes(model.SiteComputer):
         if device.image is not None and not device.image.ssh_keys:
             message = f"nobody could log in to `{host}`: its image has no SSH key, and no password stays in it"
@@ -115,7 +115,7 @@ def way_in(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def keys_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """A technician's key stands once: who takes it back must not overlook a second line."""
+    """Report a technician's SSH key that is listed twice: revoking one line would leave the other."""
     for host, _, device in draft.boxes(model.SiteComputer):
         index_by_key: dict[str, int] = {}
         for index, key in enumerate(device.image.ssh_keys if device.image else ()):
@@ -130,7 +130,7 @@ def keys_once(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def require_reservation(draft: _draft.Draft) -> Iterator[Finding]:
-    """With DHCP the declared address comes true only by a reservation; without one nobody finds the gateway."""
+    """Require a reservation for a gateway that uses DHCP: only that gives it the address in the inventory."""
     for host, name, device in draft.boxes(model.SiteComputer):
         site = draft.sites.get(name)
         if device.image is None or device.image.address_by is not model.AddressBy.DHCP or site is None:

@@ -1,6 +1,6 @@
-"""The LAN of a site: its gateway, the DHCP range, reservations, and the hosts that stand in it.
+"""Rules for a site's LAN: its gateway, the DHCP range, reservations, and the hosts in it.
 
-Addresses and network cards belong to one device.
+Also unique addresses and MAC addresses.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _MOST_PREFIX = 29
 
 
 def gateway_in_network(draft: _draft.Draft) -> Iterator[Finding]:
-    """The router's own address is a usable one of its LAN."""
+    """Require that the router's LAN address is a usable address of the LAN."""
     for name, site in draft.sites.items():
         if why := why_unusable(site.lan.gateway, site.lan.network):
             message = f"the gateway {site.lan.gateway} {why}"
@@ -28,7 +28,7 @@ def gateway_in_network(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def network_has_room(draft: _draft.Draft) -> Iterator[Finding]:
-    """A LAN holds a router, a gateway computer and robots."""
+    """Require a LAN large enough for a router, a gateway computer and robots."""
     for name, site in draft.sites.items():
         if site.lan.network.prefixlen > _MOST_PREFIX:
             message = f"{site.lan.network} is too small for a LAN"
@@ -37,7 +37,7 @@ def network_has_room(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def dhcp_range(draft: _draft.Draft) -> Iterator[Finding]:
-    """The range is inside the LAN, not reversed, and without the router."""
+    """Require a DHCP range inside the LAN, not reversed and without the router's address."""
     for name, site in draft.sites.items():
         lan, part = site.lan, _draft.Part("site", name)
         outside = False
@@ -58,7 +58,7 @@ def dhcp_range(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def reservations_in_network(draft: _draft.Draft) -> Iterator[Finding]:
-    """A reserved address is in the LAN and outside the range that goes to anybody."""
+    """Require that a reserved address is in the LAN and outside the dynamic DHCP range."""
     for name, site in draft.sites.items():
         dhcp = site.lan.dhcp
         for index, reservation in enumerate(site.lan.reservations):
@@ -73,7 +73,7 @@ def reservations_in_network(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def reservation_names(draft: _draft.Draft) -> Iterator[Finding]:
-    """A name stands once in a site's reservations."""
+    """Require unique names among a site's reservations."""
     for name, site in draft.sites.items():
         index_by_name: dict[str, int] = {}
         for index, reservation in enumerate(site.lan.reservations):
@@ -86,7 +86,7 @@ def reservation_names(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def reservations_of_hosts(draft: _draft.Draft) -> Iterator[Finding]:
-    """A reservation with a host's name says the same as the host."""
+    """Require that a reservation named after a host agrees with that host."""
     for name, site in draft.sites.items():
         for index, reservation in enumerate(site.lan.reservations):
             device = draft.devices.get(reservation.name)
@@ -109,7 +109,7 @@ def reservations_of_hosts(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def hosts_in_network(draft: _draft.Draft) -> Iterator[Finding]:
-    """A host of the LAN has an address of it that DHCP gives to nobody else."""
+    """Require that a LAN host's address is in the LAN and not assigned by DHCP to anyone else."""
     for host, name, device in draft.boxes(model.LanBox):
         site = draft.sites.get(name)
         if site is None:
@@ -139,7 +139,7 @@ RULES: tuple[_draft.Rule, ...] = (
 
 @dataclass(frozen=True, slots=True)
 class _AddressUse:
-    """A value, and whose it is. One owner may use it in more than one place."""
+    """An address or MAC address and its owner, who may use it in more than one place."""
 
     value: str
     owner: str
@@ -148,12 +148,12 @@ class _AddressUse:
 
 
 def addresses(draft: _draft.Draft) -> Iterator[Finding]:
-    """No two devices have one address."""
+    """Require unique device addresses."""
     yield from _twice(draft, _addresses(draft), "address")
 
 
 def macs(draft: _draft.Draft) -> Iterator[Finding]:
-    """No two devices have one MAC address. A robot keeps its own, and its name, at every site."""
+    """Require unique MAC addresses; a robot keeps its MAC address and name at every site."""
     yield from _twice(draft, _macs(draft), "MAC address")
 
 
@@ -209,7 +209,7 @@ def _owner(draft: _draft.Draft, host: str) -> str:
 
 
 def _far_end(draft: _draft.Draft, name: str, bearer: model.Bearer) -> str:
-    """Who answers at the bearer's gateway: the box at this end, or the router that serves the link."""
+    """Return the owner of a link's gateway address: the box at this end, or the router that serves the link."""
     for host, box in draft.devices.items():
         if not isinstance(box, model.LteRouter | model.SatelliteTerminal) or draft.layout.hosts[host] != name:
             continue
@@ -255,7 +255,7 @@ UNIQUE_ADDRESSES_RULES: tuple[_draft.Rule, ...] = (addresses, macs)
 
 
 def classes_have_a_queue(draft: _draft.Draft) -> Iterator[Finding]:
-    """A class of traffic means something on a thin link only: elsewhere nothing waits in the router."""
+    """Report a traffic class at a site without a thin link: there the router queues nothing."""
     for name, site in draft.sites.items():
         if any(bearer.thin for bearer in site.bearers):
             continue

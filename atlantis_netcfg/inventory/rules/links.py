@@ -1,6 +1,6 @@
-"""Bearers and served links: addresses, names, and the box at this end.
+"""Rules for links and served links: addresses, names, and the box at this end.
 
-The two ends of a Wi-Fi bridge: a bearer at the site that it carries, a served link at the other.
+A Wi-Fi bridge has two ends: a link at the site that uses it, a served link at the other site.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _MOST_SILENT_S = 1800
 
 @dataclass(frozen=True, slots=True)
 class BridgeEnd:
-    """A link as its own site sees it."""
+    """One end of a link, as its site's file defines it."""
 
     site: str
     path: tuple[str, int]
@@ -32,12 +32,12 @@ class BridgeEnd:
 
     @property
     def part(self) -> _draft.Part:
-        """Where it is declared."""
+        """The site's part of the draft."""
         return _draft.Part("site", self.site)
 
 
 def ends(draft: _draft.Draft) -> Iterator[BridgeEnd]:
-    """Every link of every site."""
+    """Yield every link and served link of every site."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             yield BridgeEnd(name, ("bearers", index), bearer, bearer.kind)
@@ -46,7 +46,7 @@ def ends(draft: _draft.Draft) -> Iterator[BridgeEnd]:
 
 
 def addresses(draft: _draft.Draft) -> Iterator[Finding]:
-    """The router's address and the gateway are usable addresses of the link's network."""
+    """Require that the router's address and the gateway are usable addresses of the link's network."""
     for end in ends(draft):
         link = end.link
         yield from _in_network(draft, end, "address", link.address)
@@ -56,7 +56,7 @@ def addresses(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def gaps_leave_time(draft: _draft.Draft) -> Iterator[Finding]:
-    """A link that is silent for more than half of the time carries no rehearsal."""
+    """Report a link whose gaps take more than half of the time: no rehearsal can run over it."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             silent_s = sum(gap.length_s * gap.per_hour for gap in bearer.rate.gaps)
@@ -73,7 +73,7 @@ def _in_network(draft: _draft.Draft, end: BridgeEnd, key: str, address: IPv4Addr
 
 
 def names(draft: _draft.Draft) -> Iterator[Finding]:
-    """A link's name stands once at its site, and is not the word for the management port."""
+    """Require unique link names per site, different from the reserved word for the management port."""
     first_ends: dict[tuple[str, str], BridgeEnd] = {}
     for end in ends(draft):
         first = first_ends.setdefault((end.site, end.link.name), end)
@@ -88,7 +88,7 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def devices(draft: _draft.Draft) -> Iterator[Finding]:
-    """A link has the box that its kind needs, at its own site."""
+    """Require that a link has the device that its kind needs, at the same site."""
     for end in ends(draft):
         kind = end.kind.traits.box
         if end.link.device is None:
@@ -122,7 +122,7 @@ def _wrong_device(draft: _draft.Draft, end: BridgeEnd, host: str, kind: str | No
 
 
 def each_box_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """A radio carries one link."""
+    """Report a device that is used by two links."""
     for end, first in _shared_devices(draft):
         where = draft.where(first.part, *first.path, "device")
         message = f"`{end.link.device}` already carries link `{first.link.name}` ({where})"
@@ -140,7 +140,7 @@ def _shared_devices(draft: _draft.Draft) -> Iterator[tuple[BridgeEnd, BridgeEnd]
 
 
 def no_box_idle(draft: _draft.Draft) -> Iterator[Finding]:
-    """No radio is left without a link. Where a link of its kind waits for one, that is the error, told there."""
+    """Report a radio without a link, unless a link of its kind lacks one: that is reported there."""
     waiting = {(end.site, end.kind.traits.box) for end, _ in _shared_devices(draft)}
     used = set()
     for end in ends(draft):
@@ -160,7 +160,7 @@ def no_box_idle(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def boxes_in_network(draft: _draft.Draft) -> Iterator[Finding]:
-    """The box at this end has an address of the link's network."""
+    """Require that the box at this end has an address in the link's network."""
     second = [end for end, _ in _shared_devices(draft)]
     for end in ends(draft):
         host = end.link.device
@@ -186,7 +186,7 @@ RULES: tuple[_draft.Rule, ...] = (
 
 
 def bridges(draft: _draft.Draft) -> Iterator[Finding]:
-    """Both ends of a Wi-Fi bridge are declared, and they are one network with the served end as its gateway."""
+    """Require both ends of a Wi-Fi bridge, in one network with the served end as gateway."""
     every = list(ends(draft))
     if len(draft.sites) != len(draft.layout.sites):
         return  # an invalid site may hold the other end

@@ -1,7 +1,7 @@
-"""The 4G unit and the failover of links: fields that a driver needs or cannot use, the SIM, times that fit each other.
+"""Rules for the 4G unit and fail-over: fields that a driver needs or cannot use, the SIM, consistent times.
 
-A field that the driver does nothing with is refused, because a person who wrote it expects an effect. What the router
-can do with the times: templates/routeros/parts/netwatch.rsc.j2.
+A field that the driver ignores is refused, because the person who wrote it expects an effect. What the router can do
+with the times: templates/routeros/parts/netwatch.rsc.j2.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _ROUTEROS, _RUTOS, _MODEMMANAGER, _AT = (
 
 @dataclass(frozen=True, slots=True)
 class LteField:
-    """A part of the declaration that not every driver can use."""
+    """An inventory field that only some drivers can use."""
 
     path: tuple[str, ...]
     of: tuple[LteDriver, ...]
@@ -73,7 +73,7 @@ def _value(device: LteRouter, path: tuple[str, ...]) -> object:
 
 
 def fields(draft: _draft.Draft) -> Iterator[Finding]:
-    """Each driver has what it needs, and nothing that it would leave unused."""
+    """Require the fields that the driver needs, and refuse those that it ignores."""
     for host, _, device in draft.boxes(LteRouter):
         part, driver = _draft.Part("device", host), device.driver
         for field in FIELDS:
@@ -90,7 +90,7 @@ def fields(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def apn(draft: _draft.Draft) -> Iterator[Finding]:
-    """The access point name is one that a network can have."""
+    """Require a valid access point name."""
     for host, _, device in draft.boxes(LteRouter):
         name = device.sim.apn
         if name is not None and not _APN.fullmatch(name):
@@ -99,7 +99,7 @@ def apn(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def pin(draft: _draft.Draft) -> Iterator[Finding]:
-    """A PIN that cannot be right would cost one of three tries; one that is still sealed cannot be looked at."""
+    """Report a malformed PIN, which would cost one of three tries; an encrypted PIN cannot be checked."""
     for host, _, device in draft.boxes(LteRouter):
         number = device.sim.pin
         if number is None or isinstance(number, SealedSecret) or _PIN.fullmatch(number.reveal()):
@@ -110,7 +110,7 @@ def pin(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def administrator(draft: _draft.Draft) -> Iterator[Finding]:
-    """Whoever may set a RutOS unit has a name and a password, or is nobody."""
+    """Require both name and password for a RutOS administrator, or neither."""
     for host, _, device in draft.boxes(LteRouter):
         access = device.access
         if access is None or (access.admin_user is None) == (access.admin_password is None):
@@ -122,7 +122,7 @@ def administrator(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def in_quotes(draft: _draft.Draft) -> Iterator[Finding]:
-    """What is set on a RutOS unit goes to `uci` between single quotes."""
+    """Refuse quotes and backslashes in RutOS values: they go to `uci` in single quotes."""
     for host, _, device in draft.boxes(LteRouter):
         user = device.sim.user
         if device.driver is _RUTOS and user is not None and ("'" in user or "\\" in user):
@@ -131,7 +131,7 @@ def in_quotes(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def within_reach(draft: _draft.Draft) -> Iterator[Finding]:
-    """A modem is read in the computer that runs `provision`, at a port of it."""
+    """Require a modem at a port of the computer that runs `provision`: others cannot be read."""
     for host, _, device in draft.boxes(LteRouter):
         part = _draft.Part("device", host)
         if device.host is not None and device.driver in {_MODEMMANAGER, _AT}:
@@ -144,7 +144,7 @@ def within_reach(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def is_the_gateway(draft: _draft.Draft) -> Iterator[Finding]:
-    """A box that routes is the next hop of its link: with another address the site's router would not find it."""
+    """Require that a routing 4G unit has its link's gateway address, where the site's router looks for it."""
     for host, name, device in draft.boxes(LteRouter):
         site = draft.sites.get(name)
         if site is None or device.driver not in {_ROUTEROS, _RUTOS}:
@@ -166,7 +166,7 @@ _SATELLITE_HOLD_S = 90
 
 
 def there_is_another_link(draft: _draft.Draft) -> Iterator[Finding]:
-    """With one link there is nothing to fail over to."""
+    """Report `failover` at a site with one link: there is nothing to fail over to."""
     for name, site in draft.sites.items():
         if "failover" in site.model_fields_set and len(site.bearers) == 1:
             message = f"`failover` is declared, and `{site.bearers[0].name}` is the only link of `{name}`"
@@ -176,7 +176,7 @@ def there_is_another_link(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def returns_no_sooner_than_it_leaves(draft: _draft.Draft) -> Iterator[Finding]:
-    """A link that is taken back sooner than it is left goes up and down with every short interruption."""
+    """Require `fail_back_s` ≥ `hold_down_s`: otherwise the link flaps with every short interruption."""
     for name, site in draft.sites.items():
         times = site.failover
         if times.fail_back_s < times.hold_down_s:
@@ -190,7 +190,7 @@ def returns_no_sooner_than_it_leaves(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def metered_links_to_ask_over(draft: _draft.Draft) -> Iterator[Finding]:
-    """`metered_probe_s` is about links that are paid by the byte and asked all the same."""
+    """Report `metered_probe_s` at a site that has no metered link with probe targets before its last link."""
     for name, site in draft.sites.items():
         if "metered_probe_s" not in site.failover.model_fields_set or len(site.bearers) == 1:
             continue
@@ -201,9 +201,9 @@ def metered_links_to_ask_over(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def satellites_are_asked_within_a_budget(draft: _draft.Draft) -> Iterator[Finding]:
-    """Airtime is for traffic: nobody is asked over a satellite unless it is declared what that may cost.
+    """Require a budget for probe targets on a satellite link: airtime is for traffic.
 
-    And it has to be of use: before another link, and not mistaken for a dead one in its own gaps.
+    Probing must also be useful: another link follows, and the link's own gaps do not count as a failure.
     """
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
@@ -234,7 +234,7 @@ def satellites_are_asked_within_a_budget(draft: _draft.Draft) -> Iterator[Findin
 
 
 def not_too_many_links(draft: _draft.Draft) -> Iterator[Finding]:
-    """More links than the router has distances for cannot be put in order."""
+    """Report more links at a site than the router has route distances for."""
     for name, site in draft.sites.items():
         if len(site.bearers) > _MOST:
             message = f"`{name}` has {len(site.bearers)} links, and the order of preference has room for {_MOST}"

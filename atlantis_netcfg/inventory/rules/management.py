@@ -1,8 +1,6 @@
-"""How the toolkit reaches a RouterOS device, and that the device's own firewall lets it in.
+"""Rules for management access: how the toolkit reaches a RouterOS device, and that its firewall admits it.
 
-hosts.yml and the devices agree on what every host is.
-
-Time: the zone and the servers.
+Also that hosts.yml and the devices agree on what every host is, and rules for the time zone and time servers.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ _LAN = "lan"
 
 
 def technician_in_network(draft: _draft.Draft) -> Iterator[Finding]:
-    """The laptop's address is one of the management network."""
+    """Require that the technician's address is in the management network."""
     for name, site in draft.sites.items():
         if why := why_unusable(site.management.technician, site.management.network):
             message = f"the technician's address {site.management.technician} {why}"
@@ -34,7 +32,7 @@ def technician_in_network(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def technician_admitted(draft: _draft.Draft) -> Iterator[Finding]:
-    """The firewall of the devices admits the laptop."""
+    """Require that the devices' firewall admits the technician's laptop."""
     for name, site in draft.sites.items():
         outside = why_unusable(site.management.technician, site.management.network)
         if outside is None and not any(site.management.technician in network for network in site.management.admit):
@@ -44,7 +42,7 @@ def technician_admitted(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def vpn_admitted(draft: _draft.Draft) -> Iterator[Finding]:
-    """Where a device is managed through the tunnel, its firewall admits the infrastructure's tunnel addresses."""
+    """Require that a device managed through the tunnel admits the infrastructure's tunnel addresses."""
     if draft.pilot is None:
         return
     pool = draft.pilot.vpn.infrastructure
@@ -62,14 +60,14 @@ def _by_tunnel(draft: _draft.Draft, site: str) -> bool:
 
 
 def _accesses(draft: _draft.Draft) -> Iterator[tuple[str, str, model.Access]]:
-    """Host, site and access of every device that the toolkit drives."""
+    """Yield host, site and access of every device that the toolkit configures."""
     for host, device in draft.devices.items():
         if isinstance(device, model.Router | model.Switch | model.Cpe):
             yield host, draft.layout.hosts[host], device.access
 
 
 def partners_kept_out(draft: _draft.Draft) -> Iterator[Finding]:
-    """No prefix lets a partner's robots manage our routers."""
+    """Report a prefix that lets a partner's robots manage the pilot's routers."""
     if draft.pilot is None:
         return
     network = draft.pilot.vpn.infrastructure
@@ -86,7 +84,7 @@ def partners_kept_out(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def router_in_network(draft: _draft.Draft) -> Iterator[Finding]:
-    """A router is reached at an address of its management port."""
+    """Require that a router's management address is in the management network."""
     for host, name, router in draft.boxes(model.Router):
         site = draft.sites.get(name)
         if site is not None and (why := why_unusable(router.access.address, site.management.network)):
@@ -96,7 +94,7 @@ def router_in_network(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def switch_in_lan(draft: _draft.Draft) -> Iterator[Finding]:
-    """A switch is reached at an address of the LAN that DHCP gives to nobody else."""
+    """Require that a switch's address is in the LAN and not assigned by DHCP to anyone else."""
     for host, name, switch in draft.boxes(model.Switch):
         site, address, part = draft.sites.get(name), switch.access.address, _draft.Part("device", host)
         if site is None:
@@ -111,7 +109,7 @@ def switch_in_lan(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def via_known(draft: _draft.Draft) -> Iterator[Finding]:
-    """`via` is the management port or a bearer of the site."""
+    """Require that `via` is the management port or a link of the site."""
     for host, name, access in _accesses(draft):
         site = draft.sites.get(name)
         if site is not None and access.via not in _ways(site):
@@ -137,7 +135,7 @@ _GROUP_OF = {kind: group for group, kind in KIND_GROUPS.items()}
 
 
 def check_groups(draft: _draft.Draft) -> Iterator[Finding]:
-    """A host stands in the group of its kind: playbooks go by the group."""
+    """Require that a host is in the group of its kind: playbooks select hosts by group."""
     for host, mark in draft.layout.marks.items():
         kind, result = draft.layout.kinds.get(host), draft.kind_of(host)
         if kind is None and host not in draft.layout.misspelt:
@@ -155,7 +153,7 @@ def check_groups(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def one_router(draft: _draft.Draft) -> Iterator[Finding]:
-    """A site has one router: it holds the LAN, every link and the management network."""
+    """Require one router per site: it holds the LAN, every link and the management network."""
     for site, mark in draft.layout.sites.items():
         here = [host for host, place in draft.layout.hosts.items() if place == site]
         routers = [host for host in here if draft.kind_of(host) == "router"]
@@ -172,7 +170,7 @@ GROUPS_RULES: tuple[_draft.Rule, ...] = (check_groups, one_router)
 
 
 def zone(draft: _draft.Draft) -> Iterator[Finding]:
-    """The zone is one of the IANA database, which RouterOS uses as well. A machine without the database cannot tell."""
+    """Require an IANA time zone, as RouterOS does; skip the check on a machine without the zone database."""
     if draft.pilot is None or _exists(draft.pilot.time_zone):
         return
     zones = available_timezones()
@@ -193,7 +191,7 @@ def _exists(name: str) -> bool:
 
 
 def servers(draft: _draft.Draft) -> Iterator[Finding]:
-    """A time server stands once."""
+    """Report a time server that is listed twice."""
     if draft.pilot is None:
         return
     name_by_address: dict[IPv4Address, str] = {}

@@ -1,6 +1,6 @@
-"""The address plan as a whole: no network overlaps another, and every pool lies where it belongs.
+"""Rules for the address plan: networks do not overlap, and every pool is inside its network.
 
-Where an address stands in its network.
+Also helpers for an address's position in its network.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _RESERVED_NETWORKS: tuple[tuple[IPv4Network, str], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A network that something in the pilot uses."""
+    """A network and what in the pilot uses it."""
 
     network: IPv4Network
     what: str
@@ -42,7 +42,7 @@ class Claim:
 
 
 def claims(draft: _draft.Draft) -> Iterator[Claim]:
-    """Every network of the pilot that must be disjoint from all others; the VPN's pools lie inside the VPN's."""
+    """Yield every network that must not overlap another; the VPN's pools are inside the VPN and left out."""
     for name, site in draft.sites.items():
         part = _draft.Part("site", name)
         yield Claim(site.lan.network, f"the LAN of `{name}`", part, ("lan", "network"))
@@ -68,7 +68,10 @@ def claims(draft: _draft.Draft) -> Iterator[Claim]:
 
 
 class NetworkIndex:
-    """Claims by place, for pilots of hundreds of sites: of two networks that overlap, one contains the other."""
+    """An index of networks for overlap queries, for pilots with hundreds of sites.
+
+    It relies on a property of prefixes: of two networks that overlap, one contains the other.
+    """
 
     def __init__(self, initial_claims: Iterable[Claim] = ()) -> None:
         self._claims: list[Claim] = []
@@ -79,7 +82,7 @@ class NetworkIndex:
             self.add(claim)
 
     def add(self, claim: Claim) -> None:
-        """Take one more."""
+        """Add a network to the index."""
         number = len(self._claims)
         self._claims.append(claim)
         self._by_network.setdefault(claim.network, []).append(number)
@@ -87,7 +90,7 @@ class NetworkIndex:
         insort(self._starts, (int(claim.network.network_address), number))
 
     def over(self, network: IPv4Network) -> list[Claim]:
-        """Return the claims that overlap a network, in the order in which they came."""
+        """Return the claims that overlap a network, in the order in which they were added."""
         first, last = int(network.network_address), int(network.broadcast_address)
         low, high = bisect_left(self._starts, (first, 0)), bisect_right(self._starts, (last, len(self._claims)))
         numbers = {number for _, number in self._starts[low:high]}
@@ -97,7 +100,7 @@ class NetworkIndex:
 
 
 def disjoint(draft: _draft.Draft) -> Iterator[Finding]:
-    """No two networks of the pilot overlap, at one site or across sites; told once for each network."""
+    """Require that no two networks of the pilot overlap; each network is reported at most once."""
     network_index = NetworkIndex()
     for claim in claims(draft):
         others = [other for other in network_index.over(claim.network) if not _one_bridge(claim, other)]
@@ -115,7 +118,7 @@ def _one_bridge(claim: Claim, other: Claim) -> bool:
 
 
 def usable(draft: _draft.Draft) -> Iterator[Finding]:
-    """No network lies in a block that devices cannot use."""
+    """Report a network in a block that devices cannot use."""
     for claim in claims(draft):
         for block, purpose in _RESERVED_NETWORKS:
             if claim.network.overlaps(block):
@@ -125,7 +128,7 @@ def usable(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def pools(draft: _draft.Draft) -> Iterator[Finding]:
-    """The VPN's pools lie inside the VPN's network and do not overlap one another."""
+    """Require that the VPN's pools are inside the VPN's network and do not overlap."""
     if draft.pilot is None:
         return
     vpn = draft.pilot.vpn
@@ -154,7 +157,7 @@ _POINT_TO_POINT = 31
 
 
 def why_unusable(address: IPv4Address, network: IPv4Network) -> str | None:
-    """Why a device of the network cannot have the address; None if it can. A /31 uses both of its two (RFC 3021)."""
+    """Return why a device cannot use the address; None if it can. A /31 has two usable addresses (RFC 3021)."""
     if address not in network:
         return f"is outside {network}"
     if network.prefixlen >= _POINT_TO_POINT:
@@ -167,7 +170,7 @@ def why_unusable(address: IPv4Address, network: IPv4Network) -> str | None:
 
 
 def example_in(network: IPv4Network) -> str:
-    """What to type for an address of the network."""
+    """Return a hint that names usable addresses of the network."""
     if network.prefixlen >= _POINT_TO_POINT:
         return f"choose {network.network_address} or {network.broadcast_address}"
     return f"choose one from {network.network_address + 1} to {network.broadcast_address - 1}"

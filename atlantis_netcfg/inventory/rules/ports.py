@@ -1,6 +1,6 @@
-"""The ports of a router: one for management, some for the LAN, one for each link. Those of a switch: one towards it.
+"""Rules for ports: a router has one for management, some for the LAN, one per link; a switch has one uplink.
 
-Power over Ethernet: who feeds whom.
+Also Power over Ethernet: which port powers which device.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 def links_of(site: model.Site) -> list[str]:
-    """The names of a site's links, as a port may name them."""
+    """Return the names of a site's links and served links, as a port may name them."""
     return [*(bearer.name for bearer in site.bearers), *(link.name for link in site.served_links)]
 
 
 def names(draft: _draft.Draft) -> Iterator[Finding]:
-    """A port stands once in the list."""
+    """Report a port that is listed twice."""
     for host, device in draft.devices.items():
         part, index_by_name = _draft.Part("device", host), dict[str, int]()
         ports: tuple[model.Port | model.SwitchPort, ...] = (
@@ -36,7 +36,7 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def one_for_management(draft: _draft.Draft) -> Iterator[Finding]:
-    """Exactly one port belongs to the technician: it is how a router is reached when all else fails."""
+    """Require exactly one management port: the way into a router when everything else fails."""
     for host, _, router in draft.boxes(model.Router):
         part = _draft.Part("device", host)
         used = [index for index, port in enumerate(router.ports) if port.use is model.PortUse.MANAGEMENT]
@@ -50,7 +50,7 @@ def one_for_management(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def some_for_the_lan(draft: _draft.Draft) -> Iterator[Finding]:
-    """A LAN needs a port."""
+    """Require a LAN port on every router."""
     for host, _, router in draft.boxes(model.Router):
         if not any(port.use is model.PortUse.LAN for port in router.ports):
             message = f"`{host}` has no LAN port: robots and gateway could not be plugged in"
@@ -58,7 +58,7 @@ def some_for_the_lan(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def link_and_use(draft: _draft.Draft) -> Iterator[Finding]:
-    """`link` names the link of a `use: link` port, and of no other."""
+    """Require `link` on a port with `use: link`, and on no other."""
     for host, _, router in draft.boxes(model.Router):
         for index, port in enumerate(router.ports):
             if port.use is model.PortUse.LINK and port.link is None:
@@ -73,7 +73,7 @@ def link_and_use(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def known_links(draft: _draft.Draft) -> Iterator[Finding]:
-    """A port names a link of its own site."""
+    """Require that a port's link exists at its site."""
     for host, name, router in draft.boxes(model.Router):
         site = draft.sites.get(name)
         if site is None:
@@ -90,7 +90,7 @@ def known_links(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def one_port_a_link(draft: _draft.Draft) -> Iterator[Finding]:
-    """Every link of the site has exactly one port of its router."""
+    """Require exactly one router port for every link of the site."""
     for name, site in draft.sites.items():
         site_router = draft.router_of(name)
         if site_router is None:
@@ -112,7 +112,7 @@ def one_port_a_link(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def one_uplink(draft: _draft.Draft) -> Iterator[Finding]:
-    """A switch has one cable towards the router, by which it is managed."""
+    """Require exactly one uplink port on a switch: it is managed through it."""
     for host, _, switch in draft.boxes(model.Switch):
         part = _draft.Part("device", host)
         used = [index for index, port in enumerate(switch.ports) if port.use is model.SwitchPortUse.UPLINK]
@@ -125,7 +125,7 @@ def one_uplink(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def isolated_in_the_lan(draft: _draft.Draft) -> Iterator[Finding]:
-    """What is isolated is plugged into a port of the LAN."""
+    """Require that an isolated switch port is a LAN port."""
     for host, _, switch in draft.boxes(model.Switch):
         for index, port in enumerate(switch.ports):
             if port.isolated and port.use is not model.SwitchPortUse.LAN:
@@ -136,7 +136,7 @@ def isolated_in_the_lan(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def _unclear(use: model.PortUse, link: str | None, site: model.Site) -> bool:
-    """A port that is told elsewhere: it may be the one that is missing here."""
+    """Return whether a port has an error reported elsewhere; it may be the port that is missing here."""
     if use is model.PortUse.LINK:
         return link not in links_of(site)
     return link is not None
@@ -155,21 +155,21 @@ RULES: tuple[_draft.Rule, ...] = (
 
 
 def _fed(draft: _draft.Draft) -> Iterator[tuple[str, model.PowerSource]]:
-    """Every device that says who feeds it."""
+    """Yield every device with `powered_by`."""
     for host, device in draft.devices.items():
         if device.powered_by is not None:
             yield host, device.powered_by
 
 
 def _rightly_fed(draft: _draft.Draft) -> Iterator[tuple[str, model.PowerSource]]:
-    """Those that name the router or a switch of their own site."""
+    """Yield the devices whose power source is the router or a switch of their own site."""
     for host, source in _fed(draft):
         if _wrong_source(draft, host, source.device, []) is None:
             yield host, source
 
 
 def source_known(draft: _draft.Draft) -> Iterator[Finding]:
-    """The source is the router or a switch of the same site."""
+    """Require that the power source is the router or a switch of the same site."""
     for host, source in _fed(draft):
         if _wrong_source(draft, host, source.device, []) is None:
             continue
@@ -201,7 +201,7 @@ def _wrong_source(draft: _draft.Draft, host: str, source: str, able: list[str]) 
 
 
 def port_feeds(draft: _draft.Draft) -> Iterator[Finding]:
-    """The port exists, can feed, is switched on, and is the port that the device's link is on."""
+    """Require that the source port exists, supplies power, is enabled, and is the port of the device's link."""
     fed = Counter((source.device, source.port) for _, source in _fed(draft))
     for host, source in _rightly_fed(draft):
         router = draft.devices.get(source.device)
@@ -233,7 +233,7 @@ def _wrong_port(
 def _other_cable(
     draft: _draft.Draft, host: str, source: model.PowerSource, router: model.Router | model.Switch
 ) -> tuple[str, str] | None:
-    """Power and data use one cable: who carries a link hangs on the router's port of that link."""
+    """Report a power source on another port than the device's link: power and data share one cable."""
     link = _link_of(draft, host)
     if link is None:
         return None
@@ -266,7 +266,7 @@ def _link_of(draft: _draft.Draft, host: str) -> str | None:
 
 
 def one_device_a_port(draft: _draft.Draft) -> Iterator[Finding]:
-    """A port feeds one device."""
+    """Report a port that powers two devices."""
     first_hosts: dict[tuple[str, str], str] = {}
     for host, source in _rightly_fed(draft):
         first = first_hosts.setdefault((source.device, source.port), host)

@@ -1,4 +1,4 @@
-"""Measuring links: the far end is a control centre, its port is free, and its key is long enough."""
+"""Rules for link measurements: the far end is a control centre, its port is free, its key is long enough."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PILOT = _draft.Part("pilot")
 
 
 def reflector(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The far end is a control centre: only that one is reached from outside over every link."""
+    """Require a control centre as far end: only that is reachable from outside over every link."""
     if draft.pilot is None or draft.pilot.qualify is None:
         return
     host = draft.pilot.qualify.reflector
@@ -32,7 +32,7 @@ def reflector(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def port_is_free(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The router of its site forwards the port by itself: a row of `forwards` would lead it to two hosts, or twice."""
+    """Report a `forwards` row with the measuring port: the router already forwards that port to the far end."""
     if draft.pilot is None or draft.pilot.qualify is None:
         return
     qualify = draft.pilot.qualify
@@ -49,7 +49,7 @@ def port_is_free(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def key_is_long(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """Whoever guesses the key may use the far end."""
+    """Require a measuring key of sufficient length: whoever guesses it can use the far end."""
     if draft.pilot is None or draft.pilot.qualify is None or isinstance(draft.pilot.qualify.key, SealedSecret):
         return
     length = len(draft.pilot.qualify.key.reveal().encode())
@@ -59,7 +59,7 @@ def key_is_long(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def address_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The far end is reached by a public address, so that each link can be measured without the VPN."""
+    """Require a public address for the far end, so that each link can be measured without the VPN."""
     if draft.pilot is None or draft.pilot.qualify is None or draft.pilot.qualify.address is None:
         return
     address = draft.pilot.qualify.address

@@ -1,4 +1,4 @@
-"""The directional Wi-Fi bridge: legal channels, settings that exist, two ends that agree, a power that fits both."""
+"""Rules for the directional Wi-Fi bridge: legal channels, valid settings, matching ends, suitable power."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _radios(draft: _draft.Draft) -> Iterator[tuple[str, _draft.Part, model.Ptp]]
 
 
 def _transmitters(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, str, model.WifiRadio]]:
-    """Every radio that the law and the cards bind alike, with the block in which it is declared."""
+    """Yield every radio subject to regulation and hardware limits, with the block that configures it."""
     for _, part, ptp in _radios(draft):
         yield part, "ptp", ptp
     for host, device in draft.devices.items():
@@ -35,7 +35,7 @@ def _transmitters(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, str, model
 
 
 def standard_and_band(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The standard exists in the band."""
+    """Require that the Wi-Fi standard exists in the radio's band."""
     for part, block, radio in _transmitters(draft):
         bands = channels.BANDS[radio.standard]
         if radio.band not in bands:
@@ -46,7 +46,7 @@ def standard_and_band(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def width(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The standard and the band know the width."""
+    """Require a channel width that the standard and the band allow."""
     for part, block, radio in _transmitters(draft):
         widths = [item for item in channels.WIDTHS[radio.standard] if item <= _WIDEST[radio.band]]
         if radio.width_mhz not in widths:
@@ -55,7 +55,7 @@ def width(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def protocol_and_standard(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """nv2 and nstreme exist in the package `wireless` only, which no 802.11ax device runs (MikroTik manual, WiFi)."""
+    """Refuse nv2 and nstreme with 802.11ax: only the package `wireless` has them (MikroTik manual, WiFi)."""
     for _, part, ptp in _radios(draft):
         if ptp.standard == "802.11ax" and ptp.protocol is not model.PtpProtocol.IEEE_80211:
             message = f"a device of 802.11ax does not speak {ptp.protocol}"
@@ -63,7 +63,7 @@ def protocol_and_standard(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def protocol_that_is_set_up(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The protocol nstreme needs settings of its own, and nv2 does better what it is for (MikroTik manual, Nv2)."""
+    """Refuse nstreme: it needs extra settings, and nv2 serves its purpose better (MikroTik manual, Nv2)."""
     for _, part, ptp in _radios(draft):
         if ptp.protocol is model.PtpProtocol.NSTREME:
             message = "nstreme is not set up by this toolkit"
@@ -71,7 +71,7 @@ def protocol_that_is_set_up(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """What is declared exists in the declared family of menus."""
+    """Require that the radio's settings exist in the chosen family of RouterOS menus."""
     for _, part, ptp in _radios(draft):
         if ptp.menus is model.RadioMenus.WIFI and ptp.protocol is model.PtpProtocol.NV2:
             message = "the `wifi` menus do not speak nv2"
@@ -85,7 +85,7 @@ def menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def menus_of_an_access_point(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The older menus know neither 802.11ax nor WPA3."""
+    """Refuse 802.11ax and WPA3 for an access point in the older `wireless` menus."""
     for host, device in draft.devices.items():
         radio = device.access_point if isinstance(device, model.Router | model.Switch) else None
         part = _draft.Part("device", host)
@@ -98,7 +98,7 @@ def menus_of_an_access_point(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def same_menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A bridge needs the same driver at both ends (MikroTik manual, WiFi: station-bridge); told at the second."""
+    """Require the same driver at both ends (MikroTik manual, WiFi: station-bridge); reported at the second end."""
     for host, part, ptp in _radios(draft):
         other = draft.devices.get(ptp.peer)
         if not isinstance(other, model.Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
@@ -111,7 +111,7 @@ def same_menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def wpa(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """WPA3 is for 802.11 in the `wifi` menus; nv2 has a key of its own."""
+    """Refuse WPA3 outside 802.11 in the `wifi` menus; nv2 has its own key."""
     for _, part, ptp in _radios(draft):
         if ptp.wpa != "wpa3":
             continue
@@ -127,7 +127,7 @@ def _channel(radio: model.WifiRadio) -> tuple[str, str, int, int]:
 
 
 def channel(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The channel exists in the band and is legal in the radio's country."""
+    """Require a channel that exists in the band and is legal in the radio's country."""
     for part, block, radio in _transmitters(draft):
         legal_channels = channels.legal(radio.country, radio.band, radio.width_mhz, outdoors=radio.outdoor)
         where = "outdoors" if radio.outdoor else "indoors"
@@ -149,7 +149,7 @@ def channel(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def country(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A radio obeys the law of the pilot's country."""
+    """Require that a radio's country is the pilot's."""
     if draft.pilot is None:
         return
     for part, block, radio in _transmitters(draft):
@@ -160,7 +160,7 @@ def country(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def key(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The key is one that both ends accept; a vaulted key that is still sealed cannot be looked at."""
+    """Require a key that both ends accept; an encrypted key cannot be checked."""
     for part, block, radio in _transmitters(draft):
         if not is_passphrase(radio.key):
             message = "the bridge's key must have 8 to 63 printable ASCII characters"
@@ -170,7 +170,7 @@ def key(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def is_passphrase(key: Secret) -> bool:
-    """Whether radios take it; one that is still sealed cannot be looked at, and counts as taken."""
+    """Return whether radios accept the key; an encrypted key cannot be checked and counts as valid."""
     if isinstance(key, SealedSecret):
         return True
     text = key.reveal()
@@ -178,7 +178,7 @@ def is_passphrase(key: Secret) -> bool:
 
 
 def peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """Each end names the other."""
+    """Require that the two ends of a bridge name each other as peer."""
     others = [host for host in draft.layout.hosts if draft.kind_of(host) == "cpe"]
     for host, part, ptp in _radios(draft):
         other_ends = [name for name in others if name != host]
@@ -205,7 +205,7 @@ def peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def agree(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """Two ends that differ do not see each other; told at the second of them."""
+    """Require the same radio settings at both ends, which otherwise do not connect; reported at the second end."""
     for host, part, ptp in _radios(draft):
         other = draft.devices.get(ptp.peer)
         if not isinstance(other, model.Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
@@ -240,7 +240,7 @@ def _word(value: object) -> str:
 
 
 def bridged_peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The radios of a bridge are those of the link's two ends."""
+    """Require that a bridge's radios are those of the link's two ends."""
     for name, site in draft.sites.items():
         for index, link in enumerate(site.served_links):
             far = draft.sites.get(link.carries)
@@ -288,7 +288,7 @@ def _lost_db(ptp: model.Ptp, distance_m: int) -> float:
 
 
 def bounds(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The weakest level is below the strongest."""
+    """Require that the weakest signal level is below the strongest."""
     for _, part, ptp in _radios(draft):
         if ptp.signal.weakest_dbm >= ptp.signal.strongest_dbm:
             message = f"the weakest level, {ptp.signal.weakest_dbm} dBm, is not below the strongest"
@@ -297,7 +297,7 @@ def bounds(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def eirp(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """What is radiated (EIRP: power and antenna gain together) is within the country's limit for the channel."""
+    """Require that the radiated power (EIRP: power plus antenna gain) is within the country's limit for the channel."""
     for part, block, radio in _transmitters(draft):
         if radio.tx_power_dbm is None or radio.antenna_gain_dbi is None:
             continue
@@ -314,7 +314,7 @@ def eirp(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def short_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """On a short link the power is declared: left to the country's limit it overdrives the other receiver."""
+    """Require `tx_power_dbm` on a short link: at the country's limit it would overdrive the other receiver."""
     for _, part, ptp in _radios(draft):
         if ptp.distance_m is None or ptp.distance_m >= _SHORT_M or ptp.tx_power_dbm is not None:
             continue
@@ -323,7 +323,7 @@ def short_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def _power(ptp: model.Ptp, distance_m: int) -> str:
-    """Name the power that would be heard well, should both ends have this antenna, as far as the law allows it."""
+    """Return a hint with a transmit power for a good signal, within the legal limit, if both ends have this antenna."""
     gain = ptp.antenna_gain_dbi
     if gain is None:
         return "write the antenna's gain as `antenna_gain_dbi`, and `tx_power_dbm`: start low, like 5"
@@ -337,10 +337,10 @@ def _power(ptp: model.Ptp, distance_m: int) -> str:
 
 
 def level(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """In free space the other end hears a level within the bounds that it declares.
+    """Require that the calculated free-space level is within the bounds that the other end sets.
 
-    A real link is some decibels weaker: 20 log10(4 pi d / wavelength) is lost between the antennas (ITU-R P.525).
-    Receivers are also spoilt by too much: on a link of 150 m full power overdrives them.
+    A real link is some decibels weaker: 20 log10(4 pi d / wavelength) is lost between the antennas (ITU-R P.525). Too
+    strong a signal disturbs the receiver as well: on a link of 150 m full power overdrives it.
     """
     for host, part, ptp in _radios(draft):
         other = draft.devices.get(ptp.peer)

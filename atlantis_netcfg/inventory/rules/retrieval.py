@@ -1,4 +1,4 @@
-"""Recordings for the control centre: the ends know each other by their host keys; robots are in a gateway's reach."""
+"""Rules for retrieving recordings: both ends have known host keys, and robots are within a gateway's reach."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _HARDWARE = "sk-"
 
 
 def ends_known(draft: _draft.Draft) -> Iterator[Finding]:
-    """From gateways, to a control centre."""
+    """Require gateways as sources and a control centre as destination."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     if retrieval is None:
         return
@@ -28,7 +28,7 @@ def ends_known(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def robots_known(draft: _draft.Draft) -> Iterator[Finding]:
-    """A robot is a declared vehicle, has one gateway, and a folder with its name that is no computer's."""
+    """Require that a robot is a vehicle of the inventory with one gateway and a folder name that no computer uses."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     names = [] if retrieval is None else [robot.robot for robot in retrieval.robots]
     vehicle_names = draft.names("vehicle")
@@ -46,7 +46,7 @@ def robots_known(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def robots_near(draft: _draft.Draft) -> Iterator[Finding]:
-    """What a gateway collects is not paid for, nor counted: the robot is in its LAN, or its radio in the robot's."""
+    """Require that a gateway collects over an unmetered path: from a robot in its LAN or Wi-Fi range."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     for index, robot in enumerate(retrieval.robots if retrieval is not None else ()):
         path = ("retrieval", "robots", index)
@@ -69,7 +69,7 @@ def robots_near(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def robots_apart(draft: _draft.Draft) -> Iterator[Finding]:
-    """Where a gateway keeps what it has collected, nothing else is laid down, and nobody removes a file."""
+    """Report a source folder that overlaps the gateway's collection folder, whose files must not be removed."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     gateways = {robot.host for robot in retrieval.robots} if retrieval is not None else set()
     for index, source in enumerate(retrieval.sources if retrieval is not None else ()):
@@ -90,7 +90,7 @@ def _touches(folder: str) -> bool:
 
 
 def sources_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """A gateway has one folder of its own at the control centre."""
+    """Report a gateway that is listed twice as a source: it has one folder at the control centre."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     names = [] if retrieval is None else [source.host for source in retrieval.sources]
     for index, name in enumerate(names):

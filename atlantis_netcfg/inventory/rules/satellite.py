@@ -1,6 +1,6 @@
-"""What may pass over the satellite: everything else is dropped at the router, because airtime is dear.
+"""Rules for the satellite: only allowed traffic passes; the router drops the rest, as airtime is expensive.
 
-What is declared of the cost of a link: a tariff and a cap have to mean something, and leave something to be done.
+Also rules for tariffs and caps: they apply only to metered links and must leave room for useful work.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FACTORY_ADDRESS = IPv4Address("192.168.1.1")
 
 
 def only_on_satellites(draft: _draft.Draft) -> Iterator[Finding]:
-    """`allow` and `refused_probes` mean something on a satellite only."""
+    """Report `allow` and `refused_probes` on a link that is not a satellite."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             if bearer.kind.traits.allow_list:
@@ -33,7 +33,7 @@ def only_on_satellites(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def additions_only(draft: _draft.Draft) -> Iterator[Finding]:
-    """What is derived is not declared a second time: two places for one fact drift apart."""
+    """Report an `allow` entry that is derived anyway: a fact kept in two places drifts apart."""
     if draft.pilot is None:
         return
     derived_targets = satellite_allow_list.derive_targets(draft.pilot)
@@ -54,7 +54,7 @@ def additions_only(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def each_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """No destination stands twice."""
+    """Report a destination that is listed twice."""
     for name, index, bearer in _satellites(draft):
         for key in ("allow", "refused_probes"):
             seen_targets: set[tuple[IPv4Address, int | None, model.Transport]] = set()
@@ -67,7 +67,7 @@ def each_once(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def refused_means_refused(draft: _draft.Draft) -> Iterator[Finding]:
-    """A target that proves the filter lies outside the allow-list, and beyond the link."""
+    """Require that a refused-probe target is outside the allow-list and beyond the link."""
     if draft.pilot is None:
         return
     for name, index, bearer in _satellites(draft):
@@ -87,7 +87,7 @@ def refused_means_refused(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def one_factory_address(draft: _draft.Draft) -> Iterator[Finding]:
-    """Terminal and 4G unit come with the same address: at one site only one of them may keep it."""
+    """Report a terminal and a 4G unit of one site that share the factory address."""
     for host, site, terminal in draft.boxes(model.SatelliteTerminal):
         if terminal.address != FACTORY_ADDRESS:
             continue
@@ -100,7 +100,7 @@ def one_factory_address(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def evidence_is_whole(draft: _draft.Draft) -> Iterator[Finding]:
-    """A backup is a file's name and its hash: one without the other proves nothing."""
+    """Require both the backup's file name and its hash, or neither."""
     for host, _, terminal in draft.boxes(model.SatelliteTerminal):
         evidence, part = terminal.evidence, _draft.Part("device", host)
         if evidence is None:
@@ -146,7 +146,7 @@ _LEAST_MB = 0.1
 
 
 def of_metered_links_only(draft: _draft.Draft) -> Iterator[Finding]:
-    """Tariff, cap and budget of a link that costs nothing are a mistake: perhaps it does cost."""
+    """Report a tariff, cap or budget on an unmetered link."""
     for name, index, bearer in _bearers(draft):
         for key in ("billing", "cap_mb", "standing_budget_mb", "standing_budget_eur", *_CANARY_BUDGETS):
             if not bearer.metered and key in bearer.model_fields_set and getattr(bearer, key) is not None:
@@ -156,7 +156,7 @@ def of_metered_links_only(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def leaves_room_to_read(draft: _draft.Draft) -> Iterator[Finding]:
-    """Below what it takes to look at a router a cap forbids everything, which no cap is meant to do."""
+    """Require a cap large enough to read one router; below that it would forbid everything."""
     for name, index, bearer in _bearers(draft):
         if bearer.metered and bearer.cap_mb < _LEAST_MB:
             message = f"link `{bearer.name}` admits {bearer.cap_mb:g} MB to an action, not enough to read one router"
@@ -165,7 +165,7 @@ def leaves_room_to_read(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def a_floor_has_a_rate(draft: _draft.Draft) -> Iterator[Finding]:
-    """`floor_after_s` says from when on the floor holds: without a floor nothing holds."""
+    """Require `floor_bytes_per_s` where `floor_after_s` is set."""
     for name, index, bearer in _bearers(draft):
         billing = bearer.billing
         if billing is not None and billing.floor_after_s and not billing.floor_bytes_per_s:
@@ -175,7 +175,7 @@ def a_floor_has_a_rate(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def a_budget_in_euro_has_a_tariff(draft: _draft.Draft) -> Iterator[Finding]:
-    """What goes over a link by itself can be compared with a budget in EUR only where its price is known in EUR."""
+    """Require a tariff in EUR for a budget in EUR: otherwise standing traffic cannot be compared with it."""
     for name, index, bearer in _bearers(draft):
         for key in ("standing_budget_eur", "canary_budget_eur"):
             if not bearer.metered or getattr(bearer, key) is None:
@@ -193,7 +193,7 @@ def a_budget_in_euro_has_a_tariff(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def a_budget_of_canaries_is_of_use(draft: _draft.Draft) -> Iterator[Finding]:
-    """There is somebody to ask, and often enough that a dead link is noticed."""
+    """Require that a probe budget has probe targets, and suffices to notice a dead link in time."""
     for name, index, bearer in _bearers(draft):
         key = next((key for key in _CANARY_BUDGETS if getattr(bearer, key) is not None), None)
         if not bearer.metered or key is None:
@@ -213,7 +213,7 @@ def a_budget_of_canaries_is_of_use(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def metered_links_have_a_budget(draft: _draft.Draft) -> Iterator[Finding]:
-    """What goes over a metered link by itself is paid for every day, so somebody says how much it may be."""
+    """Require a budget for the standing traffic of a metered link, which is paid every day."""
     for name, index, bearer in _bearers(draft):
         if bearer.metered and not bearer.has_standing_budget:
             message = f"no budget is declared for what goes over {bearer.name} by itself"

@@ -1,4 +1,4 @@
-"""Secrets are vaulted, and what is an example is known to be one."""
+"""Rules for secrets: real ones are encrypted with Ansible Vault, and examples are marked as examples."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _BY_PROVIDER = {("sim", "pin"), ("sim", "password")}
 
 
 def in_clear(draft: _draft.Draft) -> Iterator[Finding]:
-    """A real secret never stands readable in a file that goes into git."""
+    """Report a real secret in clear text: the file goes into git."""
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
             is_vaulted = isinstance(draft.nodes[part].at(*path).value, Secret)
@@ -37,7 +37,7 @@ def in_clear(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def printable(draft: _draft.Draft) -> Iterator[Finding]:
-    """A secret can be typed on a console."""
+    """Require that a secret can be typed on a console."""
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
             if not isinstance(secret, SealedSecret) and not (secret.reveal() and secret.reveal().isprintable()):
@@ -46,7 +46,7 @@ def printable(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def weak(draft: _draft.Draft) -> Iterator[Finding]:
-    """A secret that was opened is none of the examples, and not easy to guess."""
+    """Report a decrypted secret that is still an example or is easy to guess."""
     words = (*draft.sites, *draft.layout.hosts)
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
@@ -57,7 +57,7 @@ def weak(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def _weakness(name: str, text: str, words: tuple[str, ...], *, is_ours: bool) -> tuple[str, str]:
-    """What is wrong with a secret, and what to do; both empty if nothing is."""
+    """Return what is wrong with a secret and what to do; both are empty if nothing is wrong."""
     if "EXAMPLE" in text.upper():
         hint = "vault the real value; while there is none, write EXAMPLE-… without `!vault`"
         return f"`{name}` is vaulted, but it is still an example", hint
@@ -72,7 +72,7 @@ def _weakness(name: str, text: str, words: tuple[str, ...], *, is_ours: bool) ->
 
 
 def _holders(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, BaseModel]]:
-    """Every part that may hold a secret."""
+    """Yield every part that may hold a secret."""
     if draft.pilot is not None:
         yield _draft.Part("pilot"), draft.pilot
     for host, device in draft.devices.items():
@@ -96,7 +96,7 @@ def _secrets(model: BaseModel, path: tuple[str | int, ...] = ()) -> Iterator[tup
 
 
 def examples_left(draft: _draft.Draft) -> Iterator[Finding]:
-    """`example_values: false` is true: nothing that was shipped as an example is left."""
+    """Report example values that remain although `example_values` is false."""
     if draft.pilot is None or draft.pilot.example_values:
         return
     but = f"but `example_values` is false ({draft.where(_draft.Part('pilot'), 'example_values')})"

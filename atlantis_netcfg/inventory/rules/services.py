@@ -1,6 +1,6 @@
-"""Services of a computer: each port once and free, open to whom there is, and started by an account that may little.
+"""Rules for a computer's services: unique free ports, known partners, accounts with few rights.
 
-What a control centre takes of the pilot's ROS 2 is declared there.
+Also that the parts of the pilot's ROS 2 chosen for a control centre are in the inventory.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ _PortKey = tuple[model.Transport, int]
 
 
 def _services(draft: _draft.Draft) -> Iterator[tuple[str, model.ServerComputer, int, model.HostedService]]:
-    """Host, device, place in its list, and the service."""
+    """Yield host, device, list index and service."""
     for host, _, device in draft.boxes(model.ServerComputer):
         for index, service in enumerate(device.services):
             yield host, device, index, service
 
 
 def names_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """The name is that of the unit and of the account."""
+    """Require unique service names per host: the name is that of the unit and of the account."""
     index_by_name: dict[tuple[str, str], int] = {}
     for host, _, index, service in _services(draft):
         first = index_by_name.setdefault((host, service.name), index)
@@ -39,7 +39,7 @@ def names_once(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def ports_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """A port is that of one service, and of nothing that the toolkit itself runs there."""
+    """Report a port that two services use, or that the toolkit itself uses on that computer."""
     owner_by_port: dict[tuple[str, _PortKey], str] = {}
     for host, device in draft.devices.items():
         if isinstance(device, model.ServerComputer):
@@ -60,7 +60,7 @@ def ports_once(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def _occupied_ports(draft: _draft.Draft, host: str, device: model.ServerComputer) -> dict[_PortKey, str]:
-    """What is opened on the computer besides its own services."""
+    """Return the ports in use on the computer apart from its own services, with their purpose."""
     owner_by_port: dict[_PortKey, str] = {
         (model.Transport.UDP, _NTP_PORT): "that of the time server for the LAN",
         (model.Transport.TCP, device.ssh.port): "that of SSH",
@@ -83,7 +83,7 @@ def _occupied_ports(draft: _draft.Draft, host: str, device: model.ServerComputer
 
 
 def open_ports(draft: _draft.Draft) -> Iterator[Finding]:
-    """Only a port can be open, and only a member of the VPN is reached through it."""
+    """Require a port for a service that is open to others, and VPN membership for access through the VPN."""
     for host, device, index, service in _services(draft):
         path = ("services", index)
         if service.port is None and (service.open_to or service.partners):
@@ -99,7 +99,7 @@ def open_ports(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def partners_known(draft: _draft.Draft) -> Iterator[Finding]:
-    """A partner whose key is misspelt would be kept out, and nobody told."""
+    """Require that a service's partners exist: a misspelt one would be kept out without notice."""
     whole = draft.nodes.get(_draft.Part("partners"))
     if whole is None or not isinstance(whole.value, dict):
         return  # that is told
@@ -117,7 +117,7 @@ def partners_known(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def started_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """A service is a program or a container, and a variable has one value."""
+    """Require either a program or a container for a service, and one value per variable."""
     for host, _, index, service in _services(draft):
         part, path = _draft.Part("device", host), ("services", index, "container")
         if service.container is None:
@@ -139,7 +139,7 @@ def started_once(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def programs_apart(draft: _draft.Draft) -> Iterator[Finding]:
-    """A partner's program does not run as root, and two do not write to one folder."""
+    """Require that a partner's program does not run as root and shares no folder with another service."""
     owner_by_folder: dict[tuple[str, str], str] = {}
     for host, _, index, service in _services(draft):
         if service.workload is None:
@@ -157,7 +157,7 @@ def programs_apart(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def containers_possible(draft: _draft.Draft) -> Iterator[Finding]:
-    """Containers are run by podman, which Ubuntu 20.04 does not have: the system that Foxy is installed on."""
+    """Refuse containers on Ubuntu 20.04 (required by Foxy): its archive has no podman."""
     for host, _, device in draft.boxes(model.ServerComputer):
         if not _has_foxy(draft, device):
             continue
@@ -172,14 +172,14 @@ def containers_possible(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def _has_foxy(draft: _draft.Draft, device: model.ServerComputer) -> bool:
-    """Whether a computer gets it, and with it the packages of its archive."""
+    """Return whether the computer gets ROS 2 Foxy, and so Ubuntu 20.04's package archive."""
     if draft.pilot is None or draft.pilot.dds is None or draft.pilot.gateways.ros2 is None:
         return False
     return draft.pilot.dds.distribution is model.RosDistribution.FOXY and device.has_ros2
 
 
 def bridges_possible(draft: _draft.Draft) -> Iterator[Finding]:
-    """A bridge is a participant of DDS over the VPN, and its name is no service's."""
+    """Require DDS over the VPN for a ROS 1 bridge, and a name that no service has."""
     for host, _, device in draft.boxes(model.ServerComputer):
         part, bridge = _draft.Part("device", host), device.ros1_bridge
         if bridge is None:
@@ -202,7 +202,7 @@ def bridges_possible(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def bridge_is_package_or_image(draft: _draft.Draft) -> Iterator[Finding]:
-    """The archive of foxy has the bridge; elsewhere somebody brings an image."""
+    """Require the package for a ROS 1 bridge on Foxy, and an image with its hash elsewhere."""
     for host, _, device in draft.boxes(model.ServerComputer):
         part, bridge = _draft.Part("device", host), device.ros1_bridge
         if bridge is None:
@@ -217,7 +217,7 @@ def bridge_is_package_or_image(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def choices_declared(draft: _draft.Draft) -> Iterator[Finding]:
-    """What is chosen for a control centre is declared for the pilot, and the library stands on ROS 2."""
+    """Require that whatever is chosen for a control centre is configured for the pilot; the library needs ROS 2."""
     if draft.pilot is None:
         return
     gateways = draft.pilot.gateways
@@ -235,7 +235,7 @@ def choices_declared(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def recorder_declared(draft: _draft.Draft) -> Iterator[Finding]:
-    """A recording is made by a program of ROS 2, of which each topic is named once."""
+    """Require ROS 2 on a gateway that records, and unique topics."""
     for host, _, device in draft.boxes(model.Gateway):
         if device.recording is None:
             continue

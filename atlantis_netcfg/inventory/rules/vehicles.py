@@ -1,4 +1,4 @@
-"""Vehicles: names that mean one robot, and rows that are the report's Table 3 or say why not."""
+"""Rules for vehicles: unambiguous names, and rows that match the report's Table 3 or give a reason."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class VehicleRow(model.Model):
-    """A row of the report's Table 3: its X cells."""
+    """A row of the report's Table 3 with its marked cells."""
 
     name: str
     kind: model.VehicleKind
@@ -29,14 +29,14 @@ class VehicleRow(model.Model):
 
 @cache
 def table3() -> Mapping[str, VehicleRow]:
-    """The report's table by its names, in its order."""
+    """Return the report's Table 3 by vehicle name, in the report's order."""
     text = resources.files("atlantis_netcfg.inventory").joinpath("data", "table3.yml").read_text(encoding="utf-8")
     rows = TypeAdapter(list[VehicleRow]).validate_python(yaml.safe_load(text))
     return MappingProxyType({row.name: row for row in rows})
 
 
 def names(draft: _draft.Draft) -> Iterator[Finding]:
-    """No name, alias or key means two vehicles; spaces, hyphens and case do not tell robots apart."""
+    """Require unique names, aliases and keys; spaces, hyphens and case make no difference."""
     owner_by_name: dict[str, tuple[str, str]] = {}
     for key, vehicle in draft.vehicles.items():
         part = _draft.Part("vehicle", key)
@@ -54,7 +54,7 @@ def _plain(word: str) -> str:
 
 
 def aliases(draft: _draft.Draft) -> Iterator[Finding]:
-    """An alias stands once, and is another word than the name."""
+    """Report an alias that is listed twice or equals the name."""
     for key, vehicle in draft.vehicles.items():
         earlier_names = [key, vehicle.name]
         for index, alias in enumerate(vehicle.aliases):
@@ -65,7 +65,7 @@ def aliases(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def partners(draft: _draft.Draft) -> Iterator[Finding]:
-    """A vehicle's partner is declared."""
+    """Require that a vehicle's partner exists."""
     whole = draft.nodes.get(_draft.Part("partners"))
     if whole is None or not isinstance(whole.value, dict):
         return  # that is told
@@ -79,7 +79,7 @@ def partners(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def columns(draft: _draft.Draft) -> Iterator[Finding]:
-    """A column stands once in a row, of a vehicle and of a location."""
+    """Report a column that is listed twice in the row of a vehicle or a location."""
     rows: list[tuple[_draft.Part, tuple[str, ...], tuple[model.Column, ...]]] = [
         (_draft.Part("vehicle", key), ("table3",), vehicle.table3) for key, vehicle in draft.vehicles.items()
     ]
@@ -93,7 +93,7 @@ def columns(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
-    """A row is the report's, or says why it differs; guests and docking stations have rows of their own."""
+    """Require that a row equals the report's or gives a reason; guests and docking stations are exempt."""
     table = table3()
     for key, vehicle in draft.vehicles.items():
         row = table.get(vehicle.name)
@@ -116,7 +116,7 @@ def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def guests(draft: _draft.Draft) -> Iterator[Finding]:
-    """A guest is no robot of the report, has a partner, and is tested at sites of the pilot."""
+    """Require that a guest is not in the report, has a partner, and is tested at existing sites."""
     table = table3()
     for key, vehicle in draft.vehicles.items():
         part = _draft.Part("vehicle", key)
@@ -168,7 +168,7 @@ def _not_of_the_report(
 
 
 def report_complete(draft: _draft.Draft) -> Iterator[Finding]:
-    """Every vehicle of the report is declared; a misspelt one is told at its name."""
+    """Require that every vehicle of the report is in the inventory; a misspelt one is reported at its name."""
     whole = _draft.Part("vehicles")
     if whole not in draft.nodes:
         return
@@ -180,7 +180,7 @@ def report_complete(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def topics_once(draft: _draft.Draft) -> Iterator[Finding]:
-    """A topic of a vehicle stands once: it would be counted twice."""
+    """Report a topic that is listed twice for one vehicle: it would be counted twice."""
     for key, vehicle in draft.vehicles.items():
         seen_topics: set[str] = set()
         for index, item in enumerate(vehicle.telemetry):
@@ -191,7 +191,7 @@ def topics_once(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def topics_go_by_dds(draft: _draft.Draft) -> Iterator[Finding]:
-    """Telemetry is counted as DDS sends it, by the pilot's implementation and profiles."""
+    """Require `dds:` for telemetry: traffic is counted for the pilot's DDS implementation and profiles."""
     if draft.pilot is None or draft.pilot.dds is not None:
         return
     for key, vehicle in draft.vehicles.items():
@@ -202,7 +202,7 @@ def topics_go_by_dds(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def useful_rates(draft: _draft.Draft) -> Iterator[Finding]:
-    """A topic is not declared to be of no use at the rate at which it is published."""
+    """Report a topic whose `least_hz` is above the rate at which it is published."""
     for key, vehicle in draft.vehicles.items():
         for index, item in enumerate(vehicle.telemetry):
             if item.least_hz is not None and item.least_hz > item.rate_hz:
@@ -235,7 +235,7 @@ _GUIDELINES = {
 
 
 def beside_guideline(data: model.TelemetryData, rate_hz: float) -> tuple[str, str] | None:
-    """Whether a rate is `above` or `below` the report's guideline, and the guideline; None: it keeps to it."""
+    """Return `above` or `below` and the report's guideline if the rate is outside it; None if it is within."""
     lowest, highest, guideline = _GUIDELINES[data]
     if rate_hz > highest or (data is model.TelemetryData.POINT_CLOUDS and rate_hz == highest):
         return "above", guideline
@@ -243,7 +243,7 @@ def beside_guideline(data: model.TelemetryData, rate_hz: float) -> tuple[str, st
 
 
 def rates_within_the_guidelines(draft: _draft.Draft) -> Iterator[Finding]:
-    """A topic is published no more often than the report's guideline says."""
+    """Report a topic that is published more often than the report's guideline allows."""
     for key, vehicle in draft.vehicles.items():
         for index, item in enumerate(vehicle.telemetry):
             way, guideline = beside_guideline(item.data, item.rate_hz) or ("", "")

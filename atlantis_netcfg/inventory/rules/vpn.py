@@ -1,6 +1,6 @@
-"""The VPN: its server, the way in to it, and its clients.
+"""Rules for the VPN: its server, the port forwarding to it, and its clients.
 
-Partners in the VPN: names that are nobody else's there, services that exist, robots that they may see.
+Also for partners in the VPN: unique names, existing services, and robots that exist.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _PASSWORD_BYTES = 1000
 
 
 def server(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The server is a host that can run it."""
+    """Require that the VPN server is a host that can run it."""
     if draft.pilot is None:
         return
     host = draft.pilot.vpn.server
@@ -41,7 +41,7 @@ def server(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def one_server(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """One computer is the server: a second one would hold the same keys, and nobody would be told of it."""
+    """Report a second VPN server: it would hold the same keys unnoticed."""
     if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
         return
     for host, _, _ in draft.boxes(VpnServer):
@@ -52,7 +52,7 @@ def one_server(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def way_in(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The router of the server's site forwards the VPN's port to it."""
+    """Require that the router of the server's site forwards the VPN's port to the server."""
     if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
         return
     vpn = draft.pilot.vpn
@@ -71,7 +71,7 @@ def way_in(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def shared_key_end(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The server's kernel keeps the end of the shared key; it can tell its packets apart over UDP alone."""
+    """Refuse `shared_key_until` over TCP: the server's kernel can recognise such packets over UDP only."""
     if draft.pilot is None or draft.pilot.vpn.shared_key_until is None or draft.pilot.vpn.transport is Transport.UDP:
         return
     message = "`shared_key_until` works over UDP only, and `transport` is tcp"
@@ -81,7 +81,7 @@ def shared_key_end(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def forwards(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A forward leads to a host of the router's own LAN, and a port leads to one host."""
+    """Require that a forward leads to a host of the router's own LAN, and each port to one host."""
     for host, site, router in draft.boxes(Router):
         part, index_by_port = _draft.Part("device", host), dict[tuple[str, int], int]()
         here = [name for name, at in draft.layout.hosts.items() if at == site and draft.kind_of(name) in _LAN_KINDS]
@@ -104,7 +104,7 @@ def forwards(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def endpoint_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The public address of the server is not reached through its own tunnel, and is no private one of a site."""
+    """Require that the server's public address is outside the tunnel and outside the sites' private networks."""
     if draft.pilot is None:
         return
     endpoint = draft.pilot.vpn.endpoint
@@ -118,7 +118,7 @@ def endpoint_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def tunnel_addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """Routers, gateways and servers have tunnel addresses of the infrastructure's pool."""
+    """Require that routers, gateways and servers have tunnel addresses from the infrastructure pool."""
     if draft.pilot is None:
         return
     pool = draft.pilot.vpn.infrastructure
@@ -133,7 +133,7 @@ def tunnel_addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def users(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """Every router has a VPN user and a certificate of its own, so that one can be revoked."""
+    """Require a separate VPN user and certificate for every router, so that each can be revoked."""
     host_by_user: dict[str, str] = {}
     for host, _, router in draft.boxes(Router):
         if router.vpn_client is None:
@@ -146,7 +146,7 @@ def users(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def password_length(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """RouterOS takes at most 1000 bytes, since 7.18 (MikroTik manual, OpenVPN)."""
+    """Require a password of at most 1000 bytes, RouterOS's limit since 7.18 (MikroTik manual, OpenVPN)."""
     for host, _, router in draft.boxes(Router):
         client = router.vpn_client
         if client is None or isinstance(client.password, SealedSecret):
@@ -177,7 +177,7 @@ _PILOT = _draft.Part("pilot")
 
 
 def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A partner's key begins the names of its devices, and is the name of its set in the firewall."""
+    """Refuse reserved partner keys: the key prefixes its devices' names and names its firewall set."""
     for name in draft.partners:
         if name in _RESERVED_USERS:
             message = f"a partner cannot be called `{name}`: in the VPN that is {_RESERVED_USERS[name]}"
@@ -186,7 +186,7 @@ def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def sees(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """What a partner sees is a vehicle of the pilot, once each."""
+    """Require that the vehicles that a partner sees exist and are listed once."""
     vehicle_names = draft.names("vehicle")
     for name, partner in draft.partners.items():
         part = _draft.Part("partner", name)
@@ -199,7 +199,7 @@ def sees(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def server_inside(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """The server has an address in its own VPN."""
+    """Require an address in the VPN for its server."""
     if draft.pilot is None:
         return
     host = draft.pilot.vpn.server
@@ -211,7 +211,7 @@ def server_inside(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def services(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A service stands on a host that has an address in the VPN."""
+    """Require that a service's host has an address in the VPN."""
     if draft.pilot is None:
         return
     inside = [name for name, device in draft.devices.items() if _tunnel_address(device) is not None]
@@ -227,7 +227,7 @@ def services(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def services_once(draft: _draft.Draft) -> Iterator[findings.Finding]:
-    """A port of a host is one service, and a name too."""
+    """Require unique names of services, and one service per port of a host."""
     if draft.pilot is None:
         return
     ports, index_by_name = dict[tuple[str, str, int], int](), dict[str, int]()

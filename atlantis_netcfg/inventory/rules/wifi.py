@@ -1,4 +1,4 @@
-"""The gateway's radios: which access points of vehicles they join, and the network that one of them opens."""
+"""Rules for the gateway's radios: the vehicles' access points that they join, and their own access point."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _WIDTH_MHZ = 20
 
 
 def _vehicle_networks(draft: _draft.Draft) -> Iterator[tuple[str, model.WifiEndpoint, Secret]]:
-    """Vehicles with a key: a radio of the gateway joins their access points."""
+    """Yield the vehicles with a Wi-Fi key: a radio of the gateway joins their access points."""
     for name, vehicle in draft.vehicles.items():
         wifi = vehicle.endpoints.wifi
         if wifi is not None and wifi.key is not None:
@@ -27,7 +27,7 @@ def _vehicle_networks(draft: _draft.Draft) -> Iterator[tuple[str, model.WifiEndp
 
 
 def joined_at_all(draft: _draft.Draft) -> Iterator[Finding]:
-    """A gateway joins the access point of a vehicle, by its name; nothing else is configured with a key."""
+    """Require an access point with an SSID wherever a vehicle has a Wi-Fi key: a key is for nothing else."""
     for name, wifi, key in _vehicle_networks(draft):
         part = _draft.Part("vehicle", name)
         if wifi.role is not model.WifiRole.ACCESS_POINT:
@@ -45,7 +45,7 @@ def joined_at_all(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def not_of_a_location(draft: _draft.Draft) -> Iterator[Finding]:
-    """What a site's own row says of its Wi-Fi is how it is looked at, and configures nothing."""
+    """Report `key` or `client` in a location's Wi-Fi endpoint: it only describes a check and configures nothing."""
     for name, site in draft.sites.items():
         wifi = site.location.endpoints.wifi
         for key in ("key", "client"):
@@ -56,7 +56,7 @@ def not_of_a_location(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def told_apart(draft: _draft.Draft) -> Iterator[Finding]:
-    """One radio tells the access points that it may join apart by their names."""
+    """Require different SSIDs for the access points that one radio may join."""
     first: dict[tuple[str, str], str] = {}
     for name, wifi, _ in _vehicle_networks(draft):
         if wifi.ssid is None or wifi.role is not model.WifiRole.ACCESS_POINT:
@@ -70,7 +70,7 @@ def told_apart(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def addresses(draft: _draft.Draft) -> Iterator[Finding]:
-    """The gateway's address in the network of a vehicle is one that it can have there, and not the vehicle's."""
+    """Require that the gateway's address in a vehicle's network is usable there and not the vehicle's."""
     for name, vehicle in draft.vehicles.items():
         wifi, part = vehicle.endpoints.wifi, _draft.Part("vehicle", name)
         if wifi is None or wifi.client is None:
@@ -92,7 +92,7 @@ def addresses(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def radios(draft: _draft.Draft) -> Iterator[Finding]:
-    """The radio that joins vehicles is not the interface of the gateway's LAN."""
+    """Report a vehicle-joining radio that is the interface of the gateway's LAN."""
     for host, site, gateway in draft.boxes(model.Gateway):
         tested_vehicles = draft.sites[site].checklist.vehicles if site in draft.sites else None
         for name, wifi, _ in _vehicle_networks(draft):
@@ -108,7 +108,7 @@ def _lan(gateway: model.Gateway) -> set[str | None]:
 
 
 def check_access_point(draft: _draft.Draft) -> Iterator[Finding]:
-    """What hostapd 2.9, of Ubuntu 20.04, can do with one radio, at an address that the gateway can have."""
+    """Require settings that hostapd 2.9 (Ubuntu 20.04) supports with one radio, and a usable address."""
     for host, _, gateway in draft.boxes(model.Gateway):
         radio, part = gateway.access_point, _draft.Part("device", host)
         if radio is None:
@@ -130,7 +130,7 @@ def check_access_point(draft: _draft.Draft) -> Iterator[Finding]:
 
 
 def one_use(draft: _draft.Draft) -> Iterator[Finding]:
-    """A radio opens a network, or joins others; it is not the interface of the LAN either."""
+    """Require one use per radio: it opens a network or joins others, and is not the LAN's interface."""
     for host, site, gateway in draft.boxes(model.Gateway):
         if gateway.access_point is None:
             continue

@@ -1,7 +1,7 @@
-"""4G: drivers for what may stand at a site, one normalised record, and what is wrong in words.
+"""4G: drivers for the units in use at sites, one normalised record, and findings as text.
 
-A driver only asks: what it may send is data, an allow-list that a test holds every command against. What has to be set
-(APN, PIN, roaming, bands) is set by the role of the device, never by a reader, and a PIN is tried once.
+A driver only reads: the commands it may send are data, an allow-list that a test checks every command against.
+Settings (APN, PIN, roaming, bands) are made by the device's role, never by a reader, and a PIN is tried once.
 """
 
 from __future__ import annotations

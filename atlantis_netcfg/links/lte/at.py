@@ -1,9 +1,9 @@
-"""Read a modem on a serial port over AT commands; the port is left alone while another program has it.
+"""Reading of a modem on a serial port with AT commands; a port in use by another program is not touched.
 
-What a modem's answers mean (3GPP TS 27.007; the figures of `+CESQ` after libmbim, devices.md section 4).
+The meaning of a modem's responses: 3GPP TS 27.007; the figures of `+CESQ` follow libmbim (devices.md section 4).
 
-99 and 255 are "not known" and give None. An answer to a read of a registration has the mode before the state, an
-unsolicited line of the same name has not; a line of another name never counts.
+99 and 255 mean "not known" and give None. A response to a registration read has the mode before the state, an
+unsolicited line of the same name has no mode; a line of another name is never used.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ _TECHNOLOGIES |= {10: "lte", 11: "5g", 12: "5g", 13: "lte"}
 
 
 def reading_of(answers: Mapping[str, AtAnswer]) -> LteReading:
-    """Put the answers to the reads into one record; a read that the modem does not know leaves its figures None."""
+    """Combine the responses into one record; figures that the modem does not provide are None."""
     card, is_pin_refused, card_words = _card(answers)
     network, network_words = _network(answers)
     off = _first(answers, "AT+CFUN?")
@@ -94,7 +94,7 @@ def reading_of(answers: Mapping[str, AtAnswer]) -> LteReading:
 
 
 def _rows(answers: Mapping[str, AtAnswer], command: str) -> list[list[str]]:
-    """The fields of the lines that begin with the command's own name."""
+    """Return the fields of the response lines that begin with the command's name."""
     answer = answers.get(command)
     if answer is None or not answer.ok:
         return []
@@ -112,7 +112,7 @@ def _whole(text: str) -> int | None:
 
 
 def _card(answers: Mapping[str, AtAnswer]) -> tuple[Registration | None, bool | None, str | None]:
-    """What stands between card and network, whether a PIN was refused, in which words."""
+    """Return the SIM state that blocks registration, whether a PIN was refused, and the modem's text."""
     answer = answers.get("AT+CPIN?")
     if answer is None:
         return None, None, None
@@ -129,7 +129,7 @@ def _card(answers: Mapping[str, AtAnswer]) -> tuple[Registration | None, bool | 
 
 
 def _cme(final: str) -> int | None:
-    """The number of `+CME ERROR: 10`, or of the same in words."""
+    """Return the number of a `+CME ERROR`, which may be a number or a text; None if there is none."""
     if not final.startswith("+CME ERROR"):
         return None
     cause = final.partition(":")[2].strip()
@@ -139,7 +139,7 @@ def _cme(final: str) -> int | None:
 
 
 def _network(answers: Mapping[str, AtAnswer]) -> tuple[Registration, str | None]:
-    """Data first: EPS, then packet; the circuit-switched state only where neither is known to the modem."""
+    """Return the registration: EPS first, then packet; circuit-switched only if the modem reports neither."""
     data = [status for command in ("AT+CEREG?", "AT+CGREG?") if (status := _stat(answers, command)) is not None]
     stats = data or [status for status in (_stat(answers, "AT+CREG?"),) if status is not None]
     states = [_STATES.get(stat, Registration.UNKNOWN) for stat in stats]
@@ -158,7 +158,7 @@ def _stat(answers: Mapping[str, AtAnswer], command: str) -> int | None:
 
 
 def _operator(answers: Mapping[str, AtAnswer]) -> tuple[str | None, str | None, str | None]:
-    """Name, code, technology: the name is a code where somebody has chosen the numeric format."""
+    """Return operator name, code and technology; in the numeric format the name is a code."""
     row = _first(answers, "AT+COPS?")
     name = row[2] if len(row) > 2 and row[2] else None  # noqa: PLR2004 - mode, format, operator, technology
     code = _whole(row[3]) if len(row) > 3 else None  # noqa: PLR2004 - as above
@@ -174,7 +174,7 @@ def _strength(answers: Mapping[str, AtAnswer]) -> float | None:
 
 
 def _signal_quality(answers: Mapping[str, AtAnswer]) -> tuple[float | None, float | None]:
-    """RSRP in dBm and RSRQ in dB."""
+    """Return RSRP in dBm and RSRQ in dB."""
     row = _first(answers, "AT+CESQ")
     if len(row) < 6:  # noqa: PLR2004 - rxlev, ber, rscp, ecno, rsrq, rsrp
         return None, None
@@ -185,12 +185,12 @@ def _signal_quality(answers: Mapping[str, AtAnswer]) -> tuple[float | None, floa
 
 
 def _active(answers: Mapping[str, AtAnswer]) -> str | None:
-    """The context that is active; None if none is, or the modem does not say."""
+    """Return the active context; None if none is active or the modem does not report it."""
     return next((row[0] for row in _rows(answers, "AT+CGACT?") if len(row) > 1 and row[1] == "1"), None)
 
 
 def _apn(answers: Mapping[str, AtAnswer]) -> str | None:
-    """In use, as the network has it; else as the active context, or the only one, is defined."""
+    """Return the APN in use as given by the network; otherwise that of the active, or only, context."""
     active = _active(answers)
     for row in _rows(answers, "AT+CGCONTRDP"):
         if len(row) > 2 and row[0] == (active or row[0]) and row[2]:  # noqa: PLR2004 - cid, bearer, apn
@@ -211,7 +211,7 @@ def _address(answers: Mapping[str, AtAnswer]) -> str | None:
 
 
 def _vendor(answers: Mapping[str, AtAnswer]) -> tuple[str | None, str | None]:
-    """Code and band of `+QNWINFO: "FDD LTE","26803","LTE BAND 3",1300` (Quectel)."""
+    """Parse operator code and band from `+QNWINFO: "FDD LTE","26803","LTE BAND 3",1300` (Quectel)."""
     row = _first(answers, "AT+QNWINFO")
     if len(row) < 3:  # noqa: PLR2004 - technology, operator, band, channel
         return None, None
@@ -258,11 +258,11 @@ ALLOW_LIST: frozenset[str] = frozenset(
 
 
 class CommandForbidden(NetcfgError):
-    """Our own code was about to send something that is no read: a fault of ours, and nothing was sent."""
+    """A command that is not a read was about to be sent: an error in this toolkit; nothing was sent."""
 
 
 def require_allowed(command: str) -> str:
-    """Give the command back if it is allowed. Raises CommandForbidden."""
+    """Return the command if it is allowed; raise CommandForbidden otherwise."""
     if command not in ALLOW_LIST:
         word = command.partition("=")[0]
         raise CommandForbidden(f"`{word}` is not on the allow-list of modem commands: it was not sent")
@@ -280,10 +280,10 @@ class PortBusy(DeviceError):
 
 
 def require_free(port: str, *, proc: Path = Path("/proc"), locks: tuple[Path, ...] = _LOCKS) -> None:
-    """Raise PortOwned if a program has the port open or locked, or ModemManager runs, which owns every modem.
+    """Raise PortBusy if a program has the port open or locked, or if ModemManager runs: it owns every modem.
 
-    Of other users' processes an ordinary user sees no open files: then the lock file and the exclusive flag, which is
-    tried when the port is opened, are all that is left. A pseudo-terminal is no modem to ModemManager.
+    An ordinary user cannot see the open files of other users' processes: then only the lock file and the exclusive
+    flag, which is tried when the port is opened, remain. A pseudo-terminal is no modem to ModemManager.
     """
     if not port.startswith(_PTY) and (pid := _manager(proc)) is not None:
         raise PortBusy(
@@ -313,7 +313,7 @@ def _holder(port: str, proc: Path) -> str | None:
 
 
 def _identity(path: Path) -> tuple[int, int]:
-    """The device behind a path; each container numbers its pseudo-terminals anew, in a file system of its own."""
+    """Return the identity of the device behind a path; pseudo-terminals are numbered per container file system."""
     file_status = path.stat()
     return file_status.st_rdev, file_status.st_dev if os.major(file_status.st_rdev) in _UNIX98 else 0
 
@@ -334,7 +334,7 @@ def _has_open(files: Path, device: tuple[int, int]) -> bool:
 
 
 def _lock_holder(port: str, proc: Path, locks: tuple[Path, ...]) -> str | None:
-    """A lock file of the old kind, which holds the number of a process that lives (pppd, minicom)."""
+    """Return the holder of a UUCP lock file that names a running process (pppd, minicom); None if there is none."""
     for folder in locks:
         path = folder / f"LCK..{Path(port).name}"
         try:
@@ -372,24 +372,24 @@ class AtUnreachable(DeviceError):
 
 
 class AtSilent(DeviceError):
-    """The modem does not answer, or the port has gone; only reads were sent."""
+    """The modem does not respond, or the port has disappeared; only reads were sent."""
 
 
 @dataclass(frozen=True, slots=True)
 class AtAnswer:
-    """The lines of information, and how it ended: `OK`, `ERROR`, `+CME ERROR: 10`."""
+    """A modem's response: its information lines and the final result (`OK`, `ERROR`, `+CME ERROR: 10`)."""
 
     lines: tuple[str, ...]
     final: str
 
     @property
     def ok(self) -> bool:
-        """Whether the modem has done what was asked."""
+        """Whether the modem accepted the command."""
         return self.final == "OK"
 
 
 class AtModem:
-    """A serial port on which nobody else is; `with` opens and closes it."""
+    """A serial port opened for exclusive use; `with` opens and closes it."""
 
     def __init__(self, path: str, *, answer_s: float = ANSWER_S) -> None:
         self._path = path
@@ -423,7 +423,7 @@ class AtModem:
                 self._port.close()
 
     def ask(self, command: str) -> AtAnswer:
-        """Send one allowed command. Raises CommandForbidden (nothing sent), AtSilent."""
+        """Send one allowed command; raise CommandForbidden (nothing sent) or AtSilent."""
         data = require_allowed(command).encode("ascii") + b"\r"
         port = self._port
         assert port is not None  # noqa: S101 - entered
@@ -459,7 +459,7 @@ class AtModem:
                 )
 
     def _lines(self, port: serial.Serial) -> list[str]:
-        """Whole lines that have come; what has no end of line yet is kept."""
+        """Return the complete lines received; an incomplete line stays buffered."""
         self._rest += port.read(max(1, port.in_waiting))
         *whole, self._rest = self._rest.replace(b"\r", b"\n").split(b"\n")
         if len(self._rest) > _LONGEST:
@@ -482,7 +482,7 @@ def _why(error: BaseException) -> str:
 
 @dataclass(frozen=True, slots=True)
 class AtLook:
-    """What one look at a modem has given."""
+    """The result of reading a modem once."""
 
     reading: LteReading
     commands: int
@@ -490,7 +490,7 @@ class AtLook:
 
 
 def read(port: str, *, answer_s: float = ANSWER_S) -> AtLook:
-    """Ask the modem at `port`. Raises PortOwned and AtUnreachable (nothing was sent), AtSilent."""
+    """Read the modem at `port`; raise PortBusy or AtUnreachable (nothing was sent), or AtSilent."""
     with AtModem(port, answer_s=answer_s) as modem:
         answers = {command: modem.ask(command) for command in READS}
         maker = " ".join(answers["AT+CGMI"].lines).lower()

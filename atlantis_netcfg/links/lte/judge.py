@@ -1,9 +1,9 @@
-"""What is wrong with a 4G unit, in words: one finding for each thing that a technician can do something about.
+"""Problems of a 4G unit as text: one finding for each thing that a technician can act on.
 
-Radio levels only warn: whether the site has its link is told by registration, address and probes. The bands of the
-levels are what modem makers publish as rules of thumb, and no standard: devices.md, section 4, from memory.
+Radio levels only warn: whether the site has its link is decided by registration, address and probes. The bands of the
+levels are rules of thumb published by modem makers, not a standard: devices.md, section 4, from memory.
 
-The record that every 4G driver returns, and the reading of a unit without a driver.
+Also the record that every 4G driver returns, and the reading of a unit without a driver.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Registration(StrEnum):
-    """Where the unit is on its way into the network; a word that nobody knows is `unknown`, never a failure."""
+    """The unit's registration state; an unrecognised state is `unknown`, never a failure."""
 
     REGISTERED_HOME = "registered_home"
     REGISTERED_ROAMING = "registered_roaming"
@@ -37,7 +37,7 @@ class Registration(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LteReading:
-    """What a 4G unit said at one moment; what it did not say, or said as "N/A", is None.
+    """The state that a 4G unit reported at one moment; values missing or reported as "N/A" are None.
 
     It has no IMEI, IMSI or ICCID: those are redacted where they are read.
     """
@@ -87,12 +87,12 @@ LOOK_FOR = (
 
 
 def unmanaged_reading() -> LteReading:
-    """The reading of a unit without a driver: everything unknown."""
+    """Return the reading of a unit without a driver: everything unknown."""
     return LteReading(source="manual")
 
 
 def check_by_hand(address: str) -> status.BearerFinding:
-    """The finding for a unit without a driver: a person must look at its own page."""
+    """Return the finding for a unit without a driver: a person must check its web page."""
     return status.BearerFinding(
         Verdict.INCONCLUSIVE,
         "look-yourself",
@@ -108,7 +108,7 @@ WEAK_SINR_DB = 0.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LteSubscription:
-    """What the declaration says of the SIM and its subscription."""
+    """The SIM and its subscription, as given in the inventory."""
 
     apn: str | None = None
     """None: the network's own default is meant."""
@@ -124,14 +124,14 @@ _REGISTERED_STATES = frozenset({Registration.REGISTERED_HOME, Registration.REGIS
 
 
 def judge(reading: LteReading, subscription: LteSubscription) -> tuple[status.BearerFinding, ...]:
-    """Everything that is wrong or worth knowing; empty if the unit is as declared and well heard."""
+    """Return all findings about the unit; empty if it matches the inventory and its signal is good."""
     if reading.state in _REGISTERED_STATES:
         return tuple(_judge_registered(reading, subscription))
     return (_not_registered(reading, subscription),)
 
 
 def link_state(reading: LteReading) -> status.LinkState:
-    """What the unit itself says of its link; no probe has been sent."""
+    """Return the link state that the unit itself reports, without a probe."""
     if reading.state in _REGISTERED_STATES:
         return status.LinkState.UP if reading.address is not None or reading.is_connected else status.LinkState.UNKNOWN
     if reading.state is Registration.SEARCHING:
@@ -140,7 +140,7 @@ def link_state(reading: LteReading) -> status.LinkState:
 
 
 def quality(reading: LteReading) -> status.Quality:
-    """The readings of a `BearerStatus`."""
+    """Return the quality readings for a `BearerStatus`."""
     return {
         "registration": reading.state.value,
         "operator": reading.operator,
@@ -270,7 +270,7 @@ def _apn(reading: LteReading, subscription: LteSubscription) -> Iterator[status.
 
 
 def _bare(apn: str) -> str:
-    """An APN as it compares: without the part that names the operator, and in one case (3GPP TS 23.003, 9.1)."""
+    """Return an APN in comparable form: without the operator part and in one case (3GPP TS 23.003, 9.1)."""
     return re.sub(r"\.mnc\d{3}\.mcc\d{3}\.gprs$", "", apn.casefold())
 
 

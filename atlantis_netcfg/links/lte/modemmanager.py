@@ -1,4 +1,4 @@
-"""Read a modem that ModemManager owns, over D-Bus; nothing is set."""
+"""Read-only access over D-Bus to a modem that ModemManager owns."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ Objects = dict[str, dict[str, dict[str, Any]]]
 
 
 class MmUnreachable(DeviceError):
-    """No bus, no ModemManager on it, or no answer; nothing was changed."""
+    """The bus or ModemManager is missing or does not respond; nothing was changed."""
 
 
 class Bus:
-    """A connection to the system's bus; `with` opens and closes it."""
+    """A connection to the D-Bus system bus; `with` opens and closes it."""
 
     def __init__(self, address: str | None = None, *, timeout_s: float = TIMEOUT_S) -> None:
         self._address = address or os.environ.get("DBUS_SYSTEM_BUS_ADDRESS") or SYSTEM_BUS
@@ -59,7 +59,7 @@ class Bus:
             self._connection.close()
 
     def objects(self) -> Objects:
-        """Every modem with all its properties. Raises MmUnreachable."""
+        """Return every modem with all its properties; raise MmUnreachable."""
         reply = self._call(ROOT, "org.freedesktop.DBus.ObjectManager", "GetManagedObjects")
         return {
             str(path): {str(name): {key: plain(value) for key, value in of.items()} for name, of in interfaces.items()}
@@ -67,7 +67,7 @@ class Bus:
         }
 
     def properties(self, path: str, interface: str) -> dict[str, Any]:
-        """All properties of one interface of an object. Raises MmUnreachable."""
+        """Return all properties of one interface of an object; raise MmUnreachable."""
         reply = self._call(path, "org.freedesktop.DBus.Properties", "GetAll", "s", (interface,))
         return {name: plain(value) for name, value in reply.items()}
 
@@ -103,7 +103,7 @@ def _refusal(name: str) -> MmUnreachable:
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - D-Bus of any shape
-    """A value without the signatures of D-Bus' variants, at any depth."""
+    """Strip D-Bus variant signatures from a value, at any depth."""
     if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str) and _signature(value[0]):  # noqa: PLR2004
         return plain(value[1])
     if isinstance(value, dict):
@@ -156,7 +156,7 @@ _LOWEST_DBM = -200.0
 
 
 def reading_of(interfaces: Mapping[str, Mapping[str, Any]], bearers: Sequence[Mapping[str, Any]] = ()) -> LteReading:
-    """Put a modem's properties and those of its bearers into one record."""
+    """Combine a modem's properties and those of its bearers into one record."""
     modem, network = interfaces.get(MODEM, {}), interfaces.get(MODEM_3GPP, {})
     state, error = _state(modem, network)
     signal = _signal(interfaces.get(SIGNAL, {}))
@@ -185,15 +185,14 @@ def reading_of(interfaces: Mapping[str, Mapping[str, Any]], bearers: Sequence[Ma
 
 
 def signal_is_set_up(interfaces: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Whether somebody has told ModemManager to ask for signal figures: that is a setting, and not ours to make."""
+    """Return whether ModemManager polls signal values: this is a setting, which the toolkit does not change."""
     return bool(_signal(interfaces.get(SIGNAL, {}))) or bool(interfaces.get(SIGNAL, {}).get("Rate"))
 
 
 def _state(modem: Mapping[str, Any], network: Mapping[str, Any]) -> tuple[Registration, str | None]:
-    """Card first, then radio, then network.
+    """Return the state of the SIM, then the radio, then the network, with the error text.
 
-    A ModemManager that does not tell the state of registration, but that the modem is registered, does not say in which
-    network: that counts as home.
+    If ModemManager reports that the modem is registered but not in which network, that counts as home.
     """
     state = modem.get("State")
     if not isinstance(state, int):
@@ -222,7 +221,7 @@ def _roaming(network: Mapping[str, Any]) -> bool | None:
 
 
 def _signal(signal: Mapping[str, Any]) -> dict[str, float]:
-    """The figures of the technology in use: LTE, else 5G."""
+    """Return the signal values of the technology in use: LTE, else 5G."""
     for name in ("Lte", "Nr5g"):
         values = signal.get(name)
         if isinstance(values, dict):
@@ -267,7 +266,7 @@ NO_SIGNAL = BearerFinding(
 
 @dataclass(frozen=True, slots=True)
 class MmLook:
-    """What one look at ModemManager has given."""
+    """The result of reading ModemManager once."""
 
     reading: LteReading
     findings: tuple[BearerFinding, ...]
@@ -276,7 +275,7 @@ class MmLook:
 
 
 def read(address: str | None = None, *, timeout_s: float = TIMEOUT_S) -> MmLook:
-    """Look at the only modem of this computer. `address`: of the bus; None: the system's. Raises MmUnreachable."""
+    """Read the only modem of this computer; `address` is the bus (None: system bus). Raise MmUnreachable."""
     with Bus(address, timeout_s=timeout_s) as bus:
         modems = {path: properties for path, properties in bus.objects().items() if MODEM in properties}
         if len(modems) != 1:

@@ -1,13 +1,13 @@
-"""RouterOS' LTE interface: from `monitor once` and the rows beside it to the one record of a 4G unit.
+"""RouterOS' LTE interface: conversion of `monitor once` and related rows into the record of a 4G unit.
 
 Both generations of fields are read: `status` with `data-class` and `primary-band` of version 7, and `pin-status`,
 `registration-status`, `functionality` and `access-technology` of version 6 and of some modems (devices.md, section 4;
-the names are those that the console of 7.21.5 offers for `monitor proplist`). Their words are written by the modem's
-driver and are nowhere listed whole: what is read here of PIN, PUK and refusal follows 3GPP TS 27.007, 9.2.
+the names are those that the console of 7.21.5 offers for `monitor proplist`). Their values are written by the modem's
+driver and are only partly documented: the interpretation of PIN, PUK and refusal follows 3GPP TS 27.007, 9.2.
 Assumption: lte-pin-words
 
-No device tells which APN the network gave in place of the configured one: with `use-network-apn=yes` the APN in use is
-unknown. IMEI, IMSI, ICCID and the SIM's number are never taken over.
+No device reports which APN the network gave in place of the configured one: with `use-network-apn=yes` the APN in use
+is unknown. IMEI, IMSI, ICCID and the SIM's number are never copied.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _RSRP_DBM, _RSRQ_DB, _SINR_DB, _RSSI_DBM = (-156.0, -31.0), (-43.0, 20.0), (-23.
 
 
 def queries(interface: str = "lte1") -> tuple[status.Query, status.Query, status.Query, status.Query]:
-    """What to ask a device of version 7, in the order of the first four arguments of `read`.
+    """Return the queries for a version 7 device, in the order of the first four arguments of `read`.
 
-    `monitor` takes no list of properties before 7.21, so that the SIM's numbers cross the wire; `read` drops them.
+    `monitor` accepts no list of properties before 7.21, so the SIM's numbers are transferred; `read` drops them.
     """
     return (
         monitor_query(interface),
@@ -47,12 +47,12 @@ def queries(interface: str = "lte1") -> tuple[status.Query, status.Query, status
 
 
 def monitor_query(name: str) -> status.Query:
-    """The state of the modem that has this name now."""
+    """Return the query for the state of the modem that currently has this name."""
     return status.Query("/interface/lte", "monitor", (("numbers", name), ("once", "")))
 
 
 def modem_name(interfaces: Rows | None, modem: str = "lte1") -> str:
-    """The name that a modem has now; its identity is the default name, and `name` only where no row has that."""
+    """Return a modem's current name; it is identified by its default name, by `name` only if no row has that."""
     return _modem(interfaces, modem).get("name", modem)
 
 
@@ -62,12 +62,12 @@ def _modem(interfaces: Rows | None, modem: str) -> Row:
 
 
 def log_query() -> status.Query:
-    """The log, whose lines tell a missing SIM where the monitor stays silent; large, so only ask it then."""
+    """Return the query for the log, which shows a missing SIM if the monitor does not; large: use it only then."""
     return status.Query("/log", "print", proplist=("topics", "message"))
 
 
 def redact(row: Row) -> dict[str, str]:
-    """A monitor's row without what names the SIM or the device."""
+    """Return a monitor row without identifiers of the SIM or the device."""
     return {name: value for name, value in row.items() if name not in IDENTITIES}
 
 
@@ -79,9 +79,9 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
     log: Rows | None = None,
     interface: str = "lte1",
 ) -> LteReading:
-    """Read what the queries answered; None: a question that the device refused or did not answer.
+    """Build the reading from the query results; None means that a query was refused or not answered.
 
-    `interface` is the modem's default name; its address and its lines in the log go by the name of now.
+    `interface` is the modem's default name; its address and its log lines use its current name.
     """
     monitor_row = {name: value for name, value in redact(monitor or {}).items() if _meaningful(value)}
     its_row = _modem(interfaces, interface)
@@ -148,7 +148,7 @@ def _state(monitor_row: Row, its_row: Row) -> Registration:
 
 
 def _card(pin: str, others: list[str]) -> Registration | None:
-    """What keeps the card from registering, or None."""
+    """Return the SIM state that prevents registration; None if there is none."""
     if any(_NO_SIM.search(word) for word in (pin, *others)):
         return Registration.SIM_MISSING
     if _PUK.search(pin):
@@ -179,14 +179,14 @@ def _technology(monitor_row: Row) -> str | None:
 
 
 def _band(monitor_row: Row) -> str | None:
-    """Read `B3@20Mhz earfcn: 1300 …` and `1300 (band 3, bandwidth 20Mhz)`."""
+    """Parse the band from `B3@20Mhz earfcn: 1300 …` or `1300 (band 3, bandwidth 20Mhz)`."""
     text = f"{monitor_row.get('primary-band', '')} {monitor_row.get('earfcn', '')}"
     match = re.search(r"\b([BbNn])(\d{1,3})@", text) or re.search(r"\b(b)and (\d{1,3})\b", text)
     return f"{match[1].upper()}{match[2]}" if match is not None else None
 
 
 def _level(monitor_row: Row, name: str, bounds: tuple[float, float], unit: str) -> float | None:
-    """Read an LTE level; where the modem is on 5G alone it has only the `nr-` one."""
+    """Return an LTE level; a modem on 5G alone has only the `nr-` one."""
     lte = status.decibels(monitor_row.get(name), *bounds, unit=unit)
     return status.decibels(monitor_row.get(f"nr-{name}"), *bounds, unit=unit) if lte is None else lte
 
@@ -197,7 +197,7 @@ def _profile(its_row: Row, profiles: Rows) -> Row:
 
 
 def _apn_in_use(profile: Row) -> str | None:
-    """Which APN is asked for; which one the network answers with nobody says."""
+    """Return the APN requested; unknown (None) with `use-network-apn`, as the network's choice is not reported."""
     return None if status.yes(profile.get("use-network-apn")) is not False else _meaningful(profile.get("apn"))
 
 
@@ -223,7 +223,7 @@ _CME = {
 
 
 def _from_log(log: Rows, interface: str) -> tuple[str | None, Registration | None]:
-    """The latest answer of the modem about the card: its words, and what follows from them."""
+    """Return the modem's latest log line about the SIM and the registration state that it implies."""
     pattern = re.compile(rf"{re.escape(interface)}: rcvd (?:(\+CME ERROR: (\d+))|\+CPIN: (.*))")
     matches = [match for row in log if (match := pattern.search(row.get("message", "")))]
     if not matches:

@@ -1,7 +1,7 @@
-"""One TLS connection to a RutOS unit: the certificate is compared before anything is sent, requests are counted.
+"""One TLS connection to a RutOS unit: the certificate is checked before anything is sent; requests are counted.
 
-The standard library's `http.client` serves: a keep-alive connection, a certificate that can be looked at before the
-first byte of a request, and no redirects, proxies or retries behind our back. (httpx and requests hide the certificate
+The standard library's `http.client` is used: a keep-alive connection, a certificate that can be inspected before the
+first byte of a request, and no implicit redirects, proxies or retries. (httpx and requests hide the certificate
 behind their pools, and verify chains, which a self-signed certificate does not have.)
 """
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 
 class RutosUnreachable(DeviceError):
-    """Nobody answers, or the answer broke off; only reads were sent."""
+    """The unit does not respond, or the response broke off; only reads were sent."""
 
 
 class CertificateUnknown(DeviceError):
-    """The unit was never met; it showed `fingerprint`, and no password was sent."""
+    """The unit has no pinned certificate; it presented `fingerprint`, and no password was sent."""
 
     def __init__(self, message: str, *, fingerprint: str, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
@@ -42,15 +42,15 @@ class CertificateMismatch(DeviceError):
 
 
 class RutosLoginError(DeviceError):
-    """The unit did not take name and password."""
+    """The unit rejected user name and password."""
 
 
 class RutosError(DeviceError):
-    """The unit refused a read, or answered in a way that we cannot read."""
+    """The unit refused a read, or its response cannot be parsed."""
 
 
 class PageMissing(RutosError):
-    """This firmware has no such page: HTTP 404, 405 or 501."""
+    """This firmware does not have the page: HTTP 404, 405 or 501."""
 
 
 TIMEOUT_S = 180.0
@@ -62,7 +62,7 @@ _NOT_OFFERED = (404, 405, 501)
 
 @dataclass(frozen=True, slots=True)
 class RutosEndpoint:
-    """Where the unit's own interface is, and as whom we read it."""
+    """Address and credentials of the unit's web interface."""
 
     host: str
     port: int
@@ -78,14 +78,14 @@ class RutosEndpoint:
 
 @dataclass(frozen=True, slots=True)
 class RutosAnswer:
-    """What came back: an HTTP status, and the JSON of the body (None if it is none)."""
+    """A response: HTTP status and the JSON body (None if the body is not JSON)."""
 
     status: int
     body: Any
 
 
 class RutosWire:
-    """The connection; opened by the first request, opened again if the unit has closed it in between."""
+    """The connection; opened by the first request, and reopened if the unit has closed it."""
 
     def __init__(self, endpoint: RutosEndpoint) -> None:
         self._endpoint = endpoint
@@ -97,14 +97,14 @@ class RutosWire:
         self.received = 0
 
     def close(self) -> None:
-        """Let the connection go."""
+        """Close the connection."""
         self._let_go()
         if self._connection is not None:
             self._connection.close()
             self._connection = None
 
     def ask(self, method: str, path: str, body: Any = None, *, token: str | None = None) -> RutosAnswer:  # noqa: ANN401 - JSON
-        """Send one request. Raises RutosUnreachable, CertificateUnknown, CertificateChanged, NotOffered."""
+        """Send a request; raise RutosUnreachable, CertificateUnknown, CertificateMismatch or PageMissing."""
         headers = {"Accept": "application/json"} | ({"Authorization": f"Bearer {token}"} if token else {})
         data = None
         if body is not None:
@@ -121,7 +121,7 @@ class RutosWire:
             return RutosAnswer(status, None)
 
     def _exchange(self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]) -> tuple[int, bytes]:
-        """Once more on a new connection if an old one turns out to be closed: every request here is a read."""
+        """Send a request; retry once on a new connection if an old one was closed, as every request is a read."""
         fresh = self._connection is None
         try:
             return self._once(method, path, data, headers)
@@ -157,9 +157,9 @@ class RutosWire:
 
     @contextmanager
     def _ended_in_time(self) -> Iterator[None]:
-        """End a request that is not over in time: the time-out of a socket begins anew with each byte.
+        """Abort a request that exceeds the total time: a socket timeout restarts with each byte received.
 
-        So does http.client's patience with `100 Continue`.
+        So does http.client's wait for `100 Continue`.
         """
         longest_s, late = 2 * self._endpoint.timeout_s, threading.Event()
 
@@ -211,7 +211,7 @@ class RutosWire:
         return connection
 
     def _hold(self, wire: socket.socket) -> None:
-        """Keep a second hand on the connection: TLS takes the first, and may be waiting with it."""
+        """Keep a duplicate of the socket to abort with: TLS takes over the original and may block on it."""
         self._let_go()
         self._line = wire.dup()
 
@@ -247,7 +247,7 @@ class RutosWire:
 
 
 def certificate_of(endpoint: RutosEndpoint) -> str:
-    """Connect, and give the SHA-256 of the certificate that is shown: nothing is sent. Raises RutosUnreachable."""
+    """Return the SHA-256 of the certificate presented, sending no request; raise RutosUnreachable."""
     wire = RutosWire(replace(endpoint, pin=None))
     try:
         wire.ask("GET", "/")

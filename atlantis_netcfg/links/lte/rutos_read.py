@@ -1,4 +1,4 @@
-"""Read a RutOS unit over HTTPS: a few requests, none changes anything; and what its fields mean."""
+"""Read-only access to a RutOS unit over HTTPS with few requests, and the meaning of its fields."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _TRY = re.compile(r"(\d+)\s+attempt")
 
 
 def text(record: Mapping[str, Any], what: str) -> str | None:
-    """The first of the names of `what` that says something, in the unit's own words."""
+    """Return the first non-empty field among the names of `what`, as the unit spells it."""
     for name in NAMES[what]:
         value = record.get(name)
         if isinstance(value, str | int | float) and not isinstance(value, bool):
@@ -54,7 +54,7 @@ def text(record: Mapping[str, Any], what: str) -> str | None:
 
 
 def number(record: Mapping[str, Any], what: str) -> float | None:
-    """A figure that may come as a number, as text, or as text with its unit; None if it is none, or cannot be true."""
+    """Return a figure given as number, text or text with unit; None if it is not a number or not plausible."""
     words = text(record, what)
     match = re.fullmatch(r"\s*(-?\d+(?:\.\d+)?)\s*(?:dBm|dB)?\s*", words or "", re.IGNORECASE)
     if match is None:
@@ -65,9 +65,9 @@ def number(record: Mapping[str, Any], what: str) -> float | None:
 
 
 def sim(record: Mapping[str, Any]) -> tuple[Registration | None, bool | None, int | None]:
-    """What stands between card and network, if anything; whether a PIN was refused; PINs left to try.
+    """Return the SIM state that blocks registration, whether a PIN was refused, and the remaining PIN tries.
 
-    A negative word is looked for first: "Not inserted" holds "inserted". A card that asks for a PIN is a card.
+    Negative texts are tested first: "Not inserted" contains "inserted". A SIM that asks for a PIN is inserted.
     """
     words = [(text(record, name) or "").lower() for name in ("pin", "card")]
     stage = record.get("mobile_stage")
@@ -97,10 +97,10 @@ def _absent(words: str) -> bool:
 
 
 def registration(words: str | None) -> Registration:
-    """Where the unit is in the network.
+    """Return the registration state.
 
-    "Not registered" counts as searching: 3GPP's "not registered, not searching" has no word of its own in the record.
-    "Registered" alone does not say in which network, and counts as home.
+    "Not registered" counts as searching: the record has no separate value for 3GPP's "not registered, not searching".
+    "Registered" alone does not state the network, and counts as home.
     """
     if words is None:
         return Registration.UNKNOWN
@@ -121,7 +121,7 @@ TECHNOLOGIES |= {"3g": "umts", "gsm": "gsm", "edge": "gsm", "gprs": "gsm", "2g":
 
 
 def technology(words: str | None) -> str | None:
-    """`4G (LTE)` to lte; a word that nobody knows stays what it is, in lower case. Assumption: rutos-cell."""
+    """Convert `4G (LTE)` to lte; an unknown text stays as it is, in lower case. Assumption: rutos-cell."""
     if words is None:
         return None
     lower_words = words.lower()
@@ -129,7 +129,7 @@ def technology(words: str | None) -> str | None:
 
 
 def band(words: str | None) -> str | None:
-    """`LTE B3`, `LTE_B3` or `B3` to B3; `n78` stays."""
+    """Convert `LTE B3`, `LTE_B3` or `B3` to B3; `n78` stays as it is."""
     match = re.search(r"(?:\b|_)([bn])(\d{1,3})\b", words or "", re.IGNORECASE)
     if match is None:
         return None
@@ -137,7 +137,7 @@ def band(words: str | None) -> str | None:
 
 
 def plmn(record: Mapping[str, Any]) -> str | None:
-    """Five or six digits, from a field of its own or from the serving cell."""
+    """Return the PLMN (five or six digits), from its own field or from the serving cell."""
     words = text(record, "plmn")
     if words is not None and re.fullmatch(r"\d{5,6}", words):
         return words
@@ -148,7 +148,7 @@ def plmn(record: Mapping[str, Any]) -> str | None:
 
 
 def cell(record: Mapping[str, Any]) -> str | None:
-    """The serving cell's identity: in a field of its own, or in that of the serving cell. Assumption: rutos-cell."""
+    """Return the serving cell's identity, from its own field or from `cell_info`. Assumption: rutos-cell."""
     cells = record.get("cell_info")
     first = cells[0] if isinstance(cells, list) and cells and isinstance(cells[0], dict) else {}
     return text(record, "cell") or text(first, "cell")
@@ -159,7 +159,7 @@ REGISTERED_STATES = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMI
 
 
 def modem_of(rows: object) -> Mapping[str, Any] | None:
-    """The modem that carries the link: the primary one, else the first; None if there is none."""
+    """Return the modem that carries the link: the primary one, else the first; None if there is none."""
     modems = [row for row in (rows if isinstance(rows, list) else [rows]) if isinstance(row, dict)]
     return next(
         (row for row in modems if str(row.get("primary")).lower() in ("true", "1")), modems[0] if modems else None
@@ -167,7 +167,7 @@ def modem_of(rows: object) -> Mapping[str, Any] | None:
 
 
 def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | None = None) -> LteReading:
-    """Put one record into ours. `interfaces`: the rows of the interfaces' status, for the address."""
+    """Convert a unit's record to a reading; `interfaces` holds the interface status rows, for the address."""
     between, is_pin_refused, tries_left = sim(modem)
     registration_words = text(modem, "registration")
     state = between or registration(registration_words)
@@ -197,7 +197,7 @@ def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | N
 
 
 def is_connected(modem: Mapping[str, Any]) -> bool | None:
-    """Whether the unit says that its data connection is up: `state` is the connection, `simstate` the card."""
+    """Return whether the unit reports an active data connection; `simstate` is about the SIM, not this."""
     words = (text(modem, "connection") or "").lower()
     if words.startswith(("disconnected", "not connected")):
         return False
@@ -205,7 +205,7 @@ def is_connected(modem: Mapping[str, Any]) -> bool | None:
 
 
 def serial_of(status: object) -> str | None:
-    """The serial number (`mnfinfo.serial` of the device's status) identifies the unit. Assumption: rutos-serial."""
+    """Return the serial number that identifies the unit (`mnfinfo.serial` of its status). Assumption: rutos-serial."""
     if not isinstance(status, dict):
         return None
     for part in (status.get("mnfinfo"), status):
@@ -215,7 +215,7 @@ def serial_of(status: object) -> str | None:
 
 
 def _error(modem: Mapping[str, Any], registration: str | None) -> str | None:
-    """What stands in the way, in the unit's words."""
+    """Return the reason for not being connected, as the unit words it."""
     for words in (text(modem, "pin"), text(modem, "card"), registration):
         if words is not None and words.lower() not in ("inserted", "ok", "ready"):
             return words
@@ -223,7 +223,7 @@ def _error(modem: Mapping[str, Any], registration: str | None) -> str | None:
 
 
 def _address(interfaces: object) -> str | None:
-    """The first IPv4 address of a mobile interface (`mob1s1a1`), in `ipaddrs`. Assumption: rutos-address."""
+    """Return the first IPv4 address of a mobile interface (`mob1s1a1`), from `ipaddrs`. Assumption: rutos-address."""
     rows = interfaces if isinstance(interfaces, list) else []
     for row in rows:
         if not isinstance(row, dict) or not _mobile(row):
@@ -240,7 +240,7 @@ def _mobile(row: Mapping[str, Any]) -> bool:
 
 
 def _texts(row: Mapping[str, Any]) -> Sequence[str]:
-    """Addresses as text, as a list of texts, or as a list of rows with `address`."""
+    """Return addresses given as text, as a list of texts, or as a list of rows with `address`."""
     result: list[str] = []
     for name in ("ipaddrs", "ipv4-address", "ipv4_address", "ip", "ipaddr"):
         value = row.get(name)
@@ -265,7 +265,7 @@ _PERMISSION_DENIED = 6
 
 @dataclass(frozen=True, slots=True)
 class RutosLook:
-    """What one look at a unit has given, and what it cost."""
+    """The result of reading a unit once, with its cost in requests and bytes."""
 
     reading: LteReading
     serial: str | None = None
@@ -282,16 +282,16 @@ class RutosLook:
 
 
 def identities_of(modem: Mapping[str, Any]) -> dict[str, str]:
-    """The numbers that name the modem and its SIM, where the unit tells them."""
+    """Return the IMEI and ICCID, where the unit reports them."""
     identities = {name: text(modem, name) for name in ("imei", "iccid")}
     return {name: value for name, value in identities.items() if value is not None and value.strip("0")}
 
 
 def read(endpoint: rutos_client.RutosEndpoint) -> RutosLook:
-    """Log in, read, and let go.
+    """Log in, read, and close the connection.
 
-    Raises RutosUnreachable, CertificateUnknown and CertificateChanged (before the password is sent), RutosLoginFailed,
-    RutosRefused.
+    Raises RutosUnreachable, CertificateUnknown and CertificateMismatch (before the password is sent), RutosLoginError,
+    RutosError.
     """
     wire = rutos_client.RutosWire(endpoint)
     try:
@@ -326,7 +326,7 @@ def _sections(rows: object) -> tuple[str, ...]:
 
 
 class _Rest:
-    """The API of RutOS 7: a token, renewed once when it has run out."""
+    """A session of the RutOS 7 API: its token is renewed once when it has expired."""
 
     def __init__(self, endpoint: rutos_client.RutosEndpoint, wire: rutos_client.RutosWire) -> None:
         self._endpoint = endpoint
@@ -334,7 +334,7 @@ class _Rest:
         self._token: str | None = None
 
     def log_in(self) -> None:
-        """Raises RutosLoginFailed, NotOffered."""
+        """Log in; raise RutosLoginError or PageMissing."""
         who = {"username": self._endpoint.user, "password": self._endpoint.password.reveal()}
         answer = self._wire.ask("POST", "/api/login", who)
         data = _data(answer.body)
@@ -349,7 +349,7 @@ class _Rest:
         self._token = token
 
     def get(self, path: str) -> Any:  # noqa: ANN401 - JSON of any shape
-        """Raises RutosRefused if the unit does not give it."""
+        """Return the data of a page; raise RutosError if the unit refuses it."""
         answer = self._wire.ask("GET", path, token=self._token)
         if answer.status in _FORBIDDEN:
             self.log_in()
@@ -363,7 +363,7 @@ class _Rest:
         return _data(answer.body)
 
     def optional(self, path: str) -> Any:  # noqa: ANN401 - JSON of any shape
-        """None where this firmware or this user has no such page: a reading does without."""
+        """Return the data of a page; None if this firmware or this user does not have it."""
         answer = None
         with suppress(rutos_client.PageMissing):
             answer = self._wire.ask("GET", path, token=self._token)
@@ -382,7 +382,7 @@ def _not_let_in(endpoint: rutos_client.RutosEndpoint) -> rutos_client.RutosLogin
 
 
 def _by_ubus(endpoint: rutos_client.RutosEndpoint, wire: rutos_client.RutosWire) -> RutosLook:
-    """Firmware without the API: JSON-RPC to ubus, whose field names differ again."""
+    """Read a unit whose firmware lacks the API, by JSON-RPC to ubus; its field names differ."""
     who = {"username": endpoint.user, "password": endpoint.password.reveal()}
     code, session = _call(endpoint, wire, _NOBODY, ("session", "login"), who)
     token = session.get("ubus_rpc_session")

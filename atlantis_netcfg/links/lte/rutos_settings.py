@@ -1,11 +1,11 @@
-"""What is to be set on a RutOS unit: the difference between what is declared and what `uci show` says. Pure.
+"""Settings to change on a RutOS unit: the difference between the inventory and `uci show`. No I/O.
 
-Which sections and options hold it: `network.mob1s1a1` (interface of protocol `wwan`, for a slot: `sim`) with `apn`,
-`auth`, `username` and `password`, and `simcard` (a section `sim` for each slot: `position`) with `deny_roaming`; these
-are the names that RutOS' own published network scripts read. Of `auto_apn`, which lets the unit choose by itself, and
-of `reload_config`, which makes all of it effective: Assumption: rutos-settings. A unit without the expected section is
-refused and left alone. In which option a unit keeps its bands is not known: declared bands are
-compared with the band in use, and never set.
+Sections and options: `network.mob1s1a1` (interface of protocol `wwan`, for a slot: `sim`) with `apn`, `auth`,
+`username` and `password`, and `simcard` (a section `sim` for each slot: `position`) with `deny_roaming`; RutOS' own
+published network scripts read these names. For `auto_apn`, which lets the unit choose the APN, and `reload_config`,
+which activates everything: Assumption: rutos-settings. A unit without the expected section is refused and left
+unchanged. In which option a unit keeps its bands is not known: bands in the inventory are compared with the band in
+use, and never set.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ Sections = dict[tuple[str, str], dict[str, str]]
 
 
 class SettingError(DeviceError):
-    """The unit cannot be set as declared; nothing was sent."""
+    """The unit cannot be set as the inventory requires; nothing was sent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LteSettings:
-    """What is declared of a SIM."""
+    """The SIM settings in the inventory."""
 
     apn: str | None = None
     user: str | None = None
@@ -59,7 +59,7 @@ class LteSettings:
 
 @dataclass(frozen=True, slots=True)
 class SettingChange:
-    """One option that differs."""
+    """One `uci` option that differs from the inventory."""
 
     package: str
     section: str
@@ -70,19 +70,19 @@ class SettingChange:
 
     @property
     def line(self) -> str:
-        """As a person reads it, secrets masked."""
+        """The change as a readable `set` line, secrets masked."""
         return f"set {self.package}.{self.section}.{self.option}='{MASK if self.secret else self.value}'"
 
     @property
     def previous_line(self) -> str | None:
-        """What stands there, secrets masked; None if nothing does."""
+        """The previous value as a readable `set` line, secrets masked; None if the option was not set."""
         if self.before is None:
             return None
         return f"set {self.package}.{self.section}.{self.option}='{MASK if self.secret else self.before}'"
 
 
 def parse_show(text: str) -> Sections:
-    """Read what `uci show` prints; a list's values are joined by blanks."""
+    """Parse the output of `uci show`; the values of a list are joined by blanks."""
     sections: Sections = {}
     for line in text.splitlines():
         match = _LINE.fullmatch(line.strip())
@@ -98,10 +98,10 @@ def parse_show(text: str) -> Sections:
 
 
 def pin_held(reading: LteReading, settings: LteSettings, sections: Sections, *, pin_refusal: str) -> str | None:
-    """Why nothing may be set while the card asks for a PIN: every reload may try the PIN that the unit has saved.
+    """Return why nothing may be set while the SIM asks for a PIN: a reload may try the PIN saved in the unit.
 
-    `pin_refusal`: why a PIN must not be tried, from earlier runs. None: the card asks for none, or the declared PIN
-    was never tried and is the one that the reload will try.
+    `pin_refusal`: why a PIN must not be tried, from earlier runs. None: the SIM asks for no PIN, or the PIN of the
+    inventory was never tried and is the one that the reload will try.
     """
     if reading.state is Registration.SIM_PUK_REQUIRED:
         return "the SIM is locked after too many wrong PINs and asks for its PUK"
@@ -120,14 +120,14 @@ def pin_held(reading: LteReading, settings: LteSettings, sections: Sections, *, 
 
 
 def removal(change: SettingChange) -> str:
-    """What `uci batch` reads to take one option away again."""
+    """Return the `uci batch` input that deletes one option."""
     return f"delete {change.package}.{change.section}.{change.option}\ncommit {change.package}\n"
 
 
 def changes(reading: LteReading, settings: LteSettings, sections: Sections) -> tuple[SettingChange, ...]:
-    """What has to be set, in order; empty if the unit is as declared. Raises SettingRefused.
+    """Return the changes in order; empty if the unit matches the inventory. Raise SettingError.
 
-    A declared PIN is set only while the card asks for one.
+    A PIN is set only while the SIM asks for one.
     """
     place = _place(reading)
     setting_changes = [*_interface(sections, place, settings), *_card(sections, place, settings, reading)]
@@ -143,7 +143,7 @@ def changes(reading: LteReading, settings: LteSettings, sections: Sections) -> t
 
 
 def batch(setting_changes: tuple[SettingChange, ...]) -> str:
-    """What `uci batch` reads on its standard input; secrets in clear: it goes nowhere else."""
+    """Return the `uci batch` input, with secrets in clear text: it must go nowhere else."""
     lines = [f"set {change.package}.{change.section}.{change.option}='{change.value}'" for change in setting_changes]
     return "".join(f"{line}\n" for line in (*lines, *(f"commit {name}" for name in _packages(setting_changes))))
 
@@ -153,7 +153,7 @@ def _packages(setting_changes: tuple[SettingChange, ...]) -> tuple[str, ...]:
 
 
 def _place(reading: LteReading) -> str:
-    """The slot in use; a unit that does not say has one."""
+    """Return the SIM slot in use; 1 if the unit does not report it."""
     return str(reading.sim_slot or 1)
 
 
@@ -172,7 +172,7 @@ def _interface(sections: Sections, place: str, settings: LteSettings) -> Iterato
 
 
 def _authentication(settings: LteSettings, options: Mapping[str, str]) -> str | None:
-    """With user and password what the unit has, else `pap`; without, as it is. Assumption: rutos-settings."""
+    """Return the method for user and password (current one, else `pap`), else None. Assumption: rutos-settings."""
     if settings.user is None and settings.password is None:
         return None
     there = options.get("auth", "none")
@@ -203,7 +203,7 @@ def _differing(
 
 
 def _mobile(sections: Sections, place: str) -> tuple[str, Mapping[str, str]]:
-    """The mobile interface of a slot; the first of several, as further ones are for further APNs."""
+    """Return the first mobile interface of a SIM slot; further ones are for further APNs."""
     for (package, name), options in sections.items():
         mobile = options.get("proto") in _MOBILE and options.get("sim", "1") == place
         if package == "network" and options.get("") == "interface" and mobile:

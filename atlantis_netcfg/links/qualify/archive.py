@@ -1,7 +1,7 @@
-"""The runs of a site on this computer: `<state>/<real|rehearsal>/<site>/qualify/<run>/`.
+"""The measurement runs of a site on this computer: `<state>/<real|rehearsal>/<site>/qualify/<run>/`.
 
-A run is there when its `run.json` is. `record.json` beside it is made of the two files of the run; where it is missing,
-of another version, or no longer of these samples, the figures are made again.
+A run exists once its `run.json` does. `record.json` beside it is computed from the two files of the run; if it is
+missing, of another version, or does not match the samples, the figures are computed again.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ RECORD_FILE: Final = "record.json"
 
 @dataclass(frozen=True, slots=True)
 class KeptRun:
-    """A run and its folder."""
+    """A saved measurement run and its folder."""
 
     folder: Path
     run: measured_run.MeasuredRun
 
 
 def folder_of(store: Store, site: str) -> Path:
-    """Where the runs of a site are kept. UsageError: no site can have this name."""
+    """Return the folder of a site's runs; raise UsageError if no site can have this name."""
     try:
         return store.root / component(site) / "qualify"
     except ValueError as error:
@@ -44,7 +44,7 @@ def folder_of(store: Store, site: str) -> Path:
 
 
 def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]:
-    """Give the runs of a site, or of one of its links, oldest first. StateDamaged: a `run.json` cannot be read."""
+    """Return the runs of a site, or of one link, oldest first; raise DamagedStateError for a broken `run.json`."""
     folder = folder_of(store, site)
     places = [path for path in folder.iterdir() if (path / measured_run.RUN_FILE).is_file()] if folder.is_dir() else []
     runs = [KeptRun(place, _run(place)) for place in places]
@@ -54,7 +54,7 @@ def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]
 
 
 def kept_run(store: Store, site: str, run: str) -> KeptRun:
-    """Give a run by its name. NoSuchRun, StateDamaged."""
+    """Return a run by its name; raise NoSuchRun or DamagedStateError."""
     folder = folder_of(store, site)
     names = (
         sorted(path.name for path in folder.iterdir() if (path / measured_run.RUN_FILE).is_file())
@@ -81,7 +81,7 @@ def _run(folder: Path) -> measured_run.MeasuredRun:
 
 
 def samples_of(folder: Path) -> list[Sample]:
-    """Read the samples of a run; none where it has sent nothing. SamplesUnreadable, StateDamaged."""
+    """Read the samples of a run; empty if it sent nothing. Raise SamplesUnreadable or DamagedStateError."""
     path = folder / measured_run.SAMPLES_FILE
     try:
         with path.open(encoding="utf-8") as lines:
@@ -99,7 +99,7 @@ def _digest(folder: Path) -> str:
 
 
 def record_of(saved_run: KeptRun, thresholds: tuple[str, QualifyProfile] | None = None) -> QualifyRecord:
-    """Give the figures of a run: as they were kept, where that is still of its samples; else made again."""
+    """Return the figures of a run: the saved ones if they match its samples, otherwise computed again."""
     digest = _digest(saved_run.folder)
     saved_record = _kept_record(saved_run.folder) if thresholds is None else None
     if saved_record is not None and saved_record.samples_sha256 == digest and saved_record.run == saved_run.run:
@@ -108,7 +108,7 @@ def record_of(saved_run: KeptRun, thresholds: tuple[str, QualifyProfile] | None 
 
 
 def made_anew(folder: Path, thresholds: tuple[str, QualifyProfile] | None = None) -> tuple[QualifyRecord, list[Sample]]:
-    """Make the figures of a run from its samples, and give these as well. SamplesUnreadable, StateDamaged."""
+    """Compute a run's figures from its samples, return both; raise SamplesUnreadable or DamagedStateError."""
     samples = samples_of(folder)
     return make_record(_run(folder), samples, _digest(folder), thresholds), samples
 
@@ -121,11 +121,11 @@ def _kept_record(folder: Path) -> QualifyRecord | None:
 
 
 def keep_record(folder: Path, record: QualifyRecord) -> None:
-    """Put the figures beside the samples. JournalFailed."""
+    """Write the figures beside the samples; raise JournalError."""
     with os_errors_as("the figures of the measurement", folder):
         write_atomically(folder / RECORD_FILE, record_json(record))
 
 
 def record_json(record: QualifyRecord) -> bytes:
-    """`record.json`: the same bytes for the same figures."""
+    """Return `record.json`: the same bytes for the same figures."""
     return (record.model_dump_json(indent=1) + "\n").encode()

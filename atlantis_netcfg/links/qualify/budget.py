@@ -1,11 +1,10 @@
-"""What a measurement may use: bytes on the wire, seconds, money. Every transmission asks first.
+"""The budget of a measurement: bytes on the wire, seconds, money; it is checked before every transmission.
 
-A packet is charged before it is sent, together with all that it can bring, and what does not come back is not
-refunded: a provider may bill it. For a copy that the link may make of each answer, room is kept until a second after it
-has come. So a budget is never exceeded by more than one packet. The end of a measurement, in which late answers are
-awaited, is charged beforehand as well. Which session
-a provider bills is not known here: each measurement is priced as a session of its own, as `bearers.cost` does
-everywhere.
+A packet is charged before it is sent, together with every response it can cause, and a missing response is not
+refunded: a provider may bill it. For a copy that the link may make of each response, room is kept until a second after
+its arrival. So a budget is never exceeded by more than one packet. The end of a measurement, when late responses are
+awaited, is charged in advance as well. Which sessions a provider bills is not known here: each measurement is priced
+as a separate session, as `links.cost` does everywhere.
 """
 
 from __future__ import annotations
@@ -32,11 +31,11 @@ COPY_S: Final = 1.0
 
 
 class BudgetError(UsageError, ValueError):
-    """The budget cannot be kept as it is given."""
+    """The budget cannot be enforced as given."""
 
 
 class BudgetLimit(StrEnum):
-    """What is used up."""
+    """The limit that has been reached."""
 
     BYTES = "bytes"
     SECONDS = "seconds"
@@ -45,7 +44,7 @@ class BudgetLimit(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """None: no limit of that kind. BudgetError: money is limited, and nobody has declared a tariff."""
+    """Limits of a measurement; None means no limit. Raises BudgetError if money is limited without a tariff."""
 
     max_bytes: int | None = None
     """IP and UDP headers included, both directions."""
@@ -60,11 +59,11 @@ class Budget:
             raise BudgetError("a limit in money needs the tariff of the link (`billing` of the bearer)")
 
     def limit(self, size: int, seconds: float) -> BudgetLimit | None:
-        """Say which limit a session of so many bytes and seconds would exceed."""
+        """Return the limit that a session of so many bytes and seconds would exceed, including its closing time."""
         return self._limit(size, seconds + self.closing_s)
 
     def limit_now(self, size: int, seconds: float) -> BudgetLimit | None:
-        """Say the same of a session that ends at this moment."""
+        """Return the limit that a session ending now would exceed."""
         return self._limit(size, seconds)
 
     def _limit(self, size: int, lasts: float) -> BudgetLimit | None:
@@ -80,7 +79,7 @@ class Budget:
 
 
 class BudgetGuard:
-    """Counts what a measurement uses from now on. Several streams and stages of a run share one guard."""
+    """A counter of what a measurement uses; several streams and stages of a run share one guard."""
 
     def __init__(self, budget: Budget, now_s: Callable[[], float], headers: int = IPV4_HEADERS) -> None:
         self.budget = budget
@@ -103,13 +102,13 @@ class BudgetGuard:
 
     @property
     def seconds(self) -> float:
-        """Since the guard was made."""
+        """Seconds since the guard was created."""
         return self._now() - self._begin
 
     def admit(self, request: int, answer: int, answers: int = 1, answer_s: float = 0.0) -> bool:
-        """Charge a UDP payload to send, and that of all that may come back (0: nothing); False: it may not be sent.
+        """Charge a UDP payload and all its possible responses (0: none); return False if it must not be sent.
 
-        `answers`: how many datagrams these are; `answer_s`: how long the far end sends them.
+        `answers`: the number of response datagrams; `answer_s`: how long the far end sends them.
         """
         if self.limited_by is not None:
             return False
@@ -130,26 +129,26 @@ class BudgetGuard:
         return True
 
     def _expected_copies(self, seconds: float) -> int:
-        """How much more may come if the link doubles each answer."""
+        """Return the bytes that may still arrive if the link duplicates each response."""
         for queue in (self._awaited, self._arrived):
             while queue and queue[0][0] < seconds:
                 self._copies -= queue.popleft()[1]
         return self._copies
 
     def expires(self, within_s: float) -> bool:
-        """Whether waiting for so long would exceed the budget: time costs, also where nothing is sent."""
+        """Return whether waiting this long would exceed the budget: time costs even if nothing is sent."""
         if self.limited_by is None:
             self.limited_by = self.budget.limit_now(self._charged, self.seconds + within_s)
         return self.limited_by is not None
 
     @property
     def closing_left_s(self) -> float:
-        """How long answers to the last packet may still be awaited."""
+        """Seconds for which responses to the last packet may still be awaited."""
         until = self._answers_until_s
         return 0.0 if until is None else max(0.0, until + self.budget.closing_s - self.seconds)
 
     def count(self, answer: int, charge: int) -> None:
-        """Count a UDP payload that came, of which so much had been charged (0: nobody asked for it)."""
+        """Count a received UDP payload and how much of it was charged before (0: it was not requested)."""
         size = answer + self._headers
         self.received_bytes += size
         self._charged += size - (charge + self._headers if charge else 0)
@@ -157,7 +156,7 @@ class BudgetGuard:
             self._keep_room(size)
 
     def _keep_room(self, size: int) -> None:
-        """An answer has come: its copy may still, for a while."""
+        """Keep room in the budget for a possible duplicate of a response that has arrived."""
         remaining = size
         while remaining and self._awaited:
             until, awaited_bytes = self._awaited.popleft()
@@ -170,9 +169,9 @@ class BudgetGuard:
 
     @property
     def charged_bytes(self) -> int:
-        """What was admitted, with answers that have not come: they may still, and a provider may bill them."""
+        """Bytes admitted, including missing responses: they may still arrive, and a provider may bill them."""
         return self._charged
 
     def current_bill(self) -> cost.Bill:
-        """Price what has passed up to now: what was sent, and what came."""
+        """Price the bytes sent and received so far."""
         return cost.bill(self.sent_bytes + self.received_bytes, self.seconds, self.budget.tariff)

@@ -1,6 +1,6 @@
-"""Figures of several runs beside each other: what two runs differ in, and how a link has been over time.
+"""Comparison of measurement runs: the differences between two runs, and a link's figures over time.
 
-A difference counts only beyond 5 %, or beyond what the figure can tell: two runs of one link are never the same.
+A difference counts only beyond 5 %, or beyond the resolution of the figure: two runs of one link are never the same.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ALIKE: Final = 0.05
 
 
 class FigureTrend(StrEnum):
-    """What a figure of the second run is beside that of the first."""
+    """How a figure of the second run compares with that of the first."""
 
     BETTER = "better"
     WORSE = "worse"
@@ -50,7 +50,7 @@ def _train(record: QualifyRecord, take: Callable[[TrainFigures], float | None]) 
 
 
 def loss_shares(figures: TrainFigures) -> tuple[float | None, float | None, float]:
-    """Loss up, of what was sent, and down, of what arrived; None: not known; and of both ways together."""
+    """Return the loss shares up (of sent), down (of arrived) and both ways together; None if not known."""
     loss = figures.loss
     known_count = loss.sent - loss.in_flight
     if loss.up is None or loss.down is None or not known_count:
@@ -103,7 +103,7 @@ class FigureChange:
 
 @dataclass(frozen=True, slots=True)
 class FactChange:
-    """What was said of the circumstances of two runs; None: nothing."""
+    """A circumstance of two runs; None if it was not recorded."""
 
     title: str
     first: str | None
@@ -112,7 +112,7 @@ class FactChange:
 
 @dataclass(frozen=True, slots=True)
 class RunComparison:
-    """Two runs; `remarks`: why they may not be comparable."""
+    """A comparison of two runs; `remarks` tell why they may not be comparable."""
 
     remarks: tuple[str, ...]
     figures: tuple[FigureChange, ...]
@@ -136,7 +136,7 @@ def _facts(first: MeasuredRun, second: MeasuredRun) -> Iterator[FactChange]:
 
 
 def clock_words(run: MeasuredRun) -> str:
-    """In words."""
+    """Return the clock's synchronisation as text."""
     return "synchronised" if run.clock_synchronised else "not known to be synchronised"
 
 

@@ -1,9 +1,9 @@
-"""Figures of a train, made of its raw samples and nothing else, so that they can be made again with other limits.
+"""Figures of a packet train, computed from its raw samples alone, so other limits can be applied later.
 
-A percentile is the smallest sample that so many of the samples do not exceed (RFC 2330, 11.3). The round trip is the
-sender's own, less the time that the packet lay at the reflector, so it needs no common clock. A delay one way is known
-only up to a constant where the clocks are not synchronised: then its variation is given, above its least value. How
-far the two clocks drift apart in a run is not corrected; 50 parts in a million are 30 ms in ten minutes.
+A percentile is the smallest sample that the given share of the samples does not exceed (RFC 2330, 11.3). The round trip
+is measured by the sender's clock, less the packet's time at the reflector, so it needs no common clock. If the clocks
+are not synchronised a one-way delay is known only up to a constant: then its variation above its minimum is given. The
+drift between the two clocks in a run is not corrected; 50 parts in a million are 30 ms in ten minutes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _TRIM_SHARE: Final = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Percentiles:
-    """Of `n` samples, in seconds. Over few samples the upper ones are all the greatest."""
+    """Percentiles of `n` samples, in seconds; with few samples the upper ones all equal the maximum."""
 
     n: int
     min: float
@@ -43,7 +43,7 @@ class Percentiles:
 
 @dataclass(frozen=True, slots=True)
 class DelayVariation:
-    """How the delay of one direction varies; no common clock is needed for any of it."""
+    """The variation of the delay in one direction; it needs no common clock."""
 
     above_min: Percentiles
     """Delay less the least one: what queues and radio add."""
@@ -59,7 +59,7 @@ class DelayVariation:
 
 @dataclass(frozen=True, slots=True)
 class TrainLoss:
-    """Where packets were lost. `up` and `down` are None where that is not known; `why` says it."""
+    """Where packets were lost; `up` and `down` are None if that is not known, and `why` gives the reason."""
 
     sent: int
     received: int
@@ -80,14 +80,14 @@ class TrainLoss:
 
     @property
     def share(self) -> float:
-        """Lost of those whose fate is known."""
+        """The share of lost packets among those with a known result."""
         known_count = self.sent - self.in_flight
         return self.lost / known_count if known_count else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class FrameLoss:
-    """Shares of packets lost outside of gaps (ITU-T Y.1563); None: not known for each way."""
+    """Shares of packets lost outside of gaps (ITU-T Y.1563); None if not known per direction."""
 
     up: float | None
     down: float | None
@@ -99,13 +99,13 @@ class FrameLoss:
 
     @property
     def share_up(self) -> float:
-        """That of both ways where it is not known each way: no message loses more."""
+        """The loss share upwards; the share of both ways if not known per direction, which is an upper bound."""
         return self.both if self.up is None else self.up
 
 
 @dataclass(frozen=True, slots=True)
 class ArrivalGaps:
-    """Times in which nothing arrived, the beginning and the end of the train among them."""
+    """Periods without arrivals, including the beginning and the end of the train."""
 
     longest_s: float
     above: tuple[tuple[int, int], ...]
@@ -120,7 +120,7 @@ class ArrivalGaps:
 
 @dataclass(frozen=True, slots=True)
 class TrainFigures:
-    """What a train has measured."""
+    """The figures of one packet train."""
 
     size: int
     interval_s: float
@@ -143,12 +143,12 @@ class NoTrain(LookupError):
 
 
 def percentile(sorted_values: Sequence[float], share: float) -> float:
-    """Give a percentile of samples that are sorted; RFC 2330, 11.3."""
+    """Return a percentile of sorted samples (RFC 2330, 11.3)."""
     return sorted_values[max(0, math.ceil(share * len(sorted_values)) - 1)]
 
 
 def percentiles(values: Iterable[float]) -> Percentiles | None:
-    """Give those of samples in any order; None: there are none."""
+    """Return the percentiles of samples in any order; None if there are none."""
     sorted_values = sorted(values)
     if not sorted_values:
         return None
@@ -157,10 +157,10 @@ def percentiles(values: Iterable[float]) -> Percentiles | None:
 
 
 def round_trips_per_minute(rtts: Iterable[float]) -> float | None:
-    """Responsiveness as one number, with the trimmed mean of draft-ietf-ippm-responsiveness-08, 4.3: higher is better.
+    """Return the responsiveness as one number: the trimmed mean of draft-ietf-ippm-responsiveness-08, 4.3.
 
-    The draft takes TCP, TLS and HTTP exchanges; these are test packets over UDP beside the load, so the number is not
-    that of its tools.
+    Higher is better. The draft uses TCP, TLS and HTTP exchanges; these are test packets over UDP beside the load, so
+    the number is not that of its tools.
     """
     sorted_rtts = sorted(rtts)
     lowest_rtts = sorted_rtts[: max(1, math.ceil(_TRIM_SHARE * len(sorted_rtts)))]
@@ -168,7 +168,7 @@ def round_trips_per_minute(rtts: Iterable[float]) -> float | None:
 
 
 def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
-    """Make the figures of one train. NoTrain."""
+    """Compute the figures of one train; raise NoTrain if the samples do not contain it."""
     mine = [sample for sample in samples if sample.stream == stream]
     begin = next((sample for sample in mine if isinstance(sample, TrainBegan)), None)
     if begin is None:
@@ -211,7 +211,7 @@ def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
 
 
 def round_trips(samples: Iterable[Sample], stream: str) -> list[tuple[float, float | None]]:
-    """Give when each packet was sent, in seconds since the first, and its round trip; None: it was not answered."""
+    """Return each packet's send time in seconds since the first, and its round trip (None: not answered)."""
     mine = [sample for sample in samples if sample.stream == stream]
     packets = [sample for sample in mine if isinstance(sample, PacketSent) and not sample.error]
     pairs = responses.answered_packets(packets, [sample for sample in mine if isinstance(sample, ReplySample)])
@@ -253,7 +253,7 @@ def _loss(  # noqa: PLR0913, PLR0917 - all that is known of a train
 def _direction(
     sent_count: int, lost_count: int, in_flight: int, pairs: Sequence[AnsweredPacket], counters: CounterSample | None
 ) -> tuple[int | None, int | None, str]:
-    """Split loss by the reflector's own count, else by its sequence numbers (RFC 8762, 4.3.1)."""
+    """Split the loss by direction, from the reflector's counters or its sequence numbers (RFC 8762, 4.3.1)."""
     numbers = [pair.reflector_sequence for pair in pairs]
     if len(set(numbers)) != len(numbers):
         return None, None, "the reflector began to count again in this train"
@@ -266,7 +266,7 @@ def _direction(
 
 
 def _by_numbers(lost_count: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None, int | None, str]:
-    """Split loss where the reflector has told no count of its own."""
+    """Split the loss by the reflector's sequence numbers, if it reported no counters."""
     if not pairs:
         return None, None, "nothing was answered"
     if all(pair.sequence == pair.reflector_sequence for pair in pairs):
@@ -296,7 +296,7 @@ def _frame_loss(loss: TrainLoss, gaps: Sequence[Silence]) -> FrameLoss:
 def _variation(
     pairs: Sequence[AnsweredPacket], delays: Sequence[tuple[int, int]], *, absolute: bool
 ) -> DelayVariation | None:
-    """`delays`: for each packet in the order of sending when it arrived, and its delay up to a constant."""
+    """Return the delay variation; `delays` holds arrival time and relative delay per packet, in sending order."""
     if not delays:
         return None
     values = [delay / _SECOND for _, delay in delays]
@@ -320,7 +320,7 @@ def _variation(
 
 
 def _rfc3550(transits: Sequence[float]) -> list[float]:
-    """Give the estimate after each packet, in the order of arrival."""
+    """Return the jitter estimate of RFC 3550 after each packet, in the order of arrival."""
     estimates, jitter = [], 0.0
     for earlier, later in pairwise(transits):
         jitter += (abs(later - earlier) - jitter) / 16
@@ -329,7 +329,7 @@ def _rfc3550(transits: Sequence[float]) -> list[float]:
 
 
 def _reorder_share(sequences: Sequence[int]) -> float | None:
-    """Share of packets that arrived after one that was sent later."""
+    """Return the share of packets that arrived after one that was sent later."""
     if not sequences:
         return None
     next_sequence, reorder_count = 0, 0
@@ -344,7 +344,7 @@ def _reorder_share(sequences: Sequence[int]) -> float | None:
 def _gaps(
     packets: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], ended_at: int, counters: CounterSample | None
 ) -> ArrivalGaps:
-    """Between arrivals; the first packet and the last are taken to arrive after the least round trip."""
+    """Return the gaps between arrivals; first and last packet are assumed to arrive after the minimum round trip."""
     if not packets:
         return ArrivalGaps(0.0, tuple((limit, 0) for limit in GAPS_S), 0.0, open_end=False, at_most_s=None)
     least = min((pair.rtt for pair in pairs), default=0)

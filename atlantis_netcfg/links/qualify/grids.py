@@ -1,9 +1,9 @@
-"""What Tables 33 and 34 of the report may have been: small telemetry and images, each size at each rate.
+"""Test grids assumed for Tables 33 and 34 of the report: small telemetry and images, each size at each rate.
 
-Their shape is unknown: only their titles survive, so every page that shows a grid shows `SHAPE_UNKNOWN` with it.
-Contents do not matter on the wire. A telemetry message of so many octets is a test packet with the octets that RTPS
-would add; images are random octets of a nominal JPEG size, labelled with the picture that they stand for, sent in
-chunks and not sent again.
+Their form is unknown: only their titles survive, so every page that shows a grid shows `SHAPE_UNKNOWN` with it.
+Contents do not matter on the wire. A telemetry message of a given size is a test packet with the octets that RTPS would
+add; images are random octets of a nominal JPEG size, labelled with the picture that they represent, sent in chunks and
+not resent.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ IMAGE_RATES_HZ: Final = (0.2, 1.0, 2.0, 5.0)
 
 @dataclass(frozen=True, slots=True)
 class NominalImage:
-    """A picture by its pixels and JPEG quality; its octets are nominal: bits a pixel that such pictures often have."""
+    """A picture by pixels and JPEG quality; its size in octets is nominal, from typical bits per pixel."""
 
     width: int
     height: int
@@ -49,12 +49,12 @@ class NominalImage:
 
     @property
     def octets(self) -> int:
-        """0.6 bits a pixel at quality 30, and 1 at 60."""
+        """Nominal size: 0.6 bits a pixel at quality 30, and 1 at 60."""
         return round(self.width * self.height * {30: 0.6, 60: 1.0}[self.quality] / 8)
 
     @property
     def label(self) -> str:
-        """As a table shows it."""
+        """The picture's label in a table."""
         return f"{self.width}x{self.height} q{self.quality}"
 
 
@@ -67,7 +67,7 @@ IMAGES: Final = tuple(
 
 @dataclass(frozen=True, slots=True)
 class RateRow:
-    """A size at a rate, and what became of it; losses are shares, None: not known for each way."""
+    """The result of one size at one rate; losses are shares, None if not known per direction."""
 
     label: str
     octets: int
@@ -83,22 +83,22 @@ class RateRow:
 
 
 def telemetry_plan(octets: int, rate_hz: float, duration_s: float) -> TrainPlan:
-    """Give a train of test packets as long as a sample of so many octets and RTPS around it, or as an empty one."""
+    """Return a train of test packets as long as a sample of this size with RTPS, but at least an empty test packet."""
     return TrainPlan(max(stamp.AUTHENTICATED_SIZE, octets + RTPS_OCTETS), 1 / rate_hz, duration_s)
 
 
 def image_plan(image: NominalImage, rate_hz: float, duration_s: float) -> MessagePlan:
-    """Give a stream of images, best effort."""
+    """Return a best-effort stream of images."""
     return MessagePlan(image.octets, rate_hz, duration_s)
 
 
 def train_bytes(plan: TrainPlan, headers: int) -> int:
-    """Give what a train puts on the wire, both ways together, without its question for counters."""
+    """Return the bytes of a train on the wire, both ways together, without its request for counters."""
     return 2 * plan.packets * (plan.size + headers)
 
 
 def message_bytes(plan: MessagePlan, headers: int) -> int:
-    """Give what authenticated messages put on the wire where nothing is lost, both ways together."""
+    """Return the bytes of authenticated messages on the wire without loss, both ways together."""
     packet = min(plan.packet, DEFAULT_PACKET)
     room = stamp.chunk_room(packet, is_authenticated=True)
     answer = stamp.extended_size(is_authenticated=True) + stamp.ACKNOWLEDGEMENT_SIZE
@@ -107,7 +107,7 @@ def message_bytes(plan: MessagePlan, headers: int) -> int:
 
 
 def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s: float) -> RateRow:
-    """Judge a train of the grid: at most 1 % lost each way outside of gaps, and a round trip in its band."""
+    """Judge a train of the grid: at most 1 % loss each way outside of gaps, and the round trip within limits."""
     loss, flr, rtt = figures.loss, figures.flr, figures.rtt
     known_count = loss.sent - loss.in_flight
     up = None if loss.up is None or not known_count else loss.up / known_count
@@ -144,7 +144,7 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
 
 
 def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle_latency_s: float) -> RateRow:
-    """Judge a stream of the grid as the search for the highest rate does, and by its messages that are not whole."""
+    """Judge a stream of the grid by the criteria of the rate search and by its incomplete messages."""
     has_loss = figures.lost_count + figures.unknown >= search.MIN_LOST and figures.loss > search.MAX_LOSS
     limit = search.RateLimit.LOSS if has_loss else search.find_limit(figures, idle_latency_s, 0.0)
     latency = figures.latency
@@ -169,7 +169,7 @@ def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle
 
 
 def table(rows: Sequence[RateRow]) -> list[str]:
-    """Give lines for a person, within 80 columns."""
+    """Render the rows as text within 80 columns."""
     columns = (("octets", 7), ("Hz", 6), ("sent", 6), ("recv", 6), ("up%", 6), ("down%", 6), ("p50 s", 7), ("p95 s", 7))
     head = f"{'size':<13}" + "".join(f"{name:>{width}}" for name, width in columns) + "  verdict"
     lines = [SHAPE_UNKNOWN, head]

@@ -1,8 +1,8 @@
-"""Verdicts on figures against a named profile of thresholds, in the words of ITU-T Y.1564 and RFC 6349.
+"""Verdicts on figures against a named profile of thresholds, in the terms of ITU-T Y.1564 and RFC 6349.
 
-A figure that is missing, or made of too few packets or answers, is INCONCLUSIVE; so are gaps that a train was too short
-for, or that one of its ends cut off, and a loss of which the reflector made a part by refusing what exceeded its rate.
-A train that nobody answered fails only where it was long enough to outlive a satellite's gap.
+A figure that is missing, or computed from too few packets or responses, is INCONCLUSIVE. So are gaps that a train was
+too short for, or that one of its ends cut off, and a loss that the reflector partly caused by refusing what exceeded
+its rate. A train without any response fails only if it was longer than a satellite's gap.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _SHORT_S: Final = 0.5
 
 
 class QualifyProfile(BaseModel):
-    """Thresholds; what each is stands in `profiles.yml`."""
+    """Thresholds for a verdict; `profiles.yml` explains each of them."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -44,7 +44,7 @@ class QualifyProfile(BaseModel):
 
 
 class NoSuchProfile(UsageError, KeyError):
-    """No thresholds have this name."""
+    """No profile of thresholds has this name."""
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -52,7 +52,7 @@ class NoSuchProfile(UsageError, KeyError):
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """One criterion: what was measured, what it may be, and the verdict with its reason."""
+    """The verdict on one criterion: the measured value, its limit, and the reason."""
 
     criterion: str
     measured: float | None
@@ -64,13 +64,13 @@ class Judgement:
 
 @cache
 def profiles() -> Mapping[str, QualifyProfile]:
-    """All that are shipped."""
+    """Return all shipped profiles by name."""
     text = resources.files("atlantis_netcfg.links.qualify").joinpath("profiles.yml").read_text("utf-8")
     return TypeAdapter(dict[str, QualifyProfile]).validate_python(yaml.safe_load(text))
 
 
 def profile(name: str) -> QualifyProfile:
-    """Give the thresholds of a name. NoSuchProfile."""
+    """Return a profile of thresholds by name; raise NoSuchProfile."""
     if name not in profiles():
         raise NoSuchProfile(f"no profile of thresholds is named `{name}`", hint=f"take one of: {', '.join(profiles())}")
     return profiles()[name]
@@ -82,7 +82,7 @@ def judge(
     under_load: TrainFigures | None = None,
     load: MessageFigures | None = None,
 ) -> Sequence[Judgement]:
-    """Judge a train without load, and the round trips of one beside a load that filled the link."""
+    """Judge an idle train and, if given, the round trips of a train beside a load that filled the link."""
     loss = idle.loss
     known_count = loss.sent - loss.in_flight
     span_s = known_count * idle.interval_s
@@ -109,7 +109,7 @@ def judge(
 
 
 def _frame_loss(idle: TrainFigures, limits: QualifyProfile, few: str) -> Iterator[Judgement]:
-    """Outside of gaps; those are judged by their length, and by the availability."""
+    """Judge the loss outside of gaps; gaps are judged by their length and by the availability."""
     flr, loss, least = idle.flr, idle.loss, -(-limits.min_samples // 2)
     rate_doubt = f"the reflector refused {loss.limited} packets for its rate" if loss.limited else ""
     rest = f"only {flr.packets} packets outside of gaps, {least} are needed" if flr.packets < least else ""

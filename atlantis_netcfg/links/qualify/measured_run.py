@@ -1,12 +1,12 @@
-"""What a run of measurements is beside its raw samples: where, over what, when, within which budget, who counted along.
+"""Metadata of a measurement run: place, link, time, budget, and the router's own counters.
 
 A run is a folder with two files: `samples.jsonl` (`samples`) and `run.json`, which holds one `MeasuredRun`. Figures,
-tables, plots and verdicts are made of these two, so that they can be made again with other thresholds.
+tables, plots and verdicts are computed from these two, so that other thresholds can be applied later.
 
-Streams of a run are named so that a reader of samples knows what they are: `idle` and `loaded` (trains), `led` (a train
-while a tunnel moves to the link), `load up` and `load down` (messages), `telemetry SIZE RATE`, `image LABEL RATE`,
-`rate SIZE RATE` (octets, and messages a second as `%g`; a label as `grids.NominalImage.label` has it). `rate SIZE 0`:
-messages one after the other, without load, whose latency those of this size are compared with.
+Streams of a run have fixed names, which identify them to a reader of samples: `idle` and `loaded` (trains), `led` (a
+train while a tunnel moves to the link), `load up` and `load down` (messages), `telemetry SIZE RATE`, `image LABEL
+RATE`, `rate SIZE RATE` (octets, and messages a second as `%g`; a label as in `grids.NominalImage.label`). `rate SIZE
+0`: messages sent one by one without load, whose latency is the reference for messages of this size.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ RUN_FILE: Final = "run.json"
 
 
 class Selection(StrEnum):
-    """What is measured: the word of `profile=`. Idle round trips and the path MTU belong to each."""
+    """The measurement selected by `profile=`; idle round trips and the path MTU are part of each."""
 
     TELEMETRY = "telemetry"
     IMAGES = "images"
@@ -47,7 +47,7 @@ class RunPart(BaseModel):
 
 
 class FarEnd(RunPart):
-    """Who answered."""
+    """The reflector that responded."""
 
     name: str
     address: str
@@ -59,7 +59,7 @@ class FarEnd(RunPart):
 
 
 class BudgetLimits(RunPart):
-    """What a person has allowed; None: no limit of that kind."""
+    """The limits that a person has set; None means no limit of that kind."""
 
     max_bytes: int | None = None
     max_seconds: float | None = None
@@ -67,11 +67,11 @@ class BudgetLimits(RunPart):
 
 
 class LinkCount(RunPart):
-    """What the router counted on one of the site's links between the first packet and the last.
+    """The router's counters for one link of the site between the first packet and the last.
 
-    `test_*`: packets of this run alone, by counting rows of the router; None: it has not counted. Through the VPN: all
-    of this computer's tunnel.
-    `port_*`: whatever passed the port, traffic of the site included.
+    `test_*`: packets of this run alone, by counting rules of the router; None if it did not count. Through the VPN: all
+    traffic of this computer's tunnel.
+    `port_*`: all traffic of the port, including the site's.
     """
 
     link: str
@@ -84,7 +84,7 @@ class LinkCount(RunPart):
 
 
 class MeasuredRun(RunPart):
-    """All that is known of a run and is no sample."""
+    """All data about a run except its samples."""
 
     version: int = VERSION
     id: str
@@ -134,10 +134,10 @@ class MeasuredRun(RunPart):
 
 
 def write_run(folder: Path, run: MeasuredRun) -> None:
-    """Replace `run.json` of a run's folder at once."""
+    """Replace `run.json` in a run's folder atomically."""
     write_atomically(folder / RUN_FILE, f"{run.model_dump_json(indent=1)}\n".encode())
 
 
 def read_run(folder: Path) -> MeasuredRun:
-    """Read it. OSError; ValueError: it is not one of this version."""
+    """Read `run.json`; raise OSError, or ValueError if it is not of this version."""
     return MeasuredRun.model_validate_json((folder / RUN_FILE).read_text(encoding="utf-8"))

@@ -1,9 +1,9 @@
-"""Messages of any size to the far end, in chunks: received when the receiver says that it has the last octet.
+"""Messages of any size to the far end, sent in chunks; complete when the receiver confirms the last octet.
 
-A transfer is never timed by the sender's last `send`: what it hands over may lie in a queue for long, or be lost. The
-receiver counts, by its own clock, and its word ends the message. Contents do not matter and are random, so that
-nothing compresses them. `resend`: what is missing is sent again until the receiver has all of it; else it is asked for
-what came, and that is that. `messages_down` has the other way.
+A transfer is never timed by the sender's last `send`: the data may wait in a queue for long, or be lost. The receiver
+measures with its own clock, and its acknowledgement ends the message. Contents are random, so that nothing compresses
+them. With `resend`, missing chunks are sent again until the receiver has everything; without it, the receiver is only
+asked what arrived. `messages_down` handles the other direction.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ class MessagePlan:
 
     @property
     def messages(self) -> int:
-        """How many, if nothing limits it."""
+        """The number of messages, if no limit ends the stream earlier."""
         return max(1, round(self.duration_s * self.rate_hz))
 
     def due_ns(self, headers: int, *, is_authenticated: bool) -> int:
-        """How long after a message the next one begins: not before its packets have left at their pace."""
+        """Return the time from one message's start to the next one's, at least the sending time at the given pace."""
         room = stamp.chunk_room(self.packet, is_authenticated=is_authenticated)
         wire = self.size + -(-self.size // room) * (self.packet - room + headers)
         return round(session.SECOND * max(1 / self.rate_hz, 0.0 if self.pace_bps is None else wire * 8 / self.pace_bps))
@@ -79,7 +79,7 @@ class _OpenMessage:
 
 @dataclass(slots=True)
 class MessageStream:
-    """Messages under way, to our reflector."""
+    """Messages in transit to this project's reflector."""
 
     name: str
     plan: MessagePlan
@@ -102,7 +102,7 @@ class MessageStream:
 
     @property
     def chunk_size(self) -> int:
-        """How many octets of a message a packet carries. ValueError: the packets are too short for any."""
+        """Octets of a message per packet; raises ValueError if the packets are too short for any."""
         room = stamp.chunk_room(self.plan.packet, is_authenticated=self.peer.key is not None)
         if room < 1:
             raise ValueError(f"packets of {self.plan.packet} octets carry nothing")
@@ -110,7 +110,7 @@ class MessageStream:
 
     @property
     def answer_size(self) -> int:
-        """The longest answer; a packet that wants one is at least as long."""
+        """The size of the longest response; a packet that requests one is at least as long."""
         return self._base_size + stamp.ACKNOWLEDGEMENT_SIZE
 
     @property
@@ -118,12 +118,12 @@ class MessageStream:
         return stamp.extended_size(is_authenticated=self.peer.key is not None)
 
     def begin(self, origin_ns: int) -> None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         self._origin, self._begin = origin_ns, self.transport.now_ns()
         self._free_at = self._begin
 
     def due_ns(self) -> int | None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         if self._queue:
             return self._free_at
         dues = [self._starts(self._started_count)] if self._started_count < self.plan.messages else []
@@ -145,7 +145,7 @@ class MessageStream:
         return round(self.plan.timeout_s * session.SECOND) * max(1, min(message.questions, 4))
 
     def next_packet(self, now_ns: int) -> session.Outgoing | None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         self._start(now_ns)
         self._look(now_ns)
         if not self._queue or now_ns < self._free_at:
@@ -175,7 +175,7 @@ class MessageStream:
             heapq.heappush(self._waits, (now_ns + self._patience(message), message.number))
 
     def _look(self, now_ns: int) -> None:
-        """Ask for messages of which nothing was heard, and give up those whose time is up."""
+        """Request the status of messages without response, and give up those past their timeout."""
         while self._waits and self._waits[0][0] <= now_ns:
             _, number = heapq.heappop(self._waits)
             message = self._open.get(number)
@@ -202,7 +202,7 @@ class MessageStream:
             message.queue_length += 1
 
     def mark_sent(self, outgoing: session.Outgoing, now_ns: int, error: str) -> None:
-        """As `PacketStream` has it. What this computer did not take is missing at the receiver, like what is lost."""
+        """See `PacketStream`; a packet that this computer did not send counts as missing, like a lost one."""
         message, _ = self._queue.popleft()
         message.queue_length -= 1
         del error
@@ -219,7 +219,7 @@ class MessageStream:
         self._free_at = max(self._free_at + step, now_ns - _LAG_NS) if step else now_ns
 
     def accept(self, packet: stamp.ReflectorPacket, arrival: Arrival) -> int:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         charge = self._charge_by_sequence.pop(packet.sender_sequence, 0)
         for tlv in packet.tlvs:
             if tlv.type == stamp.CHUNK and not tlv.flags:
@@ -264,7 +264,7 @@ class MessageStream:
         )
 
     def end(self, now_ns: int, reason: str) -> None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         for message in [*self._open.values()]:
             self._finish(message, in_flight=True)
         self.write(samples.StreamEnd(self.name, now_ns - self._origin, reason))

@@ -1,9 +1,9 @@
-"""Messages from the far end to this computer: requested one by one, and counted here, by this computer's clock.
+"""Messages from the far end to this computer: requested one by one, and measured by this computer's clock.
 
-Our reflector alone sends them, and only to who has its key and shows the token that it gave to this address: the first
-question brings that. A request is charged with all that it may bring before it is sent. Where nothing of a message
-comes, the reflector is asked how much it has sent: what never reached it is requested again and is no loss of the way
-down.
+Only this project's reflector sends them, and only to a sender that has its key and presents the token given to this
+address: the first request obtains it. A request is charged with all its possible responses before it is sent. If
+nothing of a message arrives, the reflector is asked how much it has sent: chunks of a request that never reached it
+are requested again and do not count as loss in this direction.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _STATUS_SIZE: Final = _BASE + stamp.REQUEST_SIZE
 
 
 def requested_bytes(plan: MessagePlan, headers: int) -> int:
-    """Give what requested messages put on the wire where nothing is lost, both ways together, as a preview needs it."""
+    """Return the bytes of requested messages on the wire without loss, both ways together, for a cost preview."""
     chunks = -(-plan.size // stamp.chunk_room(plan.packet, is_authenticated=True))
     message = plan.size + chunks * (plan.packet - stamp.chunk_room(plan.packet, is_authenticated=True) + headers)
     question = _STATUS_SIZE + headers
@@ -67,7 +67,7 @@ class _ChunkRequest:
 
 @dataclass(slots=True)
 class DownMessageStream:
-    """Requested messages under way, from our reflector. ValueError: no key, or packets too short for any."""
+    """Requested messages in transit from the reflector; raises ValueError without key or if packets are too short."""
 
     name: str
     plan: MessagePlan
@@ -107,7 +107,7 @@ class DownMessageStream:
 
     @property
     def _pace_kbps(self) -> int:
-        """The plan counts headers, the reflector does not."""
+        """The pace in kbit/s for the reflector, which does not count headers as the plan does."""
         pace, packet = self.plan.pace_bps, self.plan.packet
         return 0 if pace is None else max(1, round(pace * packet / (packet + self.transport.headers) / 1000))
 
@@ -116,18 +116,18 @@ class DownMessageStream:
         return self.plan.due_ns(self.transport.headers, is_authenticated=True)
 
     def _chunk_size(self, index: int) -> int:
-        """The UDP payload that brings this chunk."""
+        """Return the size of the UDP payload that carries this chunk."""
         return self.plan.packet - self._room + min(self._room, self.plan.size - index * self._room)
 
     def begin(self, origin_ns: int) -> None:
-        """As `PacketStream` has it. The first message begins when the reflector has given its token."""
+        """See `PacketStream`; the first message begins when the reflector has issued its token."""
         self._origin, self._begin = origin_ns, self.transport.now_ns()
         self._open[0] = first = _AwaitedMessage(0, self._begin)
         self._started_count = 1
         self._put(_ChunkRequest(first))
 
     def due_ns(self) -> int | None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         if self._queue:
             return self._begin
         dues = [message.until for message in self._open.values()]
@@ -139,7 +139,7 @@ class DownMessageStream:
         return self._begin + round(number * session.SECOND / self.plan.rate_hz)
 
     def next_packet(self, now_ns: int) -> session.Outgoing | None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         while (
             self._token is not None
             and self._started_count < self.plan.messages
@@ -168,7 +168,7 @@ class DownMessageStream:
         return session.Outgoing(tlvs, _STATUS_SIZE, max(_STATUS_SIZE, brings), self._sequence, answers, lasts_s)
 
     def _sends_until(self, request: _ChunkRequest, now_ns: int) -> int:
-        """When the reflector has sent it, without what the link makes of that."""
+        """Return when the reflector will have sent the requested chunks, without delays of the link."""
         octets = request.count * self.plan.packet
         pace = self._pace_kbps * 1000 or self.far_rate_bps
         if self.far_rate_bps is not None and pace is not None:
@@ -181,7 +181,7 @@ class DownMessageStream:
         request.message.until = 1 << 62
 
     def _look(self, message: _AwaitedMessage, now_ns: int) -> None:
-        """Its time is up: ask for it, for what is missing of it, or give it up."""
+        """Handle a message's timeout: request its status or its missing chunks, or give it up."""
         age_s = (now_ns - message.asked_at) / session.SECOND
         if self._token is None or self.plan.resend:
             ends = age_s >= self.plan.give_up_s
@@ -199,7 +199,7 @@ class DownMessageStream:
             self._put(_ChunkRequest(message))
 
     def mark_sent(self, outgoing: session.Outgoing, now_ns: int, error: str) -> None:
-        """As `PacketStream` has it. What this computer did not take brings nothing, like what is lost."""
+        """See `PacketStream`; a request that this computer did not send brings no response, like a lost one."""
         del error
         request = self._queue.popleft()
         message = request.message
@@ -217,7 +217,7 @@ class DownMessageStream:
             message.until = until + patience
 
     def accept(self, packet: stamp.ReflectorPacket, arrival: Arrival) -> int:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         charge = 0
         request = self._requests[packet.sender_sequence]
         for tlv in packet.tlvs:
@@ -301,14 +301,14 @@ class DownMessageStream:
         )
 
     def end(self, now_ns: int, reason: str) -> None:
-        """As `PacketStream` has it. What was requested still comes, although nobody counts it any more."""
+        """See `PacketStream`; requested chunks still arrive but are no longer counted."""
         for message in [*self._open.values()]:
             self._finish(message, in_flight=True)
         self.write(samples.StreamEnd(self.name, now_ns - self._origin, reason))
 
 
 def _ranges(indexes: list[int]) -> list[tuple[int, int]]:
-    """Give runs of neighbours as their first and how many."""
+    """Group consecutive indexes as pairs of first index and count."""
     runs: list[tuple[int, int]] = []
     for index in indexes:
         if runs and sum(runs[-1]) == index:

@@ -1,9 +1,9 @@
-"""The longest packet that passes whole, header of IP included: found with packets that nobody may fragment.
+"""Path MTU: the longest packet, IP header included, that passes unfragmented.
 
-A size counts as too long only when it did not pass and a short packet passed right after it: in a gap nothing passes,
-and that says nothing of sizes. Waits follow the longest round trip up to now, and a late answer still counts. Packets
-that are answered by short ones measure the way there; packets whose answer is as long measure both ways, so the way
-back is the lesser of the two, or at least as wide as the way there.
+A size counts as too long only if it did not pass and a short packet passed right after it: in a gap nothing passes,
+which says nothing about sizes. Waits follow the longest round trip so far, and a late response still counts. Packets
+with short responses measure the way up; packets with equally long responses measure both ways. So the MTU down is the
+lower of the two results, or at least that of the way up.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ETHERNET: Final = 1500
 
 @dataclass(frozen=True, slots=True)
 class PathMtu:
-    """The longest packets that passed; None: not found out, and `why` says it."""
+    """The longest packets that passed; None if not determined, and `why` gives the reason."""
 
     up: int | None
     both: int | None
@@ -40,16 +40,16 @@ class PathMtu:
 
     @property
     def down(self) -> int | None:
-        """The way back, where it is narrower than the way there; else at least `both`, and this says None."""
+        """The MTU down if it is lower than up; None otherwise: then it is at least `both`."""
         return self.both if self.up is not None and self.both is not None and self.both < self.up else None
 
 
 class _OutOfBudget(Exception):
-    """No further packet may be sent."""
+    """The budget allows no further packet."""
 
 
 class _NoAnswer(Exception):
-    """Not even a short packet was answered."""
+    """Not even a short packet got a response."""
 
 
 @dataclass(slots=True)
@@ -68,7 +68,7 @@ class _MtuProbe:
     """By sequence: size, whether the way there alone is measured, what was charged for the answer, when it was sent."""
 
     def passes(self, size: int, *, up_only: bool) -> bool:
-        """Whether packets of this size pass; what is heard of it in a gap is not believed."""
+        """Return whether packets of this size pass; results from within a gap are ignored."""
         end = self.transport.now_ns() + round(self.patience_s * _SECOND)
         if not self._rtt_s:
             self._probe(self._short(), self.timeout_s, up_only=up_only)
@@ -133,9 +133,9 @@ def path_mtu(  # noqa: PLR0913 - each has its name where it is given
     patience_s: float = 90.0,
     headers: int | None = None,
 ) -> PathMtu:
-    """Search between 576 and `highest` octets. The way there alone needs our reflector.
+    """Search between 576 and `highest` octets; the MTU up alone needs this project's reflector.
 
-    `headers`: those that count for the size, where a tunnel puts more around each packet.
+    `headers`: the headers that count for the size, if a tunnel adds more to each packet.
     """
     header_bytes = transport.headers if headers is None else headers
     probe = _MtuProbe(transport, peer, guard, timeout_s, patience_s, header_bytes, secrets.randbelow(65535) + 1)

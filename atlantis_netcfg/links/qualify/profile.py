@@ -1,13 +1,13 @@
-"""A link profile: what a run has measured of a link, in the form in which a rehearsal replays it.
+"""A link profile: a link's measured behaviour, in the form that a rehearsal replays.
 
-It is made of the train `idle` of a run and of its messages, and lies as `profile.json` in the run's folder. Each
-direction has its delays (sorted, so each is a percentile), loss, copies and changes of order outside of gaps, the rate
-at which messages arrived, and the longest packet. Gaps have their lengths and directions.
+It is computed from the train `idle` of a run and from its messages, and saved as `profile.json` in the run's folder.
+Each direction has its delays (sorted, so each is a percentile), loss, duplicates and reordering outside of gaps, the
+rate at which messages arrived, and the longest packet. Gaps have their lengths and directions.
 
-How the round trip is split: without synchronised clocks a delay one way is known up to a constant only. Then each way
-gets half of the sum of both least delays; what varies above them is known for each way. A steady drift between both
-clocks is taken out. What a profile does not hold: in which order delays came, whether both ways were slow at the same
-time, loss in bursts shorter than a gap, and how delay and loss change with the load.
+Split of the round trip: without synchronised clocks a one-way delay is known up to a constant only. Then each direction
+gets half of the sum of both minimum delays; the variation above them is known per direction. A steady drift between
+both clocks is removed. Not in a profile: the order of delays, whether both directions were slow at the same time, loss
+in bursts shorter than a gap, and how delay and loss change with the load.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _SECOND: Final = 1_000_000_000
 
 
 class NoProfile(UsageError, ValueError):
-    """The run holds too little to be replayed, or is none."""
+    """The path is no run, or its run has too little data to be replayed."""
 
 
 class ProfilePart(BaseModel):
@@ -64,7 +64,7 @@ class ProfilePart(BaseModel):
 
 
 class DirectionProfile(ProfilePart):
-    """What one direction does; loss, copies and order are shares of packets outside of gaps."""
+    """The behaviour of one direction; loss, duplicates and reordering are shares of packets outside of gaps."""
 
     delays_s: tuple[float, ...]
     """In ascending order, each as likely as the others; the time in which a test packet is sent is in it."""
@@ -79,7 +79,7 @@ class DirectionProfile(ProfilePart):
 
 
 class ProfileGap(ProfilePart):
-    """A time in which packets did not pass, one way or both."""
+    """A period in which packets did not pass, in one or both directions."""
 
     seconds: float
     up: bool
@@ -87,7 +87,7 @@ class ProfileGap(ProfilePart):
 
 
 class LinkProfile(ProfilePart):
-    """What a rehearsal needs of a run."""
+    """The behaviour of a link, as a rehearsal needs it."""
 
     version: int = VERSION
     run: str
@@ -109,7 +109,7 @@ class LinkProfile(ProfilePart):
 
 
 def profile_of(run: measured_run.MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
-    """Make the profile of a run. NoProfile: its train is missing, or too little of it was answered."""
+    """Compute the profile of a run; raise NoProfile if its train is missing or had too few responses."""
     all_samples = [*samples]
     idle = [sample for sample in all_samples if sample.stream == IDLE]
     begin = next((sample for sample in idle if isinstance(sample, TrainBegan)), None)
@@ -157,7 +157,7 @@ def profile_of(run: measured_run.MeasuredRun, samples: Iterable[Sample]) -> Link
 
 
 def _gap(silence: Silence, interval_s: float, least_rtt_s: float) -> ProfileGap:
-    """Say how long the link was silent; a gap both ways also takes the answers to what was sent just before it."""
+    """Return the length and direction of a gap; a gap both ways also loses responses to packets just before it."""
     duration_s, down = silence.packets * interval_s, silence.down
     few = responses.LEAST_GAP_PACKETS - 1
     if down == 0:
@@ -169,7 +169,7 @@ def _gap(silence: Silence, interval_s: float, least_rtt_s: float) -> ProfileGap:
 
 
 def _losses(silences: Sequence[Silence], answered_count: int) -> tuple[float, float]:
-    """Shares up and down. Where the way is not known, each way has lost the same share."""
+    """Return the loss shares up and down; equal shares if the direction is not known."""
     lost_count = sum(silence.packets for silence in silences)
     if any(silence.down is None for silence in silences):
         share = 1 - math.sqrt(answered_count / (answered_count + lost_count))
@@ -179,7 +179,7 @@ def _losses(silences: Sequence[Silence], answered_count: int) -> tuple[float, fl
 
 
 def _delays(begin: TrainBegan, pairs: Sequence[AnsweredPacket]) -> tuple[dict[int, float], dict[int, float], str]:
-    """Give each answered packet's delay up and down by its number, and how the round trip was split."""
+    """Return each answered packet's delay up and down by number, and how the round trip was split."""
     up = [(pair.received_ns - begin.begin_ns - (pair.sent_at_ns - begin.begin_at_ns)) / _SECOND for pair in pairs]
     down = [(pair.arrived_at_ns - begin.begin_at_ns - (pair.replied_ns - begin.begin_ns)) / _SECOND for pair in pairs]
     numbers = [pair.sequence for pair in pairs]
@@ -197,7 +197,7 @@ def _delays(begin: TrainBegan, pairs: Sequence[AnsweredPacket]) -> tuple[dict[in
 
 
 def _drift(times_s: Sequence[float], differences_s: Sequence[float]) -> float:
-    """Seconds a second by which the far clock runs ahead, by the medians of the first third and the last."""
+    """Return the far clock's drift in s/s, from the medians of the first and the last third."""
     third = len(times_s) // 3
     span = median(times_s[-third:]) - median(times_s[:third])
     drift = (median(differences_s[-third:]) - median(differences_s[:third])) / span if span > 0 else 0.0
@@ -205,7 +205,7 @@ def _drift(times_s: Sequence[float], differences_s: Sequence[float]) -> float:
 
 
 def _overtaken(arrivals: Sequence[tuple[int, int]]) -> set[int]:
-    """Find who arrived after one that was sent later; `arrivals`: order of sending, and number, as they arrived."""
+    """Return the packets that arrived after a later one; `arrivals` holds sending order and number."""
     highest_order, late_numbers = -1, set()
     for order, number in arrivals:
         if order < highest_order:
@@ -231,14 +231,14 @@ def _direction(  # noqa: PLR0913, PLR0917 - all that is known of a direction
 
 
 def _thin_out(sorted_values: Sequence[float]) -> Sequence[float]:
-    """Keep as many percentiles, the least and the greatest among them."""
+    """Reduce the values to the maximum number of percentiles, keeping minimum and maximum."""
     if len(sorted_values) <= _MOST_DELAYS:
         return sorted_values
     return [sorted_values[round(n * (len(sorted_values) - 1) / (_MOST_DELAYS - 1))] for n in range(_MOST_DELAYS)]
 
 
 def _rates(samples: Sequence[Sample], headers: int) -> tuple[float | None, float | None]:
-    """Give the highest rates at which messages arrived, as they went over the wire: up and down."""
+    """Return the highest rates of arriving messages on the wire: up and down; None if not measured."""
     names = dict.fromkeys(sample.stream for sample in samples if isinstance(sample, MessageResult))
     rates = {name: rate for name in names if (rate := _rate(samples, name, headers)) is not None}
     down = [rate for name, rate in rates.items() if name == _LOAD_DOWN]
@@ -256,12 +256,12 @@ def _rate(samples: Sequence[Sample], stream: str, headers: int) -> float | None:
 
 
 def write_profile(folder: Path, profile: LinkProfile) -> None:
-    """Replace `profile.json` of a run's folder at once."""
+    """Replace `profile.json` in a run's folder atomically."""
     write_atomically(folder / PROFILE_FILE, f"{profile.model_dump_json(indent=1)}\n".encode())
 
 
 def read_profile(path: Path) -> LinkProfile:
-    """Read a run's folder, whose profile is made and kept where it has none yet, or a `profile.json`. NoProfile."""
+    """Read a `profile.json`, or the one of a run's folder, creating it if missing; raise NoProfile."""
     file = path / PROFILE_FILE if path.is_dir() else path
     try:
         if path.is_dir() and not file.is_file():

@@ -1,7 +1,7 @@
-"""The figures of a run: all that its samples and its `run.json` say, and the verdicts against named thresholds.
+"""The record of a run: figures from its samples and `run.json`, and verdicts against named thresholds.
 
-Nothing is measured here, and nothing is in `record.json` that cannot be made again: it is the same for the same samples
-and thresholds. Its shape is the JSON Schema of `QualifyRecord`; docs/qualify.md says what the fields are.
+Nothing is measured here, and `record.json` contains nothing that cannot be computed again: it is the same for the same
+samples and thresholds. Its format is the JSON Schema of `QualifyRecord`; docs/qualify.md explains the fields.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class MeasuredRate(grids.RateRow):
 
 @dataclass(frozen=True, slots=True)
 class LoadRow:
-    """What the receiver had of the messages that filled the link one way."""
+    """The receiver's result for the messages that filled the link in one direction."""
 
     way: Literal["up", "down"]
     size: int
@@ -78,7 +78,7 @@ class LoadRow:
 
 @dataclass(frozen=True, slots=True)
 class RateStep:
-    """A rate of the search; `failed`: why the link does not sustain it, empty where it does."""
+    """One step of the rate search; `failed` gives the reason if the link does not sustain the rate."""
 
     rate_hz: float
     sent: int
@@ -90,7 +90,7 @@ class RateStep:
 
 @dataclass(frozen=True, slots=True)
 class HighestRate:
-    """The highest rate that the link sustains of messages of a size."""
+    """The highest message rate that the link sustains at one message size."""
 
     size: int
     label: str
@@ -144,7 +144,7 @@ def make_record(
     digest: str = "",
     thresholds: tuple[str, judgement.QualifyProfile] | None = None,
 ) -> QualifyRecord:
-    """Make the figures. `digest`: SHA-256 of the samples; `thresholds`: other ones than the run's, with their name."""
+    """Compute the record of a run; `digest`: SHA-256 of the samples; `thresholds`: replace the run's, with a name."""
     streams: dict[str, list[Sample]] = defaultdict(list)
     for sample in samples:
         streams[sample.stream].append(sample)
@@ -185,7 +185,7 @@ def make_record(
 
 
 def _reason(samples: Sequence[Sample]) -> str:
-    """Why a stream ended."""
+    """Return why a stream ended."""
     return next((sample.reason for sample in samples if isinstance(sample, StreamEnd)), "cut off")
 
 
@@ -244,7 +244,7 @@ class _RunStreams:
                 yield self._grid_row(name, row, reference, self._message_bytes(figures.size, rate_hz))
 
     def _grid_row(self, name: str, row: grids.RateRow, reference: float | None, hour_bytes: int) -> MeasuredRate:
-        """Nothing passes that was compared with nothing, or that has not run to its end."""
+        """Return a grid row; its verdict is INCONCLUSIVE without a reference or if the stream ended early."""
         reason = self.reasons[name]
         if row.verdict is not Verdict.INCONCLUSIVE and reference is None:
             row = replace(row, verdict=Verdict.INCONCLUSIVE, reason=_NO_REFERENCE)
@@ -260,7 +260,7 @@ class _RunStreams:
         return grids.message_bytes(MessagePlan(size, rate_hz, _HOUR_S), self.headers)
 
     def _reference(self, size: int) -> float | None:
-        """Median latency of a message without load: of single ones, else the least median of all rates of this size."""
+        """Return the median latency without load: of single messages, else the lowest median of this size's rates."""
         single = self.messages.get(f"rate {size} 0")
         if single is not None and single.latency is not None:
             return single.latency.p50
@@ -287,7 +287,7 @@ class _RunStreams:
                 yield self._highest_rate(windows, reference, idle_loss)
 
     def _highest_rate(self, windows: Mapping[float, MessageFigures], reference: float, idle_loss: float) -> HighestRate:
-        """Go through the windows as the search did that measured them: it is judged anew, by the same rules."""
+        """Repeat the search over its measured windows: each is judged again by the same rules."""
         first = next(iter(windows.values()))
 
         def find_window(rate_hz: float) -> MessageFigures | None:

@@ -1,7 +1,7 @@
-"""Packets with and without an answer: which way those were lost, how many in a row, and which of them in a gap.
+"""Packets with and without a response: direction of loss, consecutive losses, and losses within gaps.
 
-A gap is silence of at least three packets and a second. What was lost in one is unavailability and no loss of the link
-while it carries, as ITU-T Y.1563 has it for severely errored blocks.
+A gap is silence of at least three packets and a second. Its losses count as unavailability, not as loss of the working
+link, as ITU-T Y.1563 treats severely errored blocks.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _SECOND: Final = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class AnsweredPacket:
-    """A packet and its first answer."""
+    """A packet and its first response."""
 
     sequence: int
     sent_at_ns: int
@@ -35,13 +35,13 @@ class AnsweredPacket:
 
     @property
     def rtt(self) -> int:
-        """In nanoseconds, less the time at the reflector."""
+        """Round-trip time in nanoseconds, less the time at the reflector."""
         return self.arrived_at_ns - self.sent_at_ns - (self.replied_ns - self.received_ns)
 
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """Packets without an answer, one after the other."""
+    """A series of consecutive packets without a response."""
 
     packets: int
     down: int | None
@@ -49,7 +49,7 @@ class Silence:
 
 
 def answered_packets(packets: Sequence[PacketSent], replies: Sequence[ReplySample]) -> list[AnsweredPacket]:
-    """Put packets and their first answers together, in the order of sending."""
+    """Pair packets with their first responses, in the order of sending."""
     first: dict[int, ReplySample] = {}
     for reply in replies:
         first.setdefault(reply.sequence, reply)
@@ -69,7 +69,7 @@ def answered_packets(packets: Sequence[PacketSent], replies: Sequence[ReplySampl
 
 
 def packets_of_known_fate(samples: Sequence[Sample], begin: TrainBegan) -> list[PacketSent]:
-    """Leave out packets that were under way when the run ended, and what this computer did not take."""
+    """Return the packets with a known result: not in transit at the end of the run, and actually sent."""
     end = next((sample.ended_at_ns for sample in samples if isinstance(sample, StreamEnd)), None)
     last_reply = max((s.arrived_at_ns for s in samples if isinstance(s, ReplySample)), default=0)
     fate_known = (last_reply if end is None else end) - round(begin.timeout_s * _SECOND)
@@ -86,7 +86,7 @@ def packets_of_known_fate(samples: Sequence[Sample], begin: TrainBegan) -> list[
 def find_silences(
     packets: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], counters: CounterSample | None
 ) -> list[Silence]:
-    """Find what was not answered, and on which way it was lost, by the reflector's own numbers (RFC 8762, 4.3.1)."""
+    """Return unanswered series and the direction of loss, by the reflector's own numbers (RFC 8762, 4.3.1)."""
     by_sequence = {pair.sequence: pair for pair in pairs}
     lost_count = len(packets) - len(pairs)
     numbers = [pair.reflector_sequence for pair in pairs]
@@ -111,5 +111,5 @@ def find_silences(
 
 
 def is_gap(silence: Silence, begin: TrainBegan) -> bool:
-    """Whether so many packets are more than loss."""
+    """Return whether the silence is long enough to be a gap rather than loss."""
     return silence.packets >= LEAST_GAP_PACKETS and silence.packets * begin.interval_s >= _LEAST_GAP_S

@@ -1,7 +1,7 @@
-"""Raw samples as JSON Lines: written one by one as they come, never rewritten, and read to make every figure.
+"""Raw samples as JSON Lines: appended as they arrive, never rewritten; every figure is computed from them.
 
-Times named `_at_ns` are on the sender's steady clock since the beginning of the run; those named `_ns` are since 1970
-on the clock of whoever made them. A file whose last line was cut off is whole without it.
+Times named `_at_ns` are on the sender's monotonic clock since the beginning of the run; those named `_ns` are since
+1970 on the clock of the computer that recorded them. If the last line of a file was cut off, it is ignored.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ VERSION: Final = 1
 
 
 class SamplesUnreadable(UsageError, ValueError):
-    """A line of a file of samples is not one that this version writes."""
+    """A line of a sample file was not written by this version."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrainBegan:
-    """A train of test packets begins; its samples bear the same `stream`."""
+    """The beginning of a train of test packets; its samples have the same `stream`."""
 
     stream: str
     begin_at_ns: int
@@ -45,7 +45,7 @@ class TrainBegan:
 
 @dataclass(frozen=True, slots=True)
 class PacketSent:
-    """A test packet was handed to the network; `error`: it was not, for this reason."""
+    """A test packet was sent; `error`: it was not, for this reason."""
 
     stream: str
     sequence: int
@@ -55,7 +55,7 @@ class PacketSent:
 
 @dataclass(frozen=True, slots=True)
 class ReplySample:
-    """An answer came; the second one for the same packet is a copy."""
+    """A response arrived; a second one for the same packet is a duplicate."""
 
     stream: str
     sequence: int
@@ -73,7 +73,7 @@ class ReplySample:
 
 @dataclass(frozen=True, slots=True)
 class CounterSample:
-    """The reflector's own count of a train, after its end."""
+    """The reflector's counters for a train, read after its end."""
 
     stream: str
     received: int
@@ -83,7 +83,7 @@ class CounterSample:
 
 
 class MessageDirection(StrEnum):
-    """Which way a message went."""
+    """The direction of a message."""
 
     UP = "up"
     """From this computer to the far end."""
@@ -92,7 +92,7 @@ class MessageDirection(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class MessageResult:
-    """A message was sent in chunks, and this is what became of it. Down, the receiver is this computer."""
+    """The result of sending one message in chunks; for direction down, the receiver is this computer."""
 
     stream: str
     message: int
@@ -143,7 +143,7 @@ _NAMES: Final = {kind: name for name, kind in _KINDS.items()}
 
 
 class SampleWriter:
-    """Adds lines to a file that is open for appending."""
+    """A writer that appends samples to an open file."""
 
     def __init__(self, file: TextIO) -> None:
         self._file = file
@@ -156,7 +156,7 @@ class SampleWriter:
 
 
 def read(lines: Iterable[str], name: str = "samples") -> Iterator[Sample]:
-    """Read lines that a writer wrote. SamplesUnreadable, with the line's number, on anything else."""
+    """Read lines of a sample file; raise SamplesUnreadable, with the line number, if a line is invalid."""
     for number, line in enumerate(lines, start=1):
         if not line.endswith("\n"):
             return

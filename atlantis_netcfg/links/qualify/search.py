@@ -1,10 +1,9 @@
-"""The highest rate of messages of a size that a link sustains, and what limits it.
+"""Search for the highest rate of messages of one size that a link sustains, and for what limits it.
 
-From the first rate it is doubled until a window fails, then the step between the last good and the first bad rate is
-halved four times, by their ratio. A window fails when more packets are lost than without load, when the 95th percentile
-of the delay leaves its band, or when the queue grows over the window. All of it is told by packets, and by messages of
-which a part came: one of many packets is seldom whole on a link that loses some. The numbers are those of
-docs/qualify.md.
+The rate is doubled from the first one until a window fails; then the step between the last good and the first bad rate
+is halved four times, by their ratio. A window fails if more packets are lost than without load, if the 95th percentile
+of the delay is out of bounds, or if the queue grows over the window. All criteria use packets, and messages that
+arrived in part: on a lossy link a message of many packets is seldom complete. The numbers are those of docs/qualify.md.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ SURE: Final = 3
 
 
 class RateLimit(StrEnum):
-    """What keeps a link from a higher rate."""
+    """What prevents a higher rate on a link."""
 
     LOSS = "loss"
     LATENCY = "latency"
@@ -44,7 +43,7 @@ class RateLimit(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RateWindow:
-    """What was seen at a rate; `find_limit`: why the link does not sustain it."""
+    """The measurement at one rate; `find_limit` tells why the link does not sustain it."""
 
     rate_hz: float
     figures: MessageFigures | None
@@ -53,7 +52,7 @@ class RateWindow:
 
 @dataclass(frozen=True, slots=True)
 class SustainedRate:
-    """The result; `rate_hz` None: not even the first rate was sustained, or seen."""
+    """The result of a search; `rate_hz` None: not even the first rate was sustained, or measured."""
 
     size: int
     rate_hz: float | None
@@ -62,12 +61,12 @@ class SustainedRate:
 
     @property
     def is_proved(self) -> bool:
-        """A rate was sustained, and a higher one was seen to fail."""
+        """Whether a rate was sustained and a higher one measured as failing."""
         return self.rate_hz is not None and self.limited_by not in {RateLimit.BUDGET, RateLimit.HIGHEST}
 
 
 def find_limit(figures: MessageFigures, idle_latency_s: float, idle_loss: float) -> RateLimit | None:
-    """Judge a window against the link without load, which loses this share of packets; None: it is sustained."""
+    """Return why a window fails compared with the idle link and its loss share; None if it is sustained."""
     if figures.delay_p95_s is None:
         return RateLimit.SILENCE
     expected_loss = (idle_loss + MAX_LOSS) * figures.packets
@@ -87,10 +86,10 @@ def sustained_rate(  # noqa: PLR0913 - each has its name where it is given
     first_hz: float = FIRST_HZ,
     highest_hz: float = 64.0,
 ) -> SustainedRate:
-    """Search. `measure` runs a window at a rate; None: the budget ended before it did.
+    """Search for the highest sustained rate; `measure` runs a window, or returns None if the budget ended first.
 
-    `idle_latency_s` is the median latency of single messages of this size, and `idle_loss` the share of packets that
-    are lost, both without load.
+    `idle_latency_s` is the median latency of single messages of this size, and `idle_loss` the share of packets lost,
+    both without load.
     """
     windows: list[RateWindow] = []
     good: float | None = None

@@ -1,7 +1,7 @@
-"""The sender: streams of test packets to one reflector, each packet on its schedule and within the budget.
+"""The sender: streams of test packets to one reflector, each packet on schedule and within the budget.
 
-A train is a series of equal packets for delay, loss, order and gaps each way. Where it is the load that matters,
-streams of messages (`messages`) run beside it on the same socket. Every stream has a session identifier of its own.
+A train is a series of equal packets that measures delay, loss, order and gaps per direction. For tests under load,
+streams of messages (`messages`) run beside it on the same socket. Every stream has its own session identifier.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _SLICE_S: Final = 0.2
 
 
 class EndReason(StrEnum):
-    """Why a run ended; a limit of the budget has its own word."""
+    """Why a run ended; each limit of the budget has a separate value."""
 
     DONE = "done"
     STOPPED = "stopped"
@@ -52,7 +52,7 @@ class EndReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
-    """A packet that a stream wants to send, and all that it can bring."""
+    """A packet that a stream wants to send, and the responses that it may cause."""
 
     tlvs: Tlvs
     size: int
@@ -67,7 +67,7 @@ class Outgoing:
 
 @dataclass(frozen=True, slots=True)
 class ReflectorPeer:
-    """Who answers, and how packets for it are made."""
+    """The reflector, and how packets for it are made."""
 
     key: bytes | None
     """None: unauthenticated, for reflectors of others."""
@@ -79,33 +79,33 @@ class ReflectorPeer:
 
 
 class PacketStream(Protocol):
-    """A source of packets; `run` asks it when, and hands it what comes back."""
+    """A source of packets: `run` asks it when to send, and passes it the responses."""
 
     name: str
     session_id: int
 
     def begin(self, origin_ns: int) -> None:
-        """Begin now; this is the zero of the run's samples."""
+        """Start the stream now; `origin_ns` is the zero of the run's sample times."""
 
     def due_ns(self) -> int | None:
-        """When it wants to send, or to be asked again; None: it has ended."""
+        """Return when the stream next wants to send or be asked; None if it has ended."""
 
     def next_packet(self, now_ns: int) -> Outgoing | None:
-        """What it sends now; None: nothing yet."""
+        """Return the packet to send now; None if there is none yet."""
 
     def mark_sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
-        """The packet was handed over, or (`error`) was not."""
+        """Record that the packet was sent or, with `error`, was not."""
 
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
-        """An answer came; the size that was charged for it, 0 for a copy."""
+        """Accept a response; return the size that was charged for it, 0 for a duplicate."""
 
     def end(self, now_ns: int, reason: str) -> None:
-        """Nothing more is sent or received."""
+        """End the stream: nothing more is sent or received."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrainPlan:
-    """Equal packets at equal intervals; `size` is the UDP payload, which the answer has as well."""
+    """A plan of equal packets at equal intervals; `size` is the UDP payload of request and response."""
 
     size: int
     interval_s: float
@@ -115,13 +115,13 @@ class TrainPlan:
 
     @property
     def packets(self) -> int:
-        """How many, if nothing limits it."""
+        """The number of packets, if no limit ends the train earlier."""
         return max(1, round(self.duration_s / self.interval_s))
 
 
 @dataclass(slots=True)
 class Train:
-    """A train under way."""
+    """A packet train that is being sent."""
 
     name: str
     plan: TrainPlan
@@ -139,7 +139,7 @@ class Train:
     _has_ended: bool = False
 
     def begin(self, origin_ns: int) -> None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         now = self.transport.now_ns()
         self._origin, self._begin, self._next = origin_ns, now, now
         plan, peer = self.plan, self.peer
@@ -159,11 +159,11 @@ class Train:
         )
 
     def due_ns(self) -> int | None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         return None if self._has_ended else self._next
 
     def next_packet(self, now_ns: int) -> Outgoing | None:
-        """The next of the train; after its last, and the time for answers, a question for the reflector's counters."""
+        """Return the next packet; after the last one and its timeout, a request for the reflector's counters."""
         plan = self.plan
         if self._number < plan.packets:
             size = plan.size
@@ -177,7 +177,7 @@ class Train:
         return Outgoing(tlvs, size, size, plan.packets + self._requests)
 
     def mark_sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         plan = self.plan
         if self._number < plan.packets:
             self.write(samples.PacketSent(self.name, outgoing.sequence, now_ns - self._origin, error))
@@ -192,7 +192,7 @@ class Train:
             self._next = now_ns + round(plan.timeout_s * SECOND)
 
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         sequence = packet.sender_sequence
         is_copy = sequence in self._answered_sequences
         self._answered_sequences.add(sequence)
@@ -232,7 +232,7 @@ class Train:
                 )
 
     def end(self, now_ns: int, reason: str) -> None:
-        """As `PacketStream` has it."""
+        """See `PacketStream`."""
         self.write(samples.StreamEnd(self.name, now_ns - self._origin, reason))
 
 
@@ -244,9 +244,10 @@ def run(
     *,
     stop: Callable[[], bool] = lambda: False,
 ) -> str:
-    """Send all streams until each has ended, the budget is used up, or somebody stops it; why it ended.
+    """Send all streams until each has ended, the budget is used up, or `stop` is true; return the reason.
 
-    KeyboardInterrupt stops it as well: what was measured is kept, and what is under way is neither received nor lost.
+    KeyboardInterrupt stops it as well: measured samples are kept, and packets in transit count neither as received nor
+    as lost.
     """
     origin = transport.now_ns()
     used_ids: set[int] = set()
@@ -267,7 +268,7 @@ def run(
 
 @dataclass(slots=True)
 class _RunningStreams:
-    """Streams under way."""
+    """The streams of a run while they are sent."""
 
     transport: DatagramTransport
     peer: ReflectorPeer
@@ -301,7 +302,7 @@ class _RunningStreams:
             self._send(stream)
 
     def _send(self, stream: PacketStream) -> None:
-        """Let a stream send, if it is due and the budget admits it."""
+        """Send a stream's next packet if it is due and the budget admits it."""
         now = self.transport.now_ns()
         due = stream.due_ns()
         if due is None or due > now or (outgoing := stream.next_packet(now)) is None:
@@ -316,7 +317,7 @@ class _RunningStreams:
         stream.mark_sent(outgoing, now, self.transport.send(packet.encode(self.peer.key)))
 
     def _receive(self, until_ns: int) -> bool:
-        """Take one datagram; False: none came until then. What is no answer to a packet of this run only costs."""
+        """Receive one datagram, or return False at the deadline; one that is no response of this run only costs."""
         arrival = self.transport.receive(until_ns)
         if arrival is None:
             return False
@@ -324,7 +325,7 @@ class _RunningStreams:
         return True
 
     def _accept(self, arrival: Arrival) -> int:
-        """Hand an answer to its stream; what was charged for it."""
+        """Pass a response to its stream; return the size that was charged for it."""
         try:
             packet = decode_reflector(arrival.datagram, self.peer.key)
             for stream in self.streams:

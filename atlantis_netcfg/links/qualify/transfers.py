@@ -1,4 +1,4 @@
-"""Figures of messages: what the receiver had, how long it took, and how much that is a second."""
+"""Figures of messages: what was received, how long it took, and the resulting rate."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NEAR: Final = 0.75
 
 @dataclass(frozen=True, slots=True)
 class MessageFigures:
-    """What became of the messages of one stream."""
+    """The results of one stream's messages."""
 
     size: int
     chunks: int
@@ -61,7 +61,7 @@ class MessageFigures:
     """What it was to offer; both are None where that is not known."""
 
     def doubt(self, loss: float) -> str:
-        """Why the goodput is no figure of a link that loses this share without load; empty: the load filled it."""
+        """Return why the goodput does not describe the link, given its loss share without load; empty if it does."""
         offered_bps, planned_bps = self.offered_bps, self.planned_bps
         if offered_bps is None or planned_bps is None:
             return "what was offered is not known"
@@ -73,19 +73,19 @@ class MessageFigures:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether the goodput says what the far end sends at most, and nothing of the link."""
+        """Whether the goodput is limited by the far end's sending rate rather than by the link."""
         limit, goodput = self.far_rate_bps, self.busy_bps
         return limit is not None and goodput is not None and goodput > _NEAR * limit
 
     @property
     def loss(self) -> float:
-        """Lost and unknown ones of those that are not in flight."""
+        """The share of lost and unknown messages among those not in flight."""
         known_count = self.sent_count - self.in_flight
         return (self.lost_count + self.unknown) / known_count if known_count else 0.0
 
 
 def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | None:
-    """Make the figures of one stream; None: it has sent no message."""
+    """Compute the figures of one stream; None if it has sent no message."""
     results = sorted(
         (sample for sample in samples if isinstance(sample, MessageResult) and sample.stream == stream),
         key=lambda sample: sample.message,
@@ -124,7 +124,7 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
 
 
 def _offered_bps(results: Sequence[MessageResult]) -> tuple[float | None, float | None]:
-    """From the first beginning of a message to the last one: what the sender offered, and what it was to."""
+    """Return the offered and the planned rate between the first and the last message start."""
     is_down = results[0].direction == MessageDirection.DOWN
     starts = [
         (message.message, start)
@@ -139,9 +139,9 @@ def _offered_bps(results: Sequence[MessageResult]) -> tuple[float | None, float 
 
 
 def _receiver_bps(results: Sequence[MessageResult]) -> float | None:
-    """The first packet's octets are the fence post: the time begins when they are there.
+    """Return the receiving rate; time starts when the first packet is complete, so its octets do not count.
 
-    The last of several messages is left out: nobody says whether a sender that was stopped has ended it late.
+    The last of several messages is left out: it is not known whether a stopped sender ended it late.
     """
     counted_results = results[:-1] or results
     arrived_results = [
@@ -165,7 +165,7 @@ def _busy_bps(results: Sequence[MessageResult]) -> float | None:
 
 
 def _first_chunk(message: MessageResult) -> int:
-    """Its octets: the clock of a message begins when they are there."""
+    """Return the octets of the first chunk: a message's time begins when they have arrived."""
     octets = message.chunk_size if message.chunk_size is not None else -(-message.size // message.chunks)
     return min(octets, message.size)
 
@@ -175,7 +175,7 @@ def _arrived_packets(message: MessageResult) -> int:
 
 
 def _latencies(whole: Sequence[MessageResult]) -> list[float]:
-    """Leave out the wait for a receiver's word that was lost: what it needs on the way back others tell."""
+    """Return the latencies without the wait for a lost acknowledgement: other messages give the return delay."""
     times = [(m, (m.acknowledged_at_ns or 0) - m.sent_at_ns, (m.last_ns or 0) - m.sent_at_ns) for m in whole]
     back = median(duration - there for _, duration, there in times) if times else 0
     return [
@@ -185,7 +185,7 @@ def _latencies(whole: Sequence[MessageResult]) -> list[float]:
 
 
 def _stretch(delays: Sequence[tuple[float, float]]) -> tuple[float | None, float]:
-    """By how much the delay grows in each second (least squares), and the standard error of that."""
+    """Return the growth of the delay per second (least squares) and its standard error."""
     if len(delays) < _FEWEST or delays[0][0] == delays[-1][0]:
         return None, 0.0
     slope, first = linear_regression(*zip(*delays, strict=True))

@@ -1,4 +1,4 @@
-"""The seam between a measurement and the network: a steady clock, and datagrams to one far end and back."""
+"""The interface between a measurement and the network: a monotonic clock, and datagrams to one far end."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _UNKNOWN_TTL: Final = 255
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A datagram that came."""
+    """A received datagram."""
 
     datagram: bytes
     at_ns: int
@@ -42,26 +42,26 @@ class Arrival:
 
 
 class DatagramTransport(Protocol):
-    """What a measurement needs of the network. Tests put a simulated network with a clock of its own here."""
+    """The network interface of a measurement; tests use a simulated network with its own clock."""
 
     headers: int
     """Octets of the IP and UDP headers of each datagram."""
 
     def now_ns(self) -> int:
-        """The steady clock."""
+        """Return the monotonic clock's time."""
 
     def unix_ns(self) -> int:
-        """The time since 1970, for the stamps on the wire: the steady clock, and a distance that does not change."""
+        """Return the time since 1970 for timestamps on the wire: the monotonic clock plus a constant."""
 
     def send(self, datagram: bytes) -> str:
-        """Hand over a datagram; the empty text, or why this computer did not take it."""
+        """Send a datagram; return an empty text, or why this computer did not send it."""
 
     def receive(self, until_ns: int) -> Arrival | None:
-        """Wait for a datagram until this time; None: the time has come."""
+        """Wait for a datagram until the deadline; return None when it has passed."""
 
 
 class UdpTransport:
-    """A UDP socket. `source` binds it to an address, `interface` to a device (root): no other link carries it then."""
+    """A UDP socket; `source` binds it to an address, `interface` to a device (needs root), and so to one link."""
 
     def __init__(self, far_end: tuple[str, int], *, source: str | None = None, interface: str | None = None) -> None:
         family = socket.AF_INET6 if ":" in far_end[0] else socket.AF_INET
@@ -91,20 +91,20 @@ class UdpTransport:
 
     @property
     def source(self) -> tuple[str, int]:
-        """Address and port that the packets of this socket bear."""
+        """The source address and port of this socket."""
         address, port = self._socket.getsockname()[:2]
         return address, port
 
     def now_ns(self) -> int:
-        """`time.monotonic_ns`."""
+        """Return `time.monotonic_ns()`."""
         return time.monotonic_ns()
 
     def unix_ns(self) -> int:
-        """By this computer's clock as it was when the socket was made: a step of it in a run changes nothing."""
+        """Return the time since 1970 by the clock at the socket's creation: later clock steps have no effect."""
         return time.monotonic_ns() + self._to_unix
 
     def send(self, datagram: bytes) -> str:
-        """As the protocol has it. A link that is down is an error of this computer."""
+        """See `DatagramTransport`; a link that is down is reported as an error of this computer."""
         try:
             self._socket.send(datagram)
         except ConnectionRefusedError:  # for an earlier datagram: nobody listens there
@@ -121,7 +121,7 @@ class UdpTransport:
         return True
 
     def receive(self, until_ns: int) -> Arrival | None:
-        """As the protocol has it."""
+        """See `DatagramTransport`."""
         while True:
             wait = (until_ns - time.monotonic_ns()) / 1e9
             if not select.select([self._socket], [], [], max(0.0, wait))[0]:

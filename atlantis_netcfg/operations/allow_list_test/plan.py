@@ -1,4 +1,4 @@
-"""Plan the test of the allow-list: what is tried and how, and what is read from the router for it."""
+"""The plan of an allow-list test: targets, probes, and what is read from the router."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _NO_UDP = "silence of UDP proves nothing, and nothing of the router's asks this 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One target and the way to try it."""
+    """One target and how it is probed."""
 
     name: str
     target: str
@@ -69,10 +69,10 @@ class Task:
 
 
 def tasks(pilot: model.Pilot, bearer: model.Bearer, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
-    """What is to be tried over a satellite link; `active`: whether it carries the site's traffic now.
+    """Return the probes of a satellite link; `active`: it carries the site's traffic now.
 
-    `try_all`: rows may be added to the router for a moment. The far end of measurements is left to `provision qualify`:
-    it answers nobody who has no key, and a router has none.
+    `try_all`: rows may be added to the router temporarily. The far end of measurements is left to `provision qualify`:
+    it responds only to holders of its key, and a router has none.
     """
     how = _How(pilot, bearer.name, active, try_all)
     far_target = satellite_allow_list.far_end(pilot)
@@ -87,7 +87,7 @@ def tasks(pilot: model.Pilot, bearer: model.Bearer, *, active: bool, try_all: bo
 
 @dataclass(frozen=True, slots=True)
 class _How:
-    """What decides by which way a target is tried."""
+    """The facts that decide how a target is probed."""
 
     pilot: model.Pilot
     link: str
@@ -95,7 +95,7 @@ class _How:
     try_all: bool
 
     def hint(self, why_not: str) -> str:
-        """What to type so that a target can be tried; empty: nothing helps."""
+        """Return the command that makes a target testable; empty if there is none."""
         if why_not in {_NO_TCP, _NO_TIME, _NO_VPN}:
             return "`provision prove site=… --try-all` tries it"
         if why_not in {_QUIET, _FOLLOWS}:
@@ -105,30 +105,30 @@ class _How:
         return ""
 
     def elsewhere(self, target: model.AllowedTarget) -> bool:
-        """Whether the router would send to it over another link."""
+        """Return whether the router would use another link for the target."""
         return target.address == self.pilot.vpn.endpoint and not self.active
 
     def tells_time(self, target: model.AllowedTarget) -> bool:
-        """Whether it is a time server of the pilot."""
+        """Return whether the target is a time server of the pilot."""
         servers = {server.address for server in self.pilot.time_servers}
         return target.port == satellite_allow_list.NTP_PORT and target.address in servers
 
 
 def expected_bytes(all_tasks: tuple[Task, ...], rounds: int) -> int:
-    """What is sent and received at most; what is only counted costs nothing more than it does anyway."""
+    """Return the upper limit of bytes sent and received; targets that are only counted add nothing."""
     return sum(_ROUND_BYTES.get(task.probe, 0) * rounds for task in all_tasks)
 
 
 def reading_bytes(all_tasks: tuple[Task, ...], links: int) -> int:
-    """What one reading of the counters carries at most, above TLS."""
+    """Return the upper limit of bytes for one reading of the counters, above TLS."""
     allowed_count = sum(task.expectation is satellite.ExpectedOutcome.REACHED for task in all_tasks)
     return _READ + _READ_TARGET * allowed_count + _READ_LINK * links
 
 
 def session_bytes(all_tasks: tuple[Task, ...], rounds: int, links: int, *, open_filter: bool) -> tuple[int, int]:
-    """What the session to the router carries at most, above TLS: what it always does, and the asking by turns.
+    """Return the session's upper limits of bytes above TLS: the fixed part, and the part of the probe rounds.
 
-    `links`: bearers of the site, each of which has its routes.
+    `links`: links of the site, each of which has its routes.
     """
     allowed_tasks = [task for task in all_tasks if task.expectation is satellite.ExpectedOutcome.REACHED]
     read = reading_bytes(all_tasks, links)
@@ -186,7 +186,7 @@ def _probe(
 
 
 def _answering(target: model.AllowedTarget, how: _How) -> tuple[satellite.SatelliteProbe, str]:
-    """How an allowed UDP target is tried: by the answers that something of the router's own gets."""
+    """Return how an allowed UDP target is probed: by responses to the router's own requests."""
     if how.tells_time(target) and (how.try_all or not how.active):
         return (satellite.SatelliteProbe.TIME, "") if how.try_all else (satellite.SatelliteProbe.NONE, _NO_TIME)
     tunnel = (target.address, target.port) == (how.pilot.vpn.endpoint, how.pilot.vpn.port)
@@ -203,7 +203,7 @@ _RULE = ".id,chain,action,comment,packets,src-address,src-port,dst-address,dst-p
 
 @dataclass(frozen=True, slots=True)
 class NameReading:
-    """The counters at one moment; packets and bytes since they were made or reset."""
+    """The router's counters at one moment: packets and bytes since creation or reset."""
 
     port_bytes: int
     """Both directions."""
@@ -215,28 +215,28 @@ class NameReading:
     tunnels: tuple[Row, ...]
 
     def chain(self, name: str) -> tuple[Row, ...]:
-        """The rules of a chain, in their order."""
+        """Return the rules of a chain, in their order."""
         return tuple(row for row in self.rules if row.get("chain") == name)
 
     @property
     def tunnel_up(self) -> bool | None:
-        """Whether one of its OpenVPN tunnels runs; None: it has none."""
+        """Whether one of the router's OpenVPN tunnels runs; None if it has none."""
         return any(row.get("running") in _TRUE for row in self.tunnels) if self.tunnels else None
 
     def drop_count(self, chain: str) -> int:
-        """Packets that the drop rules of a chain have met."""
+        """Return the packets counted by the drop rules of a chain."""
         return sum(_number(row, "packets") for row in self.chain(chain) if row.get("action") == "drop")
 
     def answers(self, chain: str, task: Task) -> int:
-        """Packets that came back from a target, by the rule that lets its answers in."""
+        """Return the packets received from a target, by the rule that admits its responses."""
         return self._packet_count(chain, task, "src")
 
     def questions(self, chain: str, task: Task) -> int:
-        """Packets that went out to a target, by the rule that lets them out."""
+        """Return the packets sent to a target, by the rule that admits them."""
         return self._packet_count(chain, task, "dst")
 
     def went_out(self, chain: str, task: Task, before: NameReading) -> bool | None:
-        """Whether packets to a target were counted on their way out since `before`; None: no rule counts them."""
+        """Return whether packets to a target were counted since `before`; None if no rule counts them."""
         if not any(self._is_rule(row, task, "dst") for row in self.chain(chain)):
             return None
         return self.questions(chain, task) > before.questions(chain, task)
@@ -246,13 +246,13 @@ class NameReading:
 
     @staticmethod
     def _is_rule(row: Row, task: Task, side: str) -> bool:
-        """Whether a rule is the one that lets a target's packets pass, and counts them."""
+        """Return whether a rule admits and counts a target's packets."""
         unique = {f"{side}-address": task.address, f"{side}-port": str(task.port), "protocol": task.transport}
         return row.get("action") == "return" and all(row.get(name) == value for name, value in unique.items())
 
 
 def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:
-    """The questions, for one flight; `read` understands the answers in this order."""
+    """Return the read commands to send together; `read` parses the replies in this order."""
     both = (*(f"?chain={chain}" for chain in chains), "?#|")
     return (
         Command("/interface/print", ((".proplist", "name,default-name,rx-byte,tx-byte"),), (f"?default-name={port}",)),
@@ -263,7 +263,7 @@ def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:
 
 
 def read(port: str, replies: Sequence[Reply]) -> NameReading:
-    """Understand the answers to `reads`. Raises DeviceFailed if the port is not there, Refused."""
+    """Parse the replies to `reads`; raise DeviceError if the port is missing or a read was refused."""
     interfaces, rules, routes, tunnels = (reply.check().rows for reply in replies)
     interface = next((row for row in interfaces if row.get("default-name") == port), None)
     if interface is None or "rx-byte" not in interface or "tx-byte" not in interface:
@@ -281,20 +281,20 @@ def read(port: str, replies: Sequence[Reply]) -> NameReading:
 
 
 def ping(address: str, source: str, count: int = 1) -> Command:
-    """Echo requests from the link's own address; `/tool/ping` is in the trees of all versions, `/ping` left at 7.23."""
+    """Return a ping from the link's own address; `/tool/ping` exists in all versions, `/ping` was removed in 7.23."""
     return Command("/tool/ping", (("address", address), ("src-address", source), ("count", str(count))))
 
 
 def factory_ping(address: str, port: str) -> Command:
-    """Ask by ARP who has an address on a port, by the name that it has now.
+    """Return an ARP ping for an address on a port, given by its current name.
 
-    It costs no airtime, and needs no address of that network.
+    It costs no airtime, and needs no address in that network.
     """
     return Command("/tool/ping", (("address", address), ("arp-ping", "yes"), ("interface", port), ("count", "2")))
 
 
 def has_answer(reply: Reply) -> bool:
-    """Whether any of the echoes came back; the router's own refusal to send is no answer."""
+    """Return whether an echo reply was received; the router's refusal to send counts as none."""
     rows = reply.rows if reply.trap is None else ()
     return any(_number(row, "received") > 0 for row in rows)
 
@@ -309,7 +309,7 @@ TIMEOUT_S = 10.0
 
 
 def named_targets(declaration: Declaration, site: str, bearer: model.Bearer) -> tuple[satellite.NamedTarget, ...]:
-    """The entries of a link's allow-list that have a name, the VPN's among them."""
+    """Return the entries of a link's allow-list that have a DNS name, including the VPN's."""
     return tuple(
         satellite.NamedTarget(
             target.name,
@@ -325,7 +325,7 @@ def named_targets(declaration: Declaration, site: str, bearer: model.Bearer) -> 
 
 
 def _ask(name: str) -> frozenset[str] | None:
-    """IPv4 addresses of a name; empty if it does not exist, None if the resolver could not tell."""
+    """Return a name's IPv4 addresses; empty if it does not exist, None if the lookup failed."""
     try:
         records = socket.getaddrinfo(name, None, family=socket.AF_INET, type=socket.SOCK_STREAM)
     except socket.gaierror as error:
@@ -342,9 +342,9 @@ async def resolve(
     timeout_s: float = TIMEOUT_S,
     ask: Callable[[str], frozenset[str] | None] = _ask,
 ) -> Mapping[str, frozenset[str] | None]:
-    """Ask this computer's resolver for all names at once; a name without an answer in time is None.
+    """Resolve all names at once with this computer's resolver; None for a name that times out.
 
-    A computer without network also says that a name does not exist: what it says is only as good as its resolver.
+    A computer without network also reports that a name does not exist: the result is only as good as its resolver.
     """
     unique = tuple(dict.fromkeys(names))
     work = {name: asyncio.ensure_future(asyncio.to_thread(ask, name)) for name in unique}
@@ -359,4 +359,4 @@ async def resolve(
 
 
 class NothingToProve(NoMatchError):
-    """The site has no such satellite link, or no router that could try it."""
+    """The site has no such satellite link, or no router that could test it."""

@@ -1,4 +1,4 @@
-"""Run the test of the allow-list, from the first reading of the counters to the result."""
+"""Execution of the allow-list test, from the first reading of the counters to the result."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _FILTER = "/ip/firewall/filter"
 
 @asynccontextmanager
 async def temporarily(session: api.Session, rows: Sequence[api.Command]) -> AsyncIterator[None]:
-    """Have these rows (`…/add` commands, marked by `MARK`) on the router while the context lasts.
+    """Keep these rows (`…/add` commands, marked by `MARK`) on the router while the context lasts.
 
-    Raises DeviceFailed with the router as it was, or OutcomeUnknown if it does not say that the rows are gone.
+    Raises DeviceError with the router unchanged, or OutcomeUnknown if the removal of the rows is not confirmed.
     """
     await _take(session)
     replies: list[api.Reply] = []
@@ -43,7 +43,7 @@ async def temporarily(session: api.Session, rows: Sequence[api.Command]) -> Asyn
 
 
 def filter_rows(reading: plan.NameReading, chains: tuple[str, str], address: str) -> tuple[api.Command, ...]:
-    """Rows that let ICMP to and from one host pass both chains, ahead of all others. Raises DeviceFailed."""
+    """Return rows that admit ICMP to and from one host in both chains, before all other rules; raise DeviceError."""
     words = (("action", "return"), ("comment", plan.MARK), ("protocol", "icmp"))
     out = (("chain", chains[0]), ("dst-address", address), ("place-before", _first(reading, chains[0])))
     back = (("chain", chains[1]), ("src-address", address), ("place-before", _first(reading, chains[1])))
@@ -75,7 +75,7 @@ def _menu(command: api.Command) -> str:
 
 
 async def _close(session: api.Session, rows: Sequence[api.Command], replies: Sequence[api.Reply]) -> None:
-    """Remove the rows, see that none is left, and only then let safe mode go; otherwise everything is unrolled."""
+    """Remove the rows, verify that none is left, then release safe mode; otherwise everything is rolled back."""
     there = zip(rows, replies, strict=False)
     removals = [
         api.Command(f"{_menu(row)}/remove", ((".id", reply.ret),)) for row, reply in there if reply.ret is not None
@@ -108,9 +108,9 @@ _INTERVAL, _PATIENCE = "10s", "8s"
 def rows(
     todo: Sequence[plan.Task], bearer: Bearer, rules: api.Reply, *, active: bool, source: str = ""
 ) -> tuple[api.Command, ...]:
-    """What has to be on the router to ask these targets; nothing that it has already moves but the time.
+    """Return the rows needed to probe these targets; existing traffic keeps its route, except time requests.
 
-    `source`: the address of this computer, where it asks.
+    `source`: the address of this computer, if it sends the request.
     """
     return (*_connections(todo, bearer), *(() if active else _ways(todo, bearer, rules, source)))
 
@@ -141,13 +141,13 @@ def _ways(todo: Sequence[plan.Task], bearer: Bearer, rules: api.Reply, source: s
 
 
 async def ask_now(session: api.Session) -> None:
-    """Switch the time client off and on. Raises Refused; safe mode takes back what was half done."""
+    """Restart the time client so that it sends a request; raise CommandError, and safe mode undoes the change."""
     for state in ("no", "yes"):
         (await session.command(api.Command("/system/ntp/client/set", (("enabled", state),)))).check()
 
 
 def find_connected_tasks(todo: Sequence[plan.Task], status: api.Reply) -> set[plan.Task]:
-    """The TCP targets to which a connection came up."""
+    """Return the TCP targets to which a connection was established."""
     up = {(row.get("host"), row.get("port")) for row in status.check().rows if row.get("status") == "up"}
     return {
         task for task in todo if task.probe is satellite.SatelliteProbe.TCP and (task.address, str(task.port)) in up
@@ -161,9 +161,9 @@ def outcome(
     now: plan.NameReading,
     chains: tuple[str, str],
 ) -> tuple[satellite.ProbeOutcome, str]:
-    """What was seen of one of these targets; `chains`: of what goes out, and of what comes back.
+    """Return a target's outcome; `chains` are those of outgoing packets and of responses.
 
-    An answer proves something of the satellite only where the question went out over it.
+    A response proves something about the satellite only if the request was sent over it.
     """
     out, back = chains
     was_sent = now.went_out(out, task, before)
@@ -187,7 +187,7 @@ _GOOD = (events.Verdict.PASS, events.Verdict.WARN)
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """Everything that was tried, judged, and counted."""
+    """The result of an allow-list test: attempts, verdicts, and counted bytes."""
 
     site: str
     bearer: str
@@ -216,7 +216,7 @@ class Proof:
 
     @property
     def exit(self) -> errors.ExitCode:
-        """0 if everything was proved; 6 if anything failed or stays open; 7 if nothing was tried and nothing failed."""
+        """The exit code: 0 if all is proved, 6 if anything failed or is open, 7 if nothing was tested or failed."""
         verdicts = [item.verdict for item in (*(finding for _, finding in self.results), *self.findings)]
         if any(verdict in _BAD for verdict in verdicts):
             return errors.ExitCode.CHECKS_FAILED
@@ -227,12 +227,12 @@ class Proof:
 
     @property
     def vpn_answered(self) -> bool:
-        """Whether the VPN server itself has answered over this link, which carried nothing else."""
+        """Whether the VPN server responded over this link while it carried no other traffic."""
         answer = satellite.SatelliteProbe.VPN, satellite.ProbeOutcome.ANSWERED
         return any((attempt.probe, attempt.outcome) == answer for attempt, _ in self.results)
 
     def as_json(self) -> dict[str, Any]:
-        """The object that `--json` prints."""
+        """Return the object that `--json` prints."""
         return {
             "site": self.site,
             "bearer": self.bearer,
@@ -248,7 +248,7 @@ class Proof:
         }
 
     def as_text(self) -> str:
-        """The lines that a person reads."""
+        """Return the report as text."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterable[str]:
@@ -297,7 +297,7 @@ _REFUSALS = 3
 
 @dataclass(frozen=True, slots=True)
 class ProofPace:
-    """How often and how long silence is asked again, in seconds; a window below 90 s proves nothing about silence."""
+    """Interval and duration of repeated probes, in seconds; less than 90 s proves nothing about silence."""
 
     window_s: float = satellite.WINDOW_S
     every_s: float = 5.0
@@ -305,13 +305,13 @@ class ProofPace:
 
     @property
     def rounds(self) -> int:
-        """Turns of asking in a window; each asks once, and is over after `every_s`."""
+        """The number of probe rounds in a window; each lasts `every_s`."""
         return max(1, round(self.window_s / self.every_s))
 
 
 @dataclass(slots=True)
 class Proving:
-    """The satellite link of a site, and the session to its router."""
+    """The test of a site's satellite link over a session to its router."""
 
     pilot: Pilot
     site: str
@@ -336,7 +336,7 @@ class Proving:
 
     @property
     def expected_bytes(self) -> int:
-        """What the targets cost over the satellite at most, and the session to the router if it goes there too."""
+        """Upper limit of bytes over the satellite, with the session to the router if that uses it too."""
         all_tasks = plan.tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
         probes = plan.expected_bytes(all_tasks, self.pace.rounds) + (plan.VPN_BYTES if self.try_all else 0)
         if self.carrier != self.bearer.name:
@@ -348,7 +348,7 @@ class Proving:
 
     @property
     def session_bytes(self) -> int:
-        """What the session to the router carries at most where it goes over another link."""
+        """Upper limit of bytes of the session to the router if it uses another link."""
         return estimate.on_the_wire(sum(self._session()) + estimate.HANDSHAKE_BYTES, 1)
 
     def _session(self) -> tuple[int, int]:
@@ -357,7 +357,7 @@ class Proving:
 
     @property
     def seconds(self) -> float:
-        """How long it lasts at most, about."""
+        """Approximate upper limit of the duration, in seconds."""
         all_tasks = plan.tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
         opened_for = sum(
             1
@@ -368,7 +368,7 @@ class Proving:
         return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + 2 * temporary)
 
     async def run(self, session: api.Session) -> Proof:
-        """Try everything, and judge it. Raises DeviceFailed, OutcomeUnknown if the filter may still be open."""
+        """Probe all targets and judge them; raise DeviceError, or OutcomeUnknown if the filter may still be open."""
         before = await self._read(session)
         self._start_bytes = before.port_bytes
         self._opening_bytes = session.traffic.bytes
@@ -398,7 +398,7 @@ class Proving:
         return replace(proof, session_bytes=session.traffic.bytes)
 
     def _resolve_task(self, task: plan.Task) -> plan.Task:
-        """The task, or why this computer cannot ask the VPN server."""
+        """Return the task, without a probe and with the reason if this computer cannot reach the VPN server."""
         if task.probe is not satellite.SatelliteProbe.VPN or not isinstance(self.vpn, errors.NetcfgError):
             return task
         return replace(task, probe=satellite.SatelliteProbe.NONE, why_not=str(self.vpn), hint=self.vpn.hint or "")
@@ -446,7 +446,7 @@ class Proving:
         return plan.read(self.port, await session.flight(plan.reads(self.port, self._chains)))
 
     async def _terminal(self, session: api.Session, port: str) -> tuple[BearerFinding, ...]:
-        """Who answers on the port, on this side of the satellite: no airtime."""
+        """Check which device responds on the terminal's port: local, without airtime."""
         self._say("who answers on the terminal's port")
         there = plan.ping(str(self.bearer.gateway), str(self.bearer.address), count=2)
         commands = [there, *(plan.factory_ping(address, port) for address in satellite.FACTORY_ADDRESSES)]
@@ -470,7 +470,7 @@ class Proving:
     async def _reach(
         self, session: api.Session, todo: Sequence[plan.Task], before: plan.NameReading
     ) -> list[satellite.Attempt]:
-        """Ask all of them in each round until each has answered, the window is over, or the budget is used up."""
+        """Probe all targets in each round until all have responded, the window ends, or the budget is used up."""
         answers: dict[plan.Task, float] = {}
         waited_s, now = 0.0, before
         for turn in range(self.pace.rounds):
@@ -516,7 +516,7 @@ class Proving:
         return _attempt(task, satellite.ProbeOutcome.SILENT, window_s=waited_s, note=note)
 
     async def _refuse(self, session: api.Session, task: plan.Task) -> satellite.Attempt:
-        """Ask with the filter closed: the router's own drop counter says that nothing was sent."""
+        """Probe with the filter closed: the router's drop counter shows that nothing was sent."""
         self._say(f"{task.name}, which is to be refused")
         before = await self._read(session)
         reply = await session.command(plan.ping(task.address, str(self.bearer.address), count=_REFUSALS))
@@ -529,7 +529,7 @@ class Proving:
         return _attempt(task, satellite.ProbeOutcome.SILENT, note="the router's drop counter did not count it")
 
     async def _beyond(self, session: api.Session, task: plan.Task) -> satellite.Attempt:
-        """Ask with the filter open for this one host: does the terminal, or the network behind it, enforce anything."""
+        """Probe with the filter open for this host, to see whether the terminal or the network enforces anything."""
         self._say(f"{task.name}, with the router's filter open for it")
         reading = await self._read(session)
         waited_s, is_answered = 0.0, False
@@ -547,7 +547,7 @@ class Proving:
         return replace(attempt, filter_open=True, after_s=waited_s if is_answered else None)
 
     async def _ask(self, session: api.Session, todo: Sequence[plan.Task], *, active: bool) -> list[satellite.Attempt]:
-        """Ask what needs rows on the router, all in one window; who is to be refused is asked to its end."""
+        """Probe targets that need rows on the router, in one window; those to be refused until its end."""
         before = now = await self._read(session)
         answers: dict[plan.Task, float] = {}
         waited_s, rounds = 0.0, self._affordable(before)
@@ -585,11 +585,11 @@ class Proving:
         return replace(_attempt(task, result, window_s=waited_s, note=note), after_s=answers.get(task))
 
     def _is_spent(self, now: plan.NameReading) -> bool:
-        """Whether the budget has no room for another turn and the end, whoever has used the satellite."""
+        """Return whether the budget lacks room for another round and the end, counting all use of the satellite."""
         return now.port_bytes - self._start_bytes + (1 + _END_TURNS) * self._turn_bytes >= plan.BUDGET_BYTES
 
     def _affordable(self, now: plan.NameReading) -> int:
-        """How many turns the budget has room for, with rows to be added and removed: at least one."""
+        """Return the rounds that the budget allows, with adding and removing rows: at least one."""
         if not self._turn_bytes:
             return self.pace.rounds
         remaining_bytes = plan.BUDGET_BYTES - plan.VPN_BYTES - (now.port_bytes - self._start_bytes)
@@ -597,7 +597,7 @@ class Proving:
 
     @property
     def _turn_bytes(self) -> int:
-        """What a turn of asking carries over the satellite where the session to the router goes there as well."""
+        """Bytes of one round over the satellite; 0 if the session to the router uses another link."""
         if self.carrier != self.bearer.name:
             return 0
         all_tasks = plan.tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)

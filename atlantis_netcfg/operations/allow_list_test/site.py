@@ -1,4 +1,4 @@
-"""The satellite link of a declared site: find it, price the test, open the session to its router."""
+"""The satellite link of a site: selection, price of the test, and the session to its router."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Satellite:
-    """A satellite link, its terminal, and the router that it hangs on."""
+    """A satellite link with its terminal and its router."""
 
     site: str
     bearer: Bearer
@@ -45,9 +45,9 @@ class Satellite:
         try_all: bool = False,
         via: str | None = None,
     ) -> prove.Proving:
-        """What is to be done; in a rehearsal nobody waits, each turn counts as the seconds that it stands for.
+        """Return the test to run; in a rehearsal waits are skipped and only counted.
 
-        `via`: the link to the router, where it is not the declared one. Raises UsageError if there is none of the name.
+        `via`: the link to the router, if not the one in the inventory. Raises UsageError if there is no such link.
         """
         return prove.Proving(
             pilot=declaration.pilot,
@@ -65,7 +65,7 @@ class Satellite:
 
 
 def satellite_of(declaration: Declaration, site: str, name: str | None) -> Satellite:
-    """Find the satellite of a site: the one that is named, or the only one. Raises NothingToProve."""
+    """Return the named satellite link of a site, or the only one; raise NothingToProve."""
     bearer = _bearer(declaration, site, name)
     router = declaration.router_of(site)
     port = None
@@ -93,14 +93,14 @@ def _bearer(declaration: Declaration, site: str, name: str | None) -> Bearer:
 
 
 def names_of(declaration: Declaration, site: str, name: str | None) -> tuple[BearerFinding, ...]:
-    """Ask this computer for every name of the allow-list, and say which have moved."""
+    """Resolve every name of the allow-list on this computer; return findings for changed addresses."""
     targets = plan.named_targets(declaration, site, _bearer(declaration, site, name))
     addresses = asyncio.run(plan.resolve(target.dns_name for target in targets))
     return judge_names(targets, addresses, "this computer")
 
 
 def try_out(declaration: Declaration, router: Host, request: Request, proving: prove.Proving) -> prove.Proof:
-    """Open a session to the router and carry out a proof. Raises DeviceFailed, OutcomeUnknown."""
+    """Open a session to the router and run the test; raise DeviceError or OutcomeUnknown."""
     return asyncio.run(_try_out(declaration, router, request, proving))
 
 
@@ -113,7 +113,7 @@ async def _try_out(declaration: Declaration, router: Host, request: Request, pro
 
 
 def previews(declaration: Declaration, proving: prove.Proving) -> tuple[cost.Preview, ...]:
-    """What a proof costs at most: over the link of its session where that is another one, then over the satellite."""
+    """Return the maximum cost of a test: of the session's link if it is another one, then of the satellite."""
     links = links_of(declaration, proving.site)
     satellite = cost.preview(proving.expected_bytes, proving.seconds, links[proving.bearer.name], at_most=True)
     if proving.carrier == proving.bearer.name:
@@ -122,9 +122,9 @@ def previews(declaration: Declaration, proving: prove.Proving) -> tuple[cost.Pre
 
 
 def bills(declaration: Declaration, proof: prove.Proof, seconds: float) -> Mapping[str, cost.Bill]:
-    """What a proof has cost, by link: the satellite first, and the link of its session where that is another one.
+    """Return the cost of a test by link: the satellite's, and that of the session's link if it is another one.
 
-    The router's count begins within the session: what opened it is added.
+    The router's count starts within the session: the bytes that opened it are added.
     """
     links = links_of(declaration, proof.site)
     if proof.carrier == proof.bearer:
@@ -136,4 +136,4 @@ def bills(declaration: Declaration, proof: prove.Proof, seconds: float) -> Mappi
 
 
 async def _no_wait(_seconds: float) -> None:
-    """Stand for a wait."""
+    """Return at once, in place of a wait."""

@@ -1,8 +1,8 @@
-"""Ask the VPN server over a link that carries nothing: this computer sends, and the router leads and counts.
+"""Probe of the VPN server over an idle link: this computer sends, and the router routes and counts.
 
-As `provision qualify` does it: a routing rule for this computer's address alone, so that the tunnels of the site stay
-where they are. What is asked is the first packet of a session, which only the pilot's server can answer. That it went
-over the link, the filter's counters of that link say.
+As in `provision qualify`, a routing rule applies to this computer's address alone, so that the tunnels of the site keep
+their route. The request is the first packet of a session, which only the pilot's server can answer. The link's filter
+counters show that it went over the link.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _QUESTIONS, _EVERY_S = 6, 15.0
 
 @dataclass(frozen=True, slots=True)
 class VpnQuestion:
-    """The server, asked from a socket of this computer."""
+    """A request to the VPN server from a socket of this computer."""
 
     source: str
     """The address that the router leads over the link."""
@@ -48,7 +48,7 @@ class VpnQuestion:
     on_answer: Callable[[], object] | None = None
 
     async def answered_after_s(self) -> float | None:
-        """Ask until the server answers; None: it was silent."""
+        """Send requests until the server responds; return the delay in seconds, None if it was silent."""
         begin_ns = self.transport.now_ns()
         for number in range(_QUESTIONS):
             self.transport.send(self.packet.datagram())
@@ -67,7 +67,7 @@ class VpnQuestion:
 def vpn_trial(
     declaration: Declaration, router: Host, bearer: Bearer, request: Request, twins: Rehearsal | None
 ) -> Iterator[VpnQuestion | NetcfgError]:
-    """Open what asks over a link, or give what is in the way; in a rehearsal a real OpenVPN answers here."""
+    """Open the probe of a link, or yield the error that prevents it; in a rehearsal a real OpenVPN responds locally."""
     far = str(declaration.pilot.vpn.endpoint), declaration.pilot.vpn.port
     with ExitStack() as stack:
         trial: VpnQuestion | NetcfgError

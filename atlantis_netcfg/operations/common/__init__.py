@@ -1,1 +1,1 @@
-"""What every command that works on a site shares: its request, the devices' jobs, links, costs, and the rehearsal."""
+"""Code shared by all commands for a site: the request, device jobs, links, costs, and the rehearsal."""

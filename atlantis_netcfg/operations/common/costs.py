@@ -1,7 +1,7 @@
-"""What a request costs on the links that are paid by the byte: told and agreed to first, counted after.
+"""Cost of a request on metered links: shown and agreed to first, counted afterwards.
 
-Every door ends here, so that neither a command nor a playbook can forget to ask: `gate` refuses a request before its
-first byte, a `Meter` stands beside each device's run, and `Costs.told` is the bill.
+Every entry point uses this module, so that neither a command nor a playbook can forget to ask: `gate` refuses a request
+before its first byte, a `Meter` accompanies each device's run, and `Costs.report` returns the bill.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _MB: Final = 1_000_000
 
 
 def ways_of(declaration: Declaration, host: Host) -> tuple[BearerRoute, ...]:
-    """The bearers as the router of the site knows them; none for a device that is not a router."""
+    """Return the links in the router's routing; empty for a device that is not a router."""
     if not isinstance(host.device, model.Router):
         return ()
     ports = {bearer: port for port, bearer in ports_of(host).items()}
@@ -53,7 +53,7 @@ def ways_of(declaration: Declaration, host: Host) -> tuple[BearerRoute, ...]:
 
 
 def ports_of(host: Host) -> Mapping[str, str]:
-    """Port of a router to the link that hangs on it, in the order of the declaration."""
+    """Return the link name of each router port, in the order of the inventory."""
     if not isinstance(host.device, model.Router):
         return {}
     return {port.name: port.link for port in host.device.ports if port.link is not None}
@@ -70,10 +70,10 @@ _WORK: Final = (117_000, 46_000)
 def beforehand(
     declaration: Declaration, hosts: Sequence[Host], request: Request, *, at_most: bool = True
 ) -> tuple[cost.Preview, ...]:
-    """One preview for each metered link that sessions of this request go over, devices on one link added up.
+    """Return one cost preview per metered link that this request uses, summed over its devices.
 
-    `at_most`: a run that may write is told as if all of its text had to be written, since nobody has read the device
-    yet, and a plan as if the device's parser had to see all of it; otherwise the reading alone.
+    `at_most`: a run that may write is priced as if all of its text had to be written, since the device has not been
+    read yet, and a plan as if the device's parser had to check all of it; otherwise the reading alone.
 
     Raises UsageError for a link that a site does not have.
     """
@@ -98,9 +98,9 @@ def beforehand(
 
 
 def gate(declaration: Declaration, hosts: Sequence[Host], request: Request) -> None:
-    """Let a request through, or raise CostRefused before its first byte; a rehearsal costs nothing.
+    """Raise CostRefusal before the first byte unless the cost is agreed to; a rehearsal costs nothing.
 
-    Beyond the cap nothing helps. What a run would write is judged against the cap once its plan is known.
+    Beyond the cap, consent does not help. What a run would write is checked against the cap once its plan is known.
     Raises UsageError for a link that a site does not have.
     """
     readings = beforehand(declaration, hosts, request, at_most=False)
@@ -116,7 +116,7 @@ def gate(declaration: Declaration, hosts: Sequence[Host], request: Request) -> N
 
 
 def unpaid(words: Sequence[str], command: str = "provision") -> cost.CostRefusal:
-    """The error for what nobody has agreed to pay; `command` tells by which door it was asked for."""
+    """Return the error for costs without consent; `command` tells by which entry point the request came."""
     return cost.CostRefusal(
         f"nobody has agreed to pay for this, so nothing was sent: {'; '.join(words)}",
         hint=f"type the same with {accepting(command)} (`--yes` does not say that), or go over another link: `via=lan`",
@@ -124,15 +124,15 @@ def unpaid(words: Sequence[str], command: str = "provision") -> cost.CostRefusal
 
 
 def accepting(command: str) -> str:
-    """What a person types to pay, by the door that they came in by."""
+    """Return the argument that gives consent to costs, for the entry point used."""
     return f"`-e {requests.ACCEPT_COST}=true`" if command == requests.PLAIN_ANSIBLE else f"`{cost.ACCEPT}`"
 
 
 def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier | None:
-    """What a session to a host goes over; None: none is opened, or it is a modem of this computer.
+    """Return the link that a session to a host uses; None if there is no session, or for a local modem.
 
-    A RutOS unit says nothing of a way of its own: it stands behind the router of its site, and is reached as that is.
-    Of a computer nothing is backed up.
+    A RutOS unit has no route in the inventory: it is behind the router of its site, and is reached the same way.
+    A computer has no backup.
     """
     if is_supported(host) or (isinstance(host.device, model.SshHost) and request.mode is not Mode.BACKUP):
         return bearer_of(declaration, host, request.via.get(host.name))
@@ -156,14 +156,14 @@ def _host(host: Host, bearer: Carrier, request: Request, *, at_most: bool) -> Es
 
 
 def _computer(bearer: Carrier, *, writes: bool) -> Estimate:
-    """All roles of a computer over SSH; measured on an emulated gateway behind 700 ms and 352/704 kbit/s.
+    """Estimate all roles of a computer over SSH; measured on an emulated gateway with 700 ms and 352/704 kbit/s.
 
     Nothing to do: 18.8 kB up and 5.9 kB down in 10 round trips, with a new connection and the role of a bundle.
-    All to do: 81 kB up with a program of 53 kB, 45 kB down, 21 s of work on the spot; its round trips are inferred, and
-    what the call that compares everything sends first, 13 kB, was added by its size.
-    Whether the computer has the program that runs our modules in the version of today nobody knows beforehand, so it is
+    Everything to do: 81 kB up with a program of 53 kB, 45 kB down, 21 s of work on the host; its round trips are
+    inferred, and the first data of the call that compares everything, 13 kB, was added by its size.
+    Whether the computer has the current version of the program that runs the modules is not known in advance, so it is
     always counted. The program of the far end of measured links, 12.4 kB packed in each run, was added afterwards by
-    its size. What it fetches by itself, packages and sources, comes on top: the modules that fetch it keep to the cap.
+    its size. Downloads by the computer itself, packages and sources, are extra: their modules respect the cap.
     """
     up, down = _WORK if writes else (_LOOK[0] + _TOOL, _LOOK[1])
     trips, work_s = (63, 25.0) if writes else (13, 6.0)
@@ -172,7 +172,7 @@ def _computer(bearer: Carrier, *, writes: bool) -> Estimate:
 
 
 def _unit(bearer: Carrier) -> Estimate:
-    """A look at a RutOS unit: two HTTPS sessions with a few kB of JSON (inferred, not measured on a unit)."""
+    """Estimate reading a RutOS unit: two HTTPS sessions with a few kB of JSON (inferred, not measured on a unit)."""
     return Estimate(bearer.name, 8, 4_000, 12_000, 12 * bearer.rtt_s, sessions=2)
 
 
@@ -189,12 +189,12 @@ def _writes(request: Request) -> bool:
 
 @dataclass(slots=True)
 class Meter:
-    """The engine's `Toll` of one device.
+    """The cost policy of one device's job.
 
-    A session goes over the declared link (`access.via`, or the one that a person named with `via=`) as long as nothing
-    else is known. On the router of a site its active default route tells which bearer really carries what comes from
-    beyond the site, and with it the session; over the technician's cable no bearer carries it. An emulated device is
-    behind the declared link, whatever its own routes say.
+    A session is assumed to use the link of the inventory (`access.via`, or the one named with `via=`) until more is
+    known. On the router of a site its active default route tells which link really carries traffic from outside the
+    site, and so the session; over the technician's cable it uses no link. An emulated device is behind the link of the
+    inventory, whatever its own routes are.
     """
 
     declaration: Declaration
@@ -211,12 +211,12 @@ class Meter:
 
     @property
     def ports(self) -> tuple[str, ...]:
-        """Ports whose counters are read along."""
+        """The ports whose counters are read with each observation."""
         return tuple(port for port, link in ports_of(self.host).items() if link in self._links)
 
     @property
     def link(self) -> cost.MeteredLink:
-        """What carries the session, as far as it is known."""
+        """The link that carries the session, as far as it is known."""
         if self.active is None or self.declared_link == LAN.name or self.request.rehearsed:
             return self._links[self.declared_link]
         return self._links[self.active]
@@ -228,7 +228,7 @@ class Meter:
     def judge(
         self, observation: Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool
     ) -> apply.Admission:
-        """Look at the active route, then at what the plan would send: whether it is agreed to, and below the cap."""
+        """Read the active route, then check that the plan's traffic is agreed to and below the cap."""
         self.active = active_bearer(observation.rows.get("/ip/route", ()), ways_of(self.declaration, self.host))
         notes = (*self._elsewhere(), *self._without_budget())
         if not self.link.is_metered or estimate is None:
@@ -242,7 +242,7 @@ class Meter:
         return apply.Admission(notes, str(refusal), refusal.hint)
 
     def _refusal(self, *, plan_only: bool) -> cost.CostRefusal | None:
-        """Why what the plan would send may not be sent; a plan alone needs nobody's consent, nor does a rehearsal."""
+        """Return why the plan's traffic may not be sent; a plan or a rehearsal needs no consent."""
         assert self.expected_cost is not None  # noqa: S101 - `judge` has just said what it expects
         if self.expected_cost.over_cap:
             return self.expected_cost.refusal()
@@ -254,9 +254,9 @@ class Meter:
         )
 
     def report(self, result: apply.DeviceResult, journal: runs.Recorder, store: runs.Store) -> dict[str, Any]:
-        """Write down what it came to; return what the result shall say of it: `cost`, where it was paid by the byte.
+        """Record the actual cost; return what the result adds: `notes`, and `cost` for a metered link.
 
-        What cannot be written is said in the result: what has happened must not be lost over it.
+        A write error is reported in the result, which must not be lost over it.
         """
         notes = [*result.notes, *self._keep(result, store)]
         if not self.link.is_metered:
@@ -272,7 +272,7 @@ class Meter:
         return {"notes": notes, "cost": self._cost(final_bill, router)}
 
     def _without_budget(self) -> Iterator[str]:
-        """Name the metered links of a router that have no budget for what goes by itself."""
+        """Yield a warning for each of a router's metered links without a budget for standing traffic."""
         for bearer in (
             self.declaration.sites[self.host.site].bearers if isinstance(self.host.device, model.Router) else ()
         ):
@@ -280,7 +280,7 @@ class Meter:
                 yield f"WARN: no budget is declared for what goes over {bearer.name} by itself; docs/cost.md"
 
     def _elsewhere(self) -> Iterator[str]:
-        """Say that the session goes over another link than declared, above all if that is the dearer one."""
+        """Yield a warning if the session uses another link than in the inventory, above all a more expensive one."""
         if self.link.name == self.declared_link or self.active is None:
             return
         sentence = (
@@ -293,7 +293,7 @@ class Meter:
         yield f"{sentence} now{dear}" + (f": {self.declared_link} is down" if down else "")
 
     def _keep(self, result: apply.DeviceResult, store: runs.Store) -> Iterator[str]:
-        """Keep the last look at every port for the month; yield what went wrong."""
+        """Save each port's last counters for the monthly usage; yield the errors."""
         if not result.counts:
             return
         last, usage = result.counts[-1], store.usage(self.host.site)
@@ -311,7 +311,7 @@ class Meter:
                 return
 
     def _router_count(self, result: apply.DeviceResult) -> dict[str, Any] | None:
-        """By how much the router's own counters rose between the first and the last look; None if that is unknown."""
+        """Return the increase of the router's counters between first and last reading; None if unknown."""
         port = next((port for port, link in ports_of(self.host).items() if link == self.link.name), None)
         if port is None or not result.counts:
             return None
@@ -374,12 +374,12 @@ class Costs:
     _meters: dict[str, Meter] = field(default_factory=dict)
 
     def beside(self, job: apply.DeviceJob) -> apply.DeviceJob:
-        """Give a job its meter."""
+        """Return the job with its meter."""
         meter = self._meter(job.name)
         return replace(job, cost_policy=meter, counted_ports=meter.ports)
 
     def report(self, result: apply.DeviceResult, journal: runs.Recorder, store: runs.Store) -> Mapping[str, Any]:
-        """What a device's result says besides, once it has ended; before its site's journal is closed."""
+        """Return what a finished device's result adds about costs; call it before its site's journal is closed."""
         bill_data = self._meter(result.name).report(result, journal, store)
         del self._meters[result.name]
         return bill_data

@@ -1,6 +1,6 @@
-"""Files of the inventory that commands write: `guests.yml`, and the `telemetry:` of a vehicle.
+"""Inventory files that commands write: `guests.yml`, and the `telemetry:` of a vehicle.
 
-What would be written is validated with the whole pilot first, in a copy, and then takes its place at once.
+A change is validated with the whole pilot in a copy first, and then applied atomically.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _READABLE = 0o644
 
 
 def validate_change(root: Path, file: str, text: str | None) -> inventory.Declaration:
-    """The pilot as it would be. Raises InventoryInvalid, with the user's own file names; nothing is written."""
+    """Return the pilot with the change; raise InventoryInvalid with the user's file names. Nothing is written."""
     with temporary.folder("inventory") as place:
         copy = place / root.name
         shutil.copytree(root, copy)
@@ -39,13 +39,13 @@ def validate_change(root: Path, file: str, text: str | None) -> inventory.Declar
 
 
 def write(root: Path, file: str, text: str | None) -> None:
-    """Put the file in its place at once, or remove it. Raises JournalFailed."""
+    """Replace or remove the file atomically; raise JournalError."""
     with runs.os_errors_as("the inventory", root / file):
         put(root / file, text)
 
 
 def put(path: Path, text: str | None) -> None:
-    """Write or remove a file; its mode stays."""
+    """Write or remove a file; an existing file keeps its mode."""
     if text is None:
         path.unlink(missing_ok=True)
         runs.sync_directory(path.parent)

@@ -1,4 +1,4 @@
-"""Build the engine's job for a declared host: rendered text, endpoint, bearer, journal."""
+"""Construction of the engine's job for a host: rendered text, endpoint, link, journal."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SSH = 22
 def device_job(
     declaration: Declaration, host: Host, request: Request, journal: runs.Recorder, notify: Subscriber
 ) -> apply.DeviceJob:
-    """Build the job of one device. Raises NothingMatched for a kind that the engine does not handle, RenderError."""
+    """Build the job of one device; raise RenderError, or NoMatchError for a kind that the engine does not handle."""
     managed_device = get_managed_device(declaration, host)
     access = managed_device.access
     store = runs.Store(request.state, is_rehearsal=request.rehearsed)
@@ -62,7 +62,7 @@ def device_job(
 
 
 def _history(host: Host, request: Request, store: runs.Store, journal: runs.Recorder) -> apply.History:
-    """What earlier runs have left there; in `resume` a person has named the run that has died."""
+    """Return what earlier runs left on the device; `resume` names the interrupted run."""
     current = journal.run if isinstance(journal, runs.Journal) else ""
     return store.history(host.site, host.name, current=current, dead=request.run)
 
@@ -70,7 +70,7 @@ def _history(host: Host, request: Request, store: runs.Store, journal: runs.Reco
 def _states(
     managed_device: ManagedDevice, request: Request, store: runs.Store, ways: Sequence[BearerRoute]
 ) -> Mapping[str, desired.DesiredState]:
-    """What the device should hold, by the menu in which it has to have its radio; empty: in any case."""
+    """Return the desired states by the radio menu that they require; an empty key fits any device."""
     pin_problem = (
         "" if request.rehearsed else TriedPin(store.root, managed_device.host.site, managed_device.host.name).why_not
     )
@@ -81,14 +81,14 @@ def _states(
 
 
 def _minding_the_sim(host: Host, request: Request, store: runs.Store, journal: runs.Recorder) -> runs.Recorder:
-    """Note on disk that a PIN is tried before it is sent; an emulated SIM is a new one in every rehearsal."""
+    """Return a recorder that notes a PIN attempt before the PIN is sent; an emulated SIM is always new."""
     if request.rehearsed or not isinstance(host.device, LteRouter):
         return journal
     return PinRecorder(journal, TriedPin(store.root, host.site, host.name))
 
 
 def _desired_state(host: Host, text: str, request: Request, ways: Sequence[BearerRoute]) -> desired.DesiredState:
-    """What is declared; for a rollback, in the same menus, what it was before that run; or a confirmed state."""
+    """Return the desired state: of the inventory, of the state before a run (rollback), or of a confirmed state."""
     desired_state = desired.read(text, source=f"the desired text of {host.name}")
     if request.use is not None:
         return _apply_link_order(desired_state, ways, request.use)
@@ -110,7 +110,7 @@ def _desired_state(host: Host, text: str, request: Request, ways: Sequence[Beare
 def _apply_link_order(
     desired_state: desired.DesiredState, ways: Sequence[BearerRoute], order: LinkOrder
 ) -> desired.DesiredState:
-    """The routes and the job of a router for an order of its links."""
+    """Return the desired state with the routes and the scheduled job for a temporary order of links."""
     if order.link is None or order.until is None:
         return link_use.end_use(desired_state)
     use = link_use.LinkUse(order.link, order.until, order.until_uptime_s)
@@ -118,7 +118,7 @@ def _apply_link_order(
 
 
 def _check_use(ways: Sequence[BearerRoute], order: LinkOrder, observation: Observation) -> str:
-    """Say that the link does not carry the traffic although it should by now, or nothing."""
+    """Return a message if the link should carry the traffic by now and does not; empty otherwise."""
     if order.link is None or not order.proved:
         return ""
     active = active_bearer(observation.rows.get(link_use.ROUTES, ()), ways)
@@ -126,7 +126,7 @@ def _check_use(ways: Sequence[BearerRoute], order: LinkOrder, observation: Obser
 
 
 def _console(host: Host, access: Access, request: Request, pins: runs.Pins) -> apply.SshEndpoint:
-    """Where its SSH is: the template leaves it on, for those who may manage the device."""
+    """Return the SSH endpoint of a device: the template keeps SSH enabled for its administrators."""
     if not request.rehearsed:
         key = access.host_key or pins.host_key(host.name)
         return apply.SshEndpoint(str(access.address), _SSH, access.user, access.password, key)
@@ -135,9 +135,9 @@ def _console(host: Host, access: Access, request: Request, pins: runs.Pins) -> a
 
 
 def endpoint_of(host: Host, access: Access, request: Request) -> api.Endpoint:
-    """Where its API is, and by which certificate it is known: the declared one, else that which a person has agreed to.
+    """Return the API endpoint, with the certificate pin of the inventory or else the one that a person accepted.
 
-    Raises UsageError for a device that a rehearsal has no twin of.
+    Raises UsageError for a device that the rehearsal does not emulate.
     """
     pins = runs.Store(request.state, is_rehearsal=request.rehearsed).pins
     address, port, pin = str(access.address), access.port, access.fingerprint or pins.get(host.name)
@@ -158,6 +158,6 @@ def endpoint_of(host: Host, access: Access, request: Request) -> api.Endpoint:
 
 
 def _narrow(pins: runs.Pins, name: str) -> None:
-    """Remember that the device does not bear many questions at once; where that fails it is found out again."""
+    """Remember to send few requests at once to this device; if that cannot be saved, it is detected again."""
     with suppress(errors.NetcfgError):
         pins.narrow(name, api.WINDOW)

@@ -1,7 +1,7 @@
-"""The kinds of devices that the RouterOS engine handles: one entry a kind, and everything else asks this table.
+"""The device kinds that the RouterOS engine handles: one entry per kind, used by all other code.
 
-A new kind is a subclass of `ManagedDevice` in a module of its own and its name in `_KINDS`; its group stands in
-`playbooks/site.yml` (a test holds the two together).
+A new kind is a subclass of `ManagedDevice` in its own module, with its name in `_KINDS`; its group is listed in
+`playbooks/site.yml` (a test compares the two).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class KindText:
-    """One desired text of a device."""
+    """A desired text of a device, with the radio menu that it requires."""
 
     text: str
     """Secrets in clear: never print it."""
@@ -34,7 +34,7 @@ class KindText:
 
 @dataclass(frozen=True, slots=True)
 class HostPlace:
-    """By which port and address the device is managed, as the adopted device has it."""
+    """The port and address by which an adopted device is managed."""
 
     address: str
     """With prefix length."""
@@ -46,7 +46,7 @@ class HostPlace:
 
 @dataclass(frozen=True, slots=True)
 class Hardware:
-    """What an emulated device of this kind is made of; names are factory names."""
+    """The hardware of an emulated device of this kind, by factory names."""
 
     ports: tuple[str, ...]
     poe_ports: tuple[str, ...] = ()
@@ -58,7 +58,7 @@ class Hardware:
 
 @dataclass(frozen=True, slots=True)
 class ManagedDevice(ABC):
-    """A declared device that the RouterOS engine brings to its declared state. A kind of device is a subclass."""
+    """A device of the inventory that the RouterOS engine configures; each kind is a subclass."""
 
     declaration: Declaration
     host: Host
@@ -66,39 +66,39 @@ class ManagedDevice(ABC):
     @staticmethod
     @abstractmethod
     def takes(host: Host) -> bool:
-        """Tell whether a host is of this kind."""
+        """Return whether a host is of this kind."""
 
     @property
     @abstractmethod
     def access(self) -> model.Access:
-        """Address, port, user and password, and the bearer that leads there."""
+        """Address, port, user and password of the device, and the link to it."""
 
     @abstractmethod
     def texts(self) -> tuple[KindText, ...]:
-        """Render what the device should hold; more than one where the device decides which fits. Raises RenderError."""
+        """Render the desired texts; more than one if the device's hardware decides which applies. Raise RenderError."""
 
     @abstractmethod
     def prerequisites(self) -> tuple[render.Prerequisite, ...]:
-        """Say what must be on the device before a text can be written."""
+        """Return what must exist on the device before a text can be written."""
 
     @property
     @abstractmethod
     def place(self) -> HostPlace:
-        """Where it is managed."""
+        """The port and address by which the device is managed."""
 
     @property
     @abstractmethod
     def hardware(self) -> Hardware:
-        """What its twin is made of."""
+        """The hardware of the emulated device."""
 
     def unfit(self, radios: Collection[str]) -> tuple[str, str]:
-        """Say why none of the texts fits a device with radios in these menus, and what to do about it."""
+        """Return why no text fits a device with radios in these menus, and what to do about it."""
         there = " and ".join(sorted(radios)) or "no radio"
         return f"{self.host.name} has {there}, for which nothing is declared", "correct its host_vars file"
 
     @property
     def certificates(self) -> tuple[str, ...]:
-        """Names of the certificates that its text refers to."""
+        """Names of the certificates that the device's text refers to."""
         return tuple(prerequisite.name for prerequisite in self.prerequisites() if prerequisite.menu == "/certificate")
 
 
@@ -113,7 +113,7 @@ _OR_WIRELESS = ", or put the package `wireless` on both if their radios can do w
 
 
 def families(ptp: model.Ptp) -> tuple[str, ...]:
-    """Return the families of radio menus that can do what is declared, the one with nv2 first."""
+    """Return the families of radio menus that support these settings, the one with nv2 first."""
     candidates = ("wireless", "wifi") if ptp.menus is model.RadioMenus.AUTO else (ptp.menus.value,)
     plain = ptp.protocol is model.PtpProtocol.IEEE_80211
     legacy = ptp.standard != _AX and not (plain and ptp.wpa == "wpa3")
@@ -121,42 +121,42 @@ def families(ptp: model.Ptp) -> tuple[str, ...]:
 
 
 class ManagedCpe(ManagedDevice):
-    """Managed at its one cable, from the router's side; which menus its radio has is asked when it is read."""
+    """A CPE, managed over its only cable from the router's side; reading the device shows its radio menus."""
 
     __slots__ = ()
 
     @staticmethod
     def takes(host: Host) -> bool:
-        """Tell whether a host is of this kind."""
+        """Return whether a host is a CPE."""
         return isinstance(host.device, model.Cpe)
 
     @property
     def cpe(self) -> model.Cpe:
-        """What is declared of it."""
+        """The CPE in the inventory."""
         assert isinstance(self.host.device, model.Cpe)  # noqa: S101 - `takes` has said so
         return self.host.device
 
     @property
     def access(self) -> model.Access:
-        """As declared."""
+        """The access settings of the inventory."""
         return self.cpe.access
 
     def texts(self) -> tuple[KindText, ...]:
-        """Return one text for each family of menus that can do what is declared."""
+        """Return one text for each family of menus that supports the settings."""
         return tuple(
             KindText(render.cpe(self.declaration, self.host, family), _MENUS[family])
             for family in families(self.cpe.ptp)
         )
 
     def prerequisites(self) -> tuple[render.Prerequisite, ...]:
-        """Its port and its certificate."""
+        """Return the required port and certificate."""
         return render.cpe_prerequisites(self.declaration, self.host)
 
     @property
     def place(self) -> HostPlace:
-        """The cable; the technician stands behind this site's router, which masquerades, or beside it with a laptop.
+        """The cable; the technician is behind this site's router, which masquerades, or connected with a laptop.
 
-        The laptop's address is the highest of the link's network that no declared device has.
+        The laptop's address is the highest one of the link's network that no device of the inventory has.
         """
         view = render.cpe_view(self.declaration, self.host, families(self.cpe.ptp)[0])
         return HostPlace(view.management.address, view.port, self._laptop(IPv4Network(view.network)))
@@ -173,7 +173,7 @@ class ManagedCpe(ManagedDevice):
 
     @property
     def hardware(self) -> Hardware:
-        """A box with one port and one radio; its driver is the first that can do what is declared."""
+        """A device with one port and one radio, whose driver is the first that supports the settings."""
         family = families(self.cpe.ptp)[0]
         return Hardware(
             ports=(self.cpe.port,),
@@ -183,7 +183,7 @@ class ManagedCpe(ManagedDevice):
         )
 
     def unfit(self, radios: Collection[str]) -> tuple[str, str]:
-        """Say why: no driver at all, or one that cannot do what is declared."""
+        """Return why no text fits: no driver, or one that does not support the settings."""
         name, ptp = self.host.name, self.cpe.ptp
         if not radios:
             why = "has no radio that is driven: since RouterOS 7.13 `wireless` is a package of its own"
@@ -202,18 +202,18 @@ class ManagedCpe(ManagedDevice):
 
 
 class ManagedLte(ManagedDevice):
-    """Managed at its one cable, from the router's side."""
+    """A RouterOS 4G unit, managed over its only cable from the router's side."""
 
     __slots__ = ()
 
     @staticmethod
     def takes(host: Host) -> bool:
-        """Tell whether a host is of this kind: other 4G units have drivers of their own."""
+        """Return whether a host is a 4G unit with RouterOS: other units have separate drivers."""
         return isinstance(host.device, model.LteRouter) and host.device.driver is model.LteDriver.ROUTEROS
 
     @property
     def access(self) -> model.Access:
-        """As declared; the box is always at the site's own 4G link."""
+        """The access settings of the inventory; the unit is always reached over the site's 4G link."""
         device = self.host.device
         assert isinstance(device, model.LteRouter)  # noqa: S101 - `takes` has said so
         assert device.access is not None  # noqa: S101 - a rule of the declaration has said so
@@ -222,16 +222,16 @@ class ManagedLte(ManagedDevice):
         return model.Access.model_validate({"address": device.address, **credentials, **port})
 
     def texts(self) -> tuple[KindText, ...]:
-        """Return the one text."""
+        """Return the only text."""
         return (KindText(render.lte(self.declaration, self.host)),)
 
     def prerequisites(self) -> tuple[render.Prerequisite, ...]:
-        """Modem, port and certificate."""
+        """Return the required modem, port and certificate."""
         return render.lte_prerequisites(self.declaration, self.host)
 
     @property
     def place(self) -> HostPlace:
-        """The cable; the technician stands behind the site's router, which masquerades."""
+        """The cable; the technician is behind the site's router, which masquerades."""
         view = render.lte_view(self.declaration, self.host)
         return HostPlace(
             view.management.address, view.port, str(render.lte_bearer(self.declaration, self.host).address)
@@ -239,9 +239,9 @@ class ManagedLte(ManagedDevice):
 
     @property
     def hardware(self) -> Hardware:
-        """A box with one port and one modem; its SIM has the declared PIN, its network only the declared access point.
+        """A device with one port and one modem; SIM PIN and access point are those of the inventory.
 
-        It is a SIM of that network: what happens abroad is for those who try it on purpose.
+        The SIM is in its home network: tests of roaming configure that themselves.
         """
         view = render.lte_view(self.declaration, self.host)
         cell = routeros.CellSpec(apns=() if view.apn is None else (view.apn,), bands=view.bands or (3,))
@@ -252,7 +252,7 @@ class ManagedLte(ManagedDevice):
 
 
 class ManagedPorts(ManagedDevice):
-    """A box with declared ports and perhaps a radio of its own: router and switch."""
+    """A device with ports in the inventory and possibly a radio: router or switch."""
 
     __slots__ = ()
 
@@ -263,12 +263,12 @@ class ManagedPorts(ManagedDevice):
 
     @property
     def access(self) -> model.Access:
-        """As declared."""
+        """The access settings of the inventory."""
         return self._box.access
 
     @property
     def hardware(self) -> Hardware:
-        """The declared ports."""
+        """The ports of the inventory, and the radio of an access point."""
         ports: tuple[model.Port | model.SwitchPort, ...] = self._box.ports
         radio = self._box.access_point
         hardware = Hardware(
@@ -283,11 +283,11 @@ class ManagedPorts(ManagedDevice):
 
     @property
     def _radio(self) -> str:
-        """Menu in which the access point's radio has to be; empty: there is none."""
+        """The radio menu that the access point requires; empty without an access point."""
         return "" if self._box.access_point is None else _MENUS[self._box.access_point.menus]
 
     def unfit(self, radios: Collection[str]) -> tuple[str, str]:
-        """Say why: no driver, or the other one."""
+        """Return why no text fits: no radio driver, or the wrong one."""
         name, radio = self.host.name, self._box.access_point
         if not radios:
             return f"{name} has no radio that is driven, and an access point is declared", _INSTALL
@@ -298,21 +298,21 @@ class ManagedPorts(ManagedDevice):
 
 
 class ManagedRouter(ManagedPorts):
-    """Managed from the technician's port."""
+    """A router, managed from the technician's port."""
 
     __slots__ = ()
 
     @staticmethod
     def takes(host: Host) -> bool:
-        """Tell whether a host is of this kind."""
+        """Return whether a host is a router."""
         return isinstance(host.device, model.Router)
 
     def texts(self) -> tuple[KindText, ...]:
-        """Return the one text; with an access point for a router with a radio in the declared menus alone."""
+        """Return the only text; with an access point it requires a radio in the menus of the inventory."""
         return (KindText(render.router(self.declaration, self.host), self._radio),)
 
     def prerequisites(self) -> tuple[render.Prerequisite, ...]:
-        """Ports and certificates."""
+        """Return the required ports and certificates."""
         return render.prerequisites(self.declaration, self.host)
 
     @property
@@ -327,26 +327,26 @@ class ManagedRouter(ManagedPorts):
 
 
 class ManagedSwitch(ManagedPorts):
-    """Managed at its cable to the router."""
+    """A switch, managed over its cable to the router."""
 
     __slots__ = ()
 
     @staticmethod
     def takes(host: Host) -> bool:
-        """Tell whether a host is of this kind."""
+        """Return whether a host is a switch."""
         return isinstance(host.device, model.Switch)
 
     def texts(self) -> tuple[KindText, ...]:
-        """Return the one text; with an access point for a device with a radio in the declared menus alone."""
+        """Return the only text; with an access point it requires a radio in the menus of the inventory."""
         return (KindText(render.switch(self.declaration, self.host), self._radio),)
 
     def prerequisites(self) -> tuple[render.Prerequisite, ...]:
-        """Ports, certificate and radio."""
+        """Return the required ports, certificate and radio."""
         return render.switch_prerequisites(self.host)
 
     @property
     def place(self) -> HostPlace:
-        """The cable to the router, which masquerades: a laptop in its place has its address."""
+        """The cable to the router, which masquerades: a laptop connected instead uses the router's address."""
         lan = self.declaration.sites[self.host.site].lan
         assert isinstance(self.host.device, model.Switch)  # noqa: S101 - `takes` has said so
         return HostPlace(
@@ -360,12 +360,12 @@ _KINDS: tuple[type[ManagedDevice], ...] = (ManagedRouter, ManagedSwitch, Managed
 
 
 def is_supported(host: Host) -> bool:
-    """Tell whether the RouterOS engine handles a host."""
+    """Return whether the RouterOS engine handles a host."""
     return any(kind.takes(host) for kind in _KINDS)
 
 
 def get_managed_device(declaration: Declaration, host: Host) -> ManagedDevice:
-    """Return what is known of a host's kind. Raises NothingMatched if the engine does not handle it."""
+    """Return the managed device of a host; raise NoMatchError if the engine does not handle it."""
     for kind in _KINDS:
         if kind.takes(host):
             return kind(declaration, host)
@@ -373,5 +373,5 @@ def get_managed_device(declaration: Declaration, host: Host) -> ManagedDevice:
 
 
 def is_unit(host: Host) -> bool:
-    """Tell whether a host is a 4G unit that its own driver reads, and not the RouterOS engine."""
+    """Return whether a host is a 4G unit with a separate driver, not handled by the RouterOS engine."""
     return isinstance(host.device, model.LteRouter) and host.device.driver is not model.LteDriver.ROUTEROS

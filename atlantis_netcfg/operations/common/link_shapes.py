@@ -1,8 +1,8 @@
-"""What an emulated link does in a rehearsal: as the bearer's `rate:` is declared, or as a run has measured it.
+"""The shape of an emulated link in a rehearsal: from the link's `rate:`, or from a measured run.
 
-Every link of a rehearsal asks here: routers, computers, and the test packets of `provision qualify`. A profile takes
-the place of what is declared for the link of its name; what it has not measured (a rate) stays as declared. Estimates
-and timeouts go on counting with the declaration, as they would on the real link.
+All links of a rehearsal use this module: routers, computers, and the test packets of `provision qualify`. A profile
+replaces the values of the inventory for the link of its name; what it has not measured (a rate) stays as in the
+inventory. Estimates and timeouts still use the inventory, as they would on the real link.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _MEDIAN = 2
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A measured run as the link of a rehearsal."""
+    """A measured run that a rehearsal replays as a link."""
 
     profile: LinkProfile
     name: str
@@ -41,7 +41,7 @@ class Replay:
 
     @property
     def words(self) -> str:
-        """What a person reads before a rehearsal over it."""
+        """The replay as text, shown before a rehearsal."""
         profile = self.profile
         rtt_ms = 1000 * (_median(profile.up) + _median(profile.down))
         origin = ", itself a rehearsal" if profile.emulated else ""
@@ -53,12 +53,12 @@ class Replay:
 
     @property
     def not_rehearsed(self) -> str:
-        """What a report says of it."""
+        """The limit that a report states because of the replay."""
         origin = ", which was a rehearsal itself" if self.profile.emulated else ""
         return f"link {self.profile.link} as it is today: it was a replay of run {self.profile.run}{origin}"
 
     def refuse_elsewhere(self, declaration: Declaration, sites: Collection[str]) -> None:
-        """Raise UsageError where no site has such a link: the rehearsal would be one of the declared links."""
+        """Raise UsageError if no site has the replayed link: the rehearsal would ignore the profile."""
         links = [bearer.name for site in sites for bearer in declaration.sites[site].bearers]
         if self.profile.link not in links:
             raise UsageError(
@@ -68,7 +68,7 @@ class Replay:
 
 
 def link_shapes(bearer: Bearer, replay: Replay | None = None) -> LinkShapes:
-    """Give what a link does from the site and to it; `replay` counts where it is of this link."""
+    """Return a link's shapes up and down; `replay` applies if it is of this link."""
     rate = bearer.rate
     if replay is not None and replay.profile.link == bearer.name:
         return build_shapes(replay.profile, rate.up_kbps * 1000, rate.down_kbps * 1000)
@@ -88,7 +88,7 @@ def link_shapes(bearer: Bearer, replay: Replay | None = None) -> LinkShapes:
 
 
 def shapes_to(declaration: Declaration, site: str, via: str, replay: Replay | None = None) -> LinkShapes:
-    """Give those of the way over a bearer of a site, or over the technician's cable."""
+    """Return the shapes of a site's link or of the technician's cable."""
     for bearer in declaration.sites[site].bearers:
         if bearer.name == via:
             return link_shapes(bearer, replay)
@@ -97,7 +97,7 @@ def shapes_to(declaration: Declaration, site: str, via: str, replay: Replay | No
 
 
 def build_shapes(profile: LinkProfile, up_bps: float | None, down_bps: float | None) -> LinkShapes:
-    """Make a profile's shapes; the rates are those where it has none of its own."""
+    """Build a profile's shapes; the given rates are used where the profile has none."""
     up = _shape(profile, profile.up, up_bps, tuple(DrawnGap(gap.seconds, not gap.up) for gap in profile.gaps))
     down = _shape(profile, profile.down, down_bps, tuple(DrawnGap(gap.seconds, not gap.down) for gap in profile.gaps))
     return up, down
@@ -106,7 +106,7 @@ def build_shapes(profile: LinkProfile, up_bps: float | None, down_bps: float | N
 def _shape(
     profile: LinkProfile, direction: DirectionProfile, rate_bps: float | None, gaps: tuple[DrawnGap, ...]
 ) -> LinkShape:
-    """The time in which a test packet was sent is in its delay, and the link takes it again: it is subtracted."""
+    """Build one shape; the test packet's sending time is subtracted from its delay, as the link adds it again."""
     rate = direction.rate_bps or rate_bps
     sending_s = 0.0 if rate is None else profile.packet_octets * 8 / rate
     return LinkShape(
@@ -129,7 +129,7 @@ def _median(direction: DirectionProfile) -> float:
 
 
 def open_replay(name: str, roots: Sequence[Path], sites: Sequence[str]) -> Replay:
-    """Find a run by its name among those of these sites, or by a path. NoProfile; UsageError: there is none."""
+    """Find a run of these sites by name, or a path; raise NoProfile, or UsageError if there is none."""
     path = Path(name).expanduser()
     matches = [folder for root in roots for site in sites if (folder := root / site / "qualify" / name).is_dir()]
     if "/" not in name and matches:

@@ -1,10 +1,10 @@
-"""What the playbook that runs in this process has to know of its caller: must it stop, was it cut off.
+"""The link between a playbook in this process and its caller: stop requests and interruption.
 
-Ansible makes callback plugins by itself and hands them nothing. So the play that `provision` runs stands here while it
-runs; in plain `ansible-playbook` there is none. Tasks run in forked children, which see what stood here when they
-began.
+Ansible creates callback plugins itself and passes them nothing. So the play that `provision` runs is registered here
+while it runs; in plain `ansible-playbook` there is none. Tasks run in forked children, which see what was registered
+when they started.
 
-Hosts of a run without a result: what the journal, written beforehand, says of them.
+Also the results of hosts for which Ansible returned none, from the journal, which is written in advance.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class PlayControl:
-    """One play: the first stop signal reaches its workers, which settle; after the next one nobody waits any longer."""
+    """One play: the first stop signal makes its workers finish safely, the next one ends them."""
 
     workers: Callable[[], list[int]] = list
     """Process ids of the tasks that run now."""
@@ -45,7 +45,7 @@ class PlayControl:
 
     @contextmanager
     def current(self) -> Iterator[PlayControl]:
-        """Let plugins find it, and take the stop signals while it lasts. In the main thread only."""
+        """Register this play for plugins and handle stop signals during the context; main thread only."""
         before = stop_signals.handlers()
         self._ignored_signals = tuple(number for number, handler in before.items() if handler is signal.SIG_IGN)
         _current.append(self)
@@ -56,10 +56,10 @@ class PlayControl:
             stop_signals.restore(before)
 
     def take_signals(self) -> None:
-        """Answer the stop signals from now on; Ansible sets handlers of its own when it makes a play.
+        """Handle the stop signals from now on; Ansible sets its own handlers when it creates a play.
 
-        A signal that this process was told to ignore (`nohup`) stays ignored. Raises KeyboardInterrupt if one came
-        while a module was imported: nothing has begun yet.
+        A signal that this process ignores (`nohup`) stays ignored. Raises KeyboardInterrupt if one arrived during the
+        import of a module: nothing has started yet.
         """
         if name := stop_signals.pending_stop():
             raise KeyboardInterrupt(name)
@@ -67,14 +67,14 @@ class PlayControl:
             signal.signal(number, signal.SIG_IGN if number in self._ignored_signals else self._stop)
 
     def _stop(self, number: int, _frame: FrameType | None) -> None:
-        """Hand it to the workers as Ctrl-C: the first lets them settle, the second ends them."""
+        """Forward the signal to the workers as SIGINT: the first lets them finish safely, the second ends them."""
         self.stopped_by = self.stopped_by or signal.Signals(number).name
         for worker in self.workers():
             with suppress(ProcessLookupError):
                 os.kill(worker, signal.SIGINT)
 
     def cut_off(self, reason: str) -> None:
-        """Ansible has ended in the middle of a play: whoever keeps results has to close them."""
+        """Call the cleanups: Ansible ended in the middle of a play, and open results must be closed."""
         for cleanup in self.cleanups:
             cleanup(reason)
 
@@ -83,13 +83,13 @@ _current: list[PlayControl] = []
 
 
 def refuse_after_stop() -> None:
-    """Begin no further task once a person has stopped the play. Raises KeyboardInterrupt."""
+    """Raise KeyboardInterrupt if a person has stopped the play, so that no further task starts."""
     if _current and _current[-1].stopped_by:
         raise KeyboardInterrupt(_current[-1].stopped_by)
 
 
 def when_cut_off(cleanup: Callable[[str], None]) -> None:
-    """Have this called, with the reason, if the play ends without its last event."""
+    """Register a cleanup that is called, with the reason, if the play ends without its last event."""
     if _current:
         _current[-1].cleanups.append(cleanup)
 
@@ -107,13 +107,13 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     reason: NetcfgError | str,
     output: str,
 ) -> dict[str, dict[str, Any]]:
-    """Give each name a result that says what is known, never nothing; `asked` for were these and the other ends.
+    """Return a result from the journal for each host without one; requested were these and the other bridge ends.
 
-    `left-as-found` (4), `unknown` (5), or how the journal says that it has ended: that is not green (6), for nobody has
-    seen the run to its end.
+    The status is `left-as-found` (4), `unknown` (5), or the end that the journal records: that is not green (6), since
+    the end of the run was not observed.
 
-    `reason` is why they have none, as far as that is known; `output` is what Ansible has printed. It is kept in a log
-    file, except after a refusal of ours, which says all there is.
+    `reason` is why they have none, as far as known; `output` is what Ansible printed. It is saved in a log file, except
+    after a refusal by this toolkit, which is complete by itself.
     """
     if not names:
         return {}
@@ -136,7 +136,7 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
 
 
 def other_ends(names: Sequence[str], declaration: Declaration, request: Request) -> dict[str, str]:
-    """The ends of all bridges that one of these is an end of, each with the other one: both have a result."""
+    """Return both ends of every bridge that has one of these hosts as an end, each with the other one."""
     from atlantis_netcfg.operations.common.schedule import members_of  # noqa: PLC0415 - what plays nothing needs no pairs
 
     try:
@@ -164,9 +164,9 @@ _TAKES_BACK = "what was not confirmed the device takes back by itself, within te
 
 
 def _journal(name: str, site: str, runs: Iterable[str], request: Request) -> tuple[str, Run | None]:
-    """Find the run that was begun for this host among those of its site, and read it; without a name none was begun.
+    """Find and read the run started for this host among those of its site; an empty name means none was started.
 
-    A name without a journal: that is gone, which proves nothing.
+    A name without a journal: the journal is missing, which proves nothing.
     """
     store = Store(request.state, is_rehearsal=request.rehearsed)
     for run_id in dict.fromkeys(filter(None, runs)):
@@ -182,13 +182,13 @@ def _journal(name: str, site: str, runs: Iterable[str], request: Request) -> tup
 
 
 def _is_touched(recorded_run: Run, name: str) -> bool:
-    """Whether anything was, or may have been, sent that changes the device."""
+    """Return whether anything that changes the device was, or may have been, sent."""
     records = recorded_run.log.records
     return any(getattr(record, "device", None) == name and not isinstance(record, _READING) for record in records)
 
 
 def _recorded_result(recorded_run: Run, name: str, reason: str) -> DeviceResult:
-    """Tell how it has ended; whoever wrote that has not lived to tell it, and `resume` has nothing to do there."""
+    """Return the recorded end of a device whose process died after writing it; `resume` has nothing to do."""
     outcome = recorded_run.outcomes[name]
     message, code = f"{outcome.message}; then: {reason}", ExitCode(outcome.exit).unproven_code
     confirmed_actions = len(recorded_run.confirmed_actions(name))
@@ -196,7 +196,7 @@ def _recorded_result(recorded_run: Run, name: str, reason: str) -> DeviceResult:
 
 
 def _log_output(output: str, request: Request) -> list[str]:
-    """Keep what Ansible has printed in a log file, and name it."""
+    """Save Ansible's output in a log file and return a note with its name."""
     if not output:
         return []
     try:

@@ -1,7 +1,7 @@
-"""The emulated devices of a site, started for one command: adopted, empty, and as far away as their bearer is.
+"""The emulated devices of a site, started for one command: adopted, empty, behind the link's delay.
 
-"Adopted" is what `provision adopt` leaves behind: our user, a certificate on api-ssl, and the management address on the
-management port, nothing else. A rehearsal therefore shows the first configuration of the site.
+"Adopted" is the state after `provision adopt`: the toolkit's user, a certificate on api-ssl, and the management address
+on the management port, nothing else. A rehearsal therefore shows the first configuration of the site.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _STATIONS_NOT_REHEARSED = (
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """Running twins."""
+    """The running emulated devices of a rehearsal."""
 
     targets: Mapping[str, Target]
     not_rehearsed: tuple[str, ...]
@@ -65,7 +65,7 @@ class Rehearsal:
 
     @property
     def request_fields(self) -> dict[str, Any]:
-        """What a request has to say of the emulated devices."""
+        """The fields of a request that describe the emulated devices."""
         computers = self.computers
         return {
             "targets": self.targets,
@@ -76,11 +76,11 @@ class Rehearsal:
 
     @property
     def left_out(self) -> Mapping[str, str]:
-        """Hosts that nothing stands for on this computer, and why."""
+        """Hosts that are not emulated on this computer, with the reason."""
         return self.computers.left_out
 
     def export(self, name: str) -> str:
-        """What the twin's own `/export` says now; of a 4G unit, what it is set to; of a computer, its files."""
+        """Return the emulated device's current `/export`; for a 4G unit its settings, for a computer its files."""
         if name in self.computers.machines:
             return self.computers.export(name)
         if name in self.units:
@@ -88,7 +88,7 @@ class Rehearsal:
         return str(self.twins.do(name, "export"))
 
     def tune(self, name: str, truth: PlaceTruth) -> bool:
-        """Let an emulated 4G unit hear what is on the air at a place; False: it hears the same everywhere."""
+        """Set an emulated 4G unit's reception to that of a place; return False if it does not support this."""
         if name in self.units:
             hear = self.units[name].tune
             if hear is not None:
@@ -99,7 +99,7 @@ class Rehearsal:
         return True
 
     def relink(self, declaration: Declaration, host: Host, via: str) -> None:
-        """Put the twin of a host behind another bearer."""
+        """Put the emulated device of a host behind another link."""
         if host.name in self.computers.machines:
             shapes = shapes_to(declaration, host.site, via, self.replay)
             self.computers.machines[host.name].link(shapes=shapes)
@@ -115,7 +115,7 @@ def rehearsal(
     notify: events.Subscriber = events.ignore,
     replay: Replay | None = None,
 ) -> Iterator[Rehearsal]:
-    """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
+    """Start an emulated device for every supported host until the context ends; `via`: the link used for all."""
     if replay is not None:
         replay.refuse_elsewhere(declaration, dict.fromkeys(host.site for host in hosts))
     requested_names = {host.name for host in hosts}
@@ -160,9 +160,9 @@ def site_spec(
     along: Collection[str] = (),
     replay: Replay | None = None,
 ) -> routeros.SiteSpec:
-    """Describe the twins of these hosts, each of a kind that the engine handles.
+    """Return the specification of these hosts' emulators, each of a kind that the engine handles.
 
-    `along`: those that come along as the other end of a bridge, at a site that need not have the bearer `via`.
+    `along`: hosts added as the other end of a bridge, at a site that may not have the link `via`.
     """
     name = ",".join(sorted({host.site for host in hosts}))
     twins = tuple(_twin(declaration, host, None if host.name in along else via, replay) for host in hosts)
@@ -172,7 +172,7 @@ def site_spec(
 def _air(
     declaration: Declaration, hosts: Sequence[Host], via: str | None, along: Collection[str]
 ) -> Iterator[routeros.RadioPair]:
-    """Describe the radio links between these hosts; the twins' near end is where the technician stands."""
+    """Yield the radio links between these hosts; the near end is on the technician's side."""
     names = [host.name for host in hosts]
     requested_names = [name for name in names if name not in along]
     request = Request(state=Path(), via=dict.fromkeys(requested_names, via) if via is not None else {})
@@ -188,7 +188,7 @@ def _air(
 
 @contextmanager
 def rehearse_adoption(adoption: Adoption) -> Iterator[routeros.SpawnedSite]:
-    """Let an adoption meet a twin that comes out of its box; it ends with the context."""
+    """Run an adoption against an emulated device in factory state, which ends with the context."""
     name = adoption.host.name
     spec = factory_spec(adoption.declaration, adoption.host, serial=adoption.via != "ssh")
     with (
@@ -199,7 +199,7 @@ def rehearse_adoption(adoption: Adoption) -> Iterator[routeros.SpawnedSite]:
             adoption.via = f"serial:{twins.ready[name]['serial']}"
 
         def locate(address: str, port: int) -> tuple[str, int]:
-            """The declared address, or any other, which stands for the factory's."""
+            """Return the emulated port for the target's address, or for any other, which counts as the factory's."""
             ready = dict(twins.do(name, "info"))
             doors = ready if address == adoption.target.host else ready["first_contact"]
             return ready["host"], int(doors["ports"].get(str(port), 0))
@@ -209,7 +209,7 @@ def rehearse_adoption(adoption: Adoption) -> Iterator[routeros.SpawnedSite]:
 
 
 def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) -> routeros.TwinSpec:
-    """Describe a router's twin as it comes out of its box, with the laptop on a port of the factory's network."""
+    """Return the specification of a router's emulator in factory state, with the laptop on a factory LAN port."""
     spec = _twin(declaration, host, None)
     management = spec.router.management
     port = next((port for port in spec.router.ports[1:] if port != management.port), None)
@@ -254,7 +254,7 @@ def _twin(declaration: Declaration, host: Host, via: str | None, replay: Replay 
 
 
 def _around(declaration: Declaration, host: Host) -> tuple[str, ...]:
-    """Who answers a router's pings: of each of its bearers the next hop and the canaries, as if all were well."""
+    """Return the addresses that answer a router's pings: each link's next hop and probe targets, all healthy."""
     if not isinstance(host.device, Router):
         return ()
     bearers = declaration.sites[host.site].bearers
@@ -262,7 +262,7 @@ def _around(declaration: Declaration, host: Host) -> tuple[str, ...]:
 
 
 def link(declaration: Declaration, host: Host, via: str, replay: Replay | None = None) -> routeros.RouterLink:
-    """Make the twin's link as the bearer is declared or replayed, and count on the router's port that it hangs on."""
+    """Return the emulated device's link, shaped by inventory or replay and counted on the router port that it uses."""
     port = next((port for port, name in ports_of(host).items() if name == via), None)
     up, down = shapes_to(declaration, host.site, via, replay)
     return routeros.RouterLink(up=up, down=down, port=port)

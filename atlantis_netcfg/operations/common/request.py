@@ -1,4 +1,4 @@
-"""A request as the command line hands it to Ansible: one JSON file, given as extra variable `atlantis_request`."""
+"""A request from the command line to Ansible: one JSON file in the extra variable `atlantis_request`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _FIELDS = {ACCEPT_COST: "accept_cost", REMOVE_FOREIGN: "remove_foreign", REHEARS
 
 
 def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
-    """The fields of a request that Ansible's variables give. Raises UsageError in one plain sentence."""
+    """Return the request fields set by Ansible variables; raise UsageError for unknown or invalid ones."""
     from atlantis_netcfg.inventory.new_inventory.questions import wrong  # noqa: PLC0415 - plain Ansible alone asks it
 
     for name in variables:
@@ -69,7 +69,7 @@ def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
 
 
 class Mode(StrEnum):
-    """What is to be done with every device of the request."""
+    """The operation on every device of the request."""
 
     PLAN = "plan"
     APPLY = "apply"
@@ -79,7 +79,7 @@ class Mode(StrEnum):
 
     @property
     def reads_only(self) -> bool:
-        """Whether it changes nothing, so that it needs neither the site's lock nor a journal."""
+        """Whether the mode changes nothing, so that it needs neither the site's lock nor a journal."""
         return self in (Mode.PLAN, Mode.DRIFT)
 
 
@@ -88,7 +88,7 @@ class _Data(BaseModel):
 
 
 class Target(_Data):
-    """Where a device of a rehearsal really listens."""
+    """The real address and port of an emulated device."""
 
     host: str
     port: int
@@ -107,7 +107,7 @@ class Target(_Data):
 
 
 class StandIns(_Data):
-    """Rehearsal: what takes the place of servers that a gateway fetches from."""
+    """Replacements, in a rehearsal, for the servers from which a gateway downloads."""
 
     archive: str
     """Address of a signed archive with packages of ROS' names."""
@@ -122,7 +122,7 @@ class StandIns(_Data):
 
 
 class LinkOrder(_Data):
-    """`provision use`: a link shall carry the traffic of the site for a time, or the declared order holds again."""
+    """The order of `provision use`: one link carries the site's traffic for a time, or the normal order returns."""
 
     link: str | None = None
     """None: the declared order."""
@@ -142,7 +142,7 @@ def _private_state(state: Path) -> Path:
 
 
 class Request(_Data):
-    """Everything that the declaration does not say about a run."""
+    """The parameters of a run that are not in the inventory."""
 
     state: Annotated[Path, AfterValidator(_private_state)] = Field(default_factory=state_dir)
     """Folder of journals, backups and pins."""
@@ -184,31 +184,31 @@ class Request(_Data):
 
     @property
     def vpn(self) -> Path:
-        """Folder of the VPN's authority; on a laptop without one only `hosts/` is in it. It may be missing."""
+        """Folder of the VPN's authority, which may be missing; on a laptop without one it has only `hosts/`."""
         return self.authority if self.authority is not None else self.state / "vpn"
 
     def identity_of(self, host: str) -> Path | None:
-        """File of a declared host's identity in the VPN; None where there is none on this computer."""
+        """Return the file of a host's identity in the VPN; None if this computer has none."""
         path = self.vpn / "hosts" / f"{host}.identity"
         return path if path.is_file() else None
 
 
 class EventStream:
-    """Writes whole lines; a listener that has gone away does not stop a run, since the journal holds everything."""
+    """A writer of whole event lines; a closed reader does not stop a run, since the journal has everything."""
 
     def __init__(self, descriptor: int | None) -> None:
         self._descriptor = descriptor
 
     def event(self, event: Event) -> None:
-        """Tell what happened to a device."""
+        """Send an event of a device."""
         self._send({"event": asdict(event)})
 
     def outcome(self, devices: Mapping[str, Mapping[str, Any]], runs: Mapping[str, Mapping[str, str]]) -> None:
-        """Tell how devices ended; `runs`: site to kind of device (each has runs of its own) to run id."""
+        """Send the results of devices; `runs` maps site to device kind (each has its own runs) to run id."""
         self._send({"devices": devices, "runs": runs})
 
     def error(self, error: errors.NetcfgError) -> None:
-        """Tell why the request as a whole was refused."""
+        """Send the error that refused the whole request."""
         self._send({"error": {"message": str(error), "hint": error.hint, "exit": int(error.exit)}})
 
     def _send(self, data: Mapping[str, Any]) -> None:
@@ -226,7 +226,7 @@ _shared_declarations: dict[Path, Declaration] = {}
 
 @contextmanager
 def share_declaration(declaration: Declaration) -> Iterator[None]:
-    """Let the tasks of this process, and those that it forks, take this declaration instead of reading it again."""
+    """Let tasks of this process and its forks use this inventory instead of loading it again."""
     folder = declaration.root.absolute()
     _shared_declarations[folder] = declaration
     try:
@@ -236,13 +236,13 @@ def share_declaration(declaration: Declaration) -> Iterator[None]:
 
 
 def declaration_of(inventory: Path, decrypt: Callable[[str], str] | None = None) -> Declaration:
-    """The declaration in a folder: the shared one, or as it is read now. Raises what `site.load` raises."""
+    """Return the inventory of a folder: the shared one, or loaded now. Raise the errors of `load`."""
     return _shared_declarations.get(inventory.absolute()) or load(inventory, decrypt=decrypt)
 
 
 @contextmanager
 def open_request(request: Mapping[str, Any] | None, *, plan_only: bool) -> Iterator[tuple[Request, EventStream]]:
-    """Give the request and its channel; what is raised within is told there, a fault of ours after it is in a log."""
+    """Yield the request and its event stream; errors within are sent there, internal ones also logged."""
     run_request = Request.model_validate(request or {})
     if plan_only and not run_request.mode.reads_only:
         run_request = run_request.model_copy(update={"mode": Mode.PLAN})
@@ -263,7 +263,7 @@ _MAX_LINES = 3
 
 
 def refuse_examples(declaration: Declaration, *, is_rehearsal: bool) -> None:
-    """Raise UsageError if devices of an inventory that still holds example values are to be contacted."""
+    """Raise UsageError if real devices would be contacted while the inventory has example values."""
     if not declaration.pilot.example_values or is_rehearsal:
         return
     hint = f"replace them and set `example_values: false` in group_vars/all/pilot.yml, or {errors.REHEARSE}"

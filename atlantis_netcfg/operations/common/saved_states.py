@@ -1,8 +1,8 @@
-"""Runs whose saved states are put back, and the state from which a rehearsal of that begins.
+"""Runs whose saved states are restored, and the start state of a rehearsal of that.
 
-A rehearsal takes the runs of the real site, and where there is none those of earlier rehearsals; a real run only real
-ones. An emulated device comes fresh from its adoption: before a rollback or a resumed run can be rehearsed on it, it is
-brought to a state that stands for the real device, by the same engine, and read back.
+A rehearsal uses the runs of the real site or, without any, those of earlier rehearsals; a real run only real ones. An
+emulated device starts freshly adopted: before a rollback or a resumed run can be rehearsed on it, the same engine
+brings it to a state that represents the real device, and reads it back.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class StartState:
-    """What an emulated device is brought to first: the state before a run, what a run has read back, or as declared."""
+    """The start state of an emulated device: before a run, as read back by a run, or as in the inventory."""
 
     host: str
     words: str
@@ -42,7 +42,7 @@ _LIST_HINT = "`provision runs` lists what is there"
 
 
 def hosts_of_run(hosts: Iterable[Host], names: Collection[str]) -> tuple[Host, ...]:
-    """Those hosts that a run is about, before anything is started. Raises NothingMatched when none is left."""
+    """Return the hosts that a run concerns; raise NoMatchError if there are none."""
     result = tuple(host for host in hosts if host.name in names)
     if not result:
         raise NoMatchError("nothing to do for any device of that run", hint=_LIST_HINT)
@@ -50,18 +50,17 @@ def hosts_of_run(hosts: Iterable[Host], names: Collection[str]) -> tuple[Host, .
 
 
 def stores(state: Path, *, is_rehearsal: bool) -> tuple[runs.Store, ...]:
-    """Where runs are looked for, in this order."""
+    """Return the stores in which runs are searched, in this order."""
     return tuple(
         runs.Store(state, is_rehearsal=is_emulated) for is_emulated in ((False, True) if is_rehearsal else (False,))
     )
 
 
 def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, is_rehearsal: bool = False) -> runs.Run:
-    """Find the run before which a site is put back; `latest` is the newest that has saved a state of these hosts.
+    """Find the run whose saved state is restored; `latest` is the newest that saved a state of these hosts.
 
-    Rollbacks are passed over: who types `to=latest` twice is at the same state, and not where it began. So is what only
-    prepared the emulated devices of a rehearsal.
-    Raises NothingMatched, NoSuchRun.
+    Rollbacks are skipped: repeating `to=latest` stays at the same state instead of undoing the rollback. So are runs
+    that only prepared the emulated devices of a rehearsal. Raises NoMatchError, NoSuchRun.
     """
     places = stores(state, is_rehearsal=is_rehearsal)
     if name != LATEST:
@@ -77,10 +76,10 @@ def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, i
 
 
 def hosts_to_restore(run: runs.Run, hosts: Sequence[Host], *, is_explicit: bool) -> tuple[Host, ...]:
-    """Return the hosts whose state before a run is put back; `is_explicit`: a person has chosen them one by one.
+    """Return the hosts whose state before a run is restored; `is_explicit`: a person selected them by name.
 
-    Raises StateDamaged if the journal does not tell what became of one of the others; then a person names those that
-    are put back. Raises NothingMatched when none is left.
+    Raises DamagedStateError if the journal does not contain the end of one of the others; then a person must name those
+    to restore. Raises NoMatchError if none is left.
     """
     saved_hosts = tuple(host for host in hosts if run.before(host.name) is not None)
     known_hosts = run.start_record.hosts if run.start_record is not None else [host.name for host in hosts]
@@ -104,7 +103,7 @@ def hosts_to_restore(run: runs.Run, hosts: Sequence[Host], *, is_explicit: bool)
 
 
 def _find_run(places: Sequence[runs.Store], site: str, name: str) -> runs.Run:
-    """The run of that name. Raises NoSuchRun, which lists the runs of the first place that has any."""
+    """Return the run of that name; raise NoSuchRun, which lists the runs of the first store that has any."""
     candidates = [store for store in places if site in store.sites()] or [*places]
     for store in candidates:
         with suppress(runs.NoSuchRun):
@@ -113,7 +112,7 @@ def _find_run(places: Sequence[runs.Store], site: str, name: str) -> runs.Run:
 
 
 def before_rollback(state: Path, hosts: Sequence[Host], run: runs.Run) -> list[StartState]:
-    """What stands for the devices as they are now: what was read back last, else what is declared."""
+    """Return the current states of the devices: the last one read back, else that of the inventory."""
     return [
         _read_back(host, last)
         if (last := _last_confirmed(state, host, run)) is not None
@@ -127,7 +126,7 @@ def before_rollback(state: Path, hosts: Sequence[Host], run: runs.Run) -> list[S
 
 
 def before_resuming(state: Path, hosts: Sequence[Host], broken: runs.Run) -> list[StartState]:
-    """What stands for the devices as the broken run has left them, if they have taken its changes back."""
+    """Return the states of the devices after the interrupted run, if they have rolled its changes back."""
     return [_before_resuming(state, host, broken) for host in hosts]
 
 
@@ -160,7 +159,7 @@ def _before_resuming(state: Path, host: Host, broken: runs.Run) -> StartState:
 
 
 def _last_confirmed(state: Path, host: Host, run: runs.Run) -> runs.SavedState | None:
-    """What was read back last by runs of the same kind: what an emulated device was stands for no real one."""
+    """Return the last state read back by runs of the same kind: emulated states never represent real ones."""
     is_rehearsal = run.start_record is not None and run.start_record.rehearsed
     return runs.Store(state, is_rehearsal=is_rehearsal).last_confirmed(host.site, (host.name,)).get(host.name)
 

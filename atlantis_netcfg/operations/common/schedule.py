@@ -1,4 +1,4 @@
-"""What one run consists of: single devices, bridges with their two ends, and their order."""
+"""The units of one run: single devices, bridges with their two ends, and their order."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Bridge:
-    """Two CPEs that name each other."""
+    """A bridge: two CPEs that name each other as peer."""
 
     near: Host
     far: Host
 
     @property
     def ends(self) -> tuple[Host, Host]:
-        """Near end first."""
+        """Both ends, the near one first."""
         return self.near, self.far
 
 
 def with_other_ends(declaration: Declaration, hosts: Sequence[Host]) -> tuple[Host, ...]:
-    """Return the hosts, and the other ends of all bridges that one of them is an end of, wherever they stand."""
+    """Return the hosts, and the other ends of their bridges at any site."""
     names = [host.name for host in hosts]
     ends = [end for pair in _ends(declaration, names) for end in pair]
     return tuple({host.name: host for host in (*hosts, *ends)}.values())
 
 
 def pair_of(bridge: Bridge, near: DeviceJob, far: DeviceJob) -> Pair:
-    """Make one member of a run of two jobs; each end has to be heard within the bounds that both declare."""
+    """Combine two jobs into one unit of a run; each end's signal must be within the bounds of both."""
     ptps = [end.device.ptp for end in bridge.ends if isinstance(end.device, Cpe)]
     signal = Signal(
         weakest_dbm=max(ptp.signal.weakest_dbm for ptp in ptps),
@@ -51,7 +51,7 @@ def pair_of(bridge: Bridge, near: DeviceJob, far: DeviceJob) -> Pair:
 
 
 def far_bearer(declaration: Declaration, bridge: Bridge, near: DeviceJob) -> BearerProfile | None:
-    """What a session to the far end runs over: the near end's bearer and the bridge, of which the slower one counts."""
+    """Return the link that limits a session to the far end: the near end's, or the bridge if the near end is on LAN."""
     if near.bearer is not None and near.bearer.name != LAN.name:
         return near.bearer
     names = {end.name for end in bridge.ends}
@@ -62,10 +62,10 @@ def far_bearer(declaration: Declaration, bridge: Bridge, near: DeviceJob) -> Bea
 def bridges(
     declaration: Declaration, names: Sequence[str], via: Mapping[str, str] | None = None, near_site: str | None = None
 ) -> tuple[Bridge, ...]:
-    """Return the bridges of which an end is among the hosts `names`; both ends, wherever the other one is declared.
+    """Return the bridges with an end among the hosts `names`; both ends, at whichever site the other one is.
 
-    `via`: host name to the bearer in use, where it differs from the declared one. `near_site`: the site at which the
-    technician is, which decides where both ends are declared to be reached by cable. Raises UsageError if nothing does.
+    `via`: link in use by host name, if it differs from the inventory. `near_site`: the site of the technician, which
+    decides if the inventory has both ends reached by cable. Raises UsageError if the near end is undecidable.
     """
     bridge_list = []
     for first, second in _ends(declaration, names):
@@ -75,7 +75,7 @@ def bridges(
 
 
 def _ends(declaration: Declaration, names: Sequence[str]) -> Iterator[tuple[Host, Host]]:
-    """Yield each bridge once, in the order of the declaration."""
+    """Yield each bridge once, in the order of the inventory."""
     seen_names: set[str] = set()
     for host in declaration.hosts.values():
         peer = declaration.hosts.get(host.device.ptp.peer) if isinstance(host.device, Cpe) else None
@@ -122,9 +122,9 @@ class RunUnit:
 
 
 def members_of(declaration: Declaration, names: Sequence[str], request: Request) -> tuple[RunUnit, ...]:
-    """Return what the hosts `names` are in a run; the other end of a bridge comes along, wherever it stands.
+    """Return the run units of the hosts `names`; the other end of a bridge is added, at any site.
 
-    Raises UsageError if nothing tells which end of a bridge is the near one.
+    Raises UsageError if it is undecidable which end of a bridge is the near one.
     """
     pairs = bridges(
         declaration, _without_single_ends(declaration, names, request), request.via, _near_site(declaration, names)
@@ -139,15 +139,15 @@ def members_of(declaration: Declaration, names: Sequence[str], request: Request)
 
 
 def _near_site(declaration: Declaration, names: Sequence[str]) -> str:
-    """The site that was asked for is where the technician stands; who asks for more stands at the control centre."""
+    """Return the technician's assumed site: the only one requested, else the control centre's."""
     sites = {declaration.hosts[name].site for name in names}
     return sites.pop() if len(sites) == 1 else declaration.hosts[declaration.pilot.vpn.server].site
 
 
 def _without_single_ends(declaration: Declaration, names: Sequence[str], request: Request) -> list[str]:
-    """Leave out ends that go alone.
+    """Return the names without bridge ends that are handled alone.
 
-    A replacement gets its state while no bridge is there, and a run that has saved one end only has changed that one.
+    A replacement device is restored while there is no bridge, and a run that saved one end only changed only that one.
     """
     if request.restore is not None:
         return []
@@ -173,7 +173,7 @@ def _has_saved_state(store: Store, host: Host, run: str) -> bool:
 
 
 def _after(declaration: Declaration, hosts: Sequence[Host], names: Sequence[str], request: Request) -> tuple[str, ...]:
-    """Whatever hangs on a site's router waits for it, where anything is changed."""
+    """Return the routers that must finish first: devices behind a site's router wait for it if anything is changed."""
     if request.mode.reads_only or any(isinstance(host.device, Router) for host in hosts):
         return ()
     sites = {host.site for host in hosts}

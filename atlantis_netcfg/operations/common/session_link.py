@@ -1,4 +1,4 @@
-"""Which bearer carries the session to a device, and the timeouts that follow from it."""
+"""The link that carries the session to a device, and the timeouts that follow from it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LAN = BearerProfile(name=CABLE, rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=10
 
 
 def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> BearerProfile:
-    """The bearer to a device; `via` overrides the declared one. Raises UsageError if the site has no such bearer."""
+    """Return the link to a device; `via` overrides the inventory. Raise UsageError if the site has no such link."""
     name = via or (get_managed_device(declaration, host).access.via if is_supported(host) else LAN.name)
     if name == LAN.name:
         return LAN
@@ -39,11 +39,11 @@ def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> B
 
 
 def patient(endpoint: Endpoint, bearer: BearerProfile) -> Endpoint:
-    """The endpoint with as much patience as its bearer needs.
+    """Return the endpoint with the timeouts that its link needs.
 
-    A cable or a bridge on land has no gaps: what is dead there is given up in seconds. Everything else keeps the
-    defaults, which outlive the gaps of 70 s of a satellite; so does what is metered, since a modem that looks for its
-    network is gone for as long.
+    A cable or a bridge on land has no gaps: a dead device there is given up in seconds. Everything else keeps the
+    defaults, which outlast the gaps of 70 s of a satellite; so does a metered link, since a modem that searches for its
+    network is silent for as long.
     """
     if bearer.is_metered or bearer.rtt_s >= FAST_S:
         return endpoint
@@ -51,7 +51,7 @@ def patient(endpoint: Endpoint, bearer: BearerProfile) -> Endpoint:
 
 
 def as_bearer(bearer: Declared) -> BearerProfile:
-    """A declared bearer in the units of estimates."""
+    """Convert a link of the inventory to the units of estimates."""
     return BearerProfile(
         name=bearer.name,
         rtt_s=bearer.rate.rtt_ms / 1000,

@@ -1,4 +1,4 @@
-"""The links of a site with what a byte over them costs, as declared."""
+"""The links of a site with their cost per byte, from the inventory."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _MB: Final = 1_000_000
 
 
 def links_of(declaration: Declaration, site: str) -> Mapping[str, MeteredLink]:
-    """Every link of a site by its name, the technician's cable among them."""
+    """Return every link of a site by name, including the technician's cable."""
     links = (_link(site, bearer) for bearer in declaration.sites[site].bearers)
     return {CABLE: MeteredLink(CABLE, site, is_metered=False), **{link.name: link for link in links}}
 
 
 def link_of(declaration: Declaration, site: str, name: str) -> MeteredLink:
-    """One link of a site. KeyError if it has none of that name: `bearer_of` has looked before."""
+    """Return one link of a site; raise KeyError for an unknown name (`bearer_of` checks it before)."""
     return links_of(declaration, site)[name]
 
 
 def bearer_named(declaration: Declaration, site: str, name: str) -> Bearer:
-    """Return the link of that name. Raises UsageError, with the near miss."""
+    """Return the link of that name; raise UsageError, which suggests the nearest name."""
     bearers = {bearer.name: bearer for bearer in declaration.sites[site].bearers}
     if name not in bearers:
         near = nearest(name, bearers)

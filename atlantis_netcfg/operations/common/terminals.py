@@ -1,4 +1,4 @@
-"""Satellite terminals and SIM cards in a run: nothing is sent to a terminal; it is compared with the evidence."""
+"""Satellite terminals and SIM cards in a run: a terminal is compared with its evidence; nothing is sent to it."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ EVIDENCE_FOLDER = "evidence"
 
 @dataclass(frozen=True, slots=True)
 class TerminalResult:
-    """What is to be said of one terminal.
+    """The result of one terminal.
 
-    It has the shape of a device's result, so that every report can hold it; it plans and changes nothing.
+    It has the fields of a device's result, so that every report can include it; it plans and changes nothing.
     """
 
     name: str
@@ -41,24 +41,24 @@ class TerminalResult:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst finding; without any, PASS: a person has seen it, and it is recent."""
+        """The worst verdict of the findings; without any, PASS: a person has inspected the terminal recently."""
         return worst(finding.verdict for finding in self.findings) if self.findings else Verdict.PASS
 
     @property
     def exit(self) -> errors.ExitCode:
-        """A backup that differs is a failed check; what nobody has looked at is told, and is none."""
+        """The exit code: a backup that differs is a failed check; a missing inspection is reported but is none."""
         return errors.ExitCode.CHECKS_FAILED if self.verdict in (Verdict.FAIL, Verdict.ERROR) else errors.ExitCode.DONE
 
     @property
     def message(self) -> str:
-        """What stands in the report beside its name."""
+        """The terminal's message in the report."""
         if self.evidence is None:
             return f"{self.verdict}: declared without evidence, has no interface of its own"
         by, on = self.evidence.by, self.evidence.seen_on.isoformat()
         return f"{self.verdict}: declared, firmware {self.evidence.firmware}, seen by {by} on {on}"
 
     def as_dict(self) -> Mapping[str, Any]:
-        """As JSON-able data, with every key of a device's result."""
+        """Return JSON-able data with every key of a device's result."""
         return {
             "status": "declared",
             "exit": int(self.exit),
@@ -84,14 +84,14 @@ class TerminalResult:
 
 
 def is_terminal(host: Host) -> bool:
-    """Whether a host is a satellite terminal."""
+    """Return whether a host is a satellite terminal."""
     return isinstance(host.device, SatelliteTerminal)
 
 
 def look(
     declaration: Declaration, host: Host, store: runs.Store, *, today: date, backup: Path | None = None
 ) -> TerminalResult:
-    """Judge what is declared of a terminal; nothing is written. `backup` names the file instead of looking for it.
+    """Judge a terminal's entry in the inventory without writing; `backup` names the file instead of searching it.
 
     Raises UsageError if a named file cannot be read.
     """
@@ -108,7 +108,7 @@ def look(
 def perform(
     inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, *, plan_only: bool
 ) -> dict[str, Any]:
-    """Look at the terminals of a play and give `per_host`, each result as Ansible shows it. Raises NetcfgError."""
+    """Judge the terminals of a play and return `per_host`: each result for Ansible. Raise NetcfgError."""
     with open_request(request, plan_only=plan_only) as (run_request, channel):
         declaration = declaration_of(inventory)
         store = runs.Store(run_request.state, is_rehearsal=run_request.rehearsed)
@@ -163,7 +163,7 @@ def _network_side(declaration: Declaration, host: Host, device: SatelliteTermina
 
 
 def _backup(root: Path, evidence: satellite.SatelliteEvidence | None, file: Path | None) -> satellite.Backup | None:
-    """The file that a person names, or the declared one below the inventory."""
+    """Return the backup file that a person named, or the inventory's, from its evidence folder."""
     if file is not None:
         return satellite.Backup(str(file), _sha256(file))
     if evidence is None or evidence.backup_file is None:
@@ -183,9 +183,9 @@ def _sha256(path: Path) -> str:
 
 
 def _load_firmware(store: runs.Store) -> dict[str, str]:
-    """The firmware of each terminal as the last run has recorded it. Raises StateDamaged.
+    """Return the firmware of each terminal as recorded by the last run; raise DamagedStateError.
 
-    A run that may change devices records which one was declared: the next run says if it has changed.
+    A run that may change devices records the firmware in the inventory: the next run reports a change.
     """
     path = store.root / "terminals.json"
     try:
@@ -210,11 +210,12 @@ _MENU, _FIELD = "/interface/lte", "pin"
 
 
 class TriedPin:
-    """The memory of one SIM. `root` is that of the `Store`.
+    """The record of PIN attempts for one SIM; `root` is that of the `Store`.
 
-    The device cannot tell: a PIN that was taken back leaves no trace on it but the SIM's own count, which RouterOS does
-    not show. So a file stands in the state directory from before the PIN is sent until it is known to have been right.
-    It holds no PIN, nor anything from which one could be found; a person who has corrected the declaration deletes it.
+    The device cannot report them: a PIN that was removed leaves no trace on it but the SIM's own counter, which
+    RouterOS does not show. So a file exists in the state directory from before the PIN is sent until the PIN is known
+    to be correct. It contains no PIN, nor anything that reveals one; a person who has corrected the inventory deletes
+    it.
 
         <state>/<real|rehearsal>/<site>/sim/<device>.tried
     """
@@ -224,7 +225,7 @@ class TriedPin:
 
     @property
     def why_not(self) -> str:
-        """Why the PIN must not be sent; empty: nothing is known against it."""
+        """Why the PIN must not be sent; empty if there is no reason."""
         try:
             when = self.path.read_text(encoding="ascii").strip()
         except FileNotFoundError:
@@ -237,7 +238,7 @@ class TriedPin:
         )
 
     def remember(self) -> None:
-        """Note on disk that a PIN is about to be sent. Raises JournalFailed: then it must not be sent."""
+        """Record on disk that a PIN is about to be sent; raise JournalError: then it must not be sent."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             runs.write_atomically(self.path, f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n".encode())
@@ -248,12 +249,12 @@ class TriedPin:
             ) from error
 
     def forget(self) -> None:
-        """The SIM has taken it."""
+        """Delete the record: the SIM has accepted the PIN."""
         self.path.unlink(missing_ok=True)
 
 
 class PinRecorder:
-    """A journal that notes, before a PIN is sent, that it is tried; and forgets that once it was read back as taken."""
+    """A recorder that notes a PIN attempt before the PIN is sent, and deletes the note once the SIM accepted it."""
 
     def __init__(self, inner: runs.Recorder, pin_attempt: TriedPin) -> None:
         self._inner = inner
@@ -262,7 +263,7 @@ class PinRecorder:
         self._sent = False
 
     def write(self, record: runs.Record) -> None:
-        """Put a record on disk. Raises JournalFailed."""
+        """Write a record to disk; raise JournalError."""
         if isinstance(record, runs.PlanRecord):
             self._numbers = frozenset(
                 action.number for action in record.actions if action.menu == _MENU and _FIELD in dict(action.values)
@@ -275,9 +276,9 @@ class PinRecorder:
             self._pin_attempt.forget()
 
     def save(self, device: str, text: str) -> None:
-        """As the journal does."""
+        """See `Journal`."""
         self._inner.save(device, text)
 
     def confirm(self, device: str, text: Callable[[], str]) -> None:
-        """As the journal does."""
+        """See `Journal`."""
         self._inner.confirm(device, text)

@@ -1,17 +1,17 @@
-"""The standing traffic of each bearer of a site, from the declaration and from what is rendered of it; and its budget.
+"""Standing traffic of each link of a site, from inventory and rendered configuration, and its budget.
 
-`bearers.standing` has the arithmetic. Here stands who talks to whom:
+`links.standing_traffic` has the arithmetic. This file lists who communicates with whom:
 
-- the router asks the canaries of its links; it and each gateway ask the time servers;
+- the router pings the probe targets of its links; it and each gateway query the time servers;
 - the router and each gateway have a tunnel, and so has each computer of `dds.peers` at this site;
-- each computer that talks DDS announces itself to its peers, and they to it, unless DDS is kept off the link. What two
-  computers of one site say to each other through the VPN crosses the link twice. A peer that is no host of the
-  inventory is taken to announce itself as the computers here do;
-- the vehicles that are tested here publish their declared `telemetry` to every control centre; over a link that DDS is
-  kept off only where a computer of `dds.peers` works here, because its own tunnel is not known to our firewall;
-- the site of the VPN server carries what all other sites say, as if all of it came over each of its bearers.
+- each computer that uses DDS announces itself to its peers, and they to it, unless DDS is kept off the link. Traffic
+  between two computers of one site through the VPN crosses the link twice. A peer that is no host of the inventory is
+  assumed to announce itself as the computers here do;
+- the vehicles tested at the site publish the `telemetry` of the inventory to every control centre. Over a link that
+  DDS is kept off, only if a computer of `dds.peers` works here: its own tunnel is unknown to the router's firewall;
+- the site of the VPN server carries the traffic of all other sites, as if all of it used each of its links.
 
-Partners' tunnels that only the VPN's ledger knows are not in it, nor is what a person does.
+Not included: partners' tunnels that only the VPN's ledger knows, and traffic caused by people.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _LONGEST_POLL_S: Final = 1024.0
 
 
 def standing_traffic(declaration: Declaration, site: str) -> tuple[StandingTraffic, ...]:
-    """Of each bearer of a site, in order of preference."""
+    """Return the standing traffic of each link of a site, in order of preference."""
     links = links_of(declaration, site)
     uplinks = _uplinks(declaration, site)
     probe_flows, budgets = _of_canaries(uplinks), dict(_budgets(declaration, site, uplinks))
@@ -79,7 +79,7 @@ def _uplinks(declaration: Declaration, site: str) -> tuple[Uplink, ...]:
 
 
 def _budgets(declaration: Declaration, site: str, uplinks: Iterable[Uplink]) -> Iterator[tuple[str, str]]:
-    """Bearer to how its canaries keep to their budget, in words, of those that have one."""
+    """Yield each link with a probe budget, and a text on how its probes keep to it."""
     budgets = {bearer.name: bearer.canary_budget_bytes for bearer in declaration.sites[site].bearers}
     for uplink in uplinks:
         probe_plan, budget = uplink.probing, budgets[uplink.name]
@@ -95,7 +95,7 @@ def _budgets(declaration: Declaration, site: str, uplinks: Iterable[Uplink]) -> 
 
 
 def _of_canaries(uplinks: Iterable[Uplink]) -> dict[str, tuple[StandingFlow, ...]]:
-    """Bearer to what its canaries are asked."""
+    """Return the probe traffic of each link."""
     result: dict[str, tuple[StandingFlow, ...]] = {}
     for uplink in uplinks:
         if uplink.probing is not None:
@@ -107,7 +107,7 @@ def _of_canaries(uplinks: Iterable[Uplink]) -> dict[str, tuple[StandingFlow, ...
 
 
 def _shared_flows(declaration: Declaration, site: str, bearer: model.Bearer) -> Iterator[StandingFlow]:
-    """What goes over whichever bearer has the traffic; `bearer`, because reliable topics depend on its pace."""
+    """Yield the traffic that uses the active link; `bearer`: reliable topics depend on its speed."""
     clients = [
         host
         for host in declaration.site_hosts(site)
@@ -125,7 +125,7 @@ def _shared_flows(declaration: Declaration, site: str, bearer: model.Bearer) -> 
 
 
 def _through_the_vpn(declaration: Declaration, site: str, bearer: model.Bearer) -> Iterator[StandingFlow]:
-    """What the tunnels of a site say, and what goes through them over a bearer."""
+    """Yield the traffic of a site's tunnels, and the traffic through them over a link."""
     crosses = bearer.name not in links_without_dds(declaration, site)
     computers, foreign = _computers(declaration, site), _foreign(declaration, site)
     senders = [computer for computer in computers if crosses or computer[0] in foreign]
@@ -148,7 +148,7 @@ def _through_the_vpn(declaration: Declaration, site: str, bearer: model.Bearer) 
 
 
 def _computers(declaration: Declaration, site: str) -> list[tuple[str, ProfileView]]:
-    """Address and profile of each computer of a site that talks DDS through the VPN."""
+    """Return address and profile of each computer of a site that uses DDS through the VPN."""
     if declaration.pilot.dds is None:
         return []
     hosts = [
@@ -159,7 +159,7 @@ def _computers(declaration: Declaration, site: str) -> list[tuple[str, ProfileVi
 
 
 def _foreign(declaration: Declaration, site: str) -> list[str]:
-    """Addresses of the computers of a site that are no hosts of the inventory."""
+    """Return the addresses of a site's computers that are not in the inventory."""
     dds = declaration.pilot.dds
     return [str(peer.address) for peer in dds.peers if peer.site == site] if dds is not None else []
 
@@ -167,7 +167,7 @@ def _foreign(declaration: Declaration, site: str) -> list[str]:
 def _announcements(
     declaration: Declaration, computers: list[tuple[str, ProfileView]], senders: list[tuple[str, ProfileView]]
 ) -> Iterator[StandingFlow]:
-    """Those of the computers of a site whose DDS crosses the link with each of their peers, both ways."""
+    """Yield the announcements, both ways, between each sender and its peers."""
     here = {address for address, _ in computers}
     for address, view in senders:
         for name, peer in view.peers:
@@ -183,9 +183,9 @@ def _announcements(
 
 
 def _pair(view: ProfileView, peer: str) -> tuple[float, float]:
-    """Bytes a day that a computer sends to another one, and that come back because nobody listens there.
+    """Return a computer's bytes a day to another one, and the bytes of errors returned for closed ports.
 
-    To one that is not its peer it sends what goes to participants that it has heard, at ports where they listen.
+    To a computer that is not its peer it only sends the traffic to discovered participants, whose ports are open.
     """
     announcing = view.announcing
     if all(address != peer for _, address in view.peers):
@@ -194,7 +194,7 @@ def _pair(view: ProfileView, peer: str) -> tuple[float, float]:
 
 
 def _telemetry(declaration: Declaration, site: str, view: ProfileView, pace: LinkPace) -> StandingFlow:
-    """What the vehicles that are tested at a site publish to each control centre."""
+    """Return the traffic of vehicles tested at a site, published to each control centre."""
     vehicle_names = declaration.sites[site].checklist.vehicles
     topics = [
         steady(item)
@@ -207,28 +207,28 @@ def _telemetry(declaration: Declaration, site: str, view: ProfileView, pace: Lin
 
 
 def publishing_profile(declaration: Declaration, site: str) -> ProfileView | None:
-    """The profile by which telemetry of a site is counted: of its first computer that talks DDS; None: it has none."""
+    """Return the profile used to count a site's telemetry: its first DDS computer's; None if it has none."""
     computers = _computers(declaration, site)
     return computers[0][1] if computers else None
 
 
 def control_centres(declaration: Declaration) -> int:
-    """Subscribers of each topic."""
+    """Return the number of control centres, each of which subscribes to every topic."""
     return sum(isinstance(host.device, model.ControlCentre) for host in declaration.hosts.values())
 
 
 def steady(item: model.TelemetryTopic) -> SteadyTopic:
-    """A declared topic, at its declared rate."""
+    """Convert a topic of the inventory to a steady topic."""
     return SteadyTopic(item.rate_hz, item.size_bytes, item.reliable)
 
 
 def declared_pace(bearer: model.Bearer) -> LinkPace:
-    """How quick a bearer is, as declared."""
+    """Return a link's speed as given in the inventory."""
     return LinkPace(bearer.rate.rtt_ms / 1000, bearer.rate.up_kbps * 1000)
 
 
 def over_budget(bearer: model.Bearer, traffic: StandingTraffic) -> BearerFinding | None:
-    """Compare what goes over a bearer by itself with what is declared for it; None: it keeps to that, or is free."""
+    """Return a finding if a link's standing traffic exceeds its budget; None if it does not, or is free."""
     if bearer.metered and not bearer.has_standing_budget and traffic.month_bytes:
         return _without_budget(bearer, traffic)
     budgets = []
@@ -254,7 +254,7 @@ def _without_budget(bearer: model.Bearer, traffic: StandingTraffic) -> BearerFin
 
 
 def inventory_warnings(declaration: Declaration) -> tuple[Finding, ...]:
-    """The declaration's own warnings, and every bearer that is over its budget, by place."""
+    """Return the inventory's warnings and every link over its budget, sorted by position."""
     findings = list(declaration.warnings)
     for name, site in declaration.sites.items():
         for bearer, traffic in zip(site.bearers, standing_traffic(declaration, name), strict=True):

@@ -1,7 +1,7 @@
-"""The passwords of the inventory's vault, and what Ansible reads when it is imported.
+"""Passwords of the inventory's vault, and the settings with which Ansible is imported.
 
-The passwords are those that Ansible itself would use, else what a person types once. All that reaches into Ansible to
-save time stands here as well.
+The passwords are those that Ansible itself would use, else what a person types once. All code that modifies Ansible
+to save time is here as well.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _LARGE = 50_000
 
 
 def _speak_utf8() -> None:
-    """Let Ansible start in a locale without UTF-8 as well (`LC_ALL=C`): else it ends the process itself.
+    """Set a UTF-8 locale if the current one is not (`LC_ALL=C`): otherwise Ansible ends the process.
 
-    Python reads and writes UTF-8 there by itself; programs that we start inherit it.
+    Python itself uses UTF-8 there; started programs inherit the locale.
     """
     try:
         locale.setlocale(locale.LC_ALL, "")
@@ -49,9 +49,9 @@ def _speak_utf8() -> None:
 
 @cache
 def import_ansible() -> None:
-    """Import Ansible's settings with ours, once a process; what we start later does not inherit them.
+    """Import Ansible with the toolkit's settings, once per process; child processes do not inherit them.
 
-    The folder for its temporary files goes when the process ends.
+    The folder for its temporary files is removed when the process ends.
     """
     _speak_utf8()
     stack = ExitStack()
@@ -79,10 +79,10 @@ def import_ansible() -> None:
 
 
 def load_used_plugins() -> None:
-    """Have Ansible load, before the first task, the plugins that runs use; it would load all of their kinds.
+    """Preload the plugins that runs use before the first task; Ansible would load all plugins of their kinds.
 
-    Tasks run in processes of their own, and loading them there would cost more. Whatever else a host asks for is
-    loaded by the task that needs it.
+    Tasks run in separate processes, where loading would cost more. Any other plugin is loaded by the task that needs
+    it.
     """
     executor: Any = import_module("ansible.executor.playbook_executor")
     loaders: Any = import_module("ansible.plugins.loader")
@@ -91,7 +91,7 @@ def load_used_plugins() -> None:
 
 
 class _Loader:
-    """Stands for a loader of plugins where all of them are loaded."""
+    """A replacement for a plugin loader that loads only the plugins in use."""
 
     def __init__(self, loader: Any, names: Sequence[str]) -> None:  # noqa: ANN401 - Ansible's; it has no types
         self._loader, self._names = loader, names
@@ -101,7 +101,7 @@ class _Loader:
 
 
 def _leave_out_paramiko() -> None:
-    """To Ansible paramiko is a library that may be missing; it would import it for a connection that we do not use."""
+    """Prevent Ansible from importing paramiko, which it treats as optional and which is not used here."""
     if "paramiko" in sys.modules:
         return
     sys.modules["paramiko"] = None  # type: ignore[assignment]  # what Python documents for "not to be imported"
@@ -112,9 +112,9 @@ def _leave_out_paramiko() -> None:
 
 
 def _keep_metadata() -> None:
-    """Keep the metadata of Ansible's own collection as JSON: its YAML took a twentieth of a run that changes nothing.
+    """Cache the metadata of Ansible's own collection as JSON: parsing its YAML took 5 % of a run without changes.
 
-    Ansible's `_meta_yml_to_dict` says of itself that others may put their own in its place, and keep what it gives.
+    Ansible's `_meta_yml_to_dict` documents that it may be replaced and its result cached.
     """
     finder: Any = import_module("ansible.utils.collection_loader._collection_finder")
     parse = finder._meta_yml_to_dict  # noqa: SLF001 - as above
@@ -138,7 +138,7 @@ def _keep_metadata() -> None:
 
 
 def is_configured() -> bool:
-    """Whether a file, or a question, is named for the vault's password where Ansible looks for it."""
+    """Return whether Ansible's settings name a file, or a prompt, for the vault's password."""
     import_ansible()
     from ansible import constants  # noqa: PLC0415 - as below
 
@@ -150,33 +150,33 @@ PROMPTS = frozenset({"prompt", "prompt_ask_vault_pass"})
 
 
 class Vault:
-    """Opens vaulted values. Nothing is read and nobody is asked before the first of them.
+    """Decryption of vaulted values; passwords are read or asked for only when first needed.
 
-    Our loader and Ansible need the same ones: `secrets` is what both take (`DataLoader.set_vault_secrets`).
+    The toolkit's loader and Ansible share them: both accept `secrets` (`DataLoader.set_vault_secrets`).
     """
 
     def __init__(self, ask: Callable[[str], Secret] | None = None, *, insist: bool = False) -> None:
-        """`ask` has the password of a vault id typed; `insist`: also where a file is named."""
+        """`ask` prompts for the password of a vault id; `insist`: prompt even if a file is configured."""
         self._ask = ask
         self._insist = insist
         self._secrets: list[tuple[str, Any]] | None = None
 
     @property
     def secrets(self) -> list[tuple[str, Any]]:
-        """Vault id and `VaultSecret`, as Ansible's classes take them. Raises UsageError without any."""
+        """Pairs of vault id and `VaultSecret`, as Ansible's classes take them; raises UsageError if there are none."""
         if self._secrets is None:
             self._secrets = self._collect_secrets()
         return self._secrets
 
     def decrypt(self, text: str) -> str:
-        """Open one value. Raises UsageError without a password, and whatever Ansible raises for a wrong one."""
+        """Decrypt one value; raise UsageError without a password, or Ansible's error for a wrong one."""
         import_ansible()
         from ansible.parsing.vault import VaultLib  # noqa: PLC0415 - most inventories of a rehearsal need no vault
 
         return str(VaultLib(self.secrets).decrypt(text.encode()).decode())
 
     def encrypt(self, text: str) -> str:
-        """Close one value with the first password. Raises UsageError without any."""
+        """Encrypt one value with the first password; raise UsageError if there is none."""
         secret = self.secrets[0][1]
         from ansible.parsing.vault import VaultLib  # noqa: PLC0415 - as above
 
@@ -184,7 +184,7 @@ class Vault:
 
     @property
     def known_secrets(self) -> list[tuple[str, Any]]:
-        """The same without asking anybody: empty where no value of the inventory needed them."""
+        """The secrets obtained so far, without prompting; empty if no value needed them."""
         return self._secrets or []
 
     def _collect_secrets(self) -> list[tuple[str, Any]]:
@@ -214,7 +214,7 @@ class Vault:
 
 
 def _of_file(label: str, file: str) -> object:
-    """Read a password file, or run one that is a program. Raises UsageError."""
+    """Read a password file, or run it if it is a program; raise UsageError."""
     from ansible.errors import AnsibleError  # noqa: PLC0415 - as above
     from ansible.parsing.dataloader import DataLoader  # noqa: PLC0415
     from ansible.parsing.vault import get_file_vault_secret  # noqa: PLC0415

@@ -1,5 +1,6 @@
-"""Computers in a run, gateways and the VPN's server: ordinary Ansible roles work, and this is what stands around them.
+"""Computers in a run (gateways, VPN server): data and supervision for ordinary Ansible roles.
 
-Before the roles `wanted` tells each of them what its hosts should hold, as data made by pure functions. While they run
-a `Watch` in Ansible's main process holds the site's lock, writes its journal, and puts every task's result into words.
+Before the roles, `desired_state` gives each of them the desired state of its hosts, as data from pure functions. While
+they run, a `Watch` in Ansible's main process holds the site's lock, writes its journal, and turns every task's result
+into text.
 """

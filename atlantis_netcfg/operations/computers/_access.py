@@ -1,4 +1,4 @@
-"""How Ansible reaches a computer: the declared address, or the system that stands for it in a rehearsal."""
+"""Ansible's access to a computer: the address of the inventory, or its emulator in a rehearsal."""
 
 from __future__ import annotations
 
@@ -18,21 +18,20 @@ if TYPE_CHECKING:
 
 
 def is_server(host: Host) -> bool:
-    """Whether a host runs the server of the VPN."""
+    """Return whether a host runs the VPN server."""
     return isinstance(host.device, VpnServer)
 
 
 def is_computer(host: Host) -> bool:
-    """Whether roles work on a host over SSH."""
+    """Return whether a host is configured by roles over SSH."""
     return isinstance(host.device, SshHost)
 
 
 def computer_access(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
-    """Give the variables of a connection: `host`, `port`, `user`, `become`, `ssh_args`, `metered`.
+    """Return the connection variables: `host`, `port`, `user`, `become`, `ssh_args`, `metered`.
 
-    Its host key is the declared one, else the one that the technician's own known_hosts has under the name of the host,
-    whatever address it is reached by: any other is refused. Raises UsageError if the site has no such bearer as
-    `via=` names.
+    The host key is that of the inventory, else the one under the host's name in the technician's known_hosts, whatever
+    the address: any other is refused. Raises UsageError if the site has no link as named by `via=`.
     """
     device = host.device
     assert isinstance(device, SshHost)  # noqa: S101 - callers ask `is_computer`
@@ -61,7 +60,7 @@ def computer_access(declaration: Declaration, host: Host, request: Request) -> M
 
 
 def _declared_key(host: Host, request: Request) -> str:
-    """The option that names the file with the declared host key, which alone counts then; empty without one."""
+    """Return the SSH option for a file with only the inventory's host key; empty if it has none."""
     device = host.device
     assert isinstance(device, SshHost)  # noqa: S101 - the caller has asked
     if device.ssh.host_key is None:
@@ -77,7 +76,7 @@ def _declared_key(host: Host, request: Request) -> str:
 
 
 def key_trouble(name: str, message: str) -> tuple[str, str] | None:
-    """What OpenSSH has refused of the host key that a computer shows, and what to do about it; None: nothing."""
+    """Return OpenSSH's host-key refusal as text, and what to do about it; None if it refused nothing."""
     if "IDENTIFICATION HAS CHANGED" in message:
         text = "it shows another SSH host key than before, so nothing was told to it"
         return text, f"only if it was set up anew: `ssh-keygen -R {name}`, then {TRUST}"

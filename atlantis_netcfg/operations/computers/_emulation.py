@@ -1,6 +1,6 @@
-"""The computers of a rehearsal: real Debian computers with systemd, where this computer can run them.
+"""The computers of a rehearsal: real Debian systems with systemd, where this computer can run them.
 
-The authority of a rehearsal: made for it, in its folder, sealed by a passphrase that nobody is ever told.
+The VPN authority of a rehearsal is created in its folder, encrypted with a passphrase that is never shown.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _KEYS = serialization.Encoding.OpenSSH
 
 @dataclass(frozen=True, slots=True)
 class RehearsedComputers:
-    """What stands for the computers of a rehearsal."""
+    """The emulated computers of a rehearsal."""
 
     machines: Mapping[str, lab.Machine] = field(default_factory=dict)
     targets: Mapping[str, Target] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class RehearsedComputers:
     not_rehearsed: tuple[str, ...] = ()
 
     def export(self, name: str) -> str:
-        """What the computer's configuration and its packages look like now: name, size and time of every file."""
+        """Return the current configuration files and packages: name, size and time of every file."""
         return self.machines[name].run(_STATE).stdout
 
 
@@ -81,7 +81,7 @@ class RehearsedComputers:
 def rehearsed_computers(
     declaration: Declaration, hosts: Sequence[Host], folder: Path, notify: events.Subscriber
 ) -> Iterator[RehearsedComputers]:
-    """Start a computer for each of that kind among `hosts`; they end with the context. Raises MachineFailed."""
+    """Start an emulated computer for each computer among `hosts` until the context ends; raise MachineError."""
     computers = [host for host in hosts if is_computer(host)]
     if not computers:
         yield RehearsedComputers()
@@ -127,22 +127,22 @@ def rehearsed_computers(
 
 
 def _server_authority(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """Make an authority for the server; gives its folder, and what it does not stand for."""
+    """Create an authority for the server; return its folder and the limits of the rehearsal."""
     return create_authority(declaration, folder / "vpn"), NOT_REHEARSED
 
 
 def _client_identities(declaration: Declaration, hosts: Sequence[Host], folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """Make identities for gateways that no server of this rehearsal knows; gives their folder, and what is lacking."""
+    """Create identities for gateways that no server of this rehearsal knows; return folder and limits."""
     from atlantis_netcfg.vpn import rehearsal  # noqa: PLC0415 - as above
 
     return rehearsal.identities(declaration, hosts, folder / "vpn"), rehearsal.NOT_REHEARSED
 
 
 def tree_spec(declaration: Declaration) -> lab.TreeSpec:
-    """Name the Debian packages that the pilot's computers ask for; a rehearsal has no network to fetch them from.
+    """Return the Debian packages of the pilot's computers: a rehearsal has no network to download them.
 
-    All of them for any site, so that one tree is made. Packages of ROS come from the stand-ins, at their own place in
-    the run.
+    The list covers all sites, so that one tree is enough. ROS packages come from substitutes, at their place in the
+    run.
     """
     package_names = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN, *RETRIEVAL}
     for host in declaration.hosts.values():
@@ -153,7 +153,7 @@ def tree_spec(declaration: Declaration) -> lab.TreeSpec:
 
 
 def _serve_stand_ins(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder: Path) -> StandIns | None:
-    """Serve stand-ins for the archive of ROS and for the partners' repositories; None: no ROS is declared."""
+    """Serve substitutes for the ROS archive and the partners' repositories; None if the inventory has no ROS."""
     pilot = declaration.pilot
     if pilot.dds is None or pilot.gateways.ros2 is None:
         return None
@@ -203,7 +203,7 @@ def _start_machine(ground: lab.Lab, declaration: Declaration, host: Host, root: 
 
 
 def _provide_images(machine: lab.Machine, device: model.Model, root: Path) -> dict[str, str]:
-    """Bring stand-ins for the images of its containers to where a person brings the real ones."""
+    """Copy substitute container images to the folder where a person places the real ones."""
     if not isinstance(device, model.ServerComputer):
         return {}
     containers: dict[str, tuple[model.ServiceContainer | model.Ros1Bridge | None, str, int]] = {
@@ -222,7 +222,7 @@ def _provide_images(machine: lab.Machine, device: model.Model, root: Path) -> di
 
 
 def _service_programs(device: model.ServerComputer) -> list[tuple[model.HostedService, model.ServiceProgram]]:
-    """What is started for the services of a computer."""
+    """Return the services of a computer that start a program, with their programs."""
     return [(service, service.program) for service in device.services if service.program is not None]
 
 
@@ -233,7 +233,7 @@ def _target(machine: lab.Machine, folder: Path) -> Target:
 
 
 def _key(path: Path) -> str:
-    """Make the technician's key of this rehearsal; give its public half."""
+    """Create the technician's SSH key of this rehearsal; return the public key."""
     key = Ed25519PrivateKey.generate()
     private = key.private_bytes(_KEYS.PEM, serialization.PrivateFormat.OpenSSH, serialization.NoEncryption())
     write_atomically(path, private)
@@ -249,7 +249,7 @@ _WHO = "rehearsal"
 
 
 def create_authority(declaration: Declaration, folder: Path) -> Path:
-    """Make it, with an identity for every declared host that is a client of the VPN; gives the folder."""
+    """Create the rehearsal's authority, with an identity for every VPN client host; return the folder."""
     passphrase = Secret(secrets.token_urlsafe(24))
     authority = Authority.init(folder, passphrase, server_names(declaration), _WHO)
     hosts = folder / "hosts"

@@ -1,8 +1,8 @@
-"""Beside the roles, in Ansible's main process: lock, journal, progress, and one result a computer.
+"""Supervision of the roles in Ansible's main process: lock, journal, progress, one result per computer.
 
-Ansible runs each task in a process that ends with it, so that nothing which lasts a whole run can live in a task. A
-callback plugin hands every event to the `Watch`; what the watch has to refuse is raised by the next task that asks.
-The result has the shape of a device's result, so that every report can hold it.
+Ansible runs each task in a separate process, so nothing that lasts a whole run can be in a task. A callback plugin
+passes every event to the `Watch`; a refusal by the watch is raised by the next task that calls `refuse`. The result has
+the fields of a device's result, so that every report can include it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _PROTECTION = "files whole or not at all; a firewall without the way in is refus
 
 @dataclass(slots=True)
 class ComputerResult:
-    """What its tasks have told so far."""
+    """The result of a computer, collected from its tasks so far."""
 
     name: str
     mode: Mode = Mode.APPLY
@@ -52,7 +52,7 @@ class ComputerResult:
     was_reached: bool = True
 
     def ok(self, task: str, values: Mapping[str, Any]) -> None:
-        """Take what a task has changed: our modules name each change, of any other the task's name is the change."""
+        """Add a task's changes: modules of the toolkit name each change, for others the task's name is used."""
         self.notes += [str(note) for note in values.get("notes") or ()]
         self._find([str(finding) for finding in values.get("findings") or ()], values.get("hint"))
         if not values.get("changed"):
@@ -71,7 +71,7 @@ class ComputerResult:
             self.status = Status.DRIFTED
 
     def fail(self, task: str, values: Mapping[str, Any], status: Status) -> None:
-        """Take why a task failed."""
+        """Record why a task failed."""
         words = str(values.get("msg") or "no reason was given").strip()
         self.failure = f"{task}: {words}"
         self.hint = str(values["hint"]) if values.get("hint") else None
@@ -79,7 +79,7 @@ class ComputerResult:
         self.status = status
 
     def not_reached(self, values: Mapping[str, Any]) -> None:
-        """Take why it could not be connected to: it is as it was. Of Ansible's words the reason alone is told."""
+        """Record why the connection failed, in short form; the computer is unchanged."""
         words = str(values.get("msg") or "it does not answer").strip()
         self.hint = str(values["hint"]) if values.get("hint") else None
         if (trouble := key_trouble(self.name, words)) is not None:
@@ -89,7 +89,7 @@ class ComputerResult:
         self.status = Status.LEFT_AS_FOUND
 
     def recover(self) -> None:
-        """Forget a failure that the role itself has dealt with."""
+        """Clear a failure that the role itself has handled."""
         if self.failure is None:
             return
         self.failure, self.hint, self.was_reached = None, None, True
@@ -97,7 +97,7 @@ class ComputerResult:
         self.status = self._change_status if self.changes or has_drift else Status.UNCHANGED
 
     def add_journal_failure(self, failure: JournalError) -> None:
-        """Take why the result is not in the journal: it is not green then."""
+        """Record that the result is not in the journal, so that it is not green."""
         self.is_recorded = False
         self.hint = self.hint or failure.hint
         self.notes.append(str(failure))
@@ -108,18 +108,18 @@ class ComputerResult:
 
     @property
     def exit(self) -> errors.ExitCode:
-        """The exit code of a run that ended so on its only device."""
+        """The exit code of a run with this computer alone."""
         has_findings = self.findings and self.status is not Status.PLANNED
         return self.status.exit if self.is_recorded and not has_findings else self.status.exit.unproven_code
 
     @property
     def confirmed_actions(self) -> int:
-        """Changes that its tasks have made; of a run that failed none is counted."""
+        """The number of changes that tasks have made; 0 for a failed run."""
         return 0 if self.mode.reads_only or self.failure is not None else len(self.changes)
 
     @property
     def message(self) -> str:
-        """What stands in the report beside its name."""
+        """The computer's message in the report."""
         text = "; finding: ".join([self._message, *self.findings])
         return text if self.is_recorded else f"{text}; {NOT_RECORDED}"
 
@@ -136,7 +136,7 @@ class ComputerResult:
         return f"{count} to make" if self.mode is Mode.PLAN else f"{count} made"
 
     def _comparison(self) -> dict[str, Any]:
-        """The changes that a run would make, in the words of drift; whose they are, and since when, none tells."""
+        """Return the planned changes in the form of drift, without owner and time, which are unknown."""
         unsaid: dict[str, Any] = {
             "owner": "declared",
             "mark": "",
@@ -155,7 +155,7 @@ class ComputerResult:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON-able data, with every key of a device's result."""
+        """Return JSON-able data with every key of a device's result."""
         lines = [*(f"  {change}" for change in self.changes), *self.diffs]
         return {
             "status": self.status.value,
@@ -184,7 +184,7 @@ class ComputerResult:
 
 
 def _differences(result: object) -> Iterator[str]:
-    """What Ansible's `diff` says, one text after another."""
+    """Yield the texts of Ansible's `diff`."""
     for item in result if isinstance(result, list) else [result]:
         if not isinstance(item, dict):
             continue
@@ -201,14 +201,14 @@ _refusals: list[errors.NetcfgError] = []
 
 
 def refuse() -> None:
-    """Raise what the watch of this run has found, in the process of a task."""
+    """Raise, in a task's process, the refusal that the watch has recorded."""
     if _refusals:
         raise _refusals[0]
 
 
 @dataclass(slots=True)
 class Watch:
-    """The plays over computers, from the first one to the end."""
+    """Supervision of all plays over computers, from the first to the end."""
 
     inventory: Path
     request: Request
@@ -231,7 +231,7 @@ class Watch:
         return self.plan_only or self.request.mode.reads_only
 
     def begin(self, hosts: Sequence[str]) -> None:
-        """Lock the sites of these hosts and open their journals; a plan needs neither. What fails a task raises."""
+        """Lock the sites of these hosts and open their journals, unless planning; a task raises any failure."""
         reads = self.plan_only and not self.request.mode.reads_only
         request = self.request.model_copy(update={"mode": Mode.PLAN}) if reads else self.request
         _refusals.clear()
@@ -251,7 +251,7 @@ class Watch:
         self._results = {name: ComputerResult(name, request.mode, site) for name, site in self._sites.items()}
 
     def start_task(self, host: str, task: str) -> None:
-        """A task begins on a host."""
+        """Record the start of a task on a host."""
         if host in self._results:
             self._start_times.setdefault(host, time.monotonic())
             self._running[host] = task
@@ -259,7 +259,7 @@ class Watch:
             self._channel.event(Event(host, stage, task))
 
     def ok(self, host: str, task: str, values: Mapping[str, Any]) -> None:
-        """A task ended well; one that works out what is wanted, or takes in other tasks, has contacted nobody."""
+        """Record a successful task; one that computes the desired state or includes tasks contacts no host."""
         self._running.pop(host, None)
         if host in self._results:
             self._results[host].ok(task, values)
@@ -267,14 +267,14 @@ class Watch:
                 self._answered_hosts.add(host)
 
     def fail_task(self, host: str, task: str, values: Mapping[str, Any]) -> None:
-        """A task failed, and with it the host."""
+        """Record a failed task, and with it the host's failure."""
         self._running.pop(host, None)
         if host in self._results:
             status = Status.LEFT_AS_FOUND if not values.get("rolled_back") else Status.ROLLED_BACK
             self._results[host].fail(task, values, status)
 
     def unreachable(self, host: str, task: str, values: Mapping[str, Any]) -> None:
-        """The host does not answer: if it never did it is as it was; how far a task had come nobody knows."""
+        """Record that a host does not respond: unchanged if it never did; otherwise the task's progress is unknown."""
         self._running.pop(host, None)
         if host in self._results:
             result = self._results[host]
@@ -299,7 +299,7 @@ class Watch:
         self.close()
 
     def cut_off(self, reason: str) -> None:
-        """The playbook has ended without its last event: whoever was at a task may have carried it out, or a part."""
+        """End the results after an interrupted playbook: a running task may have been executed or partly executed."""
         for name, result in self._results.items():
             if result.failure is None and name in self._start_times:
                 task = self._running.get(name)
@@ -310,18 +310,18 @@ class Watch:
         self.end(self._results)
 
     def _tell_run(self, site: str) -> None:
-        """Name the run as soon as there is one: who asked may have to say how to resume it."""
+        """Report the run's name as soon as it exists, since it is needed to resume the run."""
         run = self._turns[site].run
         self._channel.outcome({}, {site: {"computers": run}} if run else {})
 
     def close(self) -> None:
-        """Free the sites; may be repeated."""
+        """Unlock the sites; may be called repeatedly."""
         for turn in self._turns.values():
             turn.close()
 
     @staticmethod
     def _journal(turn: SiteRun, result: ComputerResult) -> None:
-        """Record how a computer ended; after the last one of its site, how the run ended."""
+        """Record the end of a computer; after the last one of its site, the end of the run."""
         actions = tuple(range(1, result.confirmed_actions + 1))
         confirmations = (ActionConfirmation(device=result.name, actions=actions),) if actions else ()
         outcome = Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)

@@ -1,6 +1,6 @@
-"""What each computer of a play should hold, for one role, and where it may take packages and sources from.
+"""The desired state of each computer of a play for one role, and its sources of packages.
 
-Nothing is contacted. Packages come over the site's link (at most so many bytes of a metered one) or from a bundle.
+Nothing is contacted. Packages come over the site's link (over a metered one up to a limit) or from a bundle.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ BUNDLES = "/var/lib/atlantis/bundle"
 
 
 def fetching(declaration: Declaration, host: Host, request: Request, bundle: str | None) -> Mapping[str, Any]:
-    """Give the parameters of the module `packages` that say so; none: whatever it needs, over a link that is free.
+    """Return the parameters of the module `packages` for downloads; empty if they are unrestricted (unmetered).
 
-    Over a link that is paid by the byte nothing is fetched unless a person has agreed, and never more than its cap.
-    Which link a site uses at the moment only its router knows: the one that it prefers is taken for it.
+    Over a metered link nothing is downloaded without a person's consent, and never more than its cap. Only the router
+    knows which link a site uses now: the preferred one is assumed.
     """
     if bundle is not None:
         return {"offline": f"{BUNDLES}/{bundle}/repository"}
@@ -46,7 +46,7 @@ def fetching(declaration: Declaration, host: Host, request: Request, bundle: str
 
 
 def narrow(desired_state: Mapping[str, Any], how: Mapping[str, Any], bundle: str | None) -> dict[str, Any]:
-    """Give a part its ways: to packages by `how`, to sources that are built in the bundle alone, if there is one."""
+    """Return a part with its sources: packages as in `how`, sources to build from the bundle only, if there is one."""
     values = dict(desired_state)
     if values.get("packages") is not None:
         values["packages"] = {**values["packages"], **how}
@@ -56,7 +56,7 @@ def narrow(desired_state: Mapping[str, Any], how: Mapping[str, Any], bundle: str
 
 
 def bundle_of(folder: Path | None) -> str | None:
-    """The id of a bundle, as its manifest has it; it was opened, and found right, before."""
+    """Return a bundle's id from its manifest; the bundle was opened and verified before."""
     if folder is None:
         return None
     from atlantis_netcfg.computers.bundle.manifest import MANIFEST, read_manifest  # noqa: PLC0415 - most runs have no bundle
@@ -68,7 +68,7 @@ def bundle_of(folder: Path | None) -> str | None:
 def perform(
     inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, part: str, *, plan_only: bool
 ) -> dict[str, Any]:
-    """Give `per_host` for the part of that name, and refuse what the run may not do. Raises NetcfgError."""
+    """Return `per_host` for the part of that name, and refuse what the run may not do; raise NetcfgError."""
     with open_request(request, plan_only=plan_only) as (run_request, _):
         if part not in parts.PARTS:
             raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(parts.PARTS)}")
@@ -95,7 +95,7 @@ def perform(
 
 
 def _open_bundle(declaration: Declaration, computers: Sequence[Host], request: Request) -> None:
-    """Hold the bundle against the declaration, before anything starts. Raises BundleRefused with all that it lacks."""
+    """Check the bundle against the inventory before the start; raise BundleError with all that is missing."""
     if request.offline is None:
         return
     if servers := [host.name for host in computers if is_server(host)]:

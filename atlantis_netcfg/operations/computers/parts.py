@@ -1,6 +1,6 @@
-"""What each role of a computer asks for, by the role's name. A new role is a function and its line here.
+"""The desired state of each role of a computer, by role name; a new role is a function and its line here.
 
-`KINDS` says which kind of computer has which roles: a new kind is its row there, and its group in the playbook.
+`KINDS` lists the roles of each kind of computer: a new kind is its row there, and its group in the playbook.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def _interop(declaration: Declaration, host: Host, request: Request) -> Mapping[
 
 
 def _base(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
-    """In a rehearsal without the network, which is that of the machine, and which its tools do not own."""
+    """Return the desired base; a rehearsal omits the network, which the machine owns and not its tools."""
     images = request.images.get(host.name) if request.rehearsed else None
     return gateway_base(declaration, host, is_rehearsal=request.rehearsed, images=images).as_dict()
 
@@ -58,7 +58,7 @@ def _client(declaration: Declaration, host: Host, request: Request) -> Mapping[s
 
 
 def _server(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
-    """Not pure: the roll and the list are the authority's. Raises NoAuthority, AuthorityDamaged."""
+    """Return the desired VPN server with member list and CRL; raise NoAuthority or CorruptAuthorityError."""
     from atlantis_netcfg.vpn.authority.authority import Authority  # noqa: PLC0415 - most runs have no server of the VPN
 
     authority = Authority.open(request.vpn)
@@ -77,13 +77,13 @@ KINDS: Mapping[type[model.Model], tuple[str, ...]] = {
 
 
 def concerns(part: str, host: Host) -> bool:
-    """Whether a part is one of this host."""
+    """Return whether a part belongs to this host."""
     roles = KINDS.get(type(host.device), ())
     return part in roles or (part == ACCESS and bool(roles))
 
 
 def refuse_unfounded(hosts: Iterable[Host], request: Request) -> None:
-    """Hold that there is an authority where the server of the VPN is among the hosts. Raises NoAuthority."""
+    """Raise NoAuthority if the VPN server is among the hosts and this computer has no authority."""
     servers = [host.name for host in hosts if is_server(host)]
     if not servers:
         return

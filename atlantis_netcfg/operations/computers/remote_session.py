@@ -1,7 +1,7 @@
-"""The connection to the VPN's server while a command runs: one process there, one round trip per request.
+"""The connection to the VPN server during a command: one remote process, one round trip per request.
 
-`SshLink` opens the same connection as Ansible does (OpenSSH, with the same options), and shares it where one is open.
-It starts the live tool, which is sent once and kept there under its SHA-256.
+`SshLink` opens the same connection as Ansible (OpenSSH, with the same options), and shares an open one. It starts the
+live tool, which is sent once and stored on the server under its SHA-256.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ if TYPE_CHECKING:
 
 
 class ServerAway(errors.OutcomeUnknown):
-    """The server was not reached: nothing was changed there."""
+    """The server was not reached; nothing was changed on it."""
 
 
 class HostKeyMismatch(ServerAway):
-    """Somebody answers at the server's address who has another host key: nothing was told to him."""
+    """The server's address presents another host key; nothing was sent to it."""
 
 
 class AnswerLost(errors.OutcomeUnknown):
-    """The server was asked, and its answer did not come whole."""
+    """A request was sent, and its response was not received completely."""
 
 
 class ServerRefusal(errors.DeviceError):
-    """The server has said why it does not do what it was asked for."""
+    """The server refused a request and gave the reason."""
 
 
 class RecordOlder(errors.NetcfgError):
-    """The server has what this record does not know: by a restored copy a revoked member would come back."""
+    """The server is newer than this record: a restored copy would bring back a revoked member."""
 
     exit = errors.ExitCode.FAILED
 
@@ -66,7 +66,7 @@ _NOT_FOUND: Final = 127
 
 
 def ssh_command(access: Mapping[str, Any]) -> Sequence[str]:
-    """Program and options up to the host; a command follows them. Ansible's own variables of the environment count."""
+    """Return ssh with its options up to the host; Ansible's environment variables apply."""
     ssh_options = os.environ.get("ANSIBLE_SSH_ARGS", _SSH_OPTIONS)
     words = ["ssh", "-T", "-o", "BatchMode=yes", *shlex.split(access["ssh_args"]), *shlex.split(ssh_options)]
     if "ControlPersist" in ssh_options:
@@ -78,7 +78,7 @@ def ssh_command(access: Mapping[str, Any]) -> Sequence[str]:
 
 
 def control_path(host: str, port: int, user: str) -> str:
-    """The socket of the connection that Ansible keeps open to a computer; its folder is made if it is not there."""
+    """Return the control socket of Ansible's connection to a computer, creating its folder."""
     folder = Path(os.environ.get("ANSIBLE_SSH_CONTROL_PATH_DIR", "~/.ansible/cp")).expanduser()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     digest = hashlib.sha1(f"{host}-{port}-{user}".encode(), usedforsecurity=False).hexdigest()
@@ -86,7 +86,7 @@ def control_path(host: str, port: int, user: str) -> str:
 
 
 def ssh_error(name: str, access: Mapping[str, Any], code: int | None, text: str) -> ServerAway:
-    """What ssh has said last, for a person."""
+    """Convert the last output of ssh to an error."""
     where = f"{access['user']}@{access['host']}, port {access['port']}"
     last = next((line.strip() for line in reversed(text.splitlines()) if line.strip()), f"exit {code}")
     if (trouble := key_trouble(name, text)) is not None:
@@ -126,19 +126,19 @@ _MOST: Final = 64 * 1024 * 1024
 
 
 class ServerLink(Protocol):
-    """What asks the running server. `round_trips` counts what was asked, the start included."""
+    """A connection to the running server; `round_trips` counts its requests, including the start."""
 
     round_trips: int
 
     def ask(self, do: str, **what: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
-        """Have one thing done. Raises ServerAway, AnswerLost, ServerRefused."""
+        """Execute one request; raise ServerAway, AnswerLost or ServerRefusal."""
 
     def close(self) -> None:
-        """End it; what the server was told before is done."""
+        """Close the connection; requests already sent are completed."""
 
 
 class _RemoteLink:
-    """One process, lines to it and lines from it."""
+    """A connection by one process, with a line per request and response."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -157,7 +157,7 @@ class _RemoteLink:
         self.close()
 
     def ask(self, do: str, **what: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
-        """Have one thing done; the first request starts the process. Raises ServerAway, AnswerLost, ServerRefused."""
+        """Execute one request; the first starts the process. Raise ServerAway, AnswerLost or ServerRefusal."""
         if self._process is None:
             self._start()
         self._number += 1
@@ -177,7 +177,7 @@ class _RemoteLink:
         return result
 
     def close(self) -> None:
-        """Let the process come to its end."""
+        """Close the pipes and wait for the process to end."""
         process, self._process = self._process, None
         if process is not None:
             assert process.stdin is not None  # noqa: S101 - it was started so
@@ -193,11 +193,11 @@ class _RemoteLink:
         self._stderr.close()
 
     def _words(self, command: str) -> Sequence[str]:
-        """How a shell's command is run there."""
+        """Return the arguments that run a shell command on the server."""
         raise NotImplementedError
 
     def _trouble(self, code: int | None, text: str) -> ServerAway:
-        """Why it has ended before its first word."""
+        """Return the error for a process that ended before its first line."""
         raise NotImplementedError
 
     def _start(self) -> None:
@@ -253,7 +253,7 @@ class _RemoteLink:
         raise self._loss_error(do)
 
     def _line(self, end: float) -> bytes | None:
-        """The next line; None: it has ended, or has not come in time."""
+        """Return the next line; None if the process ended or the time is up."""
         assert self._process is not None  # noqa: S101 - callers have started it
         assert self._process.stdout is not None  # noqa: S101 - as above
         while b"\n" not in self._buffer:
@@ -278,7 +278,7 @@ class _RemoteLink:
         )
 
     def _code(self) -> int | None:
-        """How the process has ended; one that hangs is ended."""
+        """Return the process's exit code; kill it if it hangs."""
         process, self._process = self._process, None
         assert process is not None  # noqa: S101 - callers have started it
         for pipe in (process.stdin, process.stdout):
@@ -298,10 +298,10 @@ class _RemoteLink:
 
 
 class SshLink(_RemoteLink):
-    """Over SSH, with the account, the port and the options of Ansible's connection to that computer."""
+    """A connection over SSH with the account, port and options of Ansible's connection to that computer."""
 
     def __init__(self, name: str, access: Mapping[str, Any]) -> None:
-        """`access` is what `computer_access` gives."""
+        """Set up the connection; `access` is the result of `computer_access`."""
         super().__init__(name)
         self._access = access
 
@@ -315,7 +315,7 @@ class SshLink(_RemoteLink):
 
 
 def _command(tool: remote_bundle.Tool) -> str:
-    """Run the tool if it is there and whole; else say which Python is there, and wait for the tool."""
+    """Return the command that runs the tool if present and intact; otherwise it reports Python and awaits the tool."""
     path = f"{FOLDER}/{tool.sha256}.pyz"
     program = f"import sys; exec(sys.stdin.buffer.read({remote_bundle.INSTALL.stat().st_size}))"
     words = (FOLDER, tool.sha256, str(len(tool.payload)), _INSTALL_MARK, "serve")
@@ -331,7 +331,7 @@ def _pack(values: dict[str, Any]) -> bytes:
 
 
 def _unpack(line: bytes) -> dict[str, Any]:
-    """Raises ValueError for a line that is torn."""
+    """Decode a line; raise ValueError if it is damaged."""
     try:
         result = json.loads(zlib.decompressobj().decompress(base64.b64decode(line, validate=True), _MOST))
     except (zlib.error, RecursionError) as error:

@@ -1,10 +1,10 @@
-"""What `provision doctor` looks at: this laptop, before it goes to a site.
+"""The checks of `provision doctor`: this laptop, before it is taken to a site.
 
     diagnosis = examine(inventory, "coastal", via=None, decrypt=vault.decrypt)
 
 Each part (software, clock, network, keys, folders) reads the computer in one function and judges in others, which are
-pure. Nothing is changed, no file is made, and no password is sent anywhere. At most one device is contacted: the
-router of the site that was named, by one TLS connection without a login.
+pure. Nothing is changed, no file is created, and no password is sent anywhere. At most one device is contacted: the
+router of the named site, by one TLS connection without a login.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ __all__ = ["Diagnosis", "DoctorItem", "DoctorSection", "examine"]
 
 
 def examine(inventory: Path, site: str | None, *, via: str | None, decrypt: Callable[[str], str]) -> Diagnosis:
-    """Look at everything. Raises NothingMatched and UsageError for a word that means nothing here.
+    """Run all checks; raise NoMatchError or UsageError for an invalid argument.
 
     `decrypt` opens a value of the inventory's vault, and may ask for its password.
     """
@@ -59,7 +59,7 @@ def examine(inventory: Path, site: str | None, *, via: str | None, decrypt: Call
 
 
 def _declaration(inventory: Path) -> tuple[Declaration | None, DoctorItem | None]:
-    """The declaration, or the item that says that it has errors."""
+    """Return the inventory, or the item that reports its errors."""
     try:
         return load(inventory), None
     except InventoryInvalid as error:
@@ -80,7 +80,7 @@ def _hosts(declaration: Declaration | None, site: str | None) -> tuple[Host, ...
 
 
 def _state() -> tuple[Path | None, DoctorItem | None]:
-    """Where the records are or would be, or the item that says that there is no place for them."""
+    """Return the folder of the records, existing or not, or the item that reports that there is none."""
     try:
         return paths.state_place(), None
     except UsageError as error:
@@ -89,7 +89,7 @@ def _state() -> tuple[Path | None, DoctorItem | None]:
 
 
 def _home() -> Path:
-    """The home on record, where OpenSSH looks for keys, whatever `$HOME` says."""
+    """Return the home in the password database, where OpenSSH looks for keys, regardless of `$HOME`."""
     try:
         return Path(pwd.getpwuid(os.geteuid()).pw_dir)
     except KeyError:  # then no key is in it
@@ -110,7 +110,7 @@ def _way_items(
 
 
 def _pin_reader(state: Path | None) -> Callable[[str], str | None]:
-    """The certificate that this computer knows of a device; a damaged file of them is an item of its own."""
+    """Return a function for a device's pinned certificate; a damaged pin file is a separate item."""
 
     def read_pin(device: str) -> str | None:
         try:
@@ -122,7 +122,7 @@ def _pin_reader(state: Path | None) -> Callable[[str], str | None]:
 
 
 def _towards(place: reachability.RouterPlace) -> Iterator[DoctorItem]:
-    """The way to a router, and the router itself where the way is right."""
+    """Yield the items of the route to a router, and of the router itself if the route is correct."""
     if place.example:
         observation = f"the addresses of {place.site} are examples, which lead to nobody's devices"
         yield DoctorItem(DoctorSection.WAY, "way", Verdict.SKIP, observation)
@@ -137,7 +137,7 @@ def _towards(place: reachability.RouterPlace) -> Iterator[DoctorItem]:
 
 
 def _follows(declaration: Declaration | None, site: str | None) -> str:
-    """What a person types next where nothing is wrong."""
+    """Return the next command to type if everything is in order."""
     if declaration is None:
         return ""
     example = declaration.pilot.example_values

@@ -1,8 +1,8 @@
-"""This laptop's clock: whether it can be right, and whether a time server sets it. It is read, never changed.
+"""This laptop's clock: whether its time is plausible, and whether a time server sets it (read-only).
 
-A clock that is too early is found out by what this laptop has seen already: the checkout's newest commit, the latest
-start of `.venv`, the latest run, the day from which the VPN's authority holds. One that is too late by less than the
-life of the authority is not noticed here; the router's certificate and the checklist's GPS look at that.
+A clock that is slow is detected from earlier events on this laptop: the checkout's newest commit, the latest set-up of
+`.venv`, the latest run, the first day of the VPN authority. A clock that is fast by less than the authority's life is
+not detected here; the router's certificate and the checklist's GPS check that.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _item(name: str, verdict: Verdict, observation: str, hint: str = "", command
 
 
 def judge_time(now: datetime, earlier: Mapping[str, datetime], ends: datetime | None = None) -> DoctorItem:
-    """`earlier`: what happened before now, and when; `ends`: the last day of the VPN's authority."""
+    """Judge the time against earlier events and their times, and the last day of the VPN's authority (`ends`)."""
     time_text = f"{now:%Y-%m-%d %H:%M} UTC"
     if not earlier:
         return _item("time", Verdict.WARN, f"{time_text}: there is nothing here to compare it with")
@@ -53,7 +53,7 @@ def judge_time(now: datetime, earlier: Mapping[str, datetime], ends: datetime | 
 
 
 def judge_synchronised(output: str | None) -> DoctorItem:
-    """What `timedatectl show` prints; None where it is not there or cannot be asked."""
+    """Judge the output of `timedatectl show`; None if it is not available."""
     properties = dict(line.partition("=")[::2] for line in (output or "").splitlines())
     state = properties.get("NTPSynchronized")
     if state == "yes":
@@ -71,7 +71,7 @@ def judge_synchronised(output: str | None) -> DoctorItem:
 
 
 def clock_items(checkout: Path, runs: Sequence[Run], authority: Path | None) -> Iterator[DoctorItem]:
-    """Look at this computer's clock."""
+    """Check this computer's clock."""
     begins, ends = _authority_dates(authority)
     times = {
         "the newest commit of this checkout": _commit(checkout),
@@ -96,7 +96,7 @@ def _read_output(words: list[str]) -> str | None:
 
 
 def _commit(checkout: Path) -> datetime | None:
-    """When the newest commit was made; None for a checkout that is none, or that git does not read for this user."""
+    """Return the newest commit's time; None without a checkout, or if git refuses to read it for this user."""
     if not (checkout / ".git").exists():
         return None
     timestamp = (_read_output(["git", "-C", str(checkout), "log", "-1", "--format=%ct"]) or "").strip()
@@ -111,7 +111,7 @@ def _modification_time(file: Path) -> datetime | None:
 
 
 def _latest_run(runs: Sequence[Run]) -> datetime | None:
-    """When the latest run of this computer began, as its name tells."""
+    """Return when the latest run of this computer started, from its name."""
     starts = []
     for run in runs:
         with suppress(ValueError):
@@ -120,7 +120,7 @@ def _latest_run(runs: Sequence[Run]) -> datetime | None:
 
 
 def _authority_dates(authority: Path | None) -> tuple[datetime | None, datetime | None]:
-    """The first and the last day of the authority's certificate."""
+    """Return the first and the last day of the authority's certificate."""
     from cryptography import x509  # noqa: PLC0415 - few laptops have an authority
 
     if authority is None or not (file := authority / "ca.crt").is_file():

@@ -1,7 +1,7 @@
-"""Disk and folders: room, permissions, what killed commands have left, runs that are open.
+"""Disk and folders: free space, permissions, leftovers of killed commands, unfinished runs.
 
-Room is what the file system gives to this user. How much a command needs depends on the site: the limits below are
-rules of thumb, and a command that needs more says so itself.
+Free space is what the file system grants this user. How much a command needs depends on the site: the limits below are
+rules of thumb, and a command that needs more reports it itself.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def _item(name: str, verdict: Verdict, observation: str, hint: str = "", command
 
 @dataclass(frozen=True, slots=True)
 class SpaceRequirement:
-    """How much room a place should have, in bytes."""
+    """The free space that a folder should have, in bytes."""
 
     name: str
     place: Path
@@ -45,7 +45,7 @@ class SpaceRequirement:
 
 
 def room_needs(state: Path, cache: Path) -> tuple[SpaceRequirement, ...]:
-    """The places that commands fill."""
+    """Return the folders that commands fill, with their space requirements."""
     return (
         SpaceRequirement("room for records", state, 50 * _MB, 500 * _MB, "journals and saved states"),
         SpaceRequirement("room for the cache", cache, 50 * _MB, 2000 * _MB, "the Debian of a rehearsal as root"),
@@ -54,7 +54,7 @@ def room_needs(state: Path, cache: Path) -> tuple[SpaceRequirement, ...]:
 
 
 def judge_room(need: SpaceRequirement, free: int) -> DoctorItem:
-    """Whether that is enough."""
+    """Judge whether the free space is sufficient."""
     free_text = f"{free / 1e9:.1f} GB" if free >= 1000 * _MB else f"{free / _MB:.0f} MB"
     if free < need.fail:
         observation = f"{free_text} free at {need.place}, for {need.purpose}"
@@ -66,12 +66,12 @@ def judge_room(need: SpaceRequirement, free: int) -> DoctorItem:
 
 
 def _standing(place: Path) -> Path:
-    """The place, or what is there of the folders above it."""
+    """Return the folder, or its nearest existing parent."""
     return next((each for each in (place, *place.parents) if each.exists()), Path("/"))
 
 
 def state_item(place: Path) -> DoctorItem:
-    """The folder of journals and certificates: ours, closed to others, or to be made at the first run."""
+    """Judge the folder of journals and certificates: owned by this user, closed to others, or still to be created."""
     name = "record folder"
     if not place.exists():
         above = _standing(place)
@@ -99,7 +99,7 @@ def state_item(place: Path) -> DoctorItem:
 
 
 def checkout_item(root: Path) -> DoctorItem:
-    """Who can change the program: everybody's laptop obeys it."""
+    """Report a checkout that others can change: whoever changes it controls what this laptop runs."""
     name = "checkout"
     open_to_all = [each for each in (root, root / ".venv") if each.is_dir() and each.stat().st_mode & _OTHERS_WRITE]
     if open_to_all:
@@ -116,7 +116,7 @@ def checkout_item(root: Path) -> DoctorItem:
 
 
 def leftovers_item(dead: Sequence[Path]) -> DoctorItem:
-    """Temporary folders of killed commands that no command could remove; the others are gone when this begins."""
+    """Report temporary folders of killed commands that could not be removed; all others are already gone."""
     if dead:
         path_list = ", ".join(map(str, dead))
         words = " ".join(shlex.quote(str(each)) for each in dead)
@@ -131,7 +131,7 @@ def leftovers_item(dead: Sequence[Path]) -> DoctorItem:
 
 
 def unfinished_item(runs: Sequence[Run]) -> DoctorItem:
-    """Runs that have left the outcome on a device open."""
+    """Report runs whose outcome on a device is open."""
     if not runs:
         return _item("open runs", Verdict.PASS, "none")
     first = runs[0]
@@ -148,7 +148,7 @@ def unfinished_item(runs: Sequence[Run]) -> DoctorItem:
 
 @dataclass(frozen=True, slots=True)
 class RunsRead:
-    """The runs of this computer."""
+    """The runs found in this computer's journals."""
 
     runs: tuple[Run, ...]
     unfinished_runs: tuple[Run, ...]
@@ -157,7 +157,7 @@ class RunsRead:
 
 
 def read_runs(store: Store | None, site: str | None) -> RunsRead:
-    """Read the journals, of one site or of all; nothing is made where there are none."""
+    """Read the journals of one site or all; create nothing if there are none."""
     if store is None:
         return RunsRead((), ())
     try:
@@ -171,7 +171,7 @@ def read_runs(store: Store | None, site: str | None) -> RunsRead:
 
 
 def folder_items(state: Path, root: Path, read: RunsRead) -> Iterator[DoctorItem]:
-    """Look at the disk of this computer."""
+    """Check the disk of this computer."""
     for need in room_needs(state, paths.cache_place()):
         yield judge_room(need, shutil.disk_usage(_standing(need.place)).free)
     yield state_item(state)

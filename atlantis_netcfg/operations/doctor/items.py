@@ -1,4 +1,4 @@
-"""What `provision doctor` has looked at: items with a verdict each, and what follows from all of them."""
+"""The results of `provision doctor`: items with a verdict each, and the overall verdict."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class DoctorSection(StrEnum):
-    """The parts of the list, in its order."""
+    """The sections of the report, in order."""
 
     SOFTWARE = "Software"
     CLOCK = "Clock"
@@ -30,7 +30,7 @@ _RED = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
 
 @dataclass(frozen=True, slots=True)
 class DoctorItem:
-    """One thing that was looked at."""
+    """The result of one check."""
 
     section: DoctorSection
     name: str
@@ -43,7 +43,7 @@ class DoctorItem:
     """What to type, each as it stands: in a shell, or behind `./`."""
 
     def as_json(self) -> dict[str, Any]:
-        """For programs."""
+        """Return JSON-able data."""
         return {
             "section": self.section.name.lower(),
             "name": self.name,
@@ -56,7 +56,7 @@ class DoctorItem:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """All items of one call."""
+    """All results of one `provision doctor`."""
 
     items: tuple[DoctorItem, ...]
     site: str | None = None
@@ -65,31 +65,31 @@ class Diagnosis:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst of all."""
+        """The worst verdict of all items."""
         return worst(item.verdict for item in self.items)
 
     @property
     def exit(self) -> ExitCode:
-        """Red, nothing looked at, or fine; a warning alone is fine."""
+        """The exit code: failed, nothing checked, or done; warnings alone count as done."""
         if self.verdict in _RED:
             return ExitCode.CHECKS_FAILED
         return ExitCode.NOTHING if self.verdict is Verdict.SKIP else ExitCode.DONE
 
     @property
     def worst_item(self) -> DoctorItem | None:
-        """The first item of the worst verdict, if somebody has to look at it."""
+        """The first item with the worst verdict, if it needs attention."""
         if self.verdict in (Verdict.PASS, Verdict.SKIP):
             return None
         return next(item for item in self.items if item.verdict is self.verdict)
 
     @property
     def counts(self) -> Mapping[Verdict, int]:
-        """How many items have each verdict, the worst first; verdicts that nothing has are left out."""
+        """The number of items per verdict, the worst first; verdicts without items are left out."""
         count_by_verdict = Counter(item.verdict for item in self.items)
         return {verdict: count_by_verdict[verdict] for verdict in reversed(Verdict) if count_by_verdict[verdict]}
 
     def as_json(self) -> dict[str, Any]:
-        """For programs."""
+        """Return JSON-able data."""
         return {
             "exit": int(self.exit),
             "errors": [],

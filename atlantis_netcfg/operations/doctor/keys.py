@@ -1,8 +1,8 @@
-"""Keys and passwords that are there or missing: vault, example values, SSH keys, known devices, the VPN's authority.
+"""Checks of keys and passwords: vault, example values, SSH keys, known devices, the VPN's authority.
 
-Nothing secret is shown: a secret is opened to see that it opens. Of SSH keys the public halves are compared: those
-beside the private ones in `~/.ssh`, those that `~/.ssh/config` names, and those of the agent. A key that only a
-smart card or another program offers is not seen.
+Nothing secret is shown: a secret is only test-decrypted. For SSH keys the public halves are compared: those beside the
+private ones in `~/.ssh`, those that `~/.ssh/config` names, and those of the agent. A key that only a smart card or
+another program offers is not detected.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def _item(name: str, verdict: Verdict, observation: str, hint: str = "", command
 
 
 def examples_item(declaration: Declaration) -> DoctorItem:
-    """Whether anything but a rehearsal can use the declaration."""
+    """Report whether example values limit the inventory to rehearsals."""
     if declaration.pilot.example_values:
         return _item(
             "example values",
@@ -52,7 +52,7 @@ def examples_item(declaration: Declaration) -> DoctorItem:
 
 
 def secrets_item(inventory: Path, decrypt: Callable[[str], str]) -> DoctorItem:
-    """Open every encrypted value of a valid inventory once. `decrypt` may ask for the password."""
+    """Decrypt every encrypted value of a valid inventory once; `decrypt` may ask for the password."""
     secret_count = 0
 
     def count_and_decrypt(text: str) -> str:
@@ -75,14 +75,14 @@ def secrets_item(inventory: Path, decrypt: Callable[[str], str]) -> DoctorItem:
 
 
 def password_files(environ: Mapping[str, str]) -> tuple[Path, ...]:
-    """The files with passwords of the vault that the environment names, as Ansible reads it."""
+    """Return the vault password files that the environment names, interpreted as by Ansible."""
     identity_files = [each.rpartition("@")[2] for each in environ.get("ANSIBLE_VAULT_IDENTITY_LIST", "").split(",")]
     files = [*identity_files, environ.get("ANSIBLE_VAULT_PASSWORD_FILE", "")]
     return tuple(Path(file.strip()).expanduser() for file in files if file.strip() and file.strip() not in PROMPTS)
 
 
 def password_file_item(file: Path, inventory: Path) -> DoctorItem:
-    """Whether others can read it, or whoever gets the inventory gets it too."""
+    """Report whether others can read the file, or whether it is inside the inventory and shared with it."""
     name = "password file"
     try:
         mode = file.stat().st_mode
@@ -108,7 +108,7 @@ class LaptopKey:
 
 
 def laptop_keys(home: Path, agent: str = "") -> tuple[LaptopKey, ...]:
-    """The keys that OpenSSH would offer; `agent` is what `ssh-add -L` prints."""
+    """Return the keys that OpenSSH would offer; `agent` is the output of `ssh-add -L`."""
     folder = home / ".ssh"
     files = [path for path in sorted(folder.glob("*.pub")) if path.with_suffix("").is_file()]
     files += [path for path in _named_in_config(folder / "config", home) if path.is_file() and path not in files]
@@ -135,7 +135,7 @@ def _public(line: str) -> str:
 
 
 def keys_item(host: str, allowed_keys: Sequence[str], keys: Sequence[LaptopKey]) -> DoctorItem:
-    """Whether this laptop has a private key that the host's declared ones let in."""
+    """Report whether this laptop has a private key for one of the host's authorised keys."""
     name = f"SSH key for {host}"
     public_keys = {_public(line) for line in allowed_keys}
     fitting = [key for key in keys if key.public in public_keys]
@@ -161,7 +161,7 @@ def keys_item(host: str, allowed_keys: Sequence[str], keys: Sequence[LaptopKey])
 
 
 def _read_output(words: Sequence[str]) -> str:
-    """What a program of OpenSSH prints; nothing where it is not there, or fails."""
+    """Return the output of an OpenSSH program; empty if it is missing or fails."""
     if shutil.which(words[0]) is None:
         return ""
     try:
@@ -180,12 +180,12 @@ def _read_output(words: Sequence[str]) -> str:
 
 
 def agent_keys() -> str:
-    """The public keys of the agent, if one runs."""
+    """Return the agent's public keys; empty if no agent runs."""
     return _read_output(["ssh-add", "-L"]) if os.environ.get("SSH_AUTH_SOCK") else ""
 
 
 def in_known_hosts(name: str, home: Path) -> bool:
-    """Whether OpenSSH knows a host key under the name of the host."""
+    """Return whether OpenSSH knows a host key under the name of the host."""
     files = (home / ".ssh" / "known_hosts", home / ".ssh" / "known_hosts2", Path("/etc/ssh/ssh_known_hosts"))
     return any(_read_output(["ssh-keygen", "-F", name, "-f", str(file)]) for file in files if file.is_file())
 
@@ -193,7 +193,7 @@ def in_known_hosts(name: str, home: Path) -> bool:
 def known_devices_item(
     declaration: Declaration, hosts: Sequence[Host], pins: Pins, is_known: Callable[[str], bool]
 ) -> DoctorItem:
-    """Whether the devices can be told from impostors, by what is declared or kept on this computer."""
+    """Report whether the devices' identities are known, from the inventory or from pins on this computer."""
     name = "known devices"
     if declaration.pilot.example_values:
         return _item(name, Verdict.SKIP, "the declared devices are examples")
@@ -227,7 +227,7 @@ def _is_known(declaration: Declaration, host: Host, pins: Pins, is_known: Callab
 
 
 def authority_item(folder: Path) -> DoctorItem:
-    """The VPN's authority, where this laptop has it: reading takes no lock and no passphrase."""
+    """Report the state of the VPN authority on this laptop; reading needs neither lock nor passphrase."""
     from atlantis_netcfg.vpn.authority.authority import Authority  # noqa: PLC0415 - few laptops have an authority
 
     name = "VPN authority"
@@ -243,7 +243,7 @@ def authority_item(folder: Path) -> DoctorItem:
 def key_items(
     declaration: Declaration, hosts: Sequence[Host], decrypt: Callable[[str], str], pins: Pins, home: Path
 ) -> Iterator[DoctorItem]:
-    """Look at the keys and passwords that these hosts need."""
+    """Check the keys and passwords that these hosts need."""
     yield examples_item(declaration)
     yield secrets_item(declaration.root, decrypt)
     for file in password_files(os.environ):

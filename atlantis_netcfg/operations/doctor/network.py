@@ -1,6 +1,6 @@
-"""This laptop's network as the kernel has it: ports, addresses, routes. Nothing is changed, nobody is contacted.
+"""This laptop's network as the kernel reports it: ports, addresses, routes; read-only, without contacting anyone.
 
-`ip -json` (iproute2) and /sys are read, and reduced to `NetworkFacts`; `facts_of` does that, and is pure.
+The outputs of `ip -json` (iproute2) and files of /sys are reduced to `NetworkFacts` by `facts_of`, which is pure.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class LaptopPort:
 
 @dataclass(frozen=True, slots=True)
 class KernelRoute:
-    """A row of the routing table, or the answer to `ip route get`."""
+    """A row of the routing table, or the result of `ip route get`."""
 
     target: str
     port: str
@@ -54,7 +54,7 @@ class KernelRoute:
 
 @dataclass(frozen=True, slots=True)
 class NetworkFacts:
-    """What the kernel says, towards one address."""
+    """The kernel's network state, with its route to one address."""
 
     ports: tuple[LaptopPort, ...]
     best_route: KernelRoute | None
@@ -64,17 +64,17 @@ class NetworkFacts:
     defaults: tuple[KernelRoute, ...]
 
     def port(self, name: str) -> LaptopPort | None:
-        """The port of that name."""
+        """Return the port of that name; None if there is none."""
         return next((port for port in self.ports if port.name == name), None)
 
 
 class NetworkUnreadable(Exception):
-    """What the kernel says could not be read; the message says why."""
+    """The kernel's network state could not be read; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class CardFacts:
-    """What /sys says of an interface."""
+    """The properties of an interface from /sys."""
 
     wireless: bool = False
     speed_mbps: int | None = None
@@ -82,7 +82,7 @@ class CardFacts:
 
 @dataclass(frozen=True, slots=True)
 class IpPrints:
-    """What `ip -json` has printed."""
+    """The outputs of `ip -json`."""
 
     links: str
     addresses: str
@@ -92,7 +92,7 @@ class IpPrints:
 
 
 def facts_of(prints: IpPrints, cards: Mapping[str, CardFacts], managed_ports: frozenset[str]) -> NetworkFacts:
-    """Reduce what was printed. Raises NetworkUnreadable."""
+    """Reduce the outputs to network facts; raise NetworkUnreadable."""
     try:
         addresses = {row["ifname"]: tuple(_addresses(row)) for row in _rows(prints.addresses)}
         ports = tuple(_port(row, addresses.get(row["ifname"], ()), cards, managed_ports) for row in _rows(prints.links))
@@ -147,7 +147,7 @@ def _route(row: Mapping[str, Any]) -> KernelRoute:
 
 
 def read_network(address: IPv4Address | None) -> NetworkFacts:
-    """Ask the kernel. Raises NetworkUnreadable."""
+    """Read the network state from the kernel; raise NetworkUnreadable."""
     if shutil.which("ip") is None:
         raise NetworkUnreadable("`ip` is not installed on this laptop")
     towards = (
@@ -189,7 +189,7 @@ def _ip(*words: object, details: bool = False) -> str:
 
 
 def _get_route(address: IPv4Address) -> str:
-    """What a packet to the address takes; the kernel refuses where nothing leads there, which is an answer."""
+    """Return `ip route get` as JSON; an empty list if the kernel has no route, which is a valid result."""
     process = _run(["ip", "-json", "-4", "route", "get", str(address)])
     if process.returncode and "RTNETLINK answers" not in process.stderr:
         raise NetworkUnreadable(f"`ip route get` failed: {process.stderr.strip()}")
@@ -205,7 +205,7 @@ def _cards() -> dict[str, CardFacts]:
 
 
 def _speed(file: Path) -> int | None:
-    """In Mbit/s; None where the kernel knows none: no cable, or no card."""
+    """Return the speed in Mbit/s; None if the kernel knows none: no cable, or no card."""
     try:
         speed = int(file.read_text(encoding="ascii"))
     except (OSError, ValueError):
@@ -214,7 +214,7 @@ def _speed(file: Path) -> int | None:
 
 
 def _managed_ports() -> frozenset[str]:
-    """The interfaces that NetworkManager looks after."""
+    """Return the interfaces that NetworkManager manages."""
     if shutil.which("nmcli") is None:
         return frozenset()
     with suppress(NetworkUnreadable):
@@ -224,6 +224,6 @@ def _managed_ports() -> frozenset[str]:
 
 
 def managed_of(output: str) -> frozenset[str]:
-    """The interfaces that NetworkManager looks after, from `nmcli --terse --fields DEVICE,STATE device`."""
+    """Return the managed interfaces from the output of `nmcli --terse --fields DEVICE,STATE device`."""
     rows = (line.rpartition(":") for line in output.splitlines())
     return frozenset(name for name, _, state in rows if name and not state.startswith("unmanaged"))

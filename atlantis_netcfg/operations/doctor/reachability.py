@@ -1,10 +1,10 @@
-"""The way from this laptop to the router of a site: port, cable, address, route, and what lies in between.
+"""The path from this laptop to a site's router: port, cable, address, route, and conflicts.
 
-The judges are pure functions of what the kernel says (`network.py`) and of what is declared. Only `ask_router` contacts
-a device: it opens one TLS connection to the router's API, looks at the certificate, and closes; nobody logs in.
+The judges are pure functions of the kernel's state (`network.py`) and the inventory. Only `ask_router` contacts a
+device: it opens one TLS connection to the router's API, reads the certificate, and closes, without a login.
 
-What cannot be known here: which of two cables leads to the router, and, with no carrier, whether the other end has
-power. A firewall of this laptop is not looked at. The line with `nmcli` was not tried with a real NetworkManager.
+Not detectable here: which of two cables leads to the router, and, without carrier, whether the other end has power. A
+firewall of this laptop is not checked. The line with `nmcli` was not tested with a real NetworkManager.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _SLOW_MBPS = 100
 
 @dataclass(frozen=True, slots=True)
 class RouterPlace:
-    """A router of the site, as it is declared, and how this laptop is to reach it."""
+    """A router of the site from the inventory, and how this laptop is to reach it."""
 
     site: str
     router: str
@@ -63,14 +63,14 @@ class RouterPlace:
 
     @property
     def laptop_address(self) -> IPv4Interface:
-        """The laptop's declared address."""
+        """The laptop's address in the inventory."""
         return IPv4Interface(f"{self.technician}/{self.network.prefixlen}")
 
 
 def router_places(
     declaration: Declaration, site: str, via: str | None, get_pin: Callable[[str], str | None]
 ) -> tuple[RouterPlace, ...]:
-    """The routers of a site. Raises UsageError where the site has no such bearer as `via` names."""
+    """Return the routers of a site; raise UsageError if the site has no link as named by `via`."""
     return tuple(_places(declaration, site, via, get_pin))
 
 
@@ -107,7 +107,7 @@ def _sudo(*words: object) -> str:
 
 
 def judge_ports(facts: NetworkFacts) -> DoctorItem:
-    """No site was named: which wired ports this laptop has."""
+    """Report this laptop's wired ports, if no site was named."""
     ports = _candidates(facts)
     if not ports:
         return _item("ports", Verdict.WARN, "this laptop has no Ethernet port", "plug in a USB Ethernet adapter")
@@ -122,7 +122,7 @@ def _describe(port: LaptopPort) -> str:
 
 
 def judge_way(place: RouterPlace, facts: NetworkFacts) -> tuple[DoctorItem, ...]:
-    """Everything between this laptop and the router."""
+    """Judge everything between this laptop and the router."""
     if place.bearer != LAN.name:
         return (_judge_far_route(place, facts),)
     port = _chosen_port(place, facts)
@@ -137,19 +137,19 @@ def judge_way(place: RouterPlace, facts: NetworkFacts) -> tuple[DoctorItem, ...]
 
 
 def _reaching(place: RouterPlace, facts: NetworkFacts) -> list[LaptopPort]:
-    """Ports with an address in the router's management network, the one with the declared address first."""
+    """Return the ports with an address in the management network, the one with the inventory's address first."""
     ports = [port for port in facts.ports if any(each.ip in place.network for each in port.addresses)]
     return sorted(ports, key=lambda port: not any(each.ip == place.technician for each in port.addresses))
 
 
 def _candidates(facts: NetworkFacts) -> list[LaptopPort]:
-    """The network cards with a socket; where there is none, what stands for one."""
+    """Return the physical wired ports; without any, virtual ones."""
     ports = [port for port in facts.ports if port.is_wired]
     return [port for port in ports if port.card] or ports
 
 
 def _chosen_port(place: RouterPlace, facts: NetworkFacts) -> LaptopPort | None:
-    """The port that leads to the router, or that most likely will: with an address there, a cable, no other use."""
+    """Return the port that leads to the router, or else the most likely one: with a cable and no other use."""
     reaching = [port for port in _reaching(place, facts) if port.is_wired]
     if reaching:
         return reaching[0]
@@ -252,7 +252,7 @@ def _source(place: RouterPlace, port: LaptopPort) -> IPv4Address:
 
 
 def _judge_source(place: RouterPlace, route: KernelRoute, fix: Sequence[str]) -> DoctorItem:
-    """A route that leads there: whether the router's firewall lets packets from that source in."""
+    """Judge whether the router's firewall admits the source address of the route."""
     source = route.source or "?"
     is_allowed = route.source is not None and any(IPv4Address(route.source) in each for each in place.admit)
     networks = ", ".join(map(str, place.admit))
@@ -267,7 +267,7 @@ def _judge_source(place: RouterPlace, route: KernelRoute, fix: Sequence[str]) ->
 
 
 def _judge_far_route(place: RouterPlace, facts: NetworkFacts) -> DoctorItem:
-    """Over a bearer: the laptop is not at the router, so some route of its own has to lead there."""
+    """Judge the route over a link: the laptop is not at the router and needs a route of its own to it."""
     route = facts.best_route
     look = f"is the VPN, or the way over {place.bearer}, up on this laptop?"
     if route is None:
@@ -281,7 +281,7 @@ def _judge_far_route(place: RouterPlace, facts: NetworkFacts) -> DoctorItem:
 
 
 def _judge_other_ports(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None) -> DoctorItem:
-    """A second interface, Wi-Fi most often, whose network is the router's too: answers get lost there."""
+    """Report a second interface, often Wi-Fi, in the router's network: responses get lost there."""
     conflicts, commands = [], []
     for each in facts.ports:
         if port is not None and each.name == port.name:
@@ -304,7 +304,7 @@ def _judge_other_ports(place: RouterPlace, facts: NetworkFacts, port: LaptopPort
 
 
 def _judge_default_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None) -> DoctorItem:
-    """Whose links this laptop's own traffic takes: updates and mail over a satellite are dear."""
+    """Report a default route over the site: this laptop's updates and mail over a satellite are expensive."""
     site_ports = {each.name for each in _reaching(place, facts)}
     through = [
         route for route in facts.defaults if port is not None and route.port == port.name and route.port in site_ports
@@ -323,7 +323,7 @@ def _judge_default_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPo
 
 
 def why_not_contacted(place: RouterPlace, way: Sequence[DoctorItem]) -> str | None:
-    """Why the router is left alone; None: one connection may be opened."""
+    """Return why the router must not be contacted; None if one connection may be opened."""
     if any(item.name in ("port", "route") and item.verdict is Verdict.FAIL for item in way):
         return "not contacted: the way to it is not right yet"
     return f"not contacted: {place.bearer} is paid by the byte" if place.is_metered else None
@@ -331,7 +331,7 @@ def why_not_contacted(place: RouterPlace, way: Sequence[DoctorItem]) -> str | No
 
 @dataclass(frozen=True, slots=True)
 class RouterAnswer:
-    """What one TLS connection has shown."""
+    """The result of one TLS connection."""
 
     trouble: str | None
     """Why there was none."""
@@ -342,7 +342,7 @@ class RouterAnswer:
 
 
 def ask_router(place: RouterPlace) -> RouterAnswer:
-    """Open one TLS connection to the router's API, look at its certificate, close: nobody logs in."""
+    """Open one TLS connection to the router's API, read its certificate, and close it, without a login."""
     endpoint = api.Endpoint(str(place.address), place.api_port, "", Secret(""), None, connect_timeout_s=_CONNECT_S)
     try:
         certificate = asyncio.run(api.shown_certificate(endpoint))
@@ -354,7 +354,7 @@ def ask_router(place: RouterPlace) -> RouterAnswer:
 
 
 def judge_router(place: RouterPlace, answer: RouterAnswer, now: datetime | None = None) -> tuple[DoctorItem, ...]:
-    """Whether it answers, who it is, and whether both clocks can be right."""
+    """Judge whether the router responds, its identity, and whether both clocks are plausible."""
     if answer.trouble is not None:
         hint = f"look at the power of {place.router}, and at the cable in {place.plug}"
         return (_item("router", Verdict.FAIL, answer.trouble, hint),)

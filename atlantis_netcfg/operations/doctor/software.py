@@ -1,7 +1,6 @@
-"""Names and versions of what is needed: Python, the pinned packages, the system and its programs.
+"""Required software and its versions: Python, the pinned packages, the system and its programs.
 
-A package counts as right when its metadata in `.venv` names the pinned version; that its files are unchanged is not
-looked at.
+A package counts as correct if its metadata in `.venv` names the pinned version; its files are not checked for changes.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ def _item(name: str, verdict: Verdict, observation: str, hint: str = "", command
 
 
 def judge_python(version: str) -> DoctorItem:
-    """Whether this Python is new enough."""
+    """Judge whether this Python is new enough."""
     if tuple(map(int, re.findall(r"\d+", version)[:2])) < _MINIMUM_PYTHON:
         return _item(
             "Python",
@@ -49,7 +48,7 @@ def judge_python(version: str) -> DoctorItem:
 
 
 def judge_packages(pins: Mapping[str, str], get_version: Callable[[str], str | None]) -> DoctorItem:
-    """Whether `.venv` is as it was made: somebody may have installed or removed something in it since."""
+    """Judge whether `.venv` still has the pinned packages: someone may have installed or removed some since."""
     wrong = packages.drift(pins, get_version)
     if not wrong:
         return _item("packages", Verdict.PASS, f"{len(pins)} as pinned; ansible-core {pins.get('ansible-core')}")
@@ -63,7 +62,7 @@ def judge_packages(pins: Mapping[str, str], get_version: Callable[[str], str | N
 
 
 def judge_system(os_release: str) -> DoctorItem:
-    """Which system this is: the toolkit is tried on Debian and Ubuntu alone."""
+    """Judge the system: the toolkit is tested on Debian and Ubuntu alone."""
     properties = dict(re.findall(r'^([A-Z_]+)="?([^"\n]*)"?$', os_release, re.MULTILINE))
     title, name = properties.get("PRETTY_NAME", "unknown"), properties.get("ID", "")
     version = tuple(map(int, re.findall(r"\d+", properties.get("VERSION_ID", ""))))
@@ -87,7 +86,7 @@ class ProgramRequirement:
 
 
 def program_needs(*, computers: bool) -> tuple[ProgramRequirement, ...]:
-    """All of them; `computers`: gateways or a VPN server are declared, to which OpenSSH leads."""
+    """Return the required programs; `computers`: the inventory has gateways or a VPN server, which need OpenSSH."""
     return (
         ProgramRequirement("network tools", {"ip": "iproute2"}, "looking at this laptop's network", is_required=True),
         ProgramRequirement(
@@ -105,7 +104,7 @@ def program_needs(*, computers: bool) -> tuple[ProgramRequirement, ...]:
 def judge_programs(
     need: ProgramRequirement, has_program: Callable[[str], bool], versions: Mapping[str, str]
 ) -> DoctorItem:
-    """What is missing is a fault only where the site needs it; `versions` are those of Debian packages."""
+    """Judge missing programs: an error only if the site needs them; `versions` are those of Debian packages."""
     missing = [program for program in need.packages if not has_program(program)]
     if not missing:
         names = dict.fromkeys(word for package in need.packages.values() for word in package.split())
@@ -119,7 +118,7 @@ def judge_programs(
 
 
 def debian_versions(packages: Iterable[str]) -> dict[str, str]:
-    """The versions of Debian packages that are installed; empty where dpkg is not there."""
+    """Return the versions of installed Debian packages; empty without dpkg."""
     words = ["dpkg-query", "--show", "--showformat=${Package}\t${Version}\n", *packages]
     if shutil.which(words[0]) is None:
         return {}
@@ -134,12 +133,12 @@ def debian_versions(packages: Iterable[str]) -> dict[str, str]:
 
 
 def is_installed(program: str) -> bool:
-    """Whether a program is there; Debian keeps some out of the way of ordinary users."""
+    """Return whether a program is installed, including Debian's directories outside an ordinary user's PATH."""
     return shutil.which(program) is not None or shutil.which(program, path="/usr/sbin:/sbin") is not None
 
 
 def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorItem:
-    """What rehearsals emulate here; whether the kernel lets real systems run is found out by the rehearsal itself."""
+    """Report what rehearsals can emulate here; whether the kernel runs real systems is tested by the rehearsal."""
     name = "rehearsals"
     if off:
         return _item(name, Verdict.SKIP, f"routers only: {lab.OFF} is set")
@@ -157,7 +156,7 @@ def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorI
 
 
 def software_items(root: Path, *, computers: bool) -> Iterator[DoctorItem]:
-    """Look at this computer; `root` is the checkout."""
+    """Check the software of this computer; `root` is the checkout."""
     yield judge_python(platform.python_version())
     lock = root / packages.LOCK
     if lock.is_file():

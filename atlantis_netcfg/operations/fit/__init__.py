@@ -1,14 +1,15 @@
-"""Whether the telemetry of a vehicle fits a bearer: bytes and packets each way, what to thin, what it costs.
+"""Whether a vehicle's telemetry fits a link: bytes and packets each way, rates to lower, cost.
 
-A topic may take what is left of `USABLE` of a bearer's capacity, which is the greater share that may be used before
-messages wait for each other (facts: capacity). Beside the vehicle the bearer carries what the site says by itself
-(`operations.standing`), without the telemetry of other vehicles: those that work at the same time have to be added.
+A topic may use what remains of `USABLE` of a link's capacity, which is the largest share that may be used before
+messages queue (facts: capacity). Besides the vehicle, the link carries the site's standing traffic
+(`operations.common.traffic_budget`), without the telemetry of other vehicles: those that work at the same time have to
+be added.
 
-Where it does not fit, the rates of the least important topics are lowered first: point clouds, then images, then
-numbers, in the order in which the queue of a thin link sends them. No rate falls below what is useful.
+If it does not fit, the rates of the least important topics are lowered first: point clouds, then images, then numbers,
+in the order in which the queue of a thin link sends them. No rate falls below what is useful.
 
-A capacity is measured where the newest real run of `provision qualify` has a goodput; else it is what the declaration
-says, and then nothing is proved. Pure but for reading the runs that are kept.
+A capacity is measured if the newest real run of `provision qualify` has a goodput; otherwise the inventory's value is
+used, and nothing is proved. Pure except for reading saved runs.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ _STEPS: Final = 40
 
 @dataclass(frozen=True, slots=True)
 class TopicFit:
-    """One topic on one bearer, all subscribers together."""
+    """One topic on one link, for all subscribers together."""
 
     topic: model.TelemetryTopic
     rate_hz: float
@@ -71,11 +72,11 @@ class TopicFit:
 
     @property
     def is_thinned(self) -> bool:
-        """Whether its rate has to be lowered."""
+        """Whether the topic's rate has to be lowered."""
         return self.rate_hz < self.topic.rate_hz
 
     def warnings(self) -> Iterator[str]:
-        """What is wrong with it beside the capacity, in words."""
+        """Yield problems of the topic other than the capacity, as text."""
         yield from self.guidelines()
         name = self.topic.topic
         if not self.topic.reliable and self.message_loss is not None and self.message_loss > LOSSY:
@@ -87,7 +88,7 @@ class TopicFit:
             yield f"a message of {name} takes {self.seconds:.1f} s to leave the site, and what comes behind it waits"
 
     def guidelines(self) -> Iterator[str]:
-        """What of the report's guidelines the declared rate and the lowered one do not keep to."""
+        """Yield the report's guidelines that the topic's rate, original or lowered, violates."""
         topic, data = self.topic.topic, self.topic.data
         for rate_hz in dict.fromkeys((self.topic.rate_hz, self.rate_hz)):
             deviation = beside_guideline(data, rate_hz)
@@ -99,7 +100,7 @@ class TopicFit:
 
 @dataclass(frozen=True, slots=True)
 class LinkFit:
-    """A vehicle on one bearer."""
+    """The telemetry of a vehicle on one link."""
 
     link: MeteredLink
     capacity: link_capacity.Capacity
@@ -115,32 +116,32 @@ class LinkFit:
 
     @property
     def up_bps(self) -> float:
-        """All that would leave over it, as declared."""
+        """Total bit/s up, at the rates of the inventory."""
         return self.other_up_bps + sum(topic.up_bps for topic in self.topics)
 
     @property
     def down_bps(self) -> float:
-        """All that would come over it, as declared."""
+        """Total bit/s down, at the rates of the inventory."""
         return self.other_down_bps + sum(topic.down_bps for topic in self.topics)
 
     @property
     def fits(self) -> bool:
-        """As declared."""
+        """Whether the telemetry fits at the rates of the inventory."""
         return self.capacity.admits(self.up_bps, self.down_bps)
 
     @property
     def fits_thinned(self) -> bool:
-        """With lowered rates, none below what is useful."""
+        """Whether the telemetry fits with lowered rates, none below what is useful."""
         return self.capacity.admits(self.thinned_up_bps, self.thinned_down_bps)
 
     @property
     def word(self) -> str:
-        """The answer."""
+        """The result as text."""
         return "fits" if self.fits else "fits when thinned" if self.fits_thinned else "does not fit"
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Of the link, then of all topics."""
+        """Warnings about the link, then about all topics."""
         kept_off = (
             () if self.crosses else (f"DDS does not cross {self.link.name}: it would with `dds: true` at the link",)
         )
@@ -148,7 +149,7 @@ class LinkFit:
 
     @property
     def verdict(self) -> Verdict:
-        """On what is declared: what has to be thinned first does not fit. Without a measurement nothing is proved."""
+        """The verdict at the inventory's rates: FAIL if rates must be lowered, INCONCLUSIVE without a measurement."""
         if not self.fits:
             return Verdict.FAIL
         if self.capacity.doubt:
@@ -157,18 +158,18 @@ class LinkFit:
 
     @property
     def reason(self) -> str:
-        """Why this verdict."""
+        """The reason for the verdict."""
         if self.fits:
             return self.capacity.doubt or f"measured, {self.capacity.run}"
         return f"more than {link_capacity.USABLE:.0%} of the capacity would be used at these rates"
 
     def costs(self, seconds: int, *, is_thinned: bool = False) -> Bill:
-        """What goes over it in so many seconds, both ways, with what the site says by itself."""
+        """Return the cost of this many seconds, both ways, including the site's standing traffic."""
         bps = self.thinned_up_bps + self.thinned_down_bps if is_thinned else self.up_bps + self.down_bps
         return bill(round(bps * seconds / 8), seconds, self.link.tariff if self.link.is_metered else None)
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON-able data."""
+        """Return JSON-able data."""
         up, down = self.capacity.pace.up_bps, self.capacity.down_bps
         return {
             "link": self.link.name,
@@ -231,7 +232,7 @@ def _topic_as_dict(topic: TopicFit) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class VehicleFit:
-    """A vehicle on the bearers of a site, in order of preference."""
+    """The telemetry of a vehicle on the links of a site, in order of preference."""
 
     site: str
     vehicle: str
@@ -241,12 +242,12 @@ class VehicleFit:
 
     @property
     def exit(self) -> errors.ExitCode:
-        """Green where every bearer that was asked for is measured and the telemetry fits it as declared."""
+        """The exit code: done if every requested link is measured and the telemetry fits at the inventory's rates."""
         green = all(link.verdict in {Verdict.PASS, Verdict.WARN} for link in self.links)
         return errors.ExitCode.DONE if green else errors.ExitCode.CHECKS_FAILED
 
     def as_json(self) -> dict[str, Any]:
-        """The object that `--json` prints."""
+        """Return the object that `--json` prints."""
         return {
             "exit": int(self.exit),
             "errors": [],
@@ -268,10 +269,10 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
     link: str | None = None,
     run: str | None = None,
 ) -> VehicleFit:
-    """Work it out; `stores`: of real runs, and behind it that of rehearsed ones, of which a run is taken by name alone.
+    """Compute the fit; `stores`: real runs first, then rehearsed ones, whose runs are used only by name.
 
-    Without `stores` by what is declared alone. NothingMatched: no such site, vehicle, link or run, or nothing is
-    published. UsageError, StateDamaged.
+    Without `stores`, only the inventory is used. Raises NoMatchError without such a site, vehicle, link or run, or if
+    nothing is published; UsageError; DamagedStateError.
     """
     topics = _telemetry(declaration, site, vehicle)
     profile, subscribers = (
@@ -306,9 +307,10 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
 
 
 def fits_nowhere(declaration: inventory.Declaration, now: datetime) -> Iterator[inventory.Finding]:
-    """Vehicles that are tested at a site of which no link carries what they publish, by the declared rates.
+    """Yield a warning for each vehicle tested at a site whose telemetry fits none of its links.
 
-    Each is a warning at the site's first link: not a vehicle that fits one when it is thinned.
+    The warning is at the site's first link. The inventory's rates count; a vehicle that fits one link with lowered
+    rates is not reported.
     """
     for name, site in declaration.sites.items():
         vehicle_names = site.checklist.vehicles
@@ -327,7 +329,7 @@ def fits_nowhere(declaration: inventory.Declaration, now: datetime) -> Iterator[
 
 
 def require_vehicle(declaration: inventory.Declaration, site: str, vehicle: str) -> None:
-    """Raises UsageError and NothingMatched, with what exists."""
+    """Raise UsageError or NoMatchError, with the existing choices, for an unknown site or vehicle."""
     if site == inventory.ALL:
         raise errors.UsageError("`provision fit` is about one site at a time", hint="type its name: `site=coastal`")
     inventory.choose(declaration, site)
@@ -365,7 +367,7 @@ def _bearers(
 
 @dataclass(frozen=True, slots=True)
 class _LinkLoad:
-    """A bearer, and how topics go over it."""
+    """A link, and how topics are sent over it."""
 
     capacity: link_capacity.Capacity
     messages: standing_traffic.DdsMessages
@@ -395,7 +397,7 @@ class _LinkLoad:
         return self.capacity.admits(*self._load(topics, rates))
 
     def _thin_rates(self, topics: Sequence[model.TelemetryTopic]) -> list[float]:
-        """The rates at which all fit, as far as they do."""
+        """Return the rates at which all topics fit, as far as possible."""
         rates = [topic.rate_hz for topic in topics]
         for data in _THINNED_FIRST:
             if self._within(topics, rates):
@@ -409,7 +411,7 @@ class _LinkLoad:
     def _between(
         self, topics: Sequence[model.TelemetryTopic], low: Sequence[float], high: Sequence[float]
     ) -> list[float]:
-        """The highest rates that fit, all of them at the same place between `low`, which fit, and `high`."""
+        """Return the highest fitting rates at one common position between `low`, which fits, and `high`."""
 
         def at(share: float) -> list[float]:
             return [least + share * (most - least) for least, most in zip(low, high, strict=True)]
@@ -440,6 +442,6 @@ class _LinkLoad:
 
 
 def _rounded_down(rate_hz: float, least: float) -> float:
-    """To two digits, and not below a rate."""
+    """Round a rate down to two digits, but not below `least`."""
     step = 10.0 ** (math.floor(math.log10(rate_hz)) - 1)
     return max(float(f"{math.floor(rate_hz / step + 1e-9) * step:.6g}"), least)

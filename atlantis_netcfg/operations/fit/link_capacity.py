@@ -1,4 +1,4 @@
-"""What a bearer carries, and how that is known: the newest real run of `provision qualify`, else the declared rate."""
+"""The capacity of a link and its source: the newest real run of `provision qualify`, else the inventory."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SOURCES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """What a bearer carries, and how that is known."""
+    """The capacity of a link, and where it is known from."""
 
     pace: LinkPace
     down_bps: float
@@ -48,12 +48,12 @@ class Capacity:
     """Why a word of success would not be earned; empty: it would."""
 
     def admits(self, up_bps: float, down_bps: float) -> bool:
-        """Whether so much may be sent each way."""
+        """Return whether this much may be sent each way."""
         return up_bps <= USABLE * self.pace.up_bps and down_bps <= USABLE * self.down_bps
 
 
 def named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
-    """A run by its name, of any of the stores. NoSuchRun, StateDamaged."""
+    """Return a run by its name from any of the stores; raise NoSuchRun or DamagedStateError."""
     from atlantis_netcfg.links.qualify.archive import kept_run  # noqa: PLC0415 - `validate` has no run to read
 
     for store in stores[1:]:
@@ -63,7 +63,7 @@ def named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
 
 
 def newest_run(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
-    """The newest real run of a bearer that has filled it, else the newest real one."""
+    """Return a link's newest real run that filled it, else its newest real run."""
     from atlantis_netcfg.links.qualify.archive import kept_runs, record_of  # noqa: PLC0415 - `validate` has no run to read
 
     real = [saved_run for saved_run in reversed(kept_runs(store, site, bearer.name)) if not saved_run.run.emulated]
@@ -73,7 +73,7 @@ def newest_run(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
 
 
 def _goodput(record: QualifyRecord, way: str) -> float | None:
-    """What a link has carried, in bit/s with all headers: the receiver's goodput, and what went around each chunk."""
+    """Return the measured capacity in bit/s with all headers: the goodput plus the overhead of each chunk."""
     row = next((row for row in record.load if row.way == way), None)
     if row is None or row.goodput_bps is None or row.verdict is not Verdict.PASS:
         return None
@@ -86,9 +86,9 @@ def _goodput(record: QualifyRecord, way: str) -> float | None:
 
 
 def capacity_of(bearer: Bearer, saved_run: KeptRun | None, now: datetime, within_days: int) -> Capacity:
-    """What a run has measured, as far as it has; None: nobody has measured the bearer.
+    """Return the capacity measured by a run, as far as it goes; without a run, the inventory's.
 
-    A measurement that is older than `within_days` says what the link was, not what it is.
+    A measurement older than `within_days` tells what the link was, not what it is.
     """
     pace, down = declared_pace(bearer), bearer.rate.down_kbps * 1000
     if saved_run is None:

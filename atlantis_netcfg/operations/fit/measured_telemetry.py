@@ -1,4 +1,4 @@
-"""The `telemetry:` of a vehicle as it was heard at a site: topics, sizes and rates; and its place in the inventory."""
+"""A vehicle's `telemetry:` as measured at a site: topics, sizes, rates; and its update in the inventory."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _VEHICLES: Final = "group_vars/all/vehicles.yml"
 
 
 class TelemetryUnknown(errors.NetcfgError):
-    """What a vehicle publishes was not heard, or not all of it."""
+    """Not all published topics of a vehicle were received."""
 
     exit = errors.ExitCode.CHECKS_FAILED
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredTelemetry:
-    """What one vehicle was heard to publish."""
+    """The topics received from one vehicle."""
 
     site: str
     vehicle: str
@@ -50,16 +50,16 @@ class MeasuredTelemetry:
 
     @property
     def wrong(self) -> BearerFinding | None:
-        """The first finding by which the robot is not as its file says."""
+        """The first finding that shows a difference between the robot and its file; None if there is none."""
         return next((each for each in self.findings if each.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}), None)
 
     def of(self, declaration: Declaration) -> Declaration:
-        """The pilot with these topics in the place of the declared ones."""
+        """Return the pilot with these topics instead of the inventory's."""
         vehicle = declaration.vehicles[self.vehicle].model_copy(update={"telemetry": self.topics})
         return replace(declaration, vehicles={**declaration.vehicles, self.vehicle: vehicle})
 
     def as_dict(self) -> Mapping[str, object]:
-        """As JSON-able data."""
+        """Return JSON-able data."""
         return {
             "seconds": round(self.seconds, 1),
             "telemetry": [each.model_dump(mode="json") for each in self.topics],
@@ -71,7 +71,7 @@ class MeasuredTelemetry:
 def measure(
     declaration: Declaration, site: str, vehicle: str, seconds: float, address: str | None
 ) -> MeasuredTelemetry:
-    """Listen at a site. Raises UsageError, NothingMatched, and TelemetryUnmeasured where a topic was not measured."""
+    """Measure a vehicle at a site; raise UsageError, NoMatchError, or TelemetryUnknown if a topic is missing."""
     robot = next((each.robot for each in robots.robots_of(declaration)[0] if each.vehicle == vehicle), None)
     if robot is None:
         raise robots.without_file(vehicle)
@@ -87,7 +87,7 @@ def measure(
 def telemetry_of(
     site: str, report: RobotReport, robot: RobotFile, vehicle: model.Vehicle, seconds: float
 ) -> MeasuredTelemetry:
-    """The telemetry of a report. Raises TelemetryUnmeasured where a topic's rate is not known."""
+    """Convert a report to telemetry; raise TelemetryUnknown if a topic's rate is not known."""
     least = {robot.full_name(item.topic): item.least_hz for item in vehicle.telemetry}
     topics, unknown = [], []
     for topic in robot.topics():
@@ -116,7 +116,7 @@ def telemetry_of(
 
 @dataclass(frozen=True, slots=True)
 class TelemetryChange:
-    """What a file of the inventory would become."""
+    """A planned change of an inventory file."""
 
     file: str
     before: str
@@ -126,7 +126,7 @@ class TelemetryChange:
 
     @property
     def difference(self) -> list[str]:
-        """Lines that go and lines that come; none: nothing changes."""
+        """The removed and added lines; empty if nothing changes."""
         if self.after is None:
             return [f"+{row}" for row in self.rows]
         lines = unified_diff(self.before.splitlines(), self.after.splitlines(), n=0, lineterm="")
@@ -134,7 +134,7 @@ class TelemetryChange:
 
 
 def change(declaration: Declaration, telemetry: MeasuredTelemetry, day: date) -> TelemetryChange:
-    """The file with these topics, everything else as it is."""
+    """Return the change that puts these topics into the file and keeps everything else."""
     vehicle, rows = declaration.vehicles[telemetry.vehicle], [_row(each) for each in telemetry.topics]
     block, file = ("guests", guests.FILE) if isinstance(vehicle, model.Guest) else ("vehicles", _VEHICLES)
     before = (declaration.root / file).read_bytes().decode()
@@ -152,7 +152,7 @@ def change(declaration: Declaration, telemetry: MeasuredTelemetry, day: date) ->
 
 
 def write(declaration: Declaration, telemetry: MeasuredTelemetry, edit: TelemetryChange) -> None:
-    """Put it in its place. Raises TelemetryUnmeasured for a robot that is not as its file says, and UsageError."""
+    """Write the change; raise TelemetryUnknown if the robot differs from its file, or UsageError."""
     if (wrong := telemetry.wrong) is not None:
         message = f"nothing was written, for `{telemetry.vehicle}` is not as its file says: {wrong.message}"
         raise TelemetryUnknown(message, hint=f"`provision robot discover site={telemetry.site}` says all that differs")
@@ -173,7 +173,7 @@ def _row(topic: model.TelemetryTopic) -> str:
 
 
 def with_telemetry(text: str, path: tuple[str, str], comment: str, rows: Sequence[str]) -> str | None:
-    """A file with the topics of one vehicle in it; None where its entry is not written in lines of its own."""
+    """Return the file with one vehicle's topics; None if its entry is not in block style."""
     node: yaml.Node | None = yaml.compose(text, yaml.SafeLoader)
     for name in path:
         node = _keys(node).get(name, (None, None))[1]
@@ -194,7 +194,7 @@ def _keys(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
 
 
 def _line_behind(node: yaml.Node) -> int:
-    """The line behind the last value of a block: comments below it belong to what follows."""
+    """Return the line after a block's last value: comments below it belong to what follows."""
     while isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
         node = node.value[-1][1] if isinstance(node, yaml.MappingNode) else node.value[-1]
     end = node.end_mark

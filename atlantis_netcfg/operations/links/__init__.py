@@ -1,8 +1,8 @@
-"""How the links of a site are: every box asked at once, in few round trips, and nothing changed.
+"""The state of the links: all devices are queried at once, in few round trips, without changes.
 
-The router is asked once for its routes, ports and counters and to ping each link's canaries from the link's own
-address; both radios of a bridge and the 4G unit for their own readings; a satellite terminal for nothing, because its
-airtime is for traffic and no interface of it is documented.
+The router is queried once for its routes, ports and counters, and pings each link's probe targets from the link's own
+address. Both radios of a bridge and the 4G unit are queried for their own readings. A satellite terminal is not
+queried: its airtime is for traffic, and it has no documented interface.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Read the state of all links of a site at once: whom to ask, how, and the result."""
+"""Reading of all links of a site at once: devices, queries, and the result."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class LinkQueries:
-    """All questions of one look; `ask` sends them to all devices at once."""
+    """All queries of one reading; `ask` sends them to all devices at once."""
 
     declaration: Declaration
     router: Host
@@ -73,7 +73,7 @@ class LinkQueries:
     async def ask(
         self, hosts: Sequence[Host], selected_hosts: Sequence[Host], routes: Sequence[policy.BearerRoute]
     ) -> None:
-        """Query `selected_hosts`, those that can be queried, all at the same time."""
+        """Query the `selected_hosts` that can be queried, all at the same time."""
         names = {host.name for host in selected_hosts}
         work = []
         for host in hosts:
@@ -86,11 +86,11 @@ class LinkQueries:
 
     @property
     def silent(self) -> tuple[Silent, ...]:
-        """Who was asked and did not answer."""
+        """Devices that were queried and did not respond."""
         return tuple(answer for answer in self.answers.values() if isinstance(answer, Silent))
 
     def _why_not(self, host: Host) -> str | None:
-        """Why a host is not to be asked; None if it is."""
+        """Return why a host is not queried; None if it is."""
         device = host.device
         if isinstance(device, model.SatelliteTerminal):
             return "no machine interface of it is documented: a person looks at its pages"
@@ -125,20 +125,20 @@ class LinkQueries:
         return read_by_driver(unit)
 
     def carrier(self, host: Host) -> Carrier:
-        """What a session to a host goes over; to the far end of a bridge, what leads to the site that is looked at.
+        """Return the link that a session to a host uses; for a bridge's far end, the link to this site.
 
         Raises UsageError for a link that its site does not have.
         """
         return _carrier(self.declaration, self.router, host, self.request)
 
     def unit(self, host: Host, device: model.LteRouter) -> LteUnit:
-        """A 4G unit as its driver wants it."""
+        """Return a 4G unit in the form that its driver needs."""
         store = runs.Store(self.request.state, is_rehearsal=self.request.rehearsed)
         target = self.request.targets.get(host.name)
         return LteUnit(host, device, store, self.notify, self.request.rehearsed, target)
 
     def _door(self, host: Host) -> ReadOnlySession:
-        """Raises UsageError for a link that its site does not have."""
+        """Return a read-only session; raise UsageError for a link that its site does not have."""
         session = session_to(self.declaration, self.router.site, host, self.request, self.patience_s)
         self.doors[host.name] = session
         return session
@@ -154,10 +154,10 @@ class LinkQueries:
 def session_to(
     declaration: Declaration, site: str, host: Host, request: Request, patience_s: float = session_link.PATIENCE_S
 ) -> ReadOnlySession:
-    """The way to a RouterOS device for one who is at a site, or looks at it from afar; nothing is opened yet.
+    """Return a session, not yet opened, to a RouterOS device from a site or from outside.
 
-    `patience_s`: for a connection over a fast link. Raises NothingMatched for a device of another kind, UsageError for
-    a link that its site does not have, and for one that a rehearsal has no twin of.
+    `patience_s`: for a connection over a fast link. Raises NoMatchError for a device of another kind, UsageError for a
+    link that its site does not have, and for a device that the rehearsal does not emulate.
     """
     endpoint = endpoint_of(host, get_managed_device(declaration, host).access, request)
     router = next(
@@ -174,7 +174,7 @@ def _carrier(declaration: Declaration, router: Host, host: Host, request: Reques
 
 
 def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
-    """Yield the router and the boxes of its site's bearers, each once, both ends of a bridge among them."""
+    """Yield the router and the devices of its site's links, each once, including both ends of a bridge."""
     yield router
     seen_names = {router.name}
     for bearer in declaration.sites[router.site].bearers:
@@ -187,7 +187,7 @@ def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
 
 
 def ping_bytes(routes: Sequence[policy.BearerRoute]) -> Mapping[str, int]:
-    """Bearer to what its pings come to on the wire if all are answered."""
+    """Return the bytes of each link's pings on the wire, if all are answered."""
     costs: dict[str, int] = {}
     for probe in policy.probe_commands(routes, count=PINGS):
         costs[probe.bearer] = costs.get(probe.bearer, 0) + probe.wire_bytes
@@ -197,7 +197,7 @@ def ping_bytes(routes: Sequence[policy.BearerRoute]) -> Mapping[str, int]:
 def months(
     usage: runs.Usage, device: str, reading: RouterReading | None, routes: Sequence[policy.BearerRoute], now: datetime
 ) -> dict[str, runs.MonthBytes]:
-    """Keep the counters of this look, and say what is known of the month. Raises JournalFailed, StateDamaged."""
+    """Save this reading's counters; return each link's monthly usage. Raise JournalError or DamagedStateError."""
     for name, counters in _counters(device, reading, routes, now):
         usage.record(name, counters)
     return {route.name: usage.month(route.name, now) for route in routes}
@@ -226,10 +226,10 @@ def _counters(
 
 
 def bills(queries: LinkQueries, active: tuple[str, ...] | None, seconds: float) -> dict[str, Bill]:
-    """Price the sessions with RouterOS devices that went over metered links, by bearer.
+    """Return the cost of sessions with RouterOS devices over metered links, by link.
 
-    Whoever works over a link of the site really goes where its default route leads; an emulated device is behind the
-    link that is declared, whatever its routes say.
+    A session over a link of the site really uses its default route; an emulated device is behind the link of the
+    inventory, whatever its routes are.
     """
     links = links_of(queries.declaration, queries.router.site)
     bytes_by_link: dict[str, int] = {}
@@ -244,7 +244,7 @@ def bills(queries: LinkQueries, active: tuple[str, ...] | None, seconds: float) 
 
 @dataclass(frozen=True, slots=True)
 class LinksStatus:
-    """What one look has shown, in the order of preference."""
+    """The state of a site's links from one reading, in the order of preference."""
 
     bearers: tuple[BearerStatus, ...]
     boxes: Mapping[str, str]
@@ -273,7 +273,7 @@ class LinksStatus:
     def report(
         self, site: str, title: str, *, is_rehearsal: bool, not_rehearsed: tuple[str, ...] = (), time_zone: str = ""
     ) -> LinksReport:
-        """For whoever reads it."""
+        """Return the report for people and programs."""
         return LinksReport(
             site=site,
             title=title,
@@ -292,7 +292,7 @@ class LinksStatus:
         )
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
-        """Each bearer as JSON-able data: what `BearerStatus` promises, and what was found beside it."""
+        """Return each link as JSON-able data: the fields of `BearerStatus` and additional results."""
         return {
             bearer.name: {
                 **bearer.as_dict(),
@@ -319,10 +319,10 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
     notify: events.Subscriber,
     patience_s: float = session_link.PATIENCE_S,
 ) -> LinksStatus:
-    """Read the links of a site; only `selected_hosts` are queried, and with one end of a bridge the other one, too.
+    """Read the links of a site; only `selected_hosts` are queried, with both ends of a bridge.
 
-    What does not answer is a finding and no error; `patience_s`: for a connection to a device over a fast link. Raises
-    NothingMatched for a site without a router.
+    A device that does not respond is a finding and no error; `patience_s`: for a connection over a fast link. Raises
+    NoMatchError for a site without a router.
     """
     router = next(
         (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, model.Router)), None
@@ -340,7 +340,7 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
 
 
 async def _names(declaration: Declaration, site: str) -> dict[str, tuple[BearerFinding, ...]]:
-    """Ask this computer whether the names of each satellite's allow-list are still where it says."""
+    """Check on this computer whether the names of each satellite's allow-list still have its addresses."""
     result = {}
     for bearer in declaration.sites[site].bearers:
         targets = named_targets(declaration, site, bearer)
@@ -357,7 +357,7 @@ def _with_far_ends(declaration: Declaration, selected_hosts: Sequence[Host]) -> 
 
 
 def _statuses(observations: Sequence[SeenLinks], over: Sequence[BearerFinding | None]) -> list[BearerStatus]:
-    """`over`: of each whether it is over its budget."""
+    """Combine observations and findings into statuses; `over` holds each link's budget finding."""
     findings = [
         *twice(observations),
         *((item.route.name, excess) for item, excess in zip(observations, over, strict=True) if excess),
@@ -386,7 +386,7 @@ class _LinkSite:
     notes: list[str] = field(default_factory=list)
 
     def put_together(self) -> LinksStatus:
-        """Judge what was heard, and keep the counters."""
+        """Judge the responses and save the counters."""
         site = self.declaration.sites[self.router.site]
         month = self._months()
         active, reading = self._active(), self._reading
@@ -458,7 +458,7 @@ class _LinkSite:
         return BoxesStatus()
 
     def _unit(self, box: Host, device: model.LteRouter) -> BoxesStatus:
-        """Of a unit that only a person can look at its driver says so without being asked."""
+        """Return a 4G unit's status; for a manual unit its driver gives one without a query."""
         answer = self._answer(box)
         if isinstance(answer, Silent):
             return BoxesStatus(silent=(answer,))

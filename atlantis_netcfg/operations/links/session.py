@@ -1,4 +1,4 @@
-"""A read-only session to one device, and what the router says of the links."""
+"""A read-only session to one device, and the router's report about the links."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class ReadOnlySession:
-    """A RouterOS device by its name in the inventory."""
+    """A read-only session to a RouterOS device, given by its inventory name."""
 
     name: str
     endpoint: api.Endpoint
@@ -32,7 +32,7 @@ class ReadOnlySession:
 
     @asynccontextmanager
     async def open_session(self) -> AsyncIterator[api.Session]:
-        """A session that is closed at the end. Raises what `Session.open` raises, all of it a DeviceFailed."""
+        """Open a session that is closed at the end of the context; raise DeviceError."""
         session = await api.Session.open(replace(self.endpoint, opening=self.traffic.append))
         try:
             yield session
@@ -41,27 +41,27 @@ class ReadOnlySession:
 
     @property
     def connections(self) -> int:
-        """How many were made, also those whose session failed before its login was over."""
+        """The number of connections, including those that failed before the end of the login."""
         return api.Traffic.total(self.traffic).connections
 
     @property
     def round_trips(self) -> int:
-        """Turns on the link, handshakes and logins included."""
+        """Round trips on the link, including handshakes and logins."""
         return api.Traffic.total(self.traffic).round_trips
 
     @property
     def bytes(self) -> int:
-        """Sent and received, handshakes and TLS included."""
+        """Bytes sent and received, including handshakes and TLS."""
         return api.Traffic.total(self.traffic).bytes
 
 
 def command(query: Query) -> api.Command:
-    """A reader's question as a sentence of the API."""
+    """Convert a query to a sentence of the API."""
     return api.Command(query.path, query.words)
 
 
 def rows(reply: api.Reply) -> tuple[Row, ...] | None:
-    """What was answered; None if the device refused the question, as it does for a menu that it has not got."""
+    """Return the rows of a reply; None if the device refused the query, for example for a missing menu."""
     return None if reply.trap is not None else reply.rows
 
 
@@ -78,7 +78,7 @@ _TIME = re.compile(r"(?:(\d+)s)?(?:(\d+)ms)?(?:(\d+)us)?")
 
 @dataclass(frozen=True, slots=True)
 class SessionPort:
-    """An interface of the router; None: not said."""
+    """An interface of the router; None means not reported."""
 
     running: bool | None
     is_disabled: bool | None
@@ -89,7 +89,7 @@ class SessionPort:
 
 @dataclass(frozen=True, slots=True)
 class Echo:
-    """How a canary answered to pings over one link."""
+    """The replies of a probe target to pings over one link."""
 
     target: str
     sent_count: int
@@ -100,7 +100,7 @@ class Echo:
 
 @dataclass(frozen=True, slots=True)
 class SeenNeighbour:
-    """Who has answered ARP on a port."""
+    """A neighbour that answered ARP on a port."""
 
     address: str
     mac: str | None
@@ -108,7 +108,7 @@ class SeenNeighbour:
 
 @dataclass(frozen=True, slots=True)
 class RouterReading:
-    """What a router said of its links at one moment; None: a question that it refused."""
+    """The router's report about its links at one moment; None means that a query was refused."""
 
     at: datetime | None = None
     """When it had answered, by this computer's clock."""
@@ -130,7 +130,7 @@ class RouterReading:
 
 
 def questions(routes: Sequence[policy.BearerRoute]) -> tuple[tuple[api.Command, ...], tuple[policy.PolicyProbe, ...]]:
-    """Everything that is sent after the login, in one flight, and the pings among it; of ports only those of links."""
+    """Return all commands to send at once after the login, and the pings among them; only the links' ports."""
     probes = policy.probe_commands(routes, count=PINGS)
     ports = [route.port for route in routes if route.port is not None]
     menus = (
@@ -147,14 +147,14 @@ def questions(routes: Sequence[policy.BearerRoute]) -> tuple[tuple[api.Command, 
 
 
 def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
-    """Query words for rows in which a field has one of these values (Manual, API, "Queries")."""
+    """Return query words for rows with one of these values in a field (Manual, API, "Queries")."""
     return tuple(
         word for place, value in enumerate(values) for word in (f"?{field}={value}", "?#|")[: 2 if place else 1]
     )
 
 
 async def read_router(device: ReadOnlySession, routes: Sequence[policy.BearerRoute]) -> RouterReading:
-    """Read in one session of two round trips; the pings take some seconds of the second. Raises DeviceFailed."""
+    """Read in one session of two round trips; the pings take seconds of the second. Raise DeviceError."""
     queries, probes = questions(routes)
     async with device.open_session() as session:
         replies = await session.flight(queries)
@@ -162,7 +162,7 @@ async def read_router(device: ReadOnlySession, routes: Sequence[policy.BearerRou
 
 
 def read(replies: Sequence[api.Reply], probes: Sequence[policy.PolicyProbe]) -> RouterReading:
-    """Read the answers to `questions`, in their order."""
+    """Parse the replies to `questions`, in their order."""
     resource, ports, routes, neighbours, rules, jobs = (rows(reply) for reply in replies[:_MENUS])
     port_names = {row["default-name"]: row.get("name", "") for row in ports or () if "default-name" in row}
     port_aliases = {port: name for port, name in port_names.items() if name != port}
@@ -202,7 +202,7 @@ def _echoes(probes: Sequence[policy.PolicyProbe], replies: Sequence[api.Reply]) 
 
 
 def _echo(target: str, answers: Sequence[Row] | None) -> Echo | None:
-    """Read the rows of a ping: each carries the sums so far, so the last one is the result."""
+    """Parse the rows of a ping: each has the sums so far, so the last one is the result."""
     if not answers:
         return None
     sent_count, received_count = (_whole(answers[-1].get(name)) for name in ("sent", "received"))
@@ -214,7 +214,7 @@ def _echo(target: str, answers: Sequence[Row] | None) -> Echo | None:
 
 
 def _milliseconds(text: str | None) -> float | None:
-    """Read `4ms`, `4ms530us`, `1s20ms`."""
+    """Parse `4ms`, `4ms530us`, `1s20ms` to milliseconds."""
     match = _TIME.fullmatch(text or "")
     if not text or match is None:
         return None
@@ -223,7 +223,7 @@ def _milliseconds(text: str | None) -> float | None:
 
 
 def _by_port(answers: Sequence[Row]) -> dict[str, tuple[SeenNeighbour, ...]]:
-    """Who is there: an entry without a MAC address is only a question that nobody has answered."""
+    """Return the ARP neighbours of each port; an entry without a MAC address is an unanswered ARP request."""
     result: dict[str, tuple[SeenNeighbour, ...]] = {}
     for row in answers:
         dead = any(row.get(flag) in _TRUE for flag in ("disabled", "invalid")) or row.get("complete") in {"false", "no"}

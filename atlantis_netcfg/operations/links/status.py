@@ -1,4 +1,4 @@
-"""Judge a link: what the boxes at its ends and the router say of it."""
+"""Judgement of a link, from the devices at its ends and the router."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _RADIO = "name,default-name,mac-address,disabled"
 
 @dataclass(frozen=True, slots=True)
 class RadioLook:
-    """What a CPE said of its radio."""
+    """A CPE's report about its radio."""
 
     reading: wifi.WifiReading | None
     """None: the device has no radio that its menus show."""
@@ -45,7 +45,7 @@ class RadioLook:
 
 
 async def read_radio(device: ReadOnlySession) -> RadioLook:
-    """Read in one session of three round trips: login, which radio it has, that radio. Raises DeviceFailed."""
+    """Read in one session of three round trips: login, radio menus, radio state. Raise DeviceError."""
     async with device.open_session() as session:
         replies = await session.flight([api.Command(path, ((".proplist", _RADIO),)) for path in _MENUS.values()])
         radio_match = _radio([(family, rows(reply)) for family, reply in zip(_MENUS, replies, strict=True)])
@@ -59,13 +59,13 @@ async def read_radio(device: ReadOnlySession) -> RadioLook:
 
 
 def _radio(tables: list[tuple[wifi.Family, tuple[Row, ...] | None]]) -> tuple[wifi.Family, Row] | None:
-    """The board's first radio; virtual ones have no `default-name` and come after it."""
+    """Return the board's first radio; virtual ones have no `default-name` and come after it."""
     radios = [(family, row) for family, menu in tables for row in menu or () if "name" in row]
     return next((radio for radio in radios if "default-name" in radio[1]), radios[0] if radios else None)
 
 
 def expected_of(end: Host, other: Host, other_mac: str | None) -> wifi.WifiSettings:
-    """What is declared of one end."""
+    """Return the settings of one end from the inventory."""
     assert isinstance(end.device, model.Cpe)  # noqa: S101 - the ends of a bridge are CPEs
     ptp = end.device.ptp
     return wifi.WifiSettings(
@@ -83,7 +83,7 @@ def expected_of(end: Host, other: Host, other_mac: str | None) -> wifi.WifiSetti
 
 @dataclass(frozen=True, slots=True)
 class Silent:
-    """A device that was asked and did not answer, or not as one of its kind does."""
+    """A device that did not respond to a query, or not as one of its kind does."""
 
     device: str
     message: str
@@ -92,7 +92,7 @@ class Silent:
 
 @dataclass(frozen=True, slots=True)
 class BoxesStatus:
-    """What the boxes of one bearer said."""
+    """The report of a link's devices."""
 
     state: LinkState | None = None
     """None: they say nothing of it, or there is no box that could."""
@@ -104,9 +104,9 @@ class BoxesStatus:
 def of_bridge(
     near: tuple[Host, RadioLook | Silent | None], far: tuple[Host, RadioLook | Silent | None] | None
 ) -> BoxesStatus:
-    """Judge both ends; the readings are the near end's, with what the far end hears beside them.
+    """Judge both ends; the readings are the near end's, plus the far end's signal.
 
-    An end is a look, a silence, or None where it was not to be asked; `far` is None where nobody declares one.
+    An end is a reading, a silence, or None if it was not to be queried; `far` is None if the inventory has no far end.
     """
     ends = [end for end in (near, far) if end is not None]
     macs = {host.name: answer.mac for host, answer in ends if isinstance(answer, RadioLook)}
@@ -119,7 +119,7 @@ def of_bridge(
 
 
 def _excuse_far_end(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
-    """While the near end hears nobody, that the far one does not answer is no news."""
+    """Downgrade a silent far end to inconclusive while the bridge is down, when silence is expected."""
     if boxes.state in {None, LinkState.UP, LinkState.UNKNOWN} or far not in boxes.silent:
         return boxes
     message = f"{far.device} cannot be read, as is to be expected while the bridge is down: {far.message}"
@@ -146,12 +146,12 @@ def _said_by(host: Host, finding: BearerFinding) -> BearerFinding:
 
 
 def _far(boxes: BoxesStatus) -> BoxesStatus:
-    """Of the far end's readings only what it hears."""
+    """Keep only the signal from the far end's readings."""
     return replace(boxes, quality={"far_signal_dbm": boxes.quality.get("signal_dbm")})
 
 
 def _merge(first: BoxesStatus, second: BoxesStatus) -> BoxesStatus:
-    """The worse state of the two holds."""
+    """Merge two reports; the worse state applies."""
     states = [state for state in (first.state, second.state) if state is not None]
     return BoxesStatus(
         max(states, key=_WORSE.index, default=None),
@@ -165,7 +165,7 @@ _WORSE = (LinkState.UP, LinkState.UNKNOWN, LinkState.SEARCHING, LinkState.DOWN)
 
 
 def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[BearerFinding, ...]:
-    """What follows from a box that does not answer: little where its link answers, much where nothing does."""
+    """Return findings about silent devices: minor if their link works, severe if nothing responds over it."""
     verdict = Verdict.INCONCLUSIVE if answers is not False else Verdict.FAIL
     suffix = {True: ", but its link works", None: "", False: ", and nobody answers over its link"}[answers]
     return tuple(
@@ -175,7 +175,7 @@ def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[BearerFi
 
 
 def of_terminal(declaration: Declaration, host: Host | None, store: Store, today: date) -> BoxesStatus:
-    """Tell what a person has seen of the terminal, and what is wrong with that. Raises StateDamaged."""
+    """Return the terminal's evidence and the findings about it; raise DamagedStateError."""
     if host is None or not is_terminal(host):
         return BoxesStatus()
     result = look(declaration, host, store, today=today)
@@ -189,9 +189,9 @@ def of_terminal(declaration: Declaration, host: Host | None, store: Store, today
 
 
 def kept_off(bearer: model.Bearer, port: str | None, router: RouterReading | None) -> Quality:
-    """What the router has kept off the link, and whether the next hop has answered ARP on the port of late.
+    """Return the packets that the router dropped on the link, and whether the next hop recently answered ARP.
 
-    The chain's name is that of `render.view.Uplink.chain`. An entry of ARP ages, so that its absence proves nothing.
+    The chain's name is that of `render.view.Uplink.chain`. An ARP entry expires, so its absence proves nothing.
     """
     there = None if router is None or router.neighbours is None else router.neighbours.get(port or "", ())
     drops = None if router is None or router.drop_counters is None else router.drop_counters.get(f"to-{bearer.name}")
@@ -209,7 +209,7 @@ _INTERFACE = "lte1"
 
 @dataclass(frozen=True, slots=True)
 class UnitLook:
-    """What a unit said, and what its driver says of it."""
+    """A 4G unit's reading, with its driver's findings."""
 
     reading: LteReading
     findings: tuple[BearerFinding, ...]
@@ -218,9 +218,10 @@ class UnitLook:
 
 
 async def read_routeros(device: ReadOnlySession, unit: LteUnit) -> UnitLook:
-    """Read in one session. Raises DeviceFailed.
+    """Read in one session; raise DeviceError.
 
-    Where a run has tried the declared PIN and the SIM still asks for one, the PIN is wrong, whatever the device says.
+    If a run has tried the PIN of the inventory and the SIM still asks for one, the PIN is wrong, whatever the device
+    reports.
     """
     async with device.open_session() as session:
         reading = await modem_reading(session)
@@ -230,7 +231,7 @@ async def read_routeros(device: ReadOnlySession, unit: LteUnit) -> UnitLook:
 
 
 async def modem_reading(session: api.Session) -> LteReading:
-    """Read in one round trip; one more where only the log tells of the SIM, and one for a modem with another name."""
+    """Read in one round trip; one more if only the log reports the SIM, and one for a modem with another name."""
     replies = await session.flight([command(query) for query in routeros.queries(_INTERFACE)])
     name = routeros.modem_name(rows(replies[1]), _INTERFACE)
     if name != _INTERFACE:
@@ -247,13 +248,13 @@ def _reading(replies: list[api.Reply], log: tuple[Row, ...] | None = None) -> Lt
 
 
 async def read_by_driver(unit: LteUnit) -> UnitLook:
-    """Read a unit of another make, in a thread: its driver waits for answers. Raises NetcfgError."""
+    """Read a unit of another make in a thread, as its driver blocks; raise NetcfgError."""
     status = await asyncio.to_thread(unit.look)
     return UnitLook(status.reading, status.findings, status.requests)
 
 
 def of_unit(name: str, answer: UnitLook, driver: model.LteDriver, *, forwards: bool) -> BoxesStatus:
-    """Put into the words of its bearer. `forwards`: ports of the site's outer addresses are declared to lead inside."""
+    """Convert a 4G unit's reading to its link's status; `forwards`: ports of outer addresses are forwarded inside."""
     reading = answer.reading
     if driver is model.LteDriver.MANUAL:
         return BoxesStatus(findings=answer.findings)
@@ -268,7 +269,7 @@ def of_unit(name: str, answer: UnitLook, driver: model.LteDriver, *, forwards: b
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeenLinks:
-    """Everything that one look has brought of one bearer."""
+    """All observations of one link from one reading."""
 
     route: BearerRoute
     router: RouterReading | Silent | None
@@ -286,12 +287,12 @@ class SeenLinks:
 
     @property
     def reading(self) -> RouterReading | None:
-        """What the router said, if it did."""
+        """The router's report, if it responded."""
         return self.router if not isinstance(self.router, Silent) else None
 
     @property
     def port(self) -> SessionPort | None:
-        """The interface that the bearer is on."""
+        """The interface of the link."""
         reading = self.reading
         return None if reading is None or self.route.port is None else (reading.ports or {}).get(self.route.port)
 
@@ -306,23 +307,23 @@ class SeenLinks:
 
     @property
     def echoes(self) -> tuple[Echo, ...]:
-        """How its canaries answered."""
+        """The replies of the link's probe targets."""
         reading = self.reading
         return () if reading is None else (reading.echoes or {}).get(self.route.name, ())
 
     @property
     def answers(self) -> bool | None:
-        """Whether somebody answers over it; None: nobody was asked."""
+        """Whether any probe target responds over the link; None if none was pinged."""
         return any(echo.received_count for echo in self.echoes) if self.echoes else None
 
     @property
     def dark(self) -> bool:
-        """Whether its port has no link."""
+        """Whether the link's port is down or disabled."""
         return self.port is not None and (self.port.running is False or self.port.is_disabled is True)
 
 
 def bearer_status(observation: SeenLinks) -> BearerStatus:
-    """Reduce it to a status."""
+    """Reduce the observations of a link to a status."""
     return BearerStatus(
         name=observation.route.name,
         kind=observation.route.kind,
@@ -372,7 +373,7 @@ def _findings(observation: SeenLinks) -> Iterator[BearerFinding]:
 
 
 def _filter_findings(observation: SeenLinks) -> Iterator[BearerFinding]:
-    """A unit that shows no address has one all the same if canaries answer over it."""
+    """Yield the findings, but no missing address if probe targets respond over the link."""
     for finding in observation.boxes_status.findings:
         if finding.code != "no-address" or not observation.answers:
             yield finding
@@ -398,7 +399,7 @@ def _of_port(observation: SeenLinks) -> Iterator[BearerFinding]:
 
 
 def _of_strangers(observation: SeenLinks) -> Iterator[BearerFinding]:
-    """A box that answers on its port from another network is one as its factory made it (devices.md, section 3)."""
+    """Report a device on the port with an address of another network: probably factory state (devices.md, 3)."""
     reading = observation.reading
     if observation.box is None or observation.next_hop is None or reading is None or reading.neighbours is None:
         return
@@ -416,7 +417,7 @@ def _of_strangers(observation: SeenLinks) -> Iterator[BearerFinding]:
 
 
 def _of_canaries(observation: SeenLinks, *, is_explained: bool) -> Iterator[BearerFinding]:
-    """Say which canaries are silent; a link that is down is told once, by whoever knows why."""
+    """Report silent probe targets; a link that is down is reported once, by the finding that explains it."""
     silent = [echo.target for echo in observation.echoes if not echo.received_count]
     if observation.answers is False and not is_explained:
         message = f"no canary answers over this link ({', '.join(silent)})"
@@ -443,7 +444,7 @@ def _of_canaries(observation: SeenLinks, *, is_explained: bool) -> Iterator[Bear
 
 
 def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, BearerFinding], ...]:
-    """Name boxes that have one address on two ports, most often the factory's, by bearer."""
+    """Return findings, by link, for addresses that occur on two ports, mostly factory addresses."""
     ports: dict[str, list[SeenLinks]] = {}
     for item in observations:
         for stranger in item.strangers:
@@ -462,9 +463,9 @@ def _twice(address: str, many: Sequence[SeenLinks]) -> BearerFinding:
 def rank(
     statuses: Sequence[BearerStatus], fail_back_s: int, use: tuple[str, BearerFinding] | None = None
 ) -> tuple[BearerStatus, ...]:
-    """Say of each what follows from the order of preference; `statuses` stand in that order.
+    """Add to each status what follows from the order of preference; `statuses` are in that order.
 
-    `use`: the link that is in use for a time, and what is said of that. It stands before all others meanwhile.
+    `use`: the link that is temporarily in use, and the finding about it. It precedes all others meanwhile.
     """
     if use is None or all(status.name != use[0] for status in statuses):
         return _by_rank(statuses, fail_back_s)

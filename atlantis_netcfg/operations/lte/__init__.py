@@ -1,1 +1,1 @@
-"""4G units that are not RouterOS, in a run."""
+"""4G units without RouterOS in a run."""

@@ -1,6 +1,6 @@
-"""What the driver of RutOS assumes of a unit, and no document or record confirms: one row each.
+"""Assumptions of the RutOS driver that no document or record confirms: one row each.
 
-Code that rests on a row names it on a line of its comment or docstring. `provision verify` shows which hold.
+Code that relies on a row names it on a line of its comment or docstring. `provision verify` shows which hold.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ ASSUMPTIONS: Final = (
 
 
 def judge(look: rutos_read.RutosLook) -> verify.SeenAnswers:
-    """Judge one look at a unit, a finding for each row; its values are left out, since the report is sent to others."""
+    """Return one finding per assumption from a unit's reading, without values: the report is sent to others."""
     values = _values(look)
     findings = (
         verify.AssumptionFinding.of(each.id, _judgement(values.get(each.id, each.proof))) for each in ASSUMPTIONS
@@ -83,7 +83,7 @@ def judge(look: rutos_read.RutosLook) -> verify.SeenAnswers:
 
 
 def _values(look: rutos_read.RutosLook) -> Mapping[str, Mapping[str, object] | str]:
-    """What has to be told, None where it is not; a text: why this unit cannot show it now."""
+    """Return the values for each assumption, None if missing; a text tells why the unit cannot show them now."""
     reading, unread = look.reading, {page: f"the unit does not give {page}" for page in look.unread}
     away = "" if reading.state in rutos_read.REGISTERED_STATES else "the unit is in no network"
     technology = reading.access_tech if reading.access_tech in rutos_read.TECHNOLOGIES.values() else None

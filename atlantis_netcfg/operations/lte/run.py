@@ -1,7 +1,7 @@
-"""A run for 4G units that are not RouterOS: set to what is declared of their SIM, and judged.
+"""A run for 4G units without RouterOS: set their SIM settings to the inventory's, and judge them.
 
-Performs a request for the 4G units of a play: one journal and one lock a site, one unit after another. A change counts
-once it was read back.
+It performs a request for the 4G units of a play: one journal and one lock per site, one unit after another. A change
+counts once it was read back.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class UnitPatience:
-    """How long a unit may take to come back into its network after its settings were reloaded, in seconds."""
+    """Timeouts, in seconds, for a unit to reconnect after its settings were reloaded."""
 
     settle_s: float = 120.0
     poll_s: float = 5.0
@@ -46,7 +46,7 @@ class UnitPatience:
 
 @dataclass(frozen=True, slots=True)
 class SettingsResult:
-    """What has become of the settings."""
+    """The result of changing the settings."""
 
     changes: tuple[SettingChange, ...] = ()
     is_done: bool = False
@@ -57,14 +57,14 @@ class SettingsResult:
 
     @property
     def hash(self) -> str:
-        """Of what a person sees of the plan."""
+        """SHA-256 of the plan as a person sees it."""
         return hashlib.sha256(
             json.dumps([(item.line, item.previous_line) for item in self.changes]).encode()
         ).hexdigest()
 
     @property
     def diff(self) -> str:
-        """What would be set, as a difference."""
+        """The planned settings as a diff."""
         rows = (
             (f"- {item.previous_line}\n" if item.previous_line else "") + f"+ {item.line}\n" for item in self.changes
         )
@@ -77,7 +77,7 @@ _SECRET = ("password", "pincode")
 
 
 def sections_of(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
-    """The unit's configuration, by package and section. Raises SettingRefused, ConsoleLost."""
+    """Return the unit's configuration by package and section; raise SettingError or ConsoleLost."""
     end = shell.run(rutos_settings.SHOW)
     if end.code:
         words = (end.error.strip() or f"exit status {end.code}").splitlines()[0]
@@ -89,7 +89,7 @@ def sections_of(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
 
 
 def mask_secrets(sections: dict[tuple[str, str], dict[str, str]]) -> str:
-    """The configuration of before as far as a run may change it, secrets masked; other people's stands beside it."""
+    """Render the options that a run may change, secrets masked; all others are left out."""
     return "".join(
         f"{package}.{section}.{option}='{'********' if option in _SECRET else value}'\n"
         for (package, section), options in sections.items()
@@ -99,7 +99,7 @@ def mask_secrets(sections: dict[tuple[str, str], dict[str, str]]) -> str:
 
 
 def planned_action(number: int, change: SettingChange) -> runs.PlannedAction:
-    """One setting as the journal holds it."""
+    """Convert one setting to the journal's form, secrets masked."""
     value = "********" if change.secret else change.value
     return runs.PlannedAction(
         number=number,
@@ -125,7 +125,7 @@ _FINAL = "roaming-not-allowed"
 
 
 class UnitConvergence:
-    """One unit's turn in a run."""
+    """The run of one unit."""
 
     def __init__(
         self,
@@ -144,7 +144,7 @@ class UnitConvergence:
         self._touched = False
 
     def run(self) -> LteResult:
-        """Look, set what differs, look again; whatever goes wrong is in the result. Faults of ours are raised."""
+        """Read, set what differs, read again; device errors are in the result, internal errors are raised."""
         began = time.monotonic()
         try:
             result = self._run()
@@ -204,7 +204,7 @@ class UnitConvergence:
     def _write(
         self, shell: Commands, settings: SettingsResult, sections: dict[tuple[str, str], dict[str, str]]
     ) -> None:
-        """Write and read back. What is about to be done is on disk before it is done. Raises DeviceFailed."""
+        """Write the settings and read them back; the plan is on disk first. Raise DeviceError."""
         name, numbers = self._unit.name, tuple(range(1, len(settings.changes) + 1))
         self._journal.save(name, mask_secrets(sections))
         actions = tuple(
@@ -240,7 +240,7 @@ class UnitConvergence:
         self._touched = False
 
     def _read_back(self) -> dict[tuple[str, str], dict[str, str]]:
-        """Read in a new session, as soon as one comes about. Raises DeviceFailed."""
+        """Read in a new session as soon as one can be opened; raise DeviceError."""
         until = time.monotonic() + self._patience.settle_s
         while True:
             try:
@@ -252,7 +252,7 @@ class UnitConvergence:
                 time.sleep(self._patience.poll_s)
 
     def _taken_back(self, reading: UnitStatus, settings: SettingsResult) -> SettingsResult:
-        """Take a PIN that the SIM has refused back from the unit, which would try it again at its next start."""
+        """Remove a PIN that the SIM refused from the unit, which would try it again at its next start."""
         wrong = next((item for item in settings.changes if item.option == rutos_settings.PIN), None)
         if wrong is None or reading.reading.state is not Registration.SIM_PIN_REQUIRED:
             return settings
@@ -266,7 +266,7 @@ class UnitConvergence:
             return replace(settings, taken_back=True, commands=settings.commands + shell.count)
 
     def _wait_for_connection(self, before: UnitStatus) -> UnitStatus:
-        """Look until the unit is in its network with a connection, or waiting is in vain."""
+        """Poll until the unit is connected, or waiting is pointless or timed out."""
         until = time.monotonic() + self._patience.settle_s
         requests, sent_bytes, received_bytes = before.requests, before.sent_bytes, before.received_bytes
         while True:
@@ -284,7 +284,7 @@ class UnitConvergence:
             time.sleep(self._patience.poll_s)
 
     def _again(self) -> UnitStatus:
-        """The settings are applied and verified by now: a unit that reloads may be silent for a moment."""
+        """Read the unit again; after the settings were verified, a reloading unit may be silent for a while."""
         until = time.monotonic() + self._patience.settle_s
         while True:
             try:
@@ -295,7 +295,7 @@ class UnitConvergence:
                 time.sleep(self._patience.poll_s)
 
     def _silent(self, before: UnitStatus, settings: SettingsResult, silent: errors.DeviceError) -> LteResult:
-        """The settings are kept, and the unit has not answered since."""
+        """Return the result for a unit that has not responded since its settings were written."""
         message = f"{len(settings.changes)} settings applied and verified; since then: {silent}"
         result = self._result(before, settings)
         return replace(
@@ -348,7 +348,7 @@ class UnitConvergence:
         return Status.UNCHANGED, errors.ExitCode.DONE, f"checked only; {words}"
 
     def _unset(self) -> tuple[str, ...]:
-        """What a person should know of how far the driver goes."""
+        """Return notes on settings that the driver does not change."""
         driver, sim = self._unit.device.driver, self._unit.device.sim
         if driver is LteDriver.RUTOS and not self._unit.may_set:
             return ("no `admin_user` is declared under `access`: the SIM's settings are compared, and not set",)
@@ -368,7 +368,7 @@ class UnitConvergence:
 
 
 def _state(look: UnitStatus) -> str:
-    """Where the unit is, in a few words."""
+    """Return the unit's state as a short text."""
     reading = look.reading
     words = reading.state.value.replace("_", " ")
     network = " ".join(word for word in (reading.operator, reading.access_tech, reading.band) if word)
@@ -386,10 +386,10 @@ def perform(
     plan_only: bool,
     decrypt: Callable[[str], str],
 ) -> dict[str, Any]:
-    """Do what is asked and give `per_host`, the result of each unit as Ansible shows it. Raises NetcfgError.
+    """Run the request and return `per_host`, each unit's result for Ansible; raise NetcfgError.
 
-    Of the hosts those that the RouterOS engine handles are left to it. A run that goes back to an earlier state, or
-    only saves or compares, is none of ours: then nothing is asked.
+    Hosts that the RouterOS engine handles are left to it. A run that restores an earlier state, or only saves or
+    compares, does not apply to these units: then nothing is read.
     """
     with open_request(request, plan_only=plan_only) as (run_request, channel):
         declaration = declaration_of(inventory, decrypt)
@@ -418,7 +418,7 @@ def _perform(
 def _site(
     declaration: Declaration, site: str, units: Sequence[Host], request: Request, channel: EventStream
 ) -> dict[str, LteResult]:
-    """The units of one site under its lock; a plan changes nothing and needs neither lock nor journal."""
+    """Run the units of one site under its lock; a plan changes nothing and needs neither lock nor journal."""
     store = runs.Store(request.state, is_rehearsal=request.rehearsed)
     results: dict[str, LteResult] = {}
     with ExitStack() as stack:

@@ -1,4 +1,4 @@
-"""A declared 4G unit that does not run RouterOS: its state as its driver reads it, its result, its emulation."""
+"""A 4G unit without RouterOS: its state as read by its driver, its result, its emulation."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ _SERIAL = "serial number of "
 
 
 class EmulationUnavailable(errors.NetcfgError):
-    """There is no emulation of what this driver talks to."""
+    """There is no emulator for the driver's device."""
 
 
 @dataclass(frozen=True, slots=True)
 class UnitStatus:
-    """What one look at a unit has given."""
+    """The result of reading a unit once."""
 
     reading: LteReading
     findings: tuple[BearerFinding, ...]
@@ -58,7 +58,7 @@ class UnitStatus:
 
 @dataclass(frozen=True, slots=True)
 class LteUnit:
-    """A unit, the way to it, and what is known of it from earlier runs."""
+    """A unit with its access and what earlier runs recorded about it."""
 
     host: Host
     device: model.LteRouter
@@ -71,19 +71,19 @@ class LteUnit:
 
     @property
     def name(self) -> str:
-        """The inventory's name."""
+        """The unit's name in the inventory."""
         return self.host.name
 
     @property
     def may_set(self) -> bool:
-        """Whether somebody is declared who may set things."""
+        """Whether the inventory has credentials that may change settings."""
         access = self.device.access
         admin = access is not None and access.admin_user is not None and access.admin_password is not None
         return self.device.driver is model.LteDriver.RUTOS and admin
 
     @property
     def settings(self) -> LteSettings:
-        """What is declared of its SIM, to be set."""
+        """The SIM settings of the inventory, to be set."""
         sim = self.device.sim
         return rutos_settings.LteSettings(
             apn=sim.apn, user=sim.user, password=sim.password, pin=sim.pin, roaming=sim.roaming
@@ -91,7 +91,7 @@ class LteUnit:
 
     @property
     def expectation(self) -> LteSubscription:
-        """What is declared of its SIM, to be judged."""
+        """The SIM settings of the inventory, to be checked."""
         sim = self.device.sim
         return LteSubscription(
             apn=sim.apn,
@@ -102,7 +102,7 @@ class LteUnit:
         )
 
     def look(self) -> UnitStatus:
-        """Read and judge it, changing nothing. Raises DeviceFailed, NotRehearsed."""
+        """Read and judge the unit without changes; raise DeviceError or EmulationUnavailable."""
         if self.is_rehearsal and self.target is None and self.device.driver is not model.LteDriver.MANUAL:
             raise EmulationUnavailable(f"not looked at: there is no emulation for driver {self.device.driver}")
         readers: dict[model.LteDriver, Callable[[], UnitStatus]] = {
@@ -114,7 +114,7 @@ class LteUnit:
         return readers[self.device.driver]()
 
     def shell(self) -> Commands:
-        """Log in to set things. Raises DeviceFailed, before the password is sent where the host key is not known."""
+        """Log in to change settings; raise DeviceError, before sending the password if the host key is unknown."""
         access = self._access
         assert access.admin_user is not None  # noqa: S101 - `may_set` has said so
         assert access.admin_password is not None  # noqa: S101 - as above
@@ -129,7 +129,7 @@ class LteUnit:
 
     @property
     def endpoint(self) -> RutosEndpoint:
-        """Driver `rutos`: where its own interface is, and by which certificate it is known."""
+        """The web interface's address and certificate pin (driver `rutos`)."""
         access, target = self._access, self.target
         host, port = str(self.device.address), access.port or _HTTPS
         pin = access.fingerprint or self.pins.get(self.name)
@@ -139,22 +139,22 @@ class LteUnit:
 
     @property
     def ssh(self) -> tuple[str, int]:
-        """Driver `rutos`: where its SSH server is."""
+        """The SSH server's address and port (driver `rutos`)."""
         return (str(self.device.address), _SSH) if self.target is None else (self.target.host, self.target.ssh or _SSH)
 
     @property
     def pins(self) -> Pins:
-        """By what it is known."""
+        """The pinned identities of devices."""
         return self.store.pins
 
     @property
     def pin_attempt(self) -> TriedPin:
-        """What is remembered of a PIN that its SIM has not taken."""
+        """The record of a PIN that the unit's SIM has not accepted."""
         return TriedPin(self.store.root, self.host.site, self.name)
 
     @property
     def pin_tried(self) -> bool:
-        """Whether a run has tried a PIN on its SIM since the SIM was last seen unlocked."""
+        """Whether a run has tried a PIN on the unit's SIM since the SIM was last unlocked."""
         return bool(self.pin_attempt.why_not)
 
     def _rutos(self) -> UnitStatus:
@@ -168,7 +168,7 @@ class LteUnit:
         return UnitStatus(reading, judge(reading, self.expectation), *usage, result.serial, result.identities)
 
     def _identify(self, serial: str | None) -> None:
-        """A unit is known by its serial number, where it tells one."""
+        """Pin the unit's serial number, if it reports one; raise DeviceError if it differs."""
         if serial is None:
             return
         saved_serial = self.pins.pin(f"{_SERIAL}{self.name}", serial)
@@ -199,7 +199,7 @@ FINE = (errors.ExitCode.DONE, errors.ExitCode.CHANGES, errors.ExitCode.NOTHING)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LteResult:
-    """What was set, and what the unit said afterwards."""
+    """The result of a unit: the settings made, and its state afterwards."""
 
     name: str
     status: Status
@@ -222,7 +222,7 @@ class LteResult:
     """The unit's serial number, which identifies it."""
 
     def as_dict(self) -> Mapping[str, Any]:
-        """As JSON-able data, with every key of a device's result."""
+        """Return JSON-able data with every key of a device's result."""
         return {
             "status": self.status.value,
             "exit": int(self.exit),
@@ -251,14 +251,14 @@ class LteResult:
 
 
 def words(finding: BearerFinding) -> str:
-    """A finding as a note: `WARN: ... (...)`; one that passes is told without its verdict."""
+    """Format a finding as a note: `WARN: ... (...)`; without verdict if it passes."""
     verdict = "" if finding.verdict is Verdict.PASS else f"{finding.verdict}: "
     return f"{verdict}{finding.message}{f' ({finding.hint})' if finding.hint else ''}"
 
 
 @dataclass(frozen=True, slots=True)
 class EmulatedUnit:
-    """A running unit."""
+    """A running emulated unit."""
 
     target: Target
     export: Callable[[], str]
@@ -269,7 +269,7 @@ class EmulatedUnit:
 
 @contextmanager
 def emulated_units(hosts: Sequence[Host], folder: Path) -> Iterator[Mapping[str, EmulatedUnit]]:
-    """Start those of these hosts that can be emulated; they end with the context."""
+    """Start the units that can be emulated; they end with the context."""
     with ExitStack() as stack:
         units = {}
         for host in hosts:
@@ -284,7 +284,7 @@ def emulated_units(hosts: Sequence[Host], folder: Path) -> Iterator[Mapping[str,
 
 
 def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
-    """What a rehearsal of these units does not show."""
+    """Return the limits of a rehearsal of these units."""
     drivers = {host.device.driver for host in hosts if isinstance(host.device, model.LteRouter)}
     reasons = {
         model.LteDriver.RUTOS: rutos.NOT_REHEARSED,
@@ -298,7 +298,7 @@ def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
 
 
 def _rutos(stack: ExitStack, name: str, device: model.LteRouter, folder: Path) -> EmulatedUnit:
-    """As it comes from its box but for the declared users: nothing is set, and the SIM's PIN is the declared one."""
+    """Start a unit in factory state with the inventory's users and SIM PIN."""
     access, sim = device.access, device.sim
     assert access is not None  # noqa: S101 - inventory/rules/lte.py
     spec = rutos.RutosSpec(

@@ -1,9 +1,9 @@
-"""A link and its far end for a rehearsal: our reflector as a program of its own, behind a relay.
+"""A link and its far end in a rehearsal: the reflector as a separate program behind a relay.
 
-The relay does what the link is declared to do, or what a run has measured (`link_shapes`).
+The relay has the behaviour of the link in the inventory, or as measured by a run (`link_shapes`).
 
-The emulated router does not carry the packets. It holds the rows, is told afterwards what the relay carried, and leads
-and counts it by its own rules (`emulator/routeros/network/traffic.py`).
+The emulated router does not carry the packets. It holds the rows, is informed afterwards of what the relay carried, and
+routes and counts it by its own rules (`emulator/routeros/network/traffic.py`).
 """
 
 from __future__ import annotations
@@ -39,26 +39,26 @@ _ROUTER = "the router: it does not carry the test packets, and is told afterward
 
 
 def not_rehearsed(twins: Rehearsal, *, over_vpn: bool = False) -> tuple[str, ...]:
-    """What a rehearsal says nothing about, in a person's words."""
+    """Return the limits of a rehearsal as text."""
     vpn = (_VPN,) if over_vpn else ()
     return (_LINK if twins.replay is None else twins.replay.not_rehearsed, _ROUTER, _FAR_END, *vpn)
 
 
 @dataclass(slots=True)
 class EmulatedLink:
-    """A relay that runs, and the emulated router that is told what it carried."""
+    """A running relay, and the emulated router that is informed of its traffic."""
 
     relay: UdpRelay
     twins: Rehearsal
 
     @contextmanager
     def transport(self) -> Iterator[UdpTransport]:
-        """Of a sender in front of the relay."""
+        """Open a transport for a sender in front of the relay."""
         with UdpTransport(self.relay.address, source="127.0.0.1") as sender:
             yield sender
 
     def tell(self, router: str, flow: MeasuredFlow) -> list[str]:
-        """Tell the router what was carried; what has to be said of it."""
+        """Report the carried traffic to the router; return its messages."""
         up, down = self.relay.up, self.relay.down
         arrived_packets = down.sent_count - down.loss_count - down.drop_count - down.in_gaps + down.copies
         answer = self.twins.twins.do(
@@ -81,7 +81,7 @@ class EmulatedLink:
 def emulated_link(
     bearer: Bearer, key: bytes | None, twins: Rehearsal, *, over_vpn: bool = False
 ) -> Iterator[EmulatedLink]:
-    """Start the far end and the relay before it; both end with the context. The VPN is no more than its octets."""
+    """Start far end and relay until the context ends; the VPN is emulated by its header bytes only."""
     headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
     with (
         temporary.folder("qualify") as folder,

@@ -1,7 +1,8 @@
-"""Who answers the test packets, and from which address of this computer they go there.
+"""The far end of test packets, and this computer's source address towards it.
 
-The far end is ours, at the control centre: it has our key, confirms messages and tells what it counted. Or it is a
-reflector of others, a router or a tester: it answers STAMP (RFC 8762) without a key, and nothing more.
+The far end is this project's reflector at the control centre: it has the key, confirms messages and reports its
+counters. Or it is another reflector, in a router or a tester: it answers STAMP (RFC 8762) without a key, and nothing
+more.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ _OPENING_S = 120.0
 
 
 class NothingToQualify(errors.NoMatchError):
-    """The site has no such link, no router that could lead the packets, or no far end is declared."""
+    """The site has no such link or no router to route the packets, or the inventory has no far end."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredFarEnd:
-    """Where test packets go; `name` as it is declared, or its address."""
+    """The destination of test packets; `name` as in the inventory, or its address."""
 
     name: str
     address: str
@@ -47,13 +48,13 @@ class MeasuredFarEnd:
 
     @property
     def is_ours(self) -> bool:
-        """It confirms messages and tells what it counted."""
+        """Whether it is this project's reflector, which confirms messages and reports its counters."""
         return self.key is not None
 
     def refuse(self, selection: Selection, links: Iterable[model.Bearer], declaration: Declaration) -> None:
-        """Raises UsageError, NothingToQualify where a reflector of others cannot measure what is to be measured.
+        """Raise UsageError or NothingToQualify if another's reflector cannot do the selected measurement.
 
-        `links`: those that see the packets themselves, and not a tunnel that they are in.
+        `links`: the links that see the packets themselves, and not a tunnel around them.
         """
         if self.is_ours:
             return
@@ -74,9 +75,9 @@ class MeasuredFarEnd:
 
 
 def far_end_of(declaration: Declaration, *, over_vpn: bool, other: str | None = None) -> MeasuredFarEnd:
-    """The declared far end, or the `other` one that a person names. Raises NothingToQualify, UsageError.
+    """Return the far end of the inventory, or the `other` one typed; raise NothingToQualify or UsageError.
 
-    Only a tunnel over UDP can be led over another link without breaking.
+    Only a tunnel over UDP can be routed over another link without breaking.
     """
     if over_vpn and declaration.pilot.vpn.transport is not model.Transport.UDP:
         why = "the VPN goes over TCP, and such a tunnel cannot be led over another link without breaking"
@@ -98,18 +99,18 @@ def far_end_of(declaration: Declaration, *, over_vpn: bool, other: str | None = 
 
 
 def key_of(qualify: model.Qualify) -> bytes:
-    """Give the key of the declared far end."""
+    """Return the key of the far end in the inventory."""
     return reflector_key(qualify.key.reveal().encode().strip(), qualify.reflector)
 
 
 class FarEndUnavailable(errors.DeviceError):
-    """The program at the far end was not started: nothing was measured."""
+    """The program at the far end could not be started; nothing was measured."""
 
 
 def open_far_end(declaration: Declaration, request: Request) -> None:
-    """Start the program that answers, over SSH; it ends by itself a quarter of an hour after its last packet.
+    """Start the reflector over SSH; it ends a quarter of an hour after its last packet.
 
-    Raises FarEndClosed.
+    Raises FarEndUnavailable.
     """
     assert declaration.pilot.qualify is not None  # noqa: S101 - the far end is ours
     host = declaration.hosts[declaration.pilot.qualify.reflector]
@@ -131,7 +132,7 @@ def open_far_end(declaration: Declaration, request: Request) -> None:
 
 
 def _parse_far_end(declaration: Declaration, text: str, *, over_vpn: bool) -> MeasuredFarEnd:
-    """A reflector of others, by what a person types. Raises UsageError."""
+    """Parse a reflector's address as typed by a person; raise UsageError."""
     host, colon, number = text.partition(":")
     try:
         address, port = IPv4Address(host), int(number) if colon else PORT
@@ -147,7 +148,7 @@ def _parse_far_end(declaration: Declaration, text: str, *, over_vpn: bool) -> Me
 
 
 def source_in_vpn(declaration: Declaration, far: str, port: int) -> str:
-    """This computer's address in the VPN. UsageError: it has no tunnel of its own that is up."""
+    """Return this computer's address in the VPN; raise UsageError if it has no tunnel that is up."""
     address = _address_towards(far, port)
     if address not in declaration.pilot.vpn.network:
         raise errors.UsageError(
@@ -158,7 +159,7 @@ def source_in_vpn(declaration: Declaration, far: str, port: int) -> str:
 
 
 def source_of(declaration: Declaration, site: str, far: str, port: int) -> str:
-    """This computer's address towards the far end. UsageError: it does not stand in a network of the site."""
+    """Return this computer's address towards the far end; raise UsageError if it is in no network of the site."""
     address = _address_towards(far, port)
     place = declaration.sites[site]
     if address not in place.lan.network and address not in place.management.network:

@@ -1,4 +1,4 @@
-"""Send the stages of a run, one after the other, all within one budget; every sample is written as it comes."""
+"""Execution of the stages of a run, one by one, within one budget; every sample is written at once."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ CUT_OFF = "cut off"
 
 
 class CountedTransport:
-    """A transport that counts what this computer took and what came, and ends a measurement when it is told to.
+    """A transport that counts sent and received packets, and ends a measurement on request.
 
-    `tunnel_headers`: what a tunnel puts around each packet; it is on the wire, and paid, as well.
+    `tunnel_headers`: the bytes that a tunnel adds to each packet; they are on the wire, and paid, as well.
     """
 
     def __init__(
@@ -49,15 +49,15 @@ class CountedTransport:
         self._stop = threading.Event() if stop is None else stop
 
     def now_ns(self) -> int:
-        """As the protocol has it."""
+        """See `DatagramTransport`."""
         return self._inner.now_ns()
 
     def unix_ns(self) -> int:
-        """As the protocol has it."""
+        """See `DatagramTransport`."""
         return self._inner.unix_ns()
 
     def send(self, datagram: bytes) -> str:
-        """As the protocol has it."""
+        """See `DatagramTransport`."""
         error = self._inner.send(datagram)
         if not error:
             self.sent_packets += 1
@@ -65,7 +65,7 @@ class CountedTransport:
         return error
 
     def receive(self, until_ns: int) -> Arrival | None:
-        """As the protocol has it. KeyboardInterrupt: somebody stops it, as a person at the keyboard does."""
+        """See `DatagramTransport`; raise KeyboardInterrupt if a stop was requested."""
         if self._stop.is_set():
             raise KeyboardInterrupt
         arrival = self._inner.receive(until_ns)
@@ -77,7 +77,7 @@ class CountedTransport:
 
 @dataclass(slots=True)
 class Measurement:
-    """A run under way; `samples` are those that were written."""
+    """A measurement in progress; `samples` are those written so far."""
 
     plan: QualifyPlan
     peer: session.ReflectorPeer
@@ -95,16 +95,16 @@ class Measurement:
 
     @property
     def max_lost(self) -> int:
-        """How many packets may be lost on the way, at most."""
+        """The maximum number of packets that may have been lost on the link."""
         return lost_packets(self.samples) + self.unanswered_sizes
 
     def write(self, sample: Sample) -> None:
-        """Keep a sample, and remember it for the figures."""
+        """Write a sample to disk, and keep it for the figures."""
         self.keep(sample)
         self.samples.append(sample)
 
     def measure(self) -> str:
-        """Send everything; why it ended. What was measured until then is kept."""
+        """Send everything and return why it ended; samples are kept in any case."""
         stages: list[tuple[str, Callable[[], None]]] = [
             *([("the tunnel over the link", self._run_tunnel_switch)] if self.plan.tunnel_switch is not None else []),
             ("round trips without load", self._idle),
@@ -202,7 +202,7 @@ class Measurement:
 
 
 def lost_packets(samples: Iterable[Sample]) -> int:
-    """Count what may have been lost on the way, at most: unanswered test packets, and chunks of messages not whole."""
+    """Return the maximum of lost packets: unanswered test packets, and chunks of incomplete messages."""
     sample_list: Sequence[Sample] = tuple(samples)
     sent_packets = {
         (each.stream, each.sequence) for each in sample_list if isinstance(each, PacketSent) and not each.error

@@ -1,7 +1,7 @@
-"""What a run sends, in which order and for how long: a pure function of the link and of what is selected.
+"""The stages of a run, their order and duration: a pure function of the link and the selection.
 
-The seconds are those of docs/qualify.md, by the pace of the link. Sizes and rates that the link cannot carry by its
-declaration are left out: to send them for long costs money and shows nothing new.
+The seconds are those of docs/qualify.md for the speed of the link. Sizes and rates beyond the link's rate in the
+inventory are left out: sending them for long costs money and shows nothing new.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _MTU_BYTES: Final = 2 * 3 * 11 * 1500
 
 @dataclass(frozen=True, slots=True)
 class StageTimes:
-    """Seconds of each stage."""
+    """The duration of each stage in seconds."""
 
     idle_interval_s: float
     timeout_s: float
@@ -74,7 +74,7 @@ REHEARSAL_TIMES: Final = StageTimes(0.01, 1.5, 1, 1, 2, 1, 5)
 
 @dataclass(frozen=True, slots=True)
 class RateCell:
-    """A size at a rate of one of the grids."""
+    """One size at one rate of a grid."""
 
     stream: str
     rate_hz: float
@@ -106,7 +106,7 @@ class QualifyPlan:
 
     @property
     def bytes(self) -> int:
-        """What goes over the link at most, both ways together, headers included; nothing is sent again."""
+        """The maximum of bytes over the link, both ways together, headers included; nothing is resent."""
         headers = self.headers
         total = grids.train_bytes(self.idle, headers) + _MTU_BYTES
         if self.tunnel_switch is not None:
@@ -129,7 +129,7 @@ class QualifyPlan:
 
     @property
     def seconds(self) -> float:
-        """How long it takes on a link without gaps."""
+        """The duration on a link without gaps."""
         wait, times = self.times.timeout_s, self.times
         seconds = self.idle.duration_s + wait + 10 * wait
         seconds += 0 if self.tunnel_switch is None else self.tunnel_switch.duration_s + wait
@@ -140,25 +140,25 @@ class QualifyPlan:
         return seconds
 
     def single(self, size: int) -> MessagePlan:
-        """Messages that do not disturb each other: how long they take is the latency without load."""
+        """Return single messages that do not affect each other: they measure the latency without load."""
         rate = 1 / max(1.0, self.times.timeout_s)
         return MessagePlan(size, rate, _LEAST_MESSAGES / rate, give_up_s=self.times.give_up_s)
 
     def window(self, size: int, rate_hz: float) -> MessagePlan:
-        """Messages at a rate, of which the search asks whether the link sustains it."""
+        """Return messages at one rate, to test whether the link sustains it."""
         duration = max(self.times.window_s, _LEAST_MESSAGES / rate_hz)
         return MessagePlan(size, rate_hz, duration, give_up_s=self.times.give_up_s)
 
     def first_hz(self, size: int) -> float:
-        """Where the search begins: an eighth of what the link carries by its declaration."""
+        """Return the first rate of the search: an eighth of the link's rate in the inventory."""
         return max(FIRST_HZ, min(HIGHEST_HZ, self.carries_hz(size)) / 8)
 
     def carries_hz(self, size: int) -> float:
-        """How many messages a second the declared rate has room for."""
+        """Return how many messages a second the link's rate in the inventory allows."""
         return self.up_bps / 8 / grids.message_bytes(MessagePlan(size, 1, 1), self.headers)
 
     def windows(self, size: int) -> Iterator[MessagePlan]:
-        """Every window that the search may need where the declared rate is true."""
+        """Yield every window that the search may need if the link's rate in the inventory is correct."""
         rate, bad = self.first_hz(size), min(HIGHEST_HZ, 2 * self.carries_hz(size))
         yield self.window(size, rate)
         while rate < bad:
@@ -169,7 +169,7 @@ class QualifyPlan:
 
 
 def thresholds_of(bearer: Bearer, *, is_rehearsal: bool = False) -> tuple[str, QualifyProfile]:
-    """What a link is held against, with the name that a person reads. A rehearsed train shows short gaps only."""
+    """Return a link's thresholds with their name for people; in a rehearsal adapted to its short train."""
     settings = bearer.qualify
     name = (settings.profile or bearer.kind.traits.thresholds).value
     changes = settings.model_dump(exclude={"profile"}, exclude_none=True)
@@ -182,7 +182,7 @@ def thresholds_of(bearer: Bearer, *, is_rehearsal: bool = False) -> tuple[str, Q
 
 
 def _idle_packets(bearer: Bearer, interval_s: float, *, is_rehearsal: bool) -> int:
-    """As many as prove something, and on a real link for long enough that the longest gap allowed would be seen."""
+    """Return enough packets for a verdict and, on a real link, to observe the longest gap allowed."""
     limits = thresholds_of(bearer)[1]
     outlasts = 0 if is_rehearsal else ceil(GAP_SHARE * limits.gap_s / interval_s)
     return max(IDLE_PACKETS, limits.min_samples, outlasts)
@@ -191,7 +191,7 @@ def _idle_packets(bearer: Bearer, interval_s: float, *, is_rehearsal: bool) -> i
 def build_plan(
     bearer: Bearer, selection: Selection, *, is_rehearsal: bool = False, over_vpn: bool = False, confirms: bool = True
 ) -> QualifyPlan:
-    """Pure. `confirms`: the far end is ours; one of others answers packets, and knows nothing of messages."""
+    """Build the plan (pure); `confirms`: the far end is this project's, since others do not confirm messages."""
     headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
     times = REHEARSAL_TIMES if is_rehearsal else TIMES[bearer.kind.traits.pace]
     up_bps, down_bps = bearer.rate.up_kbps * 1000, bearer.rate.down_kbps * 1000
@@ -215,7 +215,7 @@ def build_plan(
 
 
 def _load(rate_bps: float, times: StageTimes) -> MessagePlan:
-    """One message after the other, of half a second each, at more than the link carries."""
+    """Return messages of half a second each, back to back, at more than the link's capacity."""
     pace = min(LOAD_SHARE * rate_bps, LOAD_LIMIT_BPS)
     return MessagePlan(round(pace / 8 / 2), 2.0, times.load_s, pace_bps=pace, give_up_s=times.give_up_s)
 

@@ -1,4 +1,4 @@
-"""What a person and a program are told of a measured link, and the exit code: all of it made of its record."""
+"""Text, JSON and exit code of a measured link, all computed from its record."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _CENT: Final = Decimal("0.01")
 
 @dataclass(frozen=True, slots=True)
 class QualifyResult:
-    """One link."""
+    """The result of measuring one link."""
 
     record: QualifyRecord
     folder: Path
@@ -37,14 +37,14 @@ class QualifyResult:
 
     @property
     def run(self) -> MeasuredRun:
-        """Where, over what, when."""
+        """The metadata of the run."""
         return self.record.run
 
     @property
     def exit(self) -> ExitCode:
-        """0: all was measured, every criterion passed, and the way is proved. 7: nothing was sent. Else 6.
+        """The exit code: 0 if all criteria passed and the route is proved, 7 if nothing was sent, else 6.
 
-        Where an error has ended it, the code of that.
+        If an error ended the run, the error's code.
         """
         if self.failure is not None:
             return self.failure.exit
@@ -53,7 +53,7 @@ class QualifyResult:
         return ExitCode.DONE if self.record.verdict is Verdict.PASS else ExitCode.CHECKS_FAILED
 
     def as_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Return JSON-able data."""
         return {
             "exit": int(self.exit),
             "folder": str(self.folder),
@@ -74,7 +74,7 @@ class QualifyResult:
         }
 
     def lines(self) -> Iterator[str]:
-        """What a person reads, within 80 columns but for reasons."""
+        """Yield the report's lines, within 80 columns except for reasons."""
         run = self.run
         yield f"{run.site}, {run.link}, against `{run.thresholds_name}`:"
         if run.emulated:

@@ -1,11 +1,11 @@
-"""Lead this computer's test packets over one bearer, and have the router count them on every bearer.
+"""Routing of this computer's test packets over one link, and counting them on every link.
 
-The site's traffic is not moved: a routing rule for this computer's address and the far end's, and rows of the mangle
-table that do nothing but count (`action=passthrough`) for exactly this flow, on each link and in each direction. They
-are on the router under safe mode for as long as the measurement lasts, bear `MARK`, and are seen to be gone after it.
-Mangle, not the filter: there they stand before whatever accepts or drops, and a filter of ours has no fasttrack.
+The site's traffic is not moved. There is a routing rule for this computer's address and the far end's, and rows of the
+mangle table that only count (`action=passthrough`) this flow on each link and in each direction. They are on the router
+under safe mode for as long as the measurement lasts, have the comment `MARK`, and their removal is verified. Mangle,
+not the filter: it runs before any rule that accepts or drops, and a filter of this toolkit has no fasttrack.
 
-Through the VPN the flow is this computer's own tunnel, in which the test packets are: it alone is led and counted.
+Through the VPN the flow is this computer's own tunnel, which contains the test packets: it alone is routed and counted.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FEW = 2
 
 @dataclass(frozen=True, slots=True)
 class MeasuredFlow:
-    """The test packets of a run, or the tunnel that they are in, as the router sees them before it translates."""
+    """The test packets of a run, or the tunnel around them, as the router sees them before NAT."""
 
     source: str
     source_port: int | None
@@ -43,7 +43,7 @@ class MeasuredFlow:
 
 @dataclass(frozen=True, slots=True)
 class FlowCounts:
-    """What a router has counted since the rows were made; packets and bytes by port and direction."""
+    """The router's counts since the rows were created; packets and bytes by port and direction."""
 
     up: Mapping[str, tuple[int, int]]
     down: Mapping[str, tuple[int, int]]
@@ -54,7 +54,7 @@ class FlowCounts:
 def rows(
     flow: MeasuredFlow, link: str, ports: Sequence[str], rules: api.Reply, mangle: api.Reply
 ) -> tuple[api.Command, ...]:
-    """The rows that lead the flow over a link and count it on every port; ahead of all others."""
+    """Return the rows, before all others, that route the flow over a link and count it on every port."""
     where = (("src-address", f"{flow.source}/32"), ("dst-address", f"{flow.far}/32"), ("table", f"via-{link}"))
     rule = api.Command(f"{_RULE}/add", (("action", "lookup-only-in-table"), ("comment", MARK), *where, *_first(rules)))
     return (rule, *_counting(flow, ports, _first(mangle)))
@@ -81,14 +81,14 @@ def _first(reply: api.Reply) -> tuple[tuple[str, str], ...]:
 
 
 async def first_rows(session: api.Session) -> tuple[api.Reply, api.Reply]:
-    """What stands on the router now, for `rows`."""
+    """Return the current rules of the router, which `rows` needs."""
     ids = (".proplist", ".id,dynamic")
     rules, mangle = await session.flight([api.Command(f"{menu}/print", (ids,)) for menu in (_RULE, _MANGLE)])
     return rules, mangle
 
 
 async def counters(session: api.Session) -> FlowCounts:
-    """Read the counting rows and the ports. Raises Refused, DeviceFailed where a row tells no count."""
+    """Read the counting rows and the ports; raise DeviceError if a row has no count or a read is refused."""
     rule = api.Command(
         f"{_MANGLE}/print", ((".proplist", "in-interface,out-interface,packets,bytes"),), (f"?comment={MARK}",)
     )
@@ -112,14 +112,14 @@ async def counters(session: api.Session) -> FlowCounts:
 
 
 async def router_words(session: api.Session) -> str | None:
-    """What the router says that it is; None: it says nothing."""
+    """Return the router's model and version as text; None if it does not report them."""
     read = api.Command("/system/resource/print", ((".proplist", "version,board-name"),))
     row = next(iter((await session.command(read)).check().rows), {})
     return f"{row.get('board-name', 'a router')}, RouterOS {row['version']}" if "version" in row else None
 
 
 def link_counts(links: Mapping[str, str], before: FlowCounts, after: FlowCounts | None) -> tuple[LinkCount, ...]:
-    """What was counted on each link of the site; `links`: port to link. `after` None: the router was not read again."""
+    """Return the counts of each link; `links` maps port to link. `after` None: the router was not read again."""
     return tuple(_count(link, port, before, after) for port, link in links.items())
 
 
@@ -147,7 +147,7 @@ def _port_increase(before: FlowCounts, after: FlowCounts, port: str) -> tuple[in
 
 
 def _not_read(counts: Sequence[LinkCount]) -> str | None:
-    """A link that was not counted may have carried some."""
+    """Return the reason why uncounted links prevent a verdict; None if all were counted."""
     unread = [count.link for count in counts if count.test_packets_up is None or count.test_packets_down is None]
     return f"{_NOT_READ} on {', '.join(unread)}" if unread else None
 
@@ -155,9 +155,9 @@ def _not_read(counts: Sequence[LinkCount]) -> str | None:
 def judge_way(
     link: str, counts: Sequence[LinkCount], sent_packets: int, received_packets: int, lost_packets: int
 ) -> tuple[Verdict, str]:
-    """Say whether the test packets left by the link that was meant, and by no other.
+    """Judge whether the test packets used the selected link and no other.
 
-    `sent_packets` and `received_packets` are this computer's packets, at most `lost_packets` of them may be lost.
+    `sent_packets` and `received_packets` are this computer's packets, of which at most `lost_packets` may be lost.
     """
     expected_link = next((count for count in counts if count.link == link), None)
     if expected_link is None or expected_link.test_packets_up is None or expected_link.test_packets_down is None:
@@ -184,10 +184,10 @@ def judge_way(
 def judge_tunnel(
     link: str, counts: Sequence[LinkCount], sent_traffic: TunnelTraffic, received_traffic: TunnelTraffic
 ) -> tuple[Verdict, str]:
-    """Say whether the tunnel of this computer, and so what was in it, left by the link that was meant alone.
+    """Judge whether this computer's tunnel, with its contents, used the selected link alone.
 
-    The tunnel has packets of its own and of others besides, so at least as much must have been counted as was sent and
-    has come. When it is led to the link, the server may send a few last packets by the way of before.
+    The tunnel has other packets as well, so the counts must be at least what was sent and received. When it is moved to
+    the link, the server may still send a few packets over the previous route.
     """
     expected_link = next((count for count in counts if count.link == link), None)
     if expected_link is None or expected_link.test_packets_up is None or expected_link.test_packets_down is None:
@@ -219,12 +219,12 @@ def judge_tunnel(
 
 @dataclass(frozen=True, slots=True)
 class TunnelTraffic:
-    """What this computer has put into its tunnel, or has had of it; octets as they are on the wire."""
+    """Packets and bytes on the wire that this computer sent into or received from its tunnel."""
 
     packets: int
     octets: int
 
     def fits(self, packets: int, octets: int | None) -> bool:
-        """Whether as much was counted, but for a few packets."""
+        """Return whether at least as much was counted, except for a few packets."""
         least = self.octets - FEW * self.octets // max(1, self.packets)
         return packets >= self.packets - FEW and octets is not None and octets >= least

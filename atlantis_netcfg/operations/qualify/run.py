@@ -1,4 +1,4 @@
-"""Measure one link of a declared site: this computer sends, the router leads and counts, a folder keeps it all."""
+"""Measurement of one link of a site: this computer sends, the router routes and counts, a folder keeps the data."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ NOT_OURS: Final = "the far end is not ours: it has no key, and confirms no messa
 
 
 def links_of_site(declaration: Declaration, site: str, name: str | None) -> tuple[Bearer, ...]:
-    """The links that a person means: one, `all`, or the only one. Raises NothingToQualify."""
+    """Return the requested links: one, `all`, or the only one; raise NothingToQualify."""
     if site not in declaration.sites:
         raise far_end.NothingToQualify(
             "measure one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}"
@@ -66,7 +66,7 @@ def links_of_site(declaration: Declaration, site: str, name: str | None) -> tupl
 
 
 def router_of(declaration: Declaration, site: str) -> Host:
-    """The router that leads the packets. Raises NothingToQualify."""
+    """Return the router that routes the packets; raise NothingToQualify."""
     result = declaration.router_of(site)
     if result is None:
         raise far_end.NothingToQualify(f"`{site}` has no router that could lead test packets over one link")
@@ -75,7 +75,7 @@ def router_of(declaration: Declaration, site: str) -> Host:
 
 @dataclass(slots=True)
 class LinkRun:
-    """One link, and what a person allows for it."""
+    """The measurement of one link within a person's limits."""
 
     declaration: Declaration
     site: str
@@ -100,7 +100,7 @@ class LinkRun:
 
     @property
     def plan(self) -> QualifyPlan:
-        """What is sent."""
+        """The plan of the measurement."""
         return build_plan(
             self.bearer,
             self.selection,
@@ -110,7 +110,7 @@ class LinkRun:
         )
 
     def measure(self, request: Request) -> tuple[measured_run.MeasuredRun, Measurement]:
-        """Send, count, keep; both files of the folder are written, whatever happens. Raises NetcfgError."""
+        """Send, count and save; both files of the folder are written in any case. Raise NetcfgError."""
         router = router_of(self.declaration, self.site)
         with self._transport() as (transport, source, flow):
             counted_transport = CountedTransport(
@@ -140,7 +140,7 @@ class LinkRun:
 
     @contextmanager
     def _transport(self) -> Iterator[tuple[DatagramTransport, str, routing.MeasuredFlow]]:
-        """What sends, from which address, and what the router sees of it."""
+        """Open the transport; yield it with its source address and the flow that the router sees."""
         vpn, far, port = self.declaration.pilot.vpn, self.far.address, self.far.port
         endpoint = str(vpn.endpoint)
         connection: AbstractContextManager[UdpTransport]
@@ -171,7 +171,7 @@ class LinkRun:
     async def _run_measurement(
         self, router: Host, request: Request, measurement: Measurement, flow: routing.MeasuredFlow
     ) -> None:
-        """Have the rows on the router while everything is sent, and read its counts before they go."""
+        """Keep the rows on the router while everything is sent, and read its counts before their removal."""
         job = device_job(self.declaration, router, request, NoJournal(), self.notify)
         async with await Session.open(job.endpoint) as session:
             self._before = await routing.counters(session)
@@ -185,7 +185,7 @@ class LinkRun:
                 self._after = await routing.counters(session)
 
     async def _send(self, session: Session, measurement: Measurement) -> None:
-        """Send in a thread; where the router's session is lost, the rows are, too, and nothing more is sent."""
+        """Send in a thread; if the router's session, and so the rows, are lost, stop sending."""
         work = asyncio.ensure_future(asyncio.to_thread(measurement.measure))
         with _stopped_by_signals(self.stop):
             try:
@@ -197,7 +197,7 @@ class LinkRun:
                 await work
 
     def _links(self, router: Host) -> Mapping[str, str]:
-        """Port to link, of the site's own links."""
+        """Return the link of each port, for the site's own links."""
         bearers = {bearer.name for bearer in self.declaration.sites[self.site].bearers}
         return {port: link for port, link in ports_of(router).items() if link in bearers}
 
@@ -291,7 +291,7 @@ class LinkRun:
 
 @contextmanager
 def _stopped_by_signals(stop: threading.Event) -> Iterator[None]:
-    """Let Ctrl-C and the like end the measurement in order: what was measured is kept, and the rows are removed."""
+    """End the measurement properly on Ctrl-C and similar signals: samples are kept, rows removed."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,7 +1,7 @@
-"""Several links of a site, one after the other, within limits that hold for all of them together.
+"""Measurement of several links of a site, one by one, within common limits.
 
-A link that is down, or whose router has not answered, keeps no other from being measured. A stop by a person ends all,
-and so does a limit that is used up, or a router that does not say that the rows of the measurement are gone.
+A link that is down, or whose router has not responded, does not prevent the measurement of others. A person's stop ends
+all, and so does a limit that is used up, or a router that does not confirm the removal of the rows.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SkippedLink:
-    """A link that was asked for, and that nothing was sent over."""
+    """A requested link over which nothing was sent."""
 
     link: str
     why: str
 
     def line(self) -> str:
-        """What a person reads."""
+        """Return the report's line."""
         return f"{self.link}: not measured: {self.why}"
 
     def as_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Return JSON-able data."""
         return {"link": self.link, "why": self.why}
 
 
 @dataclass(frozen=True, slots=True)
 class SeveralResults:
-    """Each link that was asked for is in one of both."""
+    """The results of several links; each requested link is in one of the two fields."""
 
     results: tuple[QualifyResult, ...]
     not_measured: tuple[SkippedLink, ...] = ()
 
     @property
     def exit(self) -> errors.ExitCode:
-        """The worst of all; a link over which nothing was sent is green for no other one."""
+        """The worst exit code of all; not green if nothing was sent over one of the links."""
         codes = [each.exit for each in self.results]
         code = errors.worst(codes)
         return code.unproven_code if self.not_measured or errors.ExitCode.NOTHING in codes else code
@@ -57,7 +57,7 @@ class SeveralResults:
 def measure_each(
     links: Sequence[Bearer], limits: BudgetLimits, measure: Callable[[Bearer, BudgetLimits], QualifyResult]
 ) -> SeveralResults:
-    """Measure all. `measure` is given what is left of the limits; what it raises ends all."""
+    """Measure all links; `measure` gets the remaining limits, and its exceptions end everything."""
     results: list[QualifyResult] = []
     not_measured: list[SkippedLink] = []
     over = ""
@@ -74,7 +74,7 @@ def measure_each(
 
 
 def _ends_all(result: QualifyResult, limits: BudgetLimits) -> str:
-    """Why no further link is measured; empty: it is."""
+    """Return why no further link is measured; empty if more are."""
     run = result.run
     if result.failure is not None and not isinstance(result.failure, errors.DeviceError):
         return f"{run.link} was left in a state that nobody knows"
@@ -87,7 +87,7 @@ def _ends_all(result: QualifyResult, limits: BudgetLimits) -> str:
 
 
 def _unpaid(bearer: Bearer, results: Sequence[QualifyResult], limits: BudgetLimits) -> str:
-    """A limit in money is one of the links that are paid by the byte, and no other's."""
+    """Return why the money limit excludes a link, which must be metered; empty otherwise."""
     is_exhausted = any(result.run.reason == BudgetLimit.MONEY for result in results)
     return (
         "the limit of money was used up before"
@@ -97,9 +97,9 @@ def _unpaid(bearer: Bearer, results: Sequence[QualifyResult], limits: BudgetLimi
 
 
 def remaining_limits(limits: BudgetLimits, result: QualifyResult) -> BudgetLimits:
-    """What a measured link leaves of the limits; nothing left is the least that can be.
+    """Return the limits minus what a measured link used, at least 0.
 
-    What was charged counts, with answers that have not come.
+    The charged amount counts, including responses that have not arrived.
     """
     run = result.run
     seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()

@@ -1,4 +1,4 @@
-"""Robots on the network of a site: who is heard there, and mock robots in their place."""
+"""Robots on the network of a site: discovery, and mock robots."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _POSITION: Final = (41.68, -8.83)
 
 
 def seconds_of(text: str) -> int:
-    """Return what `for=` and `observed=` say. Raises UsageError."""
+    """Parse `for=` and `observed=` to seconds; raise UsageError."""
     match = re.fullmatch(r"([0-9]{1,6})(s|m)?", text)
     seconds = int(match[1]) * (60 if match[2] == "m" else 1) if match else 0
     if not SHORTEST_S <= seconds <= LONGEST_S:
@@ -59,7 +59,7 @@ def seconds_of(text: str) -> int:
 
 
 def robots_of(declaration: Declaration) -> tuple[list[reading.RobotSource], KeyNames]:
-    """Every robot of the inventory. Raises InventoryInvalid, and NothingMatched where there is none."""
+    """Return every robot of the inventory; raise InventoryInvalid, or NoMatchError if there is none."""
     sources, names = reading.load_robots(declaration)
     if not sources:
         raise errors.NoMatchError(
@@ -69,20 +69,20 @@ def robots_of(declaration: Declaration) -> tuple[list[reading.RobotSource], KeyN
 
 
 def without_file(vehicle: str) -> errors.NoMatchError:
-    """Why nothing is known of what a vehicle publishes."""
+    """Return the error for a vehicle without a robot file, whose topics are unknown."""
     hint = f"docs/robots.md says how; `provision robot validate vehicle={vehicle}` checks it"
     return errors.NoMatchError(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
 
 
 def dds_of(declaration: Declaration) -> model.Dds:
-    """How the pilot's participants find each other. Raises UsageError."""
+    """Return the pilot's DDS settings; raise UsageError if there are none."""
     if declaration.pilot.dds is None:
         raise errors.UsageError("the pilot declares no `dds`", hint="write `dds: {distribution: foxy}` below `pilot:`")
     return declaration.pilot.dds
 
 
 def own_address(declaration: Declaration, site: str) -> str:
-    """By which address this computer reaches the LAN of a site; no packet is sent. Raises UsageError."""
+    """Return this computer's address towards a site's LAN, without sending a packet; raise UsageError."""
     network = declaration.sites[site].lan
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
@@ -104,7 +104,7 @@ def _ip_address(address: str) -> IPv4Address:
 
 
 def listening_address(declaration: Declaration, site: str, address: str | None) -> str:
-    """The named address, else the one that leads to the site; what is real leaves this computer. Raises UsageError."""
+    """Return the given address, else the one towards the site; raise UsageError for example values."""
     if address is not None and _ip_address(address).is_loopback:
         return address
     refuse_examples(declaration, is_rehearsal=False)
@@ -112,7 +112,7 @@ def listening_address(declaration: Declaration, site: str, address: str | None) 
 
 
 def computers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
-    """Addresses at which those who listen at sites may be: their computers, every control centre, declared peers."""
+    """Return the addresses of possible listeners: the sites' computers, every control centre, configured peers."""
     computers = [
         host.device
         for host in declaration.hosts.values()
@@ -125,14 +125,14 @@ def computers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
 
 
 def peers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
-    """Addresses at which participants of sites may be: robots, and those of `computers_of`."""
+    """Return the addresses of possible participants at sites: robots, and those of `computers_of`."""
     reservations = [each for site in sites for each in declaration.sites[site].lan.reservations]
     robots = [str(each.address) for each in reservations if each.name in declaration.vehicles]
     return [*robots, *computers_of(declaration, sites)]
 
 
 def expected_at(declaration: Declaration, site: str) -> list[str]:
-    """The vehicles that are tested at a site; guests until their last day."""
+    """Return the vehicles tested at a site; guests until their last day."""
     vehicle_names, past = declaration.sites[site].checklist.vehicles, reading.past_guests(declaration)
 
     def is_tested(key: str, vehicle: model.Vehicle) -> bool:
@@ -144,14 +144,14 @@ def expected_at(declaration: Declaration, site: str) -> list[str]:
 
 
 def recorder(declaration: Declaration, folder: str) -> BagRecorder:
-    """What writes a bag into a new folder. Raises UsageError."""
+    """Return a recorder that writes a bag into a new folder; raise UsageError."""
     return BagRecorder(Path(folder), MessageTypes(declaration.root / reading.FOLDER / INTERFACES))
 
 
 def discover(
     declaration: Declaration, site: str, seconds: float, address: str | None, record: BagRecorder | None = None
 ) -> tuple[RobotObservation, list[RobotReport]]:
-    """Listen at a site, and compare what is heard with the robots' files. Raises UsageError."""
+    """Listen at a site, and compare the observation with the robots' files; raise UsageError."""
     _, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / reading.FOLDER / INTERFACES)
@@ -166,7 +166,7 @@ def discover(
 
 
 def compare(declaration: Declaration, site: str, observation: RobotObservation) -> list[RobotReport]:
-    """Compare what was heard for a site, wherever, with the robots' files. Raises as `robots_of`."""
+    """Compare an observation for a site, made anywhere, with the robots' files; raise as `robots_of`."""
     sources, names = robots_of(declaration)
     expected_vehicles = expected_at(declaration, site)
     reports = [
@@ -186,9 +186,9 @@ def compare(declaration: Declaration, site: str, observation: RobotObservation) 
 def save(
     declaration: Declaration, namespace: str, observation: RobotObservation, encrypt: Callable[[str], str]
 ) -> Path:
-    """Write the file of a robot that was heard and whose vehicle a person has declared; its token is encrypted.
+    """Write the file of an observed robot whose vehicle is in the inventory; its token is encrypted.
 
-    Raises NothingMatched, UsageError, InventoryInvalid: then nothing is written.
+    Raises NoMatchError, UsageError, InventoryInvalid: then nothing is written.
     """
     names, _ = reading.key_names(declaration)
     copies = {
@@ -223,7 +223,7 @@ def save(
 
 
 async def hear(declaration: Declaration, site: str, seconds: float) -> RobotObservation:
-    """Listen at a site, and let others work meanwhile. Raises UsageError."""
+    """Listen at a site without blocking other tasks; raise UsageError."""
     names, _ = reading.key_names(declaration)
     dds = dds_of(declaration)
     local = listening_address(declaration, site, None)
@@ -233,7 +233,7 @@ async def hear(declaration: Declaration, site: str, seconds: float) -> RobotObse
 
 
 def ending(reports: Sequence[RobotReport], observation: RobotObservation) -> errors.ExitCode:
-    """0: every robot that was expected was heard and is as declared; a stranger, and silence, are never that."""
+    """Return the exit code: 0 if every expected robot was observed and matches; never for strangers or silence."""
     declared_reports = [report for report in reports if report.state is RobotState.DECLARED]
     if not observation.participants or not declared_reports:
         return errors.ExitCode.CHECKS_FAILED
@@ -245,7 +245,7 @@ def ending(reports: Sequence[RobotReport], observation: RobotObservation) -> err
 
 @dataclass(frozen=True, slots=True)
 class MockPlace:
-    """Where mock robots are."""
+    """The place of mock robots on the network."""
 
     address: str
     """Of this computer, by which others reach them."""
@@ -254,7 +254,7 @@ class MockPlace:
 
 
 def mock_place(declaration: Declaration, site: str | None, address: str | None) -> MockPlace:
-    """Where robots of a site are; without a site they are heard on this computer alone. Raises UsageError."""
+    """Return the place for robots of a site; without a site, this computer alone. Raise UsageError."""
     if site is None:
         return MockPlace(str(_ip_address(address or LOOPBACK)), ())
     # Not where robots may be: what goes to many addresses that nobody has fills the buffer that all else waits in.
@@ -268,9 +268,9 @@ def mock(
     seconds: float | None,
     watch: Callable[[Sequence[MockRobot]], None],
 ) -> list[MockRobot]:
-    """Be these robots until the time is over; `watch` is called before each round, at least ten times a second.
+    """Simulate these robots for the given time; `watch` is called before each round, at least ten times a second.
 
-    Raises UsageError, and NothingMatched for a robot without a file.
+    Raises UsageError, and NoMatchError for a robot without a file.
     """
     sources, names = robots_of(declaration)
     dds = dds_of(declaration)
@@ -299,7 +299,7 @@ def replay(  # noqa: PLR0913 - what a person types
     *,
     loop: bool,
 ) -> None:
-    """Publish a bag until it or the time is over; `tell` hears what is in it when it begins. Raises UsageError."""
+    """Publish a bag until it or the time ends; `tell` gets its contents at the start. Raise UsageError."""
     dds, (names, findings) = dds_of(declaration), reading.key_names(declaration)
     if findings:
         raise InventoryInvalid(findings, reading.NO_ROBOT_CONTACTED)
@@ -314,7 +314,7 @@ def replay(  # noqa: PLR0913 - what a person types
 def _publish(
     actors: Sequence[MockRobot | BagPlayer], seconds: float | None, watch: Callable[[], None] = lambda: None
 ) -> None:
-    """Let them publish what is due until the time is over, or nobody has anything more to say."""
+    """Publish what is due until the time is over or nothing remains."""
     until = math.inf if seconds is None else time.monotonic() + seconds
     next_s = 0.0
     while time.monotonic() < until and next_s < math.inf:

@@ -1,4 +1,4 @@
-"""What listening for robots costs from beyond a site, all of whose links are paid by the byte."""
+"""The cost of listening for robots from outside a site whose links are all metered."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _AROUND_A_MESSAGE: Final = 160
 
 
 def listening_cost(declaration: Declaration, site: str, seconds: float, address: Callable[[], str]) -> Preview | None:
-    """What robots' configurations and declared telemetry come to over the site's first link, for who listens elsewhere.
+    """Return the cost of robots' configurations and telemetry over the site's first link, for a remote listener.
 
-    None: the site has a link that is not paid by the byte, or `address` gives one of its LAN or of this computer alone.
-    Topics that `telemetry:` of no vehicle names are not in it. Raises as `robots_of`, and whatever `address` raises.
+    None: the site has an unmetered link, or `address` returns one of its LAN or of this computer alone. Topics that no
+    vehicle's `telemetry:` names are not included. Raises as `robots_of`, and whatever `address` raises.
     """
     bearers = declaration.sites[site].bearers
     if not all(each.metered for each in bearers):

@@ -1,4 +1,4 @@
-"""Listen for robots on a gateway computer or a control centre, over SSH: nothing of ours is installed there."""
+"""Listening for robots on a gateway or control centre, over SSH, without installing anything there."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ _NOT_FOUND: Final = 127
 
 
 class ListenError(errors.NetcfgError):
-    """Another computer did not listen to its end, so that nothing is known of any robot."""
+    """Another computer did not listen to the end, so nothing is known about any robot."""
 
     exit = errors.ExitCode.CHECKS_FAILED
 
 
 def listening_computer(declaration: Declaration, host: Host) -> model.ServerComputer:
-    """The computer of a host that can listen. Raises UsageError for one that uses no DDS."""
+    """Return the computer of a host that can listen; raise UsageError for one without DDS."""
     if not isinstance(host.device, model.ServerComputer):
         there = ", ".join(
             each.name for each in declaration.hosts.values() if isinstance(each.device, model.ServerComputer)
@@ -66,9 +66,9 @@ def listen_there(
     sites: Sequence[str] | None = None,
     request: Request | None = None,
 ) -> RobotObservation:
-    """Listen at `host` for the robots of `sites`; left out: of its own, and for a control centre of all.
+    """Listen at `host` for robots of `sites`; default: of its site or, for a control centre, of all sites.
 
-    Raises ListeningFailed, and UsageError for a computer that uses no DDS or has an address of an example.
+    Raises ListenError, and UsageError for a computer that uses no DDS or has an example address.
     """
     dds, request = dds_of(declaration), request or Request()
     device = listening_computer(declaration, host)
@@ -95,14 +95,14 @@ def listen_there(
 
 
 def _program(settings: Mapping[str, Any]) -> bytes:
-    """The listener with what it is asked, as one piece."""
+    """Return the listener and its settings as one compressed program."""
     source = (resources.files("atlantis_netcfg.robots") / "listener.py").read_text(encoding="utf-8")
     words = json.dumps(settings, separators=(",", ":"))
     return zlib.compress(f"{source}\n\nmain(json.loads({words!r}))\n".encode(), 9)
 
 
 def _command(dds: model.Dds) -> str:
-    """A shell's words: Python with cyclonedds if there is one, else with ROS 2 and the environment of the site."""
+    """Return the shell command: Python with cyclonedds if present, else with ROS 2 and the site's environment."""
     home = shlex.quote(f"/opt/ros/{dds.distribution.value}/setup.sh")
     return (
         f"cd /; p={VENV}/bin/python3; [ -x $p ] || p=python3; "
@@ -113,7 +113,7 @@ def _command(dds: model.Dds) -> str:
 
 
 def _observation(host: Host, access: Mapping[str, Any], result: ProcessResult) -> RobotObservation:
-    """What the program has heard. Raises ListeningFailed."""
+    """Return the program's observation; raise ListenError."""
     for line in reversed(result.out.splitlines()):
         try:
             answer = json.loads(line)

@@ -1,5 +1,5 @@
-"""The VPN at work: what the commands do with its authority, and how its server is observed and changed.
+"""VPN operations: the commands' use of the authority, and reading and changing the server.
 
-Every change is recorded by the authority before the server gets it. A server that cannot be reached therefore delays a
-change and never loses it. What the server has is compared with the record each time, not remembered.
+The authority records every change before the server gets it. A server that cannot be reached therefore delays a change
+and never loses it. The server's state is compared with the record each time, not remembered.
 """

@@ -1,7 +1,8 @@
-"""The running server is brought to what is recorded, and looked at, while its sessions go on.
+"""Synchronisation of the running VPN server with the record, and its observation, without ending sessions.
 
-What it has to have is worked out anew each time (`live_files`) and compared there: nothing is remembered here of what a
-server was sent. Who was revoked counts as dead when the server has said so, and as queued until then.
+The files that it must have are computed each time (`live_files`) and compared there: this computer does not remember
+what was sent to a server. A revoked member counts as disconnected once the server confirms it, and as queued until
+then.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ _TRIES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class PushResult:
-    """What a push has changed on the server."""
+    """The changes that a push made on the server."""
 
     changes: tuple[str, ...]
     """In the words of a run of the role."""
@@ -71,13 +72,13 @@ class PushResult:
 
     @property
     def has_changed(self) -> bool:
-        """Whether anything was."""
+        """Whether the push changed anything."""
         return bool(self.changes)
 
 
 @dataclass(frozen=True, slots=True)
 class RevocationEvidence:
-    """What the server has confirmed about members that must be disconnected."""
+    """The server's confirmation about members that must be disconnected."""
 
     common_names: tuple[str, ...]
     addresses: tuple[str, ...]
@@ -103,11 +104,11 @@ class RevocationEvidence:
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether they are dead for certain."""
+        """Whether the server has confirmed the disconnection."""
         return self.out and self.dead
 
     def as_json(self) -> dict[str, Any]:
-        """For programs."""
+        """Return JSON-able data."""
         values = {key: value for key, value in asdict(self).items() if key not in ("ended", "files", "notes")}
         return {
             **values,
@@ -120,7 +121,7 @@ class RevocationEvidence:
 def desired_files(
     declaration: Declaration, authority: Authority, membership: MembershipList | None = None
 ) -> tuple[File, ...]:
-    """The live files that the server must have, from the record."""
+    """Return the live files that the server must have, computed from the record."""
     ca = (authority.folder / "ca.crt").read_text(encoding="ascii")
     return server.live_files(
         declaration, authority.membership() if membership is None else membership, authority.crl(), ca=ca
@@ -128,15 +129,15 @@ def desired_files(
 
 
 def check_record(authority: Authority, state: ServerState) -> None:
-    """Raise RecordOlder where the server's list of revoked certificates has what the record does not know."""
+    """Raise RecordOlder if the server's revocation list has entries that the record does not."""
     if state.crl is not None and state.crl.is_signed and (why := authority.beyond(state.crl.pem.encode())) is not None:
         raise RecordOlder(why)
 
 
 def push(declaration: Declaration, authority: Authority, link: ServerLink) -> PushResult:
-    """Bring the live files to the server and load its firewall; sessions of others go on.
+    """Send the live files to the server and load its firewall, without ending other sessions.
 
-    What it has already is not sent. Raises ServerAway, AnswerLost, ServerRefused.
+    Files that it has already are not sent. Raises ServerAway, AnswerLost, ServerRefusal.
     """
     files = desired_files(declaration, authority)
     lacks: Collection[str] = ()
@@ -159,9 +160,9 @@ def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pu
 def revoke_live(
     declaration: Declaration, authority: Authority, link: ServerLink, common_names: Sequence[str]
 ) -> RevocationEvidence:
-    """Throw out those whose certificates are revoked in the record, in one round trip; nobody is settled by this.
+    """Disconnect members whose certificates are revoked in the record, in one round trip; the queue is kept.
 
-    Raises ServerAway, AnswerLost, ServerRefused.
+    Raises ServerAway, AnswerLost, ServerRefusal.
     """
     membership = authority.membership()
     files = [
@@ -194,7 +195,7 @@ def revoke_live(
 
 
 def verify(link: ServerLink, evidence: RevocationEvidence) -> RevocationEvidence:
-    """Look once more, as after a second and after `hand-window`: a handshake may have read the list of before."""
+    """Check the disconnection again, after a second and after `hand-window`: a handshake may use the old list."""
     values = link.ask(
         "verify",
         place=dict(PLACE),
@@ -208,7 +209,7 @@ def verify(link: ServerLink, evidence: RevocationEvidence) -> RevocationEvidence
 
 
 def _words(values: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tuple[str, ...]]:
-    """Whether they are out and dead, what is left and what was not done; nothing but a plain `true` says yes."""
+    """Return whether members are out and dead, what remains and what was not done; only `true` counts as yes."""
     return (
         values["out"] is True,
         values["dead"] is True,
@@ -220,7 +221,7 @@ def _words(values: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tupl
 def finish_revocations(
     declaration: Declaration, authority: Authority, link: ServerLink, who: str = ""
 ) -> RevocationEvidence | None:
-    """Disconnect queued members, and settle those that the server confirms. None: the queue is empty."""
+    """Disconnect queued members and dequeue those that the server confirms; None if the queue is empty."""
     queue = authority.membership().queued_names
     if not queue:
         return None
@@ -231,7 +232,7 @@ def finish_revocations(
 
 
 def sessions(link: ServerLink) -> tuple[VpnSession, ...]:
-    """Who is connected now; where the server cannot be asked, who was when it wrote its status file last."""
+    """Return the current sessions; if the server cannot be queried, those of its last status file."""
     values = link.ask("sessions", place=dict(PLACE))
     with read_answer("sessions"):
         return sessions_of(values)
@@ -240,7 +241,7 @@ def sessions(link: ServerLink) -> tuple[VpnSession, ...]:
 def note_seen(
     declaration: Declaration, authority: Authority, link: ServerLink, state: ServerState, who: str = ""
 ) -> tuple[SessionObservation, PushResult | None]:
-    """Record who was seen; where a successor was, its predecessor is admitted no longer: that is pushed."""
+    """Record observed sessions; if a successor was seen, its predecessor is no longer admitted: that is pushed."""
     now = datetime.now(UTC)
     time_by_name = {name: min(at, now) for name, at in state.last_sessions.items()}
     for session in state.sessions:
@@ -253,7 +254,7 @@ def note_seen(
 
 
 def _addresses(membership: MembershipList, common_names: Collection[str]) -> tuple[str, ...]:
-    """Of members of which no certificate is good any more: of others the address is still in use."""
+    """Return the addresses of members without a valid certificate: those of others are still in use."""
     return tuple(
         str(member.address)
         for member in membership.members.values()

@@ -1,15 +1,15 @@
-"""Making a site's router a member of the VPN: its certificate and its tunnel are imported over its own API.
+"""Enrolment of a site's router in the VPN: its certificate and tunnel are imported over its API.
 
-A template cannot do it: the key of tls-crypt comes with an imported file and is in no menu. So the identity is brought
-by this, once and for each renewal, and `provision site=…` goes on declaring the same interface by its name: what this
-sets is what the template declares.
+A template cannot do it: the key of tls-crypt comes with an imported file and is in no menu. So this module installs the
+identity, once and at each renewal, and `provision site=…` continues to configure the same interface by its name: the
+values set here are those of the template.
 
     identity = identity_for(declaration, host, request)      # state/vpn/hosts/HOST.identity of this laptop
     installed = install(declaration, host, identity, request, notify, plan=False)
 
-The files hold keys: they are written, imported and removed one after the other, and what a cut session has left is
-removed by the next run before anything else. A second run changes nothing. For a rehearsal `request` has the twins'
-targets, and `rehearsed_identity` makes what stands for the identity.
+The files contain keys: they are written, imported and removed one after the other, and leftovers of an interrupted
+session are removed by the next run before anything else. A second run changes nothing. For a rehearsal `request` has
+the emulated devices' targets, and `rehearsed_identity` creates a substitute identity.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class InstalledIdentity:
-    """How it ended; what is told as done was read back."""
+    """The result of an installation; everything reported as done was read back."""
 
     device: str
     status: apply.Status
@@ -51,7 +51,7 @@ class InstalledIdentity:
     run: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """The object that `--json` prints."""
+        """Return the object that `--json` prints."""
         return {
             "device": self.device,
             "status": self.status.value,
@@ -65,9 +65,9 @@ class InstalledIdentity:
 
 
 def identity_for(declaration: Declaration, host: Host, request: Request) -> Identity:
-    """Read the identity of a router that this laptop has; in a rehearsal make one that stands for it.
+    """Read a router's identity from this laptop; in a rehearsal, create a substitute.
 
-    Raises NothingMatched for what is no router, UsageError where there is none, or where it is another host's, and
+    Raises NoMatchError for a host that is no router, UsageError if there is no identity or another host's, and
     NotAnIdentity.
     """
     _require_router(host)
@@ -95,10 +95,10 @@ def install(  # noqa: PLR0913 - all that a command line says
     *,
     plan: bool = False,
 ) -> InstalledIdentity:
-    """Bring it to the router, under the site's lock and with a journal; `plan` only says what would be done.
+    """Install the identity on the router, under the site's lock and with a journal; `plan` only plans it.
 
-    Raises NothingMatched, UsageError and CostRefused before the router is contacted, SiteBusy before it is changed.
-    What fails after that is told in the result: `RouterTooOld` and other refusals leave the router as it was.
+    Raises NoMatchError, UsageError and CostRefusal before the router is contacted, SiteBusy before it is changed. Later
+    failures are in the result: `RouterTooOld` and other refusals leave the router unchanged.
     """
     importing, job = _prepare(declaration, host, identity, request, notify)
     try:

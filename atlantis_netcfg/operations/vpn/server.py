@@ -1,6 +1,6 @@
-"""The VPN server as the commands use it: one connection, opened when it is needed; the result is reported in one form.
+"""The VPN server for the commands: one connection, opened when needed, and one form of result.
 
-Whatever a command is about, members that wait to be disconnected come first, and who was seen is recorded at the end.
+Every command first disconnects queued members, and records observed sessions at the end.
 """
 
 from __future__ import annotations
@@ -40,47 +40,47 @@ class DeployResult:
 
     @property
     def exit(self) -> ExitCode:
-        """How the command ends: what is recorded stands, so that only the server's part counts here."""
+        """The exit code of the server's part; what is recorded stays recorded in any case."""
         return max((error.exit for error in self.errors), default=ExitCode.DONE)
 
     def as_json(self) -> dict[str, Any]:
-        """For programs."""
+        """Return JSON-able data."""
         return {"deployed": self.is_deployed, **self.values}
 
 
 class Server(Protocol):
-    """The server, as the commands ask it."""
+    """The VPN server's interface for the commands."""
 
     def hold(self, authority: Authority, notify: events.Subscriber) -> None:
-        """Before anything is signed or sent: raise RecordOlder where the server has what the record does not know."""
+        """Raise RecordOlder, before anything is signed or sent, if the server is newer than the record."""
 
     def get_crl(self, notify: events.Subscriber) -> bytes:
-        """The list of revoked certificates that it has, PEM."""
+        """Return the server's list of revoked certificates, PEM."""
 
     def deploy(self, authority: Authority, notify: events.Subscriber) -> DeployResult:
-        """Bring it to what is recorded."""
+        """Bring the server to the recorded state."""
 
     def cut(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:
-        """The same, and see that those who were revoked are dead."""
+        """Disconnect the revoked members, verify that, and bring the server to the recorded state."""
 
 
 class NoPush:
-    """`--no-push`: nothing is contacted."""
+    """The server with `--no-push`: nothing is contacted."""
 
     def hold(self, authority: Authority, notify: events.Subscriber) -> None:
-        """Nobody can tell; what is sent later is held against the server then."""
+        """Do nothing: the check is made when something is sent later."""
 
     def get_crl(self, notify: events.Subscriber) -> bytes:  # noqa: ARG002 - as Server has it
-        """Nobody is asked. Raises UsageError."""
+        """Raise UsageError: the server is not contacted."""
         raise UsageError("the server's list cannot be had without asking it")
 
     def deploy(self, authority: Authority, notify: events.Subscriber) -> DeployResult:  # noqa: ARG002 - as Server has it
-        """Say what is left to do."""
+        """Return the note that the server still has to be updated."""
         line = "the server was not asked (`--no-push`): `provision vpn sync` brings it there"
         return DeployResult((line,), is_deployed=False)
 
     def cut(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:  # noqa: ARG002 - as above
-        """Tell that whoever is connected stays so: nobody may take this for done."""
+        """Return the error that connected members stay connected, so that nobody considers this done."""
         waits = OutcomeUnknown(
             f"{', '.join(revocation.members)}: on the list, and the server does not have it (`--no-push`): "
             "whoever is connected stays so",
@@ -94,7 +94,7 @@ _SYNC_HINT = "all of it is recorded, and the server is brought to it by `provisi
 
 
 def over_ssh(declaration: Declaration, request: Request, otherwise: str = "") -> Opener:
-    """Opens the link to the declared server. Raises UsageError for example values, which lead to nobody's.
+    """Return a function that opens the link to the server; raise UsageError for example values.
 
     `otherwise`: what else can be typed then.
     """
@@ -109,7 +109,7 @@ def over_ssh(declaration: Declaration, request: Request, otherwise: str = "") ->
 
 @dataclass(frozen=True, slots=True)
 class RemoteServer:
-    """The declared server."""
+    """The VPN server in the inventory."""
 
     declaration: Declaration
     opener: Opener
@@ -120,10 +120,10 @@ class RemoteServer:
     """Why the server was not reached when the record was held against it: nobody waits for it a second time."""
 
     def hold(self, authority: Authority, notify: events.Subscriber = events.ignore) -> None:
-        """Raise RecordOlder where the server's list has what the record does not know.
+        """Raise RecordOlder if the server's list has entries that the record does not.
 
-        A server that is away or cannot tell keeps nobody from recording a revocation: it holds every list that is
-        sent later against its own.
+        An unreachable server does not prevent the recording of a revocation: it compares every list sent later with its
+        own.
         """
         try:
             with self.link(notify) as link:
@@ -136,7 +136,7 @@ class RemoteServer:
             live.check_record(authority, state)
 
     def get_crl(self, notify: events.Subscriber = events.ignore) -> bytes:
-        """The list that the server has. Raises ServerAway, AnswerLost, ServerRefused where it has none of its CA."""
+        """Return the server's list; raise ServerAway, AnswerLost, or ServerRefusal if it has none of its CA."""
         with self.link(notify) as link:
             crl = live.observe(link).crl
         if crl is None or not crl.is_signed:
@@ -146,7 +146,7 @@ class RemoteServer:
         return crl.pem.encode()
 
     def deploy(self, authority: Authority, notify: events.Subscriber = events.ignore) -> DeployResult:
-        """Bring it to what is recorded, and see who was there."""
+        """Bring the server to the recorded state, and record observed sessions."""
         if self._away:
             return self._outstanding(self._away[0])
         try:
@@ -170,7 +170,7 @@ class RemoteServer:
     def cut(
         self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber = events.ignore
     ) -> DeployResult:
-        """End their sessions at once, and look; then all the rest that is recorded."""
+        """End the revoked members' sessions first and verify that; then apply the rest of the record."""
         names = tuple(dict.fromkeys([*revocation.common_names, *authority.membership().queued_names]))
         if self._away:
             return self._outstanding(self._away[0], cut=revocation.members)
@@ -196,13 +196,13 @@ class RemoteServer:
         )
 
     def _record_sessions(self, authority: Authority, link: remote_session.ServerLink) -> Sequence[str]:
-        """Record who was seen; what that changes on the server."""
+        """Record observed sessions; return the resulting changes on the server."""
         _, push_result = live.note_seen(self.declaration, authority, link, live.observe(link), self.who)
         return push_result.changes if push_result is not None else ()
 
     @contextmanager
     def link(self, notify: events.Subscriber) -> Iterator[remote_session.ServerLink]:
-        """The open link, for as long as the block."""
+        """Open the link for the duration of the block."""
         self._say(notify, "", events.Stage.CONNECTING)
         server_link = self.opener()
         try:
@@ -216,7 +216,7 @@ class RemoteServer:
 
     @staticmethod
     def _evidence_lines(evidence: RevocationEvidence | None) -> list[str]:
-        """The evidence for people: what was done, after how many milliseconds, and what the server says of it."""
+        """Return the evidence as text: steps with their times in milliseconds, and the server's report."""
         if evidence is None:
             return []
         lines = [f"  {at:8.1f} ms  {step}" for step, at in evidence.steps]
@@ -242,18 +242,18 @@ class RemoteServer:
 
     @property
     def site(self) -> str:
-        """Where it stands."""
+        """The site of the server."""
         return self.declaration.hosts[self.declaration.pilot.vpn.server].site
 
     def _outstanding(self, error: NetcfgError, cut: Sequence[str] = ()) -> DeployResult:
-        """The server's part is left to do: the record and the files stand."""
+        """Return the result for a server that still has to be updated; record and files are kept."""
         who = f"{', '.join(cut)}: recorded and on the list; whoever is connected may still be. " if cut else ""
         hint = f"{complete(error.hint, site=self.site)}\n{_SYNC_HINT}" if error.hint else _SYNC_HINT
         return DeployResult(errors=(Outstanding(error, f"{who}{error}", hint),), is_deployed=False)
 
 
 class Outstanding(NetcfgError):
-    """What was asked for is recorded, and the server does not have it: ends as its cause does."""
+    """The request is recorded, but not on the server; the exit code is that of the cause."""
 
     def __init__(self, cause: NetcfgError, message: str, hint: str) -> None:
         super().__init__(message, hint=hint)
@@ -269,7 +269,7 @@ class StatusItem:
     hint: str | None = None
 
     def as_json(self) -> dict[str, str | None]:
-        """For programs."""
+        """Return JSON-able data."""
         return {"verdict": self.verdict.value, "message": self.message, "hint": self.hint}
 
 
@@ -283,14 +283,14 @@ class VpnStatus:
 
     @property
     def exit(self) -> ExitCode:
-        """6 where something is seen to be wrong, 5 where the server is silent."""
+        """The exit code: 6 if something is wrong, 5 if the server does not respond."""
         verdict = events.worst(item.verdict for item in self.items)
         if verdict is events.Verdict.FAIL:
             return ExitCode.CHECKS_FAILED
         return ExitCode.UNKNOWN if verdict is events.Verdict.INCONCLUSIVE else ExitCode.DONE
 
     def server_json(self) -> dict[str, Any] | None:
-        """The server for programs."""
+        """Return the server's state as JSON-able data."""
         if self.state is None:
             return None
         crl = self.state.crl
@@ -309,10 +309,10 @@ def vpn_status(
     server: RemoteServer | None,
     notify: events.Subscriber = events.ignore,
 ) -> VpnStatus:
-    """Look at the record, and at the server unless there is None. Raises LedgerDamaged.
+    """Check the record and, unless it is None, the server; raise CorruptLedgerError.
 
-    The server is looked at before anything is brought to it, so that a file that somebody has changed there is told and
-    not put right in passing. Silence of the server is no verdict on it.
+    The server is read before anything is sent to it, so that a file changed there is reported and not silently
+    corrected. A server that does not respond gets no verdict.
     """
     result = list(_record(declaration, authority))
     state = None
@@ -332,7 +332,7 @@ def vpn_status(
 
 
 def _record(declaration: Declaration, authority: Authority) -> Iterator[StatusItem]:
-    """What the authority finds wrong with itself, each with what helps."""
+    """Yield the problems that the authority finds in its record, each with a remedy."""
     problems = authority.check()
     for problem in problems:
         yield StatusItem(events.Verdict.FAIL, problem)
@@ -348,7 +348,7 @@ def _record(declaration: Declaration, authority: Authority) -> Iterator[StatusIt
 
 
 def unsuitable_keys(declaration: Declaration, membership: MembershipList) -> Iterator[StatusItem]:
-    """Members whose key is not for the server as declared: it ends with the shared key, or insists on a cookie."""
+    """Yield members whose key does not fit the server's settings: the end of the shared key, or the cookie."""
     vpn, members = declaration.pilot.vpn, [member for member in membership.members.values() if member.good]
     shared_key_members = [member.name for member in members if member.good[-1].wrap is Wrap.TLS_CRYPT]
     if vpn.shared_key_until is not None and shared_key_members:

@@ -1,4 +1,4 @@
-"""What the running server is, as it reports it, and how that differs from the record."""
+"""The state reported by the running server, and its differences from the record."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _ANSWERS = "answers"
 
 @dataclass(frozen=True, slots=True)
 class VpnSession:
-    """A session that the server has."""
+    """A session on the server."""
 
     common_name: str
     """`UNDEF` as long as no certificate came."""
@@ -54,11 +54,11 @@ class VpnSession:
 
     @property
     def is_up(self) -> bool:
-        """Whether its client was admitted."""
+        """Whether the session's client was admitted."""
         return bool(self.address)
 
     def as_json(self) -> dict[str, Any]:
-        """For programs."""
+        """Return JSON-able data."""
         return {
             "common_name": self.common_name,
             "real": self.real,
@@ -71,7 +71,7 @@ class VpnSession:
 
 @dataclass(frozen=True, slots=True)
 class Crl:
-    """The list of revoked certificates that the server has."""
+    """The server's list of revoked certificates."""
 
     number: int
     begins: datetime
@@ -119,13 +119,13 @@ class ServerState:
 
     @property
     def active(self) -> bool | None:
-        """Whether the server's unit runs; None: systemd does not tell."""
+        """Whether the server's unit runs; None if systemd does not report it."""
         return self.unit["ActiveState"] == "active" if "ActiveState" in self.unit else None
 
 
 @contextmanager
 def read_answer(do: str) -> Iterator[None]:
-    """Read an answer: what it lacks, or has of another kind, is the server's fault. Raises AnswerLost."""
+    """Convert errors in parsing a response, which are the server's fault, to AnswerLost."""
     try:
         yield
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError, OSError) as error:
@@ -136,7 +136,7 @@ def read_answer(do: str) -> Iterator[None]:
 
 
 def observe(link: ServerLink) -> ServerState:
-    """Look at the server, in one request. Raises ServerAway, AnswerLost, ServerRefused."""
+    """Read the server's state in one request; raise ServerAway, AnswerLost or ServerRefusal."""
     began = time.time()
     values = link.ask("look", place=dict(PLACE))
     middle = (began + time.time()) / 2
@@ -167,7 +167,7 @@ def _state(values: Mapping[str, Any], middle: float) -> ServerState:
 
 
 def sessions_of(values: Mapping[str, Any]) -> tuple[VpnSession, ...]:
-    """The sessions in an answer."""
+    """Parse the sessions in a response."""
     return tuple(
         VpnSession(
             str(item["common_name"]),
@@ -218,7 +218,7 @@ _CRL = f"{server.FOLDER}/crl.pem"
 
 
 def drift(state: ServerState, files: Sequence[File], membership: MembershipList) -> tuple[str, ...]:
-    """Differences between the running server and the ledger, as text; `files` is what `live_files` gives. Pure."""
+    """Return the differences between running server and ledger as text; `files` come from `live_files`. Pure."""
     if not state.ready:
         return ("no server of the VPN was ever set up there",)
     return (*_admissions(state, files), *_list(state, files, membership), *_firewall(state, files), *_running(state))

@@ -1,5 +1,5 @@
-"""The record of what is built: what each device of a site says of itself, kept, compared and printed.
+"""The as-built record: what each device of a site reports about itself, saved, compared and printed.
 
-Every value says where it is from: read in this run, stored from an earlier one (with its time), or declared. A device
-that did not answer is listed with its last known values, and nothing of it is green.
+Every value has its origin: read in this run, stored from an earlier one (with its time), or from the inventory. A
+device that did not respond is listed with its last known values, none of which count as green.
 """

@@ -1,7 +1,7 @@
 """The records of a site on this computer: `<state>/<real|rehearsal>/<site>/asbuilt/<record>/`.
 
-A record is there when its `as-built.json` is, which is written last: a folder without it was left by a kill, and counts
-for nothing.
+A record exists once its `as-built.json` does, which is written last: a folder without it comes from a killed command
+and is ignored.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _DERIVED_KEYS = ("exit", "errors", "tables")
 
 
 def folder_of(store: runs.Store, site: str) -> Path:
-    """Where the records of a site are kept."""
+    """Return the folder of a site's records."""
     return store.root / site / "asbuilt"
 
 
 def latest(folder: Path) -> AsBuiltRecord | None:
-    """The newest record, None where there is none. Raises StateDamaged where it cannot be read."""
+    """Return the newest record, None if there is none; raise DamagedStateError if it cannot be read."""
     names = [path.name for path in folder.iterdir() if (path / FILE).is_file()] if folder.is_dir() else []
     if not names:
         return None
@@ -47,7 +47,7 @@ def latest(folder: Path) -> AsBuiltRecord | None:
 
 
 def parse_record(data: bytes) -> AsBuiltRecord:
-    """Read an `as-built.json`. ValueError if it is none."""
+    """Parse an `as-built.json`; raise ValueError if it is none."""
     document = json.loads(data)
     if not isinstance(document, dict):
         raise ValueError  # noqa: TRY004 - a file that holds another thing
@@ -60,13 +60,13 @@ def parse_record(data: bytes) -> AsBuiltRecord:
 
 
 def new_folder(folder: Path, now: datetime) -> Path:
-    """The folder of a new record, empty; its name is the record's id. Raises JournalFailed."""
+    """Create the empty folder of a new record, named by the record's id; raise JournalError."""
     with runs.os_errors_as("the record", folder):
         return runs.new_run(runs.make_private(folder), now)
 
 
 def keep(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Put the files of a record on disk, `as-built.json` last. Raises JournalFailed."""
+    """Write the files of a record, `as-built.json` last; raise JournalError."""
     if FILE not in files:
         raise NetcfgError(f"a record without {FILE} was to be kept: this must never happen")
     with runs.os_errors_as("the record", folder):

@@ -1,6 +1,7 @@
-"""Ask every device of a site at once what it is, one session a device, and put it together with what is known of it.
+"""Reading of every device of a site at once, one session per device, combined with saved facts.
 
-Nothing is changed. What does not answer is listed, and is no error; what nobody can ask is listed with its reason.
+Nothing is changed. A device that does not respond is listed, without an error; a device that cannot be queried is
+listed with the reason.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ _NO_INTERFACE = "no machine interface of it is documented: a person looks at its
 
 @dataclass(slots=True)
 class SiteLook:
-    """One look at a site: whom to ask, and what came of it."""
+    """One reading of a site: the devices to query, and the results."""
 
     declaration: Declaration
     site: str
@@ -72,7 +73,7 @@ class SiteLook:
     sessions: dict[str, ReadOnlySession] = field(default_factory=dict)
 
     async def devices(self, selected_hosts: Sequence[Host]) -> tuple[DeviceRecord, ...]:
-        """Every host of the site, in the order of the inventory; only `selected_hosts` are queried."""
+        """Return every host of the site, in the order of the inventory; only `selected_hosts` are queried."""
         names = {host.name for host in selected_hosts}
         hosts = self.declaration.site_hosts(self.site)
         records = await asyncio.gather(*(self._device(host, is_selected=host.name in names) for host in hosts))
@@ -97,13 +98,13 @@ class SiteLook:
 
     @property
     def usage(self) -> dict[str, SessionUsage]:
-        """What each session has cost on the wire."""
+        """The cost of each session on the wire."""
         return {
             name: SessionUsage(round_trips=item.round_trips, bytes=item.bytes) for name, item in self.sessions.items()
         }
 
     def costs(self, seconds: float) -> dict[str, str]:
-        """The bills of the sessions with RouterOS devices over links that are paid by the byte."""
+        """Return the bills of sessions with RouterOS devices over metered links."""
         hosts = self.declaration.site_hosts(self.site)
         first = next((host for host in hosts if isinstance(host.device, Router)), hosts[0])
         queries = collect.LinkQueries(self.declaration, first, self.request, self.notify, doors=self.sessions)
@@ -141,7 +142,7 @@ class SiteLook:
         return result
 
     def _why_not(self, host: Host) -> tuple[ReadState | None, str]:
-        """Why a host cannot be asked; None if it can."""
+        """Return why a host cannot be queried; None if it can."""
         device = host.device
         if isinstance(device, SatelliteTerminal):
             return ReadState.BY_HAND, _NO_INTERFACE
@@ -154,7 +155,7 @@ class SiteLook:
         return None, ""
 
     async def _read(self, host: Host, device: DeviceRecord) -> DeviceRecord:
-        """Raises NetcfgError where it does not answer."""
+        """Read a host; raise NetcfgError if it does not respond."""
         if is_supported(host):
             return await self._routeros(host, device)
         if is_computer(host):
@@ -162,7 +163,7 @@ class SiteLook:
         return await self._unit(host, device)
 
     async def _routeros(self, host: Host, device: DeviceRecord) -> DeviceRecord:
-        """One session of two round trips behind the handshake: the login, and everything else at once."""
+        """Read in one session of two round trips after the handshake: the login, and everything else at once."""
         hardware = get_managed_device(self.declaration, host).hardware
         modem = hardware.modem.name if hardware.modem is not None else None
         door = collect.session_to(self.declaration, self.site, host, self.request, self.patience_s)
@@ -179,7 +180,7 @@ class SiteLook:
         return record.model_copy(update={"elsewhere": reading.elsewhere})
 
     async def _unit(self, host: Host, device: DeviceRecord) -> DeviceRecord:
-        """A RutOS unit: its serial number, and the numbers of modem and SIM; of no other field the name is known."""
+        """Read a RutOS unit: its serial number, and those of modem and SIM; other field names are not known."""
         assert isinstance(host.device, LteRouter)  # noqa: S101 - `_why_not` lets nothing else through
         target = self.request.targets.get(host.name)
         unit = LteUnit(host, host.device, self._store, self.notify, self.request.rehearsed, target)
@@ -193,7 +194,7 @@ class SiteLook:
         return _fill_record(device, facts)
 
     async def _computer(self, host: Host, device: DeviceRecord) -> DeviceRecord:
-        """One SSH command; where ssh does not get there, its words say why. Raises CostRefused."""
+        """Read a computer with one SSH command; an ssh error becomes the reason. Raise CostRefusal."""
         packages, notes = computer.declared_packages(self.declaration, host, self.request)
         asked_for = computer.questions(host, packages)
         answers: Mapping[str, Answer] = await ask_gateway(
@@ -214,7 +215,7 @@ def _fill_record(
     missing: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> DeviceRecord:
-    """A device that was read; a declared port that it does not have stays, and says so by its link."""
+    """Return the record of a device that was read; missing ports of the inventory are kept, with an unknown link."""
     there = {port.name for port in ports}
     places = {port.name: port.belongs for port in device.ports}
     present_ports = [port.model_copy(update={"belongs": port.belongs or places.get(port.name)}) for port in ports]
@@ -248,7 +249,7 @@ def _fact(value: str | None, why_not: str) -> Fact:
 
 
 def _declared_facts(host: Host) -> dict[str, Fact]:
-    """What the declaration says of a device; of a terminal also what a person has seen on its pages."""
+    """Return the inventory's facts about a device; for a terminal also what a person saw on its pages."""
     device = host.device
     model = {} if device.model is None else {"model": Fact(value=device.model, origin=Origin.DECLARED)}
     if not isinstance(device, SatelliteTerminal):
@@ -271,7 +272,7 @@ _USES: Mapping[str, str] = {
 
 
 def places(declaration: Declaration, host: Host) -> dict[str, str]:
-    """Port to what belongs there by the declaration."""
+    """Return what is connected to each port according to the inventory."""
     device = host.device
     if isinstance(device, Cpe):
         return {device.port: "the cable to the router, which also feeds it"}
@@ -296,7 +297,7 @@ def places(declaration: Declaration, host: Host) -> dict[str, str]:
 
 
 def addresses(declaration: Declaration, site: str) -> dict[str, str]:
-    """MAC or address to the host or link of the site that has it by the declaration."""
+    """Return the host or link of the site for each MAC or IP address of the inventory."""
     result: dict[str, str] = {}
     for bearer in declaration.sites[site].bearers:
         result[str(bearer.gateway)] = f"next hop of {bearer.name}"
@@ -312,7 +313,7 @@ def addresses(declaration: Declaration, site: str) -> dict[str, str]:
 
 
 class JournalFacts:
-    """What this computer has written down of the devices of a site: adoptions, confirmed runs, pins."""
+    """Facts that this computer has recorded about a site's devices: adoptions, confirmed runs, pins."""
 
     def __init__(self, declaration: Declaration, site: str, store: Store) -> None:
         self._declaration, self._store = declaration, store
@@ -320,7 +321,7 @@ class JournalFacts:
         self._runs = [store.run(site, name) for name in sorted(names, reverse=True)]
 
     def extend_record(self, device: DeviceRecord) -> DeviceRecord:
-        """The device with them."""
+        """Return the device with these facts."""
         facts = {
             **device.facts,
             "adopted": self._adoption_fact(device.name),
@@ -330,7 +331,7 @@ class JournalFacts:
         return device.model_copy(update={"facts": {name: fact for name, fact in facts.items() if fact is not None}})
 
     def _run(self, name: str, purpose: Purpose) -> Run | None:
-        """The latest run of this purpose that has read the device back as it was to be."""
+        """Return the latest run of this purpose that has confirmed the device's state."""
         runs = (run for run in self._runs if run.purpose is purpose)
         return next(
             (run for run in runs if (end := run.outcomes.get(name)) is not None and end.status in _COMPLETE_STATUSES),
@@ -354,7 +355,7 @@ class JournalFacts:
         return Fact(value=run.id, origin=Origin.STORED, at=run.at, note=run.outcomes[name].status)
 
     def _host_key(self, device: DeviceRecord) -> Fact | None:
-        """The one that a device has shown itself counts; RouterOS shows none over its API."""
+        """Return the host key presented by the device, else a saved one; RouterOS presents none over its API."""
         if "host_key" in device.facts or not is_supported(self._declaration.hosts[device.name]):
             return device.facts.get("host_key")
         declared_key = get_managed_device(self._declaration, self._declaration.hosts[device.name]).access.host_key
@@ -367,7 +368,7 @@ class JournalFacts:
 
 
 async def look_at(site: SiteLook, selected_hosts: Sequence[Host]) -> tuple[tuple[DeviceRecord, ...], dict[str, str]]:
-    """Ask, and give the devices, with the bills of links that are paid by the byte."""
+    """Query the devices; return them with the bills of metered links."""
     began = time.monotonic()
     devices = await site.devices(selected_hosts)
     return devices, site.costs(time.monotonic() - began)

@@ -1,7 +1,7 @@
-"""What a computer is asked of itself, by programs that only read, and how what they print is read.
+"""Queries to a computer about itself, by read-only programs, and the parsing of their output.
 
-All of it goes in one SSH command, by the program of the checklist that runs programs of a closed list
-(`checklist/probes/registry.py`). Of packages those are asked for that the declaration has the toolkit install.
+All queries are sent in one SSH command, to the program of the checklist that runs programs of a closed list
+(`checklist/probes/registry.py`). Only packages that the toolkit installs according to the inventory are queried.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _PLACEHOLDERS = re.compile(r"|0+|none|default string|to be filled by o\.e\.m\.|n
 
 @dataclass(frozen=True, slots=True)
 class ComputerFacts:
-    """What one computer said."""
+    """The facts that one computer reported."""
 
     facts: Mapping[str, record.Fact]
     ports: tuple[record.PortRecord, ...]
@@ -61,7 +61,7 @@ class ComputerFacts:
 def declared_packages(
     declaration: Declaration, host: Host, request: Request
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Every package that a run of the site would install on a computer, by name; and what is not known of them."""
+    """Return every package that a run would install on a computer, and notes on unknown ones."""
     if is_server(host):
         return tuple(sorted(SERVER_PACKAGES)), ()
     package_names: set[str] = set()
@@ -79,7 +79,7 @@ def declared_packages(
 
 
 def questions(host: Host, packages: Sequence[str]) -> list[tuple[str, probes.RunProgram]]:
-    """Everything that is asked, in one turn; the speed of a port only where the declaration names its interface."""
+    """Return all queries, sent together; a port's speed only if the inventory names its interface."""
     programs = dict(_PROGRAMS)
     if isinstance(host.device, Gateway) and host.device.network is not None:
         programs["speed"] = ("cat", f"/sys/class/net/{host.device.network.interface}/speed")
@@ -91,7 +91,7 @@ def questions(host: Host, packages: Sequence[str]) -> list[tuple[str, probes.Run
 def read(
     host: Host, answers: Mapping[str, probes.Answer], packages: Sequence[str], host_by_address: Mapping[str, str]
 ) -> ComputerFacts:
-    """Read the answers to `questions`; `host_by_address`: MAC or address to the host that has it."""
+    """Parse the responses to `questions`; `host_by_address` maps MAC or IP address to its host."""
     outputs = {name: _output(answer) for name, answer in answers.items()}
     port = host.device.network.interface if isinstance(host.device, Gateway) and host.device.network else None
     return ComputerFacts(
@@ -105,7 +105,7 @@ def read(
 
 
 def _output(answer: probes.Answer) -> str | None:
-    """What a program printed; None where it could not. dpkg-query ends with 1 where one package of many is missing."""
+    """Return a program's output, None if it failed; dpkg-query exits with 1 if only some packages are missing."""
     if not isinstance(answer, probes.CommandResult) or answer.trouble is not None:
         return None
     text = answer.out.replace("\0", "").strip()
@@ -148,7 +148,7 @@ def _release(text: str) -> str | None:
 
 
 def _versions(text: str | None, packages: Sequence[str]) -> dict[str, str]:
-    """Every package that was asked for; one that dpkg does not know as installed is not installed."""
+    """Return the version of every queried package; one that dpkg does not list as installed is not installed."""
     if text is None:
         return {}
     rows = [line.split("=") for line in text.splitlines() if line.count("=") >= 2]  # noqa: PLR2004 - three fields
@@ -159,7 +159,7 @@ def _versions(text: str | None, packages: Sequence[str]) -> dict[str, str]:
 def _ports(
     outputs: Mapping[str, str | None], interface: str | None, host_by_address: Mapping[str, str]
 ) -> Iterator[record.PortRecord]:
-    """The network cards: what the kernel makes by itself, as `lo` and tunnels, has another type of link."""
+    """Yield the network cards; the kernel's virtual interfaces (`lo`, tunnels) have another link type."""
     for row in _rows(outputs["links"]):
         name, mac = str(row.get("ifname", "")), str(row.get("address", "")).upper()
         if row.get("link_type") != "ether" or not name or _is_virtual(name):
@@ -181,7 +181,7 @@ def _is_virtual(name: str) -> bool:
 
 
 def _neighbours(text: str | None, port: str, host_by_address: Mapping[str, str]) -> Iterator[record.PortNeighbour]:
-    """Each MAC once, by the first of its addresses."""
+    """Yield each MAC once, with the first of its addresses."""
     seen_macs: set[str] = set()
     for row in _rows(text):
         mac, address = str(row.get("lladdr", "")).upper(), str(row.get("dst", ""))

@@ -1,4 +1,4 @@
-"""A record as a person sees it: lines of a screen, and a page that needs nothing else."""
+"""A record as text for the screen, and as a self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -47,27 +47,27 @@ _STATES = {
 
 
 def state_word(device: DeviceRecord) -> str:
-    """What came of a device, in capitals, in the language of the person."""
+    """Return a device's reading state in capitals, in the person's language."""
     return translate(_STATES[device.state])
 
 
 def heading(record: AsBuiltRecord) -> str:
-    """What it is."""
+    """Return the title of the record."""
     return f"As built: {record.title} ({record.site})"
 
 
 def subtitle(record: AsBuiltRecord) -> str:
-    """Which record, and when it was made."""
+    """Return the record's id and time."""
     return f"record {record.id}, {time_text(record.at, record.time_zone)}"
 
 
 def what(record: AsBuiltRecord) -> str:
-    """Whether anything real was asked."""
+    """Return whether real devices were queried, as text."""
     return "emulated devices, nothing real was asked" if record.rehearsed else "nothing was changed"
 
 
 def where(fact: Fact, zone: str) -> str:
-    """Where a value is from, in words."""
+    """Return the origin of a value as text."""
     at = time_text(fact.at, zone) if fact.at is not None else ""
     if fact.value is None:
         return f"not read: {fact.note}" if fact.note else "not read"
@@ -80,19 +80,19 @@ def where(fact: Fact, zone: str) -> str:
 
 
 def checklist_words(fact: Fact, zone: str) -> str:
-    """The last signed checklist of the site."""
+    """Return the last signed checklist of the site as text."""
     if fact.value is None:
         return f"last signed checklist of the site: {fact.note}"
     return f"last signed checklist of the site: {fact.value} ({where(fact, zone)})"
 
 
 def facts_of(device: DeviceRecord) -> list[tuple[str, Fact]]:
-    """The values of a device, in their order."""
+    """Return the values of a device, in their order."""
     return [(name, device.facts[name]) for name in FACTS if name in device.facts]
 
 
 def read_words(device: DeviceRecord, zone: str) -> str:
-    """Of what time the ports are, where they were not read in this run; empty where they were."""
+    """Return when the ports were read if not in this run; empty otherwise."""
     if device.state in {ReadState.READ, ReadState.IN_PART}:
         return ""
     if device.read_at is None:
@@ -101,18 +101,18 @@ def read_words(device: DeviceRecord, zone: str) -> str:
 
 
 def link_words(port: PortRecord) -> str:
-    """The link of a port: whether it is up, how fast, and its MAC."""
+    """Return a port's link as text: state, speed, MAC."""
     words = f"link {port.link}, {port.speed}" if port.speed else f"link {port.link}"
     return f"{words}, MAC {port.mac}" if port.mac else words
 
 
 def neighbour_words(neighbour: PortNeighbour) -> str:
-    """Who was heard, and how."""
+    """Return a neighbour and how it was detected, as text."""
     return f"heard: {neighbour_text(neighbour)}, by {' and '.join(neighbour.by)}"
 
 
 def closing(record: AsBuiltRecord) -> str:
-    """How it ended, in one sentence."""
+    """Return the summary in one sentence."""
     states = [device.state for device in record.devices]
     read, away = (states.count(state) for state in (ReadState.READ, ReadState.NOT_REACHED))
     part, rest = states.count(ReadState.IN_PART), len(states)
@@ -129,7 +129,7 @@ def closing(record: AsBuiltRecord) -> str:
 
 
 def compared_words(record: AsBuiltRecord) -> str:
-    """With what it is compared."""
+    """Return with which record this one is compared."""
     if record.since is None:
         return "There is no record before this one: nothing is compared."
     if not record.changes:
@@ -138,7 +138,7 @@ def compared_words(record: AsBuiltRecord) -> str:
 
 
 def rows(record: AsBuiltRecord, location: str) -> Iterator[printable.Row]:
-    """Every line of a screen; `location`: where the record is."""
+    """Yield the lines for the screen; `location`: the path of the record."""
     for row in _rows(record):
         text = printable.plain(row)
         yield from printable.wrap_row(
@@ -195,24 +195,24 @@ def _device(device: DeviceRecord, zone: str) -> Iterator[printable.Row]:
 
 
 def _label(title: str, value: str) -> str:
-    """A value beside what it is; a title that is too long moves it to the right."""
+    """Return a value next to its title; a long title shifts it to the right."""
     return f"  {title:<{_COLUMN - 3}} {value}"
 
 
 def anchor(name: str) -> str:
-    """The mark of a device on the page; the labels name it."""
+    """Return a device's anchor on the page, which the labels refer to."""
     return f"device-{name}"
 
 
 def html(record: AsBuiltRecord, digest: str) -> bytes:
-    """The page: no script, no request; the same for the same record. `digest`: SHA-256 of its `as-built.json`."""
+    """Return the page: no script, no request, the same for the same record. `digest`: SHA-256 of `as-built.json`."""
     style = _environment().get_template("as-built.css.j2").render()
     words = {"record": record, "digest": digest, "tables": report_tables(record)}
     return page(_environment(), "as-built.html.j2", style, **words)
 
 
 def table_words(table: ReportTable) -> str:
-    """What a table of the report is."""
+    """Return a report table's number and title."""
     return f"Table {table.number}: {table.title}"
 
 

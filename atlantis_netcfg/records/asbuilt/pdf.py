@@ -1,9 +1,9 @@
-"""A record on paper: all of it as PDF, and a sheet of labels for ports and devices.
+"""A record on paper: the whole record as PDF, and a sheet of labels for ports and devices.
 
-A label's QR code holds plain text, and no address: at the quay a telephone has no way to the laptop or to the internet,
-and a link to a file of another computer opens nowhere. Any reader shows the text: which device and port it is, its
-serial number, which record says more, the first digits of that record's SHA-256, and where the page lies in the state
-folder of the laptop that made it. Nothing secret is in it: neither keys nor passwords, IMEI or ICCID.
+A label's QR code contains plain text and no URL: at the quay a telephone reaches neither the laptop nor the internet,
+and a link to a file of another computer opens nowhere. Any reader shows the text: device and port, serial number, the
+record with more data, the first digits of that record's SHA-256, and the page's path in the state folder of the laptop
+that made it. It contains nothing secret: neither keys nor passwords, IMEI or ICCID.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _EDGE = 2.5
 
 
 def pdf(record: AsBuiltRecord, digest: str) -> bytes:
-    """The record, the same bytes for the same record. `digest`: SHA-256 of its `as-built.json`."""
+    """Return the record as PDF, the same bytes for the same record. `digest`: SHA-256 of its `as-built.json`."""
     paper = _paper(record, digest)
     paper.add_page()
     paper.tell(translate(pages.heading(record)), size=17, bold=True)
@@ -122,7 +122,7 @@ def _table(paper: _sheet.Paper, table: ReportTable) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """One label: what people read, and what its QR code holds."""
+    """One label: its printed text, and the content of its QR code."""
 
     device: str
     port: str | None
@@ -133,9 +133,9 @@ class Label:
 
 
 def labels_of(record: AsBuiltRecord, digest: str, place: str) -> tuple[Label, ...]:
-    """A label for each device of the site, and for each port of which the declaration says what belongs there.
+    """Return a label for each device of the site, and for each port with a purpose in the inventory.
 
-    `place`: where the record is, below the state folder.
+    `place`: the record's path below the state folder.
     """
     return tuple(label for device in record.devices for label in _labels(record, device, digest, place))
 
@@ -158,7 +158,7 @@ def _labels(record: AsBuiltRecord, device: DeviceRecord, digest: str, place: str
 
 
 def labels_pdf(record: AsBuiltRecord, digest: str, place: str, sheet: AsBuilt) -> bytes:
-    """A4 sheets of labels of the declared size. Raises UsageError where a QR code has no room on a label."""
+    """Return A4 sheets of labels of the configured size; raise UsageError if a QR code does not fit."""
     width, height = sheet.label_width_mm, sheet.label_height_mm
     columns, lines = (int((whole + 0.01) // part) for whole, part in zip(_A4, (width, height), strict=True))
     margin_left, top = (_A4[0] - columns * width) / 2, (_A4[1] - lines * height) / 2
@@ -178,7 +178,7 @@ def labels_pdf(record: AsBuiltRecord, digest: str, place: str, sheet: AsBuilt) -
 
 
 def _side(width: float, height: float, modules: int) -> float:
-    """How large the QR codes of a sheet are, in mm. Raises UsageError where the largest one has no room on a label."""
+    """Return the side of a sheet's QR codes in mm; raise UsageError if the largest does not fit on a label."""
     side, least = min(height - 2 * _EDGE, width * _SHARE), modules * _MODULE_MM
     if side >= least:
         return side
@@ -190,13 +190,13 @@ def _side(width: float, height: float, modules: int) -> float:
 
 
 class LabelSheet(_sheet.Paper):
-    """Pages without head and foot, filled to their edges."""
+    """Pages without header and footer, filled to their edges."""
 
     def header(self) -> None:
-        """Nothing: a label may lie there."""
+        """Print no header: a label may be there."""
 
     def footer(self) -> None:
-        """Nothing: as above."""
+        """Print no footer: a label may be there."""
 
 
 _QUIET = 4
@@ -208,7 +208,7 @@ _MODULE_MM = 0.4
 
 
 def _text(paper: _sheet.Paper, words: Iterator[tuple[str, float, bool]], at: tuple[float, float], right: float) -> None:
-    """Lines from a point on, broken where the label ends."""
+    """Print lines from a point on, wrapped at the label's right edge."""
     paper.set_xy(*at)
     for text, size, bold in words:
         paper.set_font(_sheet.FAMILY, "B" if bold else "", size)
@@ -219,7 +219,7 @@ def _text(paper: _sheet.Paper, words: Iterator[tuple[str, float, bool]], at: tup
 
 
 def _words(label: Label, record: AsBuiltRecord) -> Iterator[tuple[str, float, bool]]:
-    """What stands beside the code: text, size of its letters, whether they are bold."""
+    """Yield the text beside the code, with font size and whether it is bold."""
     yield (label.device if label.port is None else f"{label.device} {label.port}"), 9.0, True
     yield translate(label.belongs), 7.5, False
     yield translate(f"serial {label.serial}"), 6.5, False
@@ -229,7 +229,7 @@ def _words(label: Label, record: AsBuiltRecord) -> Iterator[tuple[str, float, bo
 
 
 def _code(paper: _sheet.Paper, matrix: tuple[bytearray, ...], x: float, y: float, side: float) -> None:
-    """The dark modules, those of a row that touch as one rectangle; around them four modules stay white."""
+    """Draw the dark modules, merging adjacent ones of a row; a quiet zone of four modules stays white."""
     module = side / (len(matrix) + 2 * _QUIET)
     paper.set_fill_color(0)
     for number, row in enumerate(matrix, start=_QUIET):

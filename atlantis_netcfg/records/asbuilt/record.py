@@ -1,4 +1,4 @@
-"""One record: devices, their values, ports and packages; what is different from the record before; how it ends."""
+"""One as-built record: devices with values, ports and packages; differences from the previous record; exit code."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class _Data(BaseModel):
 
 
 class Origin(StrEnum):
-    """Where a value is from."""
+    """The origin of a value."""
 
     READ = "read"
     """The device said it in the run of this record."""
@@ -43,7 +43,7 @@ class Fact(_Data):
 
 
 class PortNeighbour(_Data):
-    """Who was heard on a port: nothing of it is from the declaration but `declared`."""
+    """A neighbour detected on a port; only `declared` comes from the inventory."""
 
     mac: str
     by: tuple[str, ...]
@@ -56,7 +56,7 @@ class PortNeighbour(_Data):
 
 
 class Link(StrEnum):
-    """Whether something answers at the other end of a port's cable."""
+    """Whether the other end of a port's cable is active."""
 
     UP = "up"
     DOWN = "down"
@@ -64,7 +64,7 @@ class Link(StrEnum):
 
 
 class PortRecord(_Data):
-    """A port, and what was heard on it."""
+    """A port, with its detected neighbours."""
 
     name: str
     mac: str | None = None
@@ -77,7 +77,7 @@ class PortRecord(_Data):
 
 
 class ReadState(StrEnum):
-    """What came of a device."""
+    """The result of reading a device."""
 
     READ = "read"
     IN_PART = "read in part"
@@ -134,7 +134,7 @@ _MADE_ANEW = frozenset({"certificate", "host_key"})
 
 
 class Change(_Data):
-    """One difference of a device from the record before."""
+    """One difference of a device from the previous record."""
 
     device: str
     what: str
@@ -145,7 +145,7 @@ class Change(_Data):
 
     @property
     def words(self) -> str:
-        """What a person reads."""
+        """The difference as text."""
         if self.neighbour:
             if self.after is None:
                 return f"{self.device}: {self.what} no longer has {self.before}"
@@ -158,14 +158,14 @@ class Change(_Data):
 
 
 class SessionUsage(_Data):
-    """What reading a device has cost on the wire, its login included."""
+    """The cost of reading a device on the wire, including its login."""
 
     round_trips: int
     bytes: int
 
 
 class AsBuiltRecord(_Data):
-    """What is kept as `as-built.json`."""
+    """The content of `as-built.json`."""
 
     format: int = 1
     id: str
@@ -194,24 +194,24 @@ class AsBuiltRecord(_Data):
 
     @property
     def exit(self) -> ExitCode:
-        """Nobody read is not green, nor is a device that did not answer, or not whole."""
+        """The exit code: not green if no device was read, or if one did not respond or only in part."""
         states = {device.state for device in self.devices}
         if states & {ReadState.NOT_REACHED, ReadState.IN_PART}:
             return ExitCode.CHECKS_FAILED
         return ExitCode.DONE if ReadState.READ in states else ExitCode.NOTHING
 
     def device(self, name: str) -> DeviceRecord | None:
-        """What stands in it of a device."""
+        """Return the record of a device; None if it has none."""
         return next((device for device in self.devices if device.name == name), None)
 
     def as_json(self) -> dict[str, Any]:
-        """The object that is kept, with what follows from it."""
+        """Return the saved object with derived values."""
         tables = [table.model_dump(mode="json") for table in report_tables(self)]
         return {**self.model_dump(mode="json"), "exit": int(self.exit), "errors": [], "tables": tables}
 
 
 def mask_number(number: str, mask: NumberMask) -> str:
-    """A number that names a SIM or a modem, as far as the declaration lets a record show it."""
+    """Mask a number that identifies a SIM or modem, as the inventory requires."""
     if mask is NumberMask.NONE:
         return number
     visible_digits = number[-4:] if mask is NumberMask.LAST4 and len(number) > 4 else ""  # noqa: PLR2004 - as its name says
@@ -219,7 +219,7 @@ def mask_number(number: str, mask: NumberMask) -> str:
 
 
 def compare(record: AsBuiltRecord, before: AsBuiltRecord | None) -> AsBuiltRecord:
-    """The record with its differences from the one before, and with the last known values of whom nobody reached."""
+    """Return the record with its differences from the previous one, and last known values of unreached devices."""
     if before is None:
         return record
     devices = tuple(_with_last_known(device, before.device(device.name)) for device in record.devices)
@@ -228,7 +228,7 @@ def compare(record: AsBuiltRecord, before: AsBuiltRecord | None) -> AsBuiltRecor
 
 
 def _with_last_known(device: DeviceRecord, before: DeviceRecord | None) -> DeviceRecord:
-    """Values of a device that was not read: those of the last record, marked as stored, at the time they were read."""
+    """Fill in a device that was not read with the last record's values, marked as stored at their reading time."""
     if device.read_at is not None or before is None or before.read_at is None:
         return device
     stored_facts = {name: _mark_stored(fact, before.read_at) for name, fact in before.facts.items()}
@@ -243,7 +243,7 @@ def _mark_stored(fact: Fact, read_at: datetime) -> Fact:
 
 
 def _changes(record: AsBuiltRecord, before: AsBuiltRecord) -> Iterator[Change]:
-    """Only of what was read in this run: what nobody reached is not known to be another one."""
+    """Yield differences only of values read in this run: unreached devices may be unchanged."""
     for device in record.devices:
         earlier = before.device(device.name)
         if device.state not in {ReadState.READ, ReadState.IN_PART} or earlier is None or earlier.read_at is None:
@@ -285,7 +285,7 @@ def _of_ports(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
 
 
 def _of_neighbours(now: DeviceRecord, before: DeviceRecord) -> Iterator[Change]:
-    """By MAC: who is new on a port, and who is no longer heard; an entry ages, so that a pause looks the same."""
+    """Yield new and missing neighbours of each port by MAC; an expired entry looks like a missing device."""
     ports = {port.name: port.neighbours for port in before.ports}
     for port in now.ports:
         here = {item.mac: neighbour_text(item) for item in port.neighbours}
@@ -303,7 +303,7 @@ def _of_packages(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Differenc
 
 
 def neighbour_text(neighbour: PortNeighbour) -> str:
-    """Who it is, as far as it was heard."""
+    """Return a neighbour as text, as far as it is known."""
     words = [neighbour.mac, *(item for item in (neighbour.address, neighbour.name) if item)]
     return " ".join(words) + (f" ({neighbour.declared})" if neighbour.declared else "")
 
@@ -327,12 +327,12 @@ _TITLES = {
 
 
 def title_of(name: str) -> str:
-    """What a person calls a value."""
+    """Return the title of a value for people."""
     return _TITLES[name]
 
 
 class ReportTable(_Data):
-    """A table of the communications report whose cells are unknown: typed, and filled only with what was read."""
+    """A table of the communications report whose cells are unknown: typed, and filled only with read values."""
 
     number: int
     title: str
@@ -345,7 +345,7 @@ _COMPUTERS = frozenset({"gateway", "vpn_server", "control_centre"})
 
 
 def report_tables(record: AsBuiltRecord) -> tuple[ReportTable, ...]:
-    """Tables 8, 9, 31 and 32, in columns of ours: the report's own columns are lost (pilot.md, section 5)."""
+    """Return Tables 8, 9, 31 and 32 with this project's columns: the report's are lost (pilot.md, section 5)."""
     devices = [item for item in record.devices if item.state in {ReadState.READ, ReadState.IN_PART}]
     centre = any(device.kind in {"vpn_server", "control_centre"} for device in record.devices)
     checklist = record.checklist.value if record.checklist is not None else None
@@ -367,7 +367,7 @@ def _table(number: int, title: str, rows: Iterable[tuple[str | None, ...]]) -> R
 
 
 def _hardware(device: DeviceRecord) -> tuple[str | None, ...]:
-    """Nothing but what was read in this run."""
+    """Return the hardware row of a device, with values read in this run only."""
     names = ("model", "serial", "os" if device.kind in _COMPUTERS else "version")
     facts = [device.facts.get(name) for name in names]
     values = [fact.value if fact is not None and fact.origin is Origin.READ else None for fact in facts]

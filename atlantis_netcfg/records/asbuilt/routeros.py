@@ -1,8 +1,8 @@
-"""What a RouterOS device is asked of itself, in one flight behind the login, and how its answers are read.
+"""Queries to a RouterOS device about itself, sent together after the login, and the parsing of its replies.
 
 Names of fields: Manual, Resource; RouterBOARD; Neighbor discovery; Bridge, Hosts table; ARP; DHCP; Ethernet, monitor.
-What was heard on a port comes from four menus, joined by MAC: the bridge knows the port, ARP and leases the address,
-neighbour discovery the name. Discovery is off where the site's template is in force, which the record says.
+Neighbours of a port come from four menus, joined by MAC: the bridge has the port, ARP and leases the address, neighbour
+discovery the name. Discovery is off where the site's template is applied, which the record states.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _TRUE = frozenset({"true", "yes"})
 
 @dataclass(frozen=True, slots=True)
 class RouterOsFacts:
-    """What one device said."""
+    """The facts that one device reported."""
 
     facts: Mapping[str, Fact]
     ports: tuple[PortRecord, ...]
@@ -54,7 +54,7 @@ class RouterOsFacts:
 
 
 def questions(ports: Sequence[str], modem: str | None) -> tuple[Command, ...]:
-    """Everything that is sent after the login: `ports` by their factory names, `modem` where the board has one."""
+    """Return all commands sent after the login; `ports` by factory names, `modem` if the board has one."""
     menus = [
         Command(f"{path}/print", ((".proplist", ",".join(names)),), where) for path, names, where in _MENUS.values()
     ]
@@ -69,7 +69,7 @@ def read(
     mask: NumberMask,
     host_by_address: Mapping[str, str],
 ) -> RouterOsFacts:
-    """Read the answers to `questions`, in their order; `host_by_address`: MAC or address to its host or link."""
+    """Parse the replies to `questions`, in order; `host_by_address` maps MAC or IP address to host or link."""
     menus = dict(zip(_MENUS, replies, strict=False))
     links = dict(zip(ports, replies[len(_MENUS) :], strict=False))
     rows_by_menu = {name: rows(reply) or () for name, reply in menus.items()}
@@ -89,7 +89,7 @@ def read(
 
 
 def _refusals(menus: Mapping[str, Reply], names: Sequence[str]) -> Iterator[str]:
-    """Menus that the device did not show, with its words."""
+    """Yield the menus that the device refused, with its message."""
     for name in names:
         trap = menus[name].trap
         if trap is not None:
@@ -115,7 +115,7 @@ def _fact(value: str | None, why_not: str) -> Fact:
 
 
 def _modem(reply: Reply | None, mask: NumberMask) -> dict[str, Fact]:
-    """Model and firmware of a modem, and the numbers that name it and its SIM as far as a record may show them."""
+    """Return a modem's model and firmware, and its and its SIM's numbers, masked as required."""
     if reply is None:
         return {}
     row = _first(rows(reply) or ())
@@ -128,7 +128,7 @@ def _modem(reply: Reply | None, mask: NumberMask) -> dict[str, Fact]:
 
 @dataclass(slots=True)
 class _NeighbourReading:
-    """One MAC, as the menus have it."""
+    """The data of one MAC address, merged from several menus."""
 
     mac: str
     interface: str = ""
@@ -147,7 +147,7 @@ class _NeighbourReading:
 def _merge_neighbours(
     rows_by_menu: Mapping[str, Sequence[Row]], host_by_address: Mapping[str, str]
 ) -> list[_NeighbourReading]:
-    """Everybody who was heard, once; the bridge's word for the port counts before that of ARP, which has the bridge."""
+    """Return every neighbour once; for the port, the bridge's entry precedes that of ARP, which names the bridge."""
     everyone: dict[str, _NeighbourReading] = {}
     for each in _find_neighbours(rows_by_menu):
         item = everyone.setdefault(each.mac, each)
@@ -161,7 +161,7 @@ def _merge_neighbours(
 
 
 def _find_neighbours(rows_by_menu: Mapping[str, Sequence[Row]]) -> Iterator[_NeighbourReading]:
-    """Each row as one who was heard, the menus in the order in which they are believed."""
+    """Yield each row as a neighbour, the menus in order of reliability."""
     for row in rows_by_menu["bridge"]:
         if row.get("mac-address") and row.get("local") not in _TRUE:
             yield _NeighbourReading(row["mac-address"].upper(), row.get("on-interface", ""), ["bridge"])
@@ -201,7 +201,7 @@ def _port(row: Row, monitor_reply: Reply | None, neighbours: Sequence[_Neighbour
 def _notes(
     rows_by_menu: Mapping[str, Sequence[Row]], menus: Mapping[str, Reply], interfaces: Sequence[Row]
 ) -> Iterator[str]:
-    """Why less was heard than could be."""
+    """Yield the reasons why neighbours may be missing."""
     listens = _first(rows_by_menu["discovery"]).get("discover-interface-list")
     if listens == "none":
         yield "neighbour discovery is off on the device, so that nobody tells it a name"

@@ -1,4 +1,4 @@
-"""What a measured link looks like to a person: lines of a screen, a page, paper and plots."""
+"""A measured link for people: screen text, HTML page, PDF and plots."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["write_pages"]
 
 
 def write_pages(folder: Path) -> QualifyRecord:
-    """Write `record.json`, `page.html` and `page.pdf` of a run into its folder, from its samples, and give the record.
+    """Write `record.json`, `page.html` and `page.pdf` of a run from its samples; return the record.
 
-    Raises JournalFailed, StateDamaged, SamplesUnreadable.
+    Raises JournalError, DamagedStateError, SamplesUnreadable.
     """
     from atlantis_netcfg.links.qualify.archive import keep_record, made_anew  # noqa: PLC0415
     from atlantis_netcfg.records.qualify.pages import PAGE_FILE, PAPER_FILE, html, pdf  # noqa: PLC0415

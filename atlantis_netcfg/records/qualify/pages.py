@@ -1,4 +1,4 @@
-"""A measured run as a person sees it: lines of a screen, a page that needs nothing else, and the same on paper."""
+"""A measured run as screen text, as a self-contained HTML page, and as PDF."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ STYLES: Final = {
 
 
 def rows(record: QualifyRecord, location: str) -> Iterator[Row]:
-    """Every line of a screen; `location`: where the run is."""
+    """Yield the lines for the screen; `location`: the path of the run."""
     yield StyledText(translate(heading(record)), Style.TITLE)
     yield translate(subtitle(record))
     if record.run.emulated:
@@ -82,7 +82,7 @@ def _judgements(record: QualifyRecord) -> Iterator[Row]:
 
 
 def table_rows(table: FigureTable) -> Iterator[Row]:
-    """A table within 80 columns; one that has no room is told row by row."""
+    """Yield a table within 80 columns; a wider one is printed row by row."""
     cells = [[*map(translate, table.columns)], *(in_words(table, row) for row in table.rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     if len(widths) == 2:  # noqa: PLR2004 - a name and a value
@@ -101,7 +101,7 @@ def table_rows(table: FigureTable) -> Iterator[Row]:
 
 
 def in_words(table: FigureTable, row: Sequence[str]) -> list[str]:
-    """A row in the language of the person; names stay as they are."""
+    """Return a row in the person's language; names stay as they are."""
     return [cell if table.has_names and not place else translate(cell) for place, cell in enumerate(row)]
 
 
@@ -113,7 +113,7 @@ def _label_rows(name: str, value: str) -> Iterator[Row]:
 
 
 def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
-    """The page: no script, no request; the same for the same record."""
+    """Return the page: no script, no request; the same for the same record."""
     style = _environment().get_template("qualify.css.j2").render()
     return page(
         _environment(),
@@ -137,7 +137,7 @@ def _environment() -> Environment:
 
 
 def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
-    """The same on paper, with the same drawings; the same bytes for the same record."""
+    """Return the PDF with the same drawings; the same bytes for the same record."""
     from atlantis_netcfg.checklist.report._pdf._sheet import Paper  # noqa: PLC0415 - fpdf2 takes long to import
 
     paper = Paper(translate(heading(record)), record.run.tool, record.run.begun)
@@ -180,5 +180,5 @@ def _on_paper(paper: Paper, section: PageSection, plots: Sequence[Plot]) -> None
 
 
 def _widths(table: FigureTable) -> tuple[int, ...]:
-    """Give the columns room by their longest cells, within reason."""
+    """Return column widths from the longest cells, within limits."""
     return tuple(min(32, max(7, *map(len, column))) for column in zip(table.columns, *table.rows, strict=True))

@@ -1,10 +1,10 @@
-"""Plots of a measured link as SVG: round trips over time and by their share, gaps, loss each way, rates and sizes.
+"""Plots of a measured link as SVG: round trips over time and by share, gaps, loss each way, rates and sizes.
 
-Each stands alone: title, description in words, axes with units, and on a run over an emulated link a word that says so.
-Shapes and dashes tell apart what colours tell; everything is set by attributes, so that a page that allows no inline
-style shows it, and fpdf2 puts the same drawing on paper. pygal was tried and refused: its charts bring a script and a
-style sheet, which such a page refuses and fpdf2 does not read; leather has neither descriptions, nor types, nor another
-difference of series than colour.
+Each is self-contained: title, description as text, axes with units, and a notice if the run was over an emulated link.
+Shapes and dashes repeat what colours show. Everything is set by attributes, so that a page that allows no inline style
+shows it, and fpdf2 prints the same drawing. pygal was tried and rejected: its charts contain a script and a style
+sheet, which such a page refuses and fpdf2 does not read; leather has neither descriptions, nor types, nor a difference
+of series other than colour.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ FAMILY_ON_PAGE: Final = "system-ui, 'DejaVu Sans', sans-serif"
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """A drawing; `words` is what it shows, in sentences."""
+    """A drawing; `words` describes its content in sentences."""
 
     name: str
     title: str
@@ -55,7 +55,7 @@ class Plot:
     width: float = WIDTH
 
     def svg(self, family: str = FAMILY_ON_PAGE, *, has_description: bool = True) -> str:
-        """Give it as text; `has_description`: with title and description, which fpdf2 does not know."""
+        """Return the SVG text; `has_description`: with title and description, which fpdf2 does not support."""
         root = ET.fromstring(ET.tostring(self.root))  # noqa: S314 - a copy of what was made here
         root.set("font-family", family)
         for child in [*root]:
@@ -66,7 +66,7 @@ class Plot:
 
 
 def plots(record: QualifyRecord, samples: Sequence[Sample]) -> list[Plot]:
-    """Draw what the run has measured; what it has not has no plot."""
+    """Draw what the run has measured; other plots are left out."""
     result: list[Plot] = []
     trains = (("idle", "without load", record.idle), ("loaded", "under load", record.under_load))
     for stream, words, train in trains:
@@ -92,7 +92,7 @@ def plots(record: QualifyRecord, samples: Sequence[Sample]) -> list[Plot]:
 
 @dataclass(slots=True)
 class _Axis:
-    """A scale from values to the drawing; logarithmic where the values span much."""
+    """A scale from values to the drawing; logarithmic if the values span a large range."""
 
     low: float
     high: float
@@ -116,7 +116,7 @@ class _Axis:
         return cls(0.0, count * step, begin, end, False, [step * number for number in range(count + 1)])
 
     def at(self, value: float) -> float:
-        """Where a value stands; what lies below the axis stands at its begin."""
+        """Return the position of a value; values below the axis are at its start."""
         if self.log:
             share = math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)
         else:
@@ -125,13 +125,13 @@ class _Axis:
 
 
 def _nice(step: float) -> float:
-    """Give the next of 1, 2, 5, 10 … that is not less."""
+    """Round a step up to the next of 1, 2, 5, 10 …."""
     power = 10.0 ** math.floor(math.log10(step))
     return next(power * nice for nice in _STEPS if power * nice >= step * 0.999)
 
 
 class _Chart:
-    """A drawing with title, and what it is made of."""
+    """A drawing with a title and its elements."""
 
     def __init__(self, record: QualifyRecord, title: str, height: float = HEIGHT) -> None:
         self.height = height
@@ -197,12 +197,12 @@ class _Chart:
 
 
 def _frame(height: float = HEIGHT) -> tuple[float, float, float, float]:
-    """Left, right, bottom and top of the field of a plot."""
+    """Return left, right, bottom and top of the plot area."""
     return _LEFT, WIDTH - _RIGHT, height - _BOTTOM, _TOP
 
 
 def _over_time(record: QualifyRecord, name: str, load: str, points: Sequence[tuple[float, float | None]]) -> Plot:
-    """Each column spans the least and the greatest round trip of its time, so that no peak is lost."""
+    """Draw round trips over time; each column spans the minimum and maximum of its time, so that no peak is lost."""
     chart = _Chart(record, f"Round trips over time, {load}")
     left, right, bottom, top = _frame()
     answered_points = [(at, rtt) for at, rtt in points if rtt is not None]
@@ -235,7 +235,7 @@ def _percentile_words(sorted_values: Sequence[float]) -> list[str]:
 
 
 def _shares(record: QualifyRecord, series: Sequence[tuple[str, Sequence[float]]]) -> Plot:
-    """Draw the empirical distribution: the share of round trips that a value is not exceeded by."""
+    """Draw the empirical distribution: the share of round trips up to each value."""
     chart = _Chart(record, "Round trips: share that is not longer")
     left, right, bottom, top = _frame()
     low, high = min(values[0] for _, values in series), max(values[-1] for _, values in series)
@@ -255,7 +255,7 @@ def _shares(record: QualifyRecord, series: Sequence[tuple[str, Sequence[float]]]
 
 
 def _steps(sorted_values: Sequence[float], x: _Axis, y: _Axis) -> Iterable[str]:
-    """Yield a staircase, a step for each column of the drawing."""
+    """Yield a step curve with one step per column of the drawing."""
     yield f"M{x.at(sorted_values[0]):.1f},{y.at(0):.1f}"
     last: dict[int, int] = {}
     for number, value in enumerate(sorted_values, start=1):
@@ -265,7 +265,7 @@ def _steps(sorted_values: Sequence[float], x: _Axis, y: _Axis) -> Iterable[str]:
 
 
 def _bars(chart: _Chart, bars: Sequence[tuple[str, float | None, str]], y: _Axis) -> None:
-    """Draw bars with their values above; None: not known, and the words stand where the bar would."""
+    """Draw bars with their values above; None: unknown, with the text in place of the bar."""
     left, right, bottom, _ = _frame(chart.height)
     slot = (right - left) / len(bars)
     for number, (label, value, words) in enumerate(bars):
@@ -317,7 +317,7 @@ _ROW, _HEAD = 34.0, 92.0
 
 
 def _grid(record: QualifyRecord, name: str, title: str, rows: Sequence[MeasuredRate]) -> Plot:
-    """Draw a cell for each size at each rate: its verdict by symbol, word and colour, and its 95th percentile."""
+    """Draw a cell for each size at each rate: the verdict by symbol, text and colour, and the 95th percentile."""
     sizes = list(dict.fromkeys((row.octets, row.label) for row in sorted(rows, key=lambda row: row.octets)))
     rates = sorted({row.rate_hz for row in rows})
     chart = _Chart(record, title, _TOP + 22 + _ROW * len(sizes) + 12)

@@ -1,6 +1,6 @@
-"""What is said of a measured run, in order: sections with sentences, and tables whose cells are words.
+"""The content of a measured run's report: sections with sentences, and tables of text cells, in order.
 
-Screen, page and paper show the same sections. All of it is English; each of them translates where it prints.
+Screen, page and PDF show the same sections. All of it is English; each of them translates when printing.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _SHARES: Final = ("FLR", "AVAIL")
 
 @dataclass(frozen=True, slots=True)
 class FigureTable:
-    """Cells in words; the first column names its row."""
+    """A table of text cells; the first column names the row."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -53,7 +53,7 @@ class FigureTable:
 
 @dataclass(frozen=True, slots=True)
 class PageSection:
-    """A heading, sentences below it, a table, and the names of the plots that belong there."""
+    """A heading with sentences, a table, and the names of its plots."""
 
     key: str
     title: str
@@ -63,17 +63,17 @@ class PageSection:
 
 
 def heading(record: QualifyRecord) -> str:
-    """What it is."""
+    """Return the title of the report."""
     return f"Measured link: {record.run.link} of {record.run.site}"
 
 
 def subtitle(record: QualifyRecord) -> str:
-    """Which run, and when it was."""
+    """Return the subtitle of the page: run id and start time in the run's time zone."""
     return f"run {record.run.id}, {time_text(record.run.begun, record.run.time_zone)}"
 
 
 def closing(record: QualifyRecord) -> str:
-    """How it ended, in a sentence; the verdict stands before it."""
+    """Return one sentence on the result: how many criteria hold. The page prints the verdict before it."""
     verdicts = [item.verdict for item in record.judgements]
     if not verdicts:
         return "nothing was judged: the run has no round trips without load"
@@ -92,7 +92,7 @@ EMULATED_NOTICE: Final = "EMULATED LINK: these figures say nothing of a real one
 
 
 def sections(record: QualifyRecord) -> list[PageSection]:
-    """Everything, in the order in which a person wants to know it."""
+    """Return all sections of the page: verdicts, link, figures, load, then telemetry."""
     page_sections = [_verdicts(record), _way(record), _figures(record), _load(record)]
     if record.telemetry:
         title = "Small telemetry, as Table 33 of the report may have been"
@@ -309,7 +309,7 @@ def _highest(record: QualifyRecord) -> PageSection:
 
 
 def _money(price: Decimal | None, run: MeasuredRun) -> str:
-    """What an hour costs; nothing where no tariff is declared."""
+    """Format the price per hour; empty if the inventory has no tariff."""
     return "" if price is None or run.tariff is None else f", {price:.2f} {run.tariff.currency}/h"
 
 
@@ -361,7 +361,7 @@ def _circumstances(record: QualifyRecord) -> PageSection:
 
 
 def seconds(value: float) -> str:
-    """`0.8 ms`, `596 ms`, `70.1 s`."""
+    """Format a duration: `0.8 ms`, `596 ms`, `70.1 s`."""
     if value >= _MILLI_BELOW_S:
         return f"{value:.1f} s"
     milli = 1000 * value
@@ -369,19 +369,19 @@ def seconds(value: float) -> str:
 
 
 def rate(bps: float | None) -> str:
-    """`293 kbit/s`, `31.6 Mbit/s`."""
+    """Format a bit rate: `293 kbit/s`, `31.6 Mbit/s`; None is "unknown"."""
     if bps is None:
         return UNKNOWN
     return f"{bps / _MEGA:.1f} Mbit/s" if bps >= _MEGA else f"{bps / _KILO:.0f} kbit/s"
 
 
 def share(value: float | None) -> str:
-    """`1.25 %`."""
+    """Format a fraction as a percentage: `1.25 %`; None is "unknown"."""
     return UNKNOWN if value is None else f"{100 * value:.2f} %"
 
 
 def in_unit(value: float | None, unit: str) -> str:
-    """A figure of `compare.HEADLINES` in words."""
+    """Format a figure of `compare.HEADLINES` in its unit."""
     if value is None:
         return UNKNOWN
     makers: dict[str, Callable[[float], str]] = {"s": seconds, "bit/s": rate, "": share}

@@ -1,4 +1,4 @@
-"""Several measured runs on a screen: two beside each other, and a link over time."""
+"""Terminal output for several measured runs: a comparison of two runs, and the history of a link."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _title(record: QualifyRecord) -> str:
 def comparison_rows(
     first: QualifyRecord, second: QualifyRecord, comparison: compare.RunComparison
 ) -> Iterator[printable.Row]:
-    """Every line of a screen on which two runs stand beside each other."""
+    """Yield the terminal rows that compare two runs."""
     for name, record in (("A", first), ("B", second)):
         verdict = printable.StyledText(record.verdict.value, STYLES[record.verdict])
         yield from printable.wrap_row(
@@ -55,7 +55,7 @@ def comparison_rows(
 
 
 def history_rows(records: Sequence[QualifyRecord]) -> Iterator[printable.Row]:
-    """Two lines a run, the oldest first: what it was, and its figures."""
+    """Yield two rows per run, oldest first: verdict and title, then the headline figures."""
     headline_by_key = {item.key: item for item in compare.HEADLINES if item.key in _HISTORY}
     for record in records:
         verdict = printable.StyledText(f"{record.verdict.value:<13}", STYLES[record.verdict])

@@ -1,8 +1,8 @@
-"""Coverage along a track: what a 4G unit hears and what the link carries, by position.
+"""Coverage along a track: 4G signal values and link measurements by position.
 
-`positions` says where we are or why not, `radio` reads the unit and asks the router which link carries the traffic,
-`measure` sends a few test packets within an hourly budget, `points` is the file that all of it is added to, and
-`exports` and `page` are made of that file alone. Nothing is interpolated. `rehearsal` is an emulated voyage.
+`positions` gets the current position or the reason why there is none. `radio` reads the 4G unit and asks the router
+which link carries the traffic. `measure` sends test packets within an hourly budget. `points` is the survey file;
+`exports` and `page` are generated from that file alone. Nothing is interpolated. `rehearsal` emulates a voyage.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The surveys of a site on this computer, and what is made of them.
+"""Stored surveys of a site on this computer, and the files exported from them.
 
 They are in `<state>/<real|rehearsal>/<site>/survey/<survey>/`.
 """
@@ -25,18 +25,18 @@ EXPORTS: Final = (PAGE_FILE, GEOJSON_FILE, CSV_FILE)
 
 
 def folder_of(store: runs.Store, site: str) -> Path:
-    """Where the surveys of a site are kept."""
+    """Return the folder that holds the surveys of a site."""
     return store.root / site / "survey"
 
 
 def new_folder(folder: Path, now: datetime) -> Path:
-    """The folder of a new survey, empty; its name is the survey's id. Raises JournalFailed."""
+    """Create the empty folder of a new survey; its name is the survey id. Raises JournalError."""
     with runs.os_errors_as("the survey", folder):
         return runs.new_run(runs.make_private(folder), now)
 
 
 def kept_survey(folder: Path, name: str) -> Path:
-    """The folder of a survey that was made before. Raises NothingMatched."""
+    """Return the folder of an existing survey. Raises NoMatchError."""
     names = [path.name for path in folder.iterdir() if (path / points.SURVEY_FILE).is_file()] if folder.is_dir() else []
     if name in names:
         return folder / name
@@ -48,14 +48,14 @@ def kept_survey(folder: Path, name: str) -> Path:
 
 
 def exports(survey: points.Survey, coast: Coast | None = None) -> Mapping[str, bytes]:
-    """The files that are made of a survey, by name."""
+    """Return the export files of a survey (HTML page, GeoJSON, CSV), by file name."""
     return {PAGE_FILE: html(survey, coast), GEOJSON_FILE: geojson(survey), CSV_FILE: csv_table(survey)}
 
 
 def export(folder: Path, coast: Coast | None = None, to: Path | None = None) -> points.Survey:
-    """Make the exports of a kept survey beside it, and where `to` names a folder, there, with the survey itself.
+    """Write the exports of a stored survey beside it; if `to` is given, also there with the survey file.
 
-    Raises SurveyUnreadable, JournalFailed.
+    Raises SurveyUnreadable, JournalError.
     """
     with runs.os_errors_as("the survey", folder):
         survey = points.read_survey(folder / points.SURVEY_FILE)
@@ -73,14 +73,14 @@ def export(folder: Path, coast: Coast | None = None, to: Path | None = None) -> 
 
 @dataclass(frozen=True, slots=True)
 class SurveyOutcome:
-    """How a survey ends as a command."""
+    """Exit code and summary of a finished survey."""
 
     exit: errors.ExitCode
     words: str
 
 
 def outcome(survey: points.Survey) -> SurveyOutcome:
-    """What of that which was meant to be measured was measured nowhere is said, and is not green."""
+    """Return exit code and summary; CHECKS_FAILED if a requested measurement is missing from every point."""
     if not survey.points:
         return SurveyOutcome(errors.ExitCode.NOTHING, "no point was taken")
     tested_points = [point for point in survey.points if point.rtt_median_s is not None]

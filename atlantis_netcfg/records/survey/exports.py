@@ -1,4 +1,4 @@
-"""A survey for other programs: GeoJSON (RFC 7946) and CSV (RFC 4180). Both are made of its file alone."""
+"""Export a survey to GeoJSON (RFC 7946) and CSV (RFC 4180), from the survey file alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COLUMNS: Final = tuple(name for name in SurveyPoint.model_fields if name != "kin
 
 
 def geojson(survey: Survey) -> bytes:
-    """A feature for each point, in the order longitude, latitude; one without a position has no geometry (3.2)."""
+    """Return one feature per point (longitude, latitude); a point without a position has no geometry (3.2)."""
     positions = [point.position for point in survey.placed_points if point.position is not None]
     document: dict[str, Any] = {"type": "FeatureCollection"}
     if positions:
@@ -43,7 +43,7 @@ def _feature(point: SurveyPoint) -> dict[str, Any]:
 
 
 def csv_table(survey: Survey) -> bytes:
-    """A row for each point; what is not known is an empty cell."""
+    """Return one row per point; an unknown value is an empty cell."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(COLUMNS)
@@ -54,13 +54,13 @@ def csv_table(survey: Survey) -> bytes:
 
 
 def _harmless(value: Any) -> Any:  # noqa: ANN401 - of a cell
-    """Text that a spreadsheet would take for a formula stands behind an apostrophe; numbers stay."""
+    """Prefix text that a spreadsheet would read as a formula with an apostrophe; numbers are unchanged."""
     return f"'{value}" if isinstance(value, str) and value[:1] in {"=", "+", "-", "@", "\t", "\r"} else value
 
 
 @dataclass(frozen=True, slots=True)
 class Coast:
-    """Lines of a coast, each a sequence of longitude and latitude."""
+    """Coastlines to draw on the map, each a sequence of (longitude, latitude)."""
 
     name: str
     lines: tuple[tuple[tuple[float, float], ...], ...]
@@ -71,7 +71,7 @@ _SHIPPED_FILE: Final = Path(__file__).with_name("data") / "coast-viana.json"
 
 
 def named_coast(name: str) -> Coast:
-    """The coast that `coast=` names: the shipped one, or a file. Raises UsageError."""
+    """Return the coastline given by `coast=`: the built-in one or a file. Raises UsageError."""
     if name != SHIPPED_COAST:
         return read_coast(Path(name))
     return Coast("Natural Earth 1:10 million, up to about 1 km off", read_coast(_SHIPPED_FILE).lines)
@@ -87,7 +87,7 @@ _DEPTHS: Final = {
 
 
 def read_coast(path: Path) -> Coast:
-    """Read lines and outlines of a GeoJSON file. Raises UsageError, with what is wrong."""
+    """Read the lines and polygon outlines of a GeoJSON file. Raises UsageError, with the reason."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         lines = tuple(_outlines(document))

@@ -1,8 +1,8 @@
-"""A survey under way: at each step the unit is read, and where the hourly budget allows it a few packets are sent.
+"""The survey loop: read the unit at every step, and send a few test packets when the hourly budget allows it.
 
-The pace of the tests follows from the budget. A test may cost so much at most, its guard admits no more, and the next
-one begins so much later that no hour, wherever it begins, holds more than the budget. Between tests the unit is read
-all the same: that costs nothing on the link.
+The budget sets the interval between tests. Each test has a maximum cost, which its guard enforces. The next test
+starts late enough that no period of one hour holds more than the budget. Between tests the unit is still read,
+which costs nothing on the link.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ NOTHING_SENT: Final = "nothing is sent"
 
 
 class HourlyBudgetError(UsageError, ValueError):
-    """The hourly budget is too small for a test."""
+    """Raised when the hourly budget is too small for a test."""
 
 
 @dataclass(frozen=True, slots=True)
 class SurveyPlan:
-    """How often, and how much."""
+    """Interval of points, and budget of the tests."""
 
     step_s: float = 30.0
     """A point at least so often, and whenever the budget allows a test."""
@@ -65,15 +65,15 @@ class SurveyPlan:
     max_seconds: float | None = None
 
     def test_bytes(self, headers: int) -> int:
-        """What a test costs at most: all packets with their answers, and each question for the message's end."""
+        """Return the maximum cost of a test: all packets with replies, and all acknowledgement requests."""
         answer = stamp.AUTHENTICATED_SIZE + stamp.HMAC_TLV_SIZE + stamp.ACKNOWLEDGEMENT_SIZE
         questions = _QUESTIONS * 2 * (answer + headers)
         return train_bytes(self.train, headers) + message_bytes(self.message, headers) + questions
 
     def test_every_s(self, headers: int) -> float:
-        """The pace that the budget allows. Raises HourlyBudgetError.
+        """Return the shortest test interval that the budget allows. Raises HourlyBudgetError.
 
-        An hour holds at most the tests that begin in it, one more for the fence post, and the end of one before it.
+        An hour holds at most the tests that start in it, one more (fence post), and the end of the one before it.
         """
         cost = self.test_bytes(headers)
         if self.hourly_bytes < 3 * cost:
@@ -86,7 +86,7 @@ class SurveyPlan:
 
 @dataclass(frozen=True, slots=True)
 class RadioSample:
-    """What the unit said; what it did not say is None."""
+    """Values read from the 4G unit; None where the unit did not report one."""
 
     registration: str | None = None
     technology: str | None = None
@@ -103,28 +103,28 @@ class RadioReader(Protocol):
     """Reads the unit and the router, both over the site's own network."""
 
     def read(self) -> RadioSample:
-        """Read the unit; a failure is part of the sample."""
+        """Read the unit; a failure is recorded in the sample."""
 
     def carried_by(self) -> str | None:
-        """The link that carries the site's traffic, by the router's routes; None: not known."""
+        """Return the link that carries the site's traffic, from the router's routes; None if unknown."""
 
 
 class SurveyClock(Protocol):
-    """The time of a survey; an emulated one does not last."""
+    """Clock of a survey; the emulated implementation does not really wait."""
 
     def now_s(self) -> float:
-        """A steady clock."""
+        """Return the seconds of a monotonic clock."""
 
     def utc(self) -> datetime:
-        """The date and time."""
+        """Return the date and time in UTC."""
 
     def wait(self, seconds: float) -> None:
-        """Let so much time pass."""
+        """Wait for this many seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class TestSample:
-    """What a test has measured."""
+    """Result of one test."""
 
     __test__ = False
 
@@ -141,7 +141,7 @@ class TestSample:
 
 @dataclass(slots=True)
 class LinkTester:
-    """Sends a train, and where it is answered one message; each within the cost of one test."""
+    """Sends a packet train and, if replies arrive, one message; each within the cost of one test."""
 
     plan: SurveyPlan
     transport: DatagramTransport
@@ -150,7 +150,7 @@ class LinkTester:
     """Takes the raw samples."""
 
     def test(self, number: int) -> TestSample:
-        """Measure now; one that is stopped by Ctrl-C says so."""
+        """Run one test now; a test stopped by Ctrl-C is marked as stopped."""
         budget = Budget(max_bytes=self.plan.test_bytes(self.transport.headers))
         guard = BudgetGuard(budget, lambda: self.transport.now_ns() / session.SECOND, self.transport.headers)
         sample, was_stopped = self._train(guard, f"point-{number}")
@@ -184,7 +184,7 @@ class LinkTester:
     def _run(
         self, guard: BudgetGuard, stream: session.PacketStream, samples: Sequence[Sample], complete: Callable[[], bool]
     ) -> bool:
-        """Run a stream until it is complete; whether a person has stopped it: `session.run` ends on Ctrl-C as well."""
+        """Run a stream until it is complete; return True if Ctrl-C stopped it (`session.run` also ends on Ctrl-C)."""
         reason = session.run(self.transport, self.peer, [stream], guard, stop=complete)
         for sample in samples:
             self.write(sample)
@@ -192,7 +192,7 @@ class LinkTester:
 
 
 def _is_complete(sample: Sample) -> bool:
-    """Whether a message has come to its end by itself."""
+    """Return True for the result of a message that is no longer in flight."""
     return isinstance(sample, MessageResult) and not sample.in_flight
 
 
@@ -202,7 +202,7 @@ def _answered_sequences(samples: Sequence[Sample]) -> set[int]:
 
 @dataclass(slots=True)
 class RunningSurvey:
-    """A survey under way; `run` goes on until it is stopped, or its time is over."""
+    """A survey in progress; `run` continues until it is stopped or its time is over."""
 
     plan: SurveyPlan
     link: str
@@ -221,11 +221,11 @@ class RunningSurvey:
     _last: TrackPosition | None = None
 
     def begin(self) -> None:
-        """Time begins now."""
+        """Start the clocks of the survey."""
         self._begin_s = self._next_test_s = self._again_s = self.clock.now_s()
 
     def run(self) -> str:
-        """Take points by time and way; why it ended. KeyboardInterrupt ends it, and everything is kept."""
+        """Take points by time and distance; return the end reason. After KeyboardInterrupt all points are kept."""
         self.begin()
         try:
             while not self._over():
@@ -252,7 +252,7 @@ class RunningSurvey:
         return here.distance_m(self._last) >= self.plan.step_m
 
     def take(self) -> SurveyPoint:
-        """Take one point here and now, and write it."""
+        """Take one point at the current position, and write it."""
         begun_s = self._last_s = self.clock.now_s()
         radio = self.radio.read()
         here = self.positions.position()
@@ -287,7 +287,7 @@ class RunningSurvey:
         return round(here.distance_m(there), 1)
 
     def _test(self) -> TestSample:
-        """Send, where the budget and the link in use allow it."""
+        """Run a test if the budget and the link in use allow it."""
         tester, now_s = self.tester, self.clock.now_s()
         if tester is None:
             return TestSample(no_test=NOTHING_SENT)
@@ -328,7 +328,7 @@ def steps(text: str | None) -> tuple[float | None, float]:
 
 
 def hourly_bytes(text: str) -> int:
-    """Read `--max-mb`: 2 at most, for that is what a survey may cost. Raises UsageError."""
+    """Parse `--max-mb` into bytes per hour; the maximum is 2 MB. Raises UsageError."""
     if not re.fullmatch(r"\d{1,3}(\.\d{1,6})?", text) or not 0 < float(text) <= MAX_MB:
         raise UsageError(
             f"`--max-mb {text}` is no budget of a survey",

@@ -1,9 +1,9 @@
-"""The page of a survey: one file without script and without a request, the track coloured by each value in turn.
+"""The HTML page of a survey: one file without scripts or requests, with one coloured track per value.
 
-A colour never speaks alone: each band has its own shape, and the legend gives its limits in numbers. The colours are
-those of Okabe and Ito, which people see apart who do not see all colours. Limits of RSRP, RSRQ and SINR are those by
-which `provision links` warns, with the steps above them (rules of thumb of modem makers); those of round trip and
-goodput are a proposal.
+Colour is never the only sign: each band also has a shape, and the legend gives the limits in numbers. The colours are
+the Okabe-Ito palette, which is safe for colour-blind readers. Limits of RSRP, RSRQ and SINR are the warning limits
+of `provision links`, with the steps above them (rules of thumb of modem makers). Those of round trip and goodput
+are a proposal.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SHAPES: Final = ("square", "circle", "triangle", "diamond", "cross", "bar")
 
 @dataclass(frozen=True, slots=True)
 class BandScale:
-    """A value, and where its bands end; the best one stands first."""
+    """A value and the limits of its bands, best band first."""
 
     name: str
     """Of the field of a point."""
@@ -53,15 +53,15 @@ class BandScale:
 
     @property
     def falls(self) -> bool:
-        """Whether a higher value is better."""
+        """True if a higher value is better."""
         return self.limits[0] > self.limits[-1]
 
     def band(self, value: float) -> int:
-        """The band of a value as it is shown."""
+        """Return the band number of a displayed value."""
         return sum(1 for limit in self.limits if (value < limit if self.falls else value > limit))
 
     def words(self) -> Iterator[str]:
-        """Of each band, its limits in numbers."""
+        """Yield the limits of each band as text."""
         best, last, unit = self.limits[0], self.limits[-1], self.unit
         yield f"from {best:g} {unit}" if self.falls else f"up to {best:g} {unit}"
         for first, second in pairwise(self.limits):
@@ -70,7 +70,7 @@ class BandScale:
         yield f"below {last:g} {unit}" if self.falls else f"above {last:g} {unit}"
 
     def get_value(self, point: SurveyPoint) -> float | None:
-        """The value of a point in the unit of the scale."""
+        """Return the value of a point in the unit of the scale; None if missing."""
         value = getattr(point, self.name)
         return None if value is None else float(value) * self.factor
 
@@ -88,7 +88,7 @@ KINDS: Final = (("cell", "Serving cell"), ("technology", "Radio technology"))
 
 @dataclass(frozen=True, slots=True)
 class TrackMark:
-    """A point of the drawing."""
+    """A survey point on the map."""
 
     x: float
     y: float
@@ -99,7 +99,7 @@ class TrackMark:
 
 @dataclass(frozen=True, slots=True)
 class LegendRow:
-    """A band, and what it means."""
+    """A band and its text in the legend."""
 
     band: int | None
     words: str
@@ -108,7 +108,7 @@ class LegendRow:
 
 @dataclass(frozen=True, slots=True)
 class ValueLayer:
-    """The track by one value."""
+    """The track coloured by one value."""
 
     key: str
     title: str
@@ -118,7 +118,7 @@ class ValueLayer:
 
 @dataclass(frozen=True, slots=True)
 class MapFrame:
-    """What part of the world is drawn, and how large: a plane that touches it in the middle."""
+    """Area and scale of the map: a plane tangent to the Earth in the middle of the area."""
 
     south: float
     west: float
@@ -129,7 +129,7 @@ class MapFrame:
 
     @classmethod
     def around(cls, positions: Sequence[tuple[float, float]]) -> MapFrame:
-        """Around positions; the longer side fills the sheet."""
+        """Return the frame that contains all positions; the longer side fills the sheet."""
         latitudes, longitudes = zip(*positions, strict=True)
         narrowing = max(0.01, math.cos(math.radians((min(latitudes) + max(latitudes)) / 2)))
         wide = (max(longitudes) - min(longitudes)) * _METRES * narrowing
@@ -142,14 +142,14 @@ class MapFrame:
         return cls(min(latitudes) - spare_y / per_metre / _METRES, west, per_metre, height, narrowing)
 
     def place(self, latitude: float, longitude: float) -> tuple[float, float]:
-        """Where a position is on the sheet."""
+        """Convert a position to sheet coordinates."""
         x = _MARGIN + (longitude - self.west) * _METRES * self.narrowing * self.per_metre
         y = self.height - _MARGIN - (latitude - self.south) * _METRES * self.per_metre
         return round(x, 1), round(y, 1)
 
     @property
     def bar(self) -> tuple[float, str]:
-        """How long the bar of the scale is, and what it says: a round number of metres."""
+        """Length of the scale bar on the sheet, and its label: a round number of metres."""
         most = (_WIDTH - 2 * _MARGIN) / 3 / self.per_metre
         power = 10.0 ** math.floor(math.log10(most))
         metres = next(step * power for step in (5, 2, 1) if step * power <= most)
@@ -157,7 +157,7 @@ class MapFrame:
 
 
 def layers(survey: Survey, frame: MapFrame) -> tuple[ValueLayer, ...]:
-    """The track by each value that can be shown."""
+    """Return one layer for each value that can be shown."""
     return (*(_by_scale(survey, frame, scale) for scale in SCALES), *(_by_kind(survey, frame, *kind) for kind in KINDS))
 
 
@@ -190,7 +190,7 @@ def _mark(frame: MapFrame, point: SurveyPoint, band: int | None, words: str) -> 
 
 
 def _why(point: SurveyPoint, name: str) -> str:
-    """Why a value is missing."""
+    """Return the reason why a value is missing."""
     if name in {"rtt_median_s", "goodput_up_bps"}:
         return point.no_test or "nothing was received"
     return point.no_radio or "the unit does not say"
@@ -202,7 +202,7 @@ def _legend(marks: Sequence[TrackMark], words: Sequence[str]) -> tuple[LegendRow
 
 
 def coast_paths(coast: Coast | None, frame: MapFrame) -> tuple[str, ...]:
-    """The parts of a coast that cross the sheet, as paths of SVG."""
+    """Return the parts of a coastline that cross the sheet, as SVG paths."""
     if coast is None:
         return ()
     paths = []
@@ -225,7 +225,7 @@ _ENDS: Final = {
 
 
 def summary(survey: Survey) -> tuple[str, ...]:
-    """What the survey holds, in sentences."""
+    """Summarise the survey in sentences."""
     points = survey.points
     levels = sum(point.rsrp_dbm is not None for point in points)
     test_count = sum(point.sent is not None for point in points)
@@ -247,13 +247,13 @@ def summary(survey: Survey) -> tuple[str, ...]:
 
 
 def missing(survey: Survey) -> tuple[tuple[str, int], ...]:
-    """Why points have no position, and how many."""
+    """Count the points without a position, by reason."""
     reasons = [point.no_position for point in survey.points if point.position is None]
     return tuple((reason, reasons.count(reason)) for reason in dict.fromkeys(reasons))
 
 
 def html(survey: Survey, coast: Coast | None = None) -> bytes:
-    """The page; the same for the same survey."""
+    """Render the page; the result depends on the survey and the coastline alone."""
     style, header = _environment().get_template("survey.css.j2").render(), survey.header
     positions = [point.position for point in survey.placed_points if point.position is not None]
     frame = MapFrame.around(positions) if positions else None

@@ -1,7 +1,7 @@
-"""A survey as JSON Lines: a header, a line for each point, and the end. Lines are added, and never changed.
+"""The survey file in JSON Lines: a header, one line per point, and an end line. Append-only.
 
-What a device did not say is null, and so is a position that nobody measured. A file whose last line was cut off is
-whole without it, and one without an end is a survey that was killed.
+Values that a device did not report are null, and so are unknown positions. If the last line is cut off, the file is
+valid without it. A file without an end line belongs to a survey that was killed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SAMPLES_FILE: Final = "samples.jsonl"
 
 
 class SurveyUnreadable(UsageError, ValueError):
-    """A file is no survey that this version has written."""
+    """Raised when a file is not a survey written by this version."""
 
 
 class _Line(BaseModel):
@@ -33,7 +33,7 @@ class _Line(BaseModel):
 
 
 class SurveyHeader(_Line):
-    """Where, over what, and how."""
+    """Site, link and settings of a survey."""
 
     kind: Literal["survey"] = "survey"
     version: int = VERSION
@@ -68,7 +68,7 @@ class SurveyHeader(_Line):
 
 
 class SurveyPoint(_Line):
-    """What was heard and measured at one place."""
+    """Signal values and measurements at one place."""
 
     kind: Literal["point"] = "point"
     number: int
@@ -117,7 +117,7 @@ class SurveyPoint(_Line):
 
 
 class SurveyEnd(_Line):
-    """Why nothing more comes."""
+    """End of a survey, with the reason."""
 
     kind: Literal["end"] = "end"
     at: datetime
@@ -131,7 +131,7 @@ _ADAPTER: Final[TypeAdapter[SurveyHeader | SurveyPoint | SurveyEnd]] = TypeAdapt
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """A survey as its file has it."""
+    """A survey as read from its file."""
 
     header: SurveyHeader
     points: tuple[SurveyPoint, ...]
@@ -145,25 +145,25 @@ class Survey:
 
     @property
     def reason(self) -> str:
-        """Why it ended."""
+        """The reason why the survey ended; "cut off" if there is no end line."""
         return "cut off" if self.end is None else self.end.reason
 
 
 @dataclass(frozen=True, slots=True)
 class SurveyWriter:
-    """Adds lines to a file that is open for appending; each is on disk before the next one comes."""
+    """Appends lines to an open survey file; each line is on disk before the next is written."""
 
     file: TextIO
 
     def __call__(self, line: SurveyHeader | SurveyPoint | SurveyEnd) -> None:
-        """Write a line."""
+        """Append a line and sync it to disk."""
         self.file.write(line.model_dump_json() + "\n")
         self.file.flush()
         os.fsync(self.file.fileno())
 
 
 def read_survey(path: Path) -> Survey:
-    """Read a file. SurveyUnreadable, with the line's number; OSError."""
+    """Read a survey file. Raises SurveyUnreadable (with line number) and OSError."""
     lines = [*_lines(path)]
     if not lines or not isinstance(lines[0], SurveyHeader):
         raise SurveyUnreadable(f"{path}:1: this is not the beginning of a survey", hint=f"take a `{SURVEY_FILE}`")

@@ -1,8 +1,8 @@
-"""Where we are, or why nobody knows: from gpsd's stream, or from what a person types.
+"""The current position, or the reason why it is unknown: from gpsd or from typed input.
 
-A fix counts while it is young, its geometry is good, and its receiver has measured it. Its age runs from the moment
-at which its time was first heard, so a receiver that repeats itself grows old. What does not count has no position:
-nothing is interpolated, and the last one is not kept.
+A fix is accepted if it is recent, its geometry is good, and the receiver has measured it. Its age counts from the
+moment at which its time stamp first arrived, so a receiver that repeats the same fix becomes stale. If no fix is
+accepted there is no position: nothing is interpolated, and the previous position is not kept.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _OTHER_RECEIVER_S: Final = 10.0
 
 
 class NoPosition(StrEnum):
-    """Why there is no position."""
+    """Reason why there is no position."""
 
     NO_GPSD = "gpsd does not answer"
     NO_REPORT = "no report of the receiver"
@@ -56,7 +56,7 @@ class NoPosition(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TrackPosition:
-    """A place, and what is known of how good it is."""
+    """A position and its known accuracy."""
 
     latitude: float
     longitude: float
@@ -65,22 +65,22 @@ class TrackPosition:
     place: str = ""
 
     def distance_m(self, other: TrackPosition) -> float:
-        """Along the great circle."""
+        """Return the great-circle distance in metres."""
         return distance_m(self.latitude, self.longitude, other.latitude, other.longitude)
 
 
 class PositionSource(Protocol):
-    """Where positions come from."""
+    """A source of positions."""
 
     name: str
 
     def position(self) -> TrackPosition | NoPosition:
-        """Where we are now."""
+        """Return the current position, or why there is none."""
 
 
 @dataclass(slots=True)
 class GpsdStream:
-    """What gpsd has said so far; `feed` is given bytes as they come, and the time at which they did."""
+    """Parser of gpsd's stream; `feed` takes bytes and the time at which they arrived."""
 
     max_age_s: float = MAX_AGE_S
     max_hdop: float = MAX_HDOP
@@ -95,7 +95,7 @@ class GpsdStream:
     _heard_s: float = 0.0
 
     def feed(self, at_s: float, data: bytes) -> None:
-        """Take what came."""
+        """Parse the bytes that arrived at `at_s`."""
         *whole, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > _MOST:
             self._rest = b""
@@ -120,7 +120,7 @@ class GpsdStream:
             self._last = report
 
     def position(self, now_s: float) -> TrackPosition | NoPosition:
-        """The position at this time, on the clock of `feed`."""
+        """Return the position at `now_s`, on the clock of `feed`."""
         report = self._last
         if report is None or (not report.has_fix and now_s - self._heard_s > self.max_age_s):
             return NoPosition.NO_REPORT
@@ -146,7 +146,7 @@ class GpsdStream:
 
 
 class GpsdSource:
-    """A gpsd over TCP (`address`), or over the standard input and output of a `command`. A thread listens to it."""
+    """Positions of a gpsd over TCP (`address`) or over stdin/stdout of a `command`, read by a thread."""
 
     def __init__(self, name: str, address: tuple[str, int] | None = None, command: Sequence[str] = ()) -> None:
         self.name = name
@@ -169,12 +169,12 @@ class GpsdSource:
         self._stop.close()
 
     def position(self) -> TrackPosition | NoPosition:
-        """As `PositionSource` has it."""
+        """See `PositionSource.position`."""
         with self._lock:
             return NoPosition.NO_GPSD if self._stream is None else self._stream.position(time.monotonic())
 
     def _listen(self) -> None:
-        """Connect, hear until the other end hangs up, and begin again."""
+        """Connect, read until the other end disconnects, and reconnect, for ever."""
         while True:
             with suppress(OSError), ExitStack() as stack:
                 self._hear(self._connect(stack))
@@ -197,7 +197,7 @@ class GpsdSource:
         return ours
 
     def _end(self, process: subprocess.Popen[bytes]) -> None:
-        """End the program, and keep what it has complained of at last."""
+        """Terminate the program, and keep its last error output."""
         process.terminate()
         try:
             _, complaints = process.communicate(timeout=_CONNECT_S)
@@ -239,9 +239,9 @@ _POSITION = re.compile(
 
 
 def typed_position(text: str, named_places: dict[str, TrackPosition]) -> TrackPosition | None:
-    """Understand `41.6864, -8.8388`, `pier: 41.6864, -8.8388`, or the name of a place that was typed before.
+    """Parse `41.6864, -8.8388`, `pier: 41.6864, -8.8388`, or the name of a place typed before.
 
-    A named one is kept in `named_places`. None: it is neither.
+    A named position is stored in `named_places`. Returns None for any other text.
     """
     match = _POSITION.fullmatch(text.strip())
     if match is None:

@@ -1,6 +1,6 @@
-"""The 4G unit's own readings, by the driver that `provision links` uses, and the link that carries the traffic.
+"""Readings of the 4G unit, by the driver of `provision links`, and the link that carries the traffic.
 
-Both are asked over the site's network: nothing of it goes over the link that is surveyed. No canary is pinged.
+Both are requested over the site's network: nothing goes over the surveyed link. No probe target is pinged.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ BY_HAND = "`driver: manual`: a person looks at its own page"
 
 
 def surveyed_link(declaration: Declaration, site: str, name: str | None) -> model.Bearer:
-    """The 4G link of a site of that name, or the only one. Raises UsageError."""
+    """Return the site's 4G link of that name, or its only one. Raises UsageError."""
     links = {bearer.name: bearer for bearer in declaration.sites[site].bearers if bearer.kind is model.BearerKind.LTE}
     choices = f"its 4G links: {', '.join(links)}" if links else "it declares no 4G link"
     if name is None and len(links) == 1:
@@ -51,7 +51,7 @@ def surveyed_link(declaration: Declaration, site: str, name: str | None) -> mode
 
 
 def unit_of(declaration: Declaration, bearer: model.Bearer) -> Host:
-    """The box of a 4G link. Raises UsageError where none is declared."""
+    """Return the device of a 4G link. Raises UsageError if the inventory has none."""
     host = declaration.hosts.get(bearer.device or "")
     if host is None or not isinstance(host.device, model.LteRouter):
         raise errors.UsageError(
@@ -63,7 +63,7 @@ def unit_of(declaration: Declaration, bearer: model.Bearer) -> Host:
 
 @dataclass(slots=True)
 class UnitRadio:
-    """Reads a unit, and asks the router of its site for the routes in force."""
+    """Reads the 4G unit, and the active routes from the router of its site."""
 
     declaration: Declaration
     host: Host
@@ -73,11 +73,11 @@ class UnitRadio:
     """None: nobody is asked which link carries the traffic."""
 
     def read(self) -> RadioSample:
-        """As `RadioReader` has it."""
+        """See `RadioReader.read`."""
         return asyncio.run(self._radio())
 
     def carried_by(self) -> str | None:
-        """As `RadioReader` has it: one question to the router, in a session of its own."""
+        """See `RadioReader.carried_by`; sends one request to the router in a separate session."""
         return None if self.router is None else asyncio.run(self._carried_by(self.router))
 
     async def _radio(self) -> RadioSample:
@@ -105,7 +105,7 @@ class UnitRadio:
 
 
 def facts_of(sample: RadioSample) -> dict[str, str]:
-    """What the unit has said, in words: label to value."""
+    """Return the values reported by the unit as text, by label."""
     levels = (("RSRP", sample.rsrp_dbm, "dBm"), ("RSRQ", sample.rsrq_db, "dB"), ("SINR", sample.sinr_db, "dB"))
     words = {
         "4G unit": f"not read: {sample.no_radio}" if sample.no_radio else None,
@@ -120,7 +120,7 @@ def facts_of(sample: RadioSample) -> dict[str, str]:
 
 
 def sample_of(reading: LteReading) -> RadioSample:
-    """What a survey keeps of a reading."""
+    """Convert a reading to the sample that a survey stores."""
     return RadioSample(
         registration=reading.state.value,
         technology=reading.access_tech,

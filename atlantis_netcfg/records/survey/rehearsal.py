@@ -1,8 +1,8 @@
-"""A voyage that is emulated: its clock, its positions, its link, and what the emulated unit hears on the way.
+"""An emulated voyage: its clock, positions and link, and the signal that the emulated unit receives.
 
-Time passes only while somebody waits, so an hour lasts seconds. Positions are reports as gpsd writes them; the unit is
-the emulation that every rehearsal has, read by its own driver; packets go to our reflector over a link of the
-declared rate, which falls with the coverage. All of the coverage is made up.
+Time passes only in `wait`, so an hour takes seconds. Positions are reports in gpsd's format. The unit is the same
+emulator as in every rehearsal, read by its real driver. Packets go to our reflector over a link of the rate in the
+inventory, which falls with the coverage. The coverage is invented.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ NOT_REHEARSED: Final = (
 
 @dataclass(slots=True)
 class SimulatedClock:
-    """Seconds since the voyage began."""
+    """Simulated clock, in nanoseconds since the start of the voyage."""
 
     ns: int = 0
 
     def now_s(self) -> float:
-        """As `SurveyClock` has it."""
+        """See `SurveyClock.now_s`."""
         return self.ns / SECOND
 
     def utc(self) -> datetime:
-        """As `SurveyClock` has it."""
+        """See `SurveyClock.utc`."""
         return START + timedelta(microseconds=self.ns // 1000)
 
     def wait(self, seconds: float) -> None:
-        """As `SurveyClock` has it."""
+        """See `SurveyClock.wait`; advances the clock without waiting."""
         self.reach(self.ns + round(seconds * SECOND))
 
     def reach(self, ns: int) -> None:
-        """Let time pass until then."""
+        """Advance the clock to this time; never backwards."""
         self.ns = max(self.ns, ns)
 
 
@@ -74,19 +74,19 @@ class SimulatedLink:
 
     @property
     def wire_bytes(self) -> int:
-        """What this end has put on the wire, and what has come to it."""
+        """Bytes sent by this end plus bytes delivered to it."""
         return self.up.sent_bytes + self.down.delivered_bytes
 
     def now_ns(self) -> int:
-        """As `DatagramTransport` has it."""
+        """See `DatagramTransport.now_ns`."""
         return self.clock.ns
 
     def unix_ns(self) -> int:
-        """As `DatagramTransport` has it."""
+        """See `DatagramTransport.unix_ns`."""
         return round(START.timestamp()) * SECOND + self.clock.ns
 
     def send(self, datagram: bytes) -> str:
-        """As `DatagramTransport` has it."""
+        """See `DatagramTransport.send`."""
         self._carry(datagram, up=True)
         return ""
 
@@ -98,7 +98,7 @@ class SimulatedLink:
             heapq.heappush(self._due, (max(self.clock.ns, round(arrival_s * SECOND)), self._count, up, datagram))
 
     def receive(self, until_ns: int) -> Arrival | None:
-        """As `DatagramTransport` has it."""
+        """See `DatagramTransport.receive`."""
         while self._due and self._due[0][0] <= until_ns:
             at, _, up, datagram = heapq.heappop(self._due)
             self.clock.reach(at)
@@ -114,7 +114,7 @@ class SimulatedLink:
 
 @dataclass(frozen=True, slots=True)
 class DeclaredRate:
-    """The `rate:` of a bearer."""
+    """The `rate:` of a link in the inventory."""
 
     rtt_s: float
     up_bps: float
@@ -122,7 +122,7 @@ class DeclaredRate:
 
 
 def gpsd_reports(at: datetime, latitude: float, longitude: float) -> tuple[bytes, bytes]:
-    """Two lines as gpsd 3.22 writes them for a fix in three dimensions."""
+    """Return two reports as gpsd 3.22 writes them for a 3D fix: SKY and TPV."""
     device = "/dev/ttyACM0"
     sky = {"class": "SKY", "device": device, "hdop": 0.9, "nSat": 11, "uSat": 9}
     fix = {"class": "TPV", "device": device, "mode": 3, "time": f"{at:%Y-%m-%dT%H:%M:%S}.000Z", "ept": 0.005}
@@ -133,7 +133,7 @@ def gpsd_reports(at: datetime, latitude: float, longitude: float) -> tuple[bytes
 
 @dataclass(slots=True)
 class Voyage:
-    """All that is emulated of a survey. `tune` hands what is on the air to the emulated unit."""
+    """The emulated parts of a survey. `tune` passes the current signal to the emulated unit."""
 
     track: Track
     coverage: Coverage
@@ -149,25 +149,25 @@ class Voyage:
     """The last second that the emulated gpsd has reported."""
 
     def __post_init__(self) -> None:
-        """Lay the link."""
+        """Create the emulated link."""
         generators = (random.Random(1), random.Random(2))  # noqa: S311 - an emulation
         up, down = (udp_link.LinkModel(udp_link.LinkShape(), source) for source in generators)
         self.link = SimulatedLink(self.clock, self._shapes, up, down)
 
     @property
     def truth(self) -> PlaceTruth:
-        """What is on the air here and now."""
+        """Signal and service at the current position."""
         return self.coverage.at(*self.track.at(self.clock.now_s()))
 
     def _shapes(self) -> tuple[udp_link.LinkShape, udp_link.LinkShape]:
-        """The link is what the place allows; without service everything is lost."""
+        """Return the link properties (up, down) at the current position; without service, all packets are lost."""
         truth = self.truth
         loss, delay_s = 0.0 if truth.has_service else 1.0, self.rate.rtt_s / 2 * truth.delay_factor
         up, down = (bps * truth.rate_share for bps in (self.rate.up_bps, self.rate.down_bps))
         return udp_link.LinkShape(up, delay_s, loss=loss), udp_link.LinkShape(down, delay_s, loss=loss)
 
     def position(self) -> positions.TrackPosition | positions.NoPosition:
-        """As `PositionSource` has it: the receiver reports once a second."""
+        """See `PositionSource.position`; the receiver reports once per second."""
         second = int(self.clock.now_s())
         if second != self._told_s:
             self._told_s = second
@@ -178,16 +178,16 @@ class Voyage:
 
 @dataclass(frozen=True, slots=True)
 class VoyageRadio:
-    """The unit's reader on a voyage: what is on the air at this place is put on before each reading."""
+    """Reader of the emulated unit: sets the signal of the current position before each reading."""
 
     voyage: Voyage
     reader: RadioReader
 
     def read(self) -> RadioSample:
-        """As `RadioReader` has it."""
+        """See `RadioReader.read`."""
         self.voyage.tune(self.voyage.truth)
         return self.reader.read()
 
     def carried_by(self) -> str | None:
-        """As `RadioReader` has it."""
+        """See `RadioReader.carried_by`."""
         return self.reader.carried_by()

@@ -1,4 +1,4 @@
-"""The survey of a declared site: its unit, its router, the far end, the clock; or all of it emulated."""
+"""Set-up of a site's survey: unit, router, far end and clock, real or all emulated."""
 
 from __future__ import annotations
 
@@ -46,27 +46,27 @@ _PORT_OF_VIANA = (41.6864, -8.8388)
 
 
 class RealClock:
-    """This computer's clocks."""
+    """The clocks of this computer."""
 
     @staticmethod
     def now_s() -> float:
-        """As `SurveyClock` has it."""
+        """See `SurveyClock.now_s`."""
         return time.monotonic()
 
     @staticmethod
     def utc() -> datetime:
-        """As `SurveyClock` has it."""
+        """See `SurveyClock.utc`."""
         return datetime.now(UTC)
 
     @staticmethod
     def wait(seconds: float) -> None:
-        """As `SurveyClock` has it."""
+        """See `SurveyClock.wait`."""
         time.sleep(seconds)
 
 
 @dataclass(slots=True)
 class TypedPositions:
-    """Positions that a person types; the last one is where we are."""
+    """Positions typed by a person; the last one is the current position."""
 
     name: str = "a person"
     current: TrackPosition | None = None
@@ -74,7 +74,7 @@ class TypedPositions:
     """Places that were named."""
 
     def type(self, text: str) -> bool:
-        """Take what was typed; an empty line is the same place again. False: it is no position."""
+        """Set the current position from typed text; empty text repeats it. Returns False if there is no position."""
         if text.strip():
             position = typed_position(text, self._places)
             self.current = position or self.current
@@ -82,13 +82,13 @@ class TypedPositions:
         return self.current is not None
 
     def position(self) -> TrackPosition | NoPosition:
-        """As `PositionSource` has it."""
+        """See `PositionSource.position`."""
         return self.current or NoPosition.NOT_TYPED
 
 
 @dataclass(frozen=True, slots=True)
 class SiteSurvey:
-    """What is surveyed, and how."""
+    """Scope and settings of a survey."""
 
     declaration: Declaration
     link: Bearer
@@ -105,12 +105,12 @@ class SiteSurvey:
 
     @property
     def site(self) -> str:
-        """Its name."""
+        """The name of the site."""
         return self.unit.site
 
     @property
     def far_end(self) -> tuple[str, int, bytes]:
-        """Address, port and key of the reflector. Raises UsageError where none is declared."""
+        """Address, port and key of the reflector. Raises UsageError if the inventory has none."""
         far = self.declaration.pilot.qualify
         if far is None:
             raise UsageError(
@@ -123,7 +123,7 @@ class SiteSurvey:
     def running(
         self, stack: ExitStack, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]
     ) -> measure.RunningSurvey:
-        """All that a survey needs; what has to be closed ends with the stack. Raises UsageError."""
+        """Build the survey; resources are closed with the stack. Raises UsageError."""
         if self.tune is not None:
             return self._build_emulation(samples, write)
         tester = None
@@ -174,7 +174,7 @@ class SiteSurvey:
         return GpsdSource(f"gpsd at {address[0]}:{address[1]}", address)
 
     def header(self, survey: measure.RunningSurvey, name: str) -> SurveyHeader:
-        """The first line of its file."""
+        """Return the header line of the survey file."""
         tester = survey.tester
         far = None
         if tester is not None:

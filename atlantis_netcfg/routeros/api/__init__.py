@@ -1,9 +1,9 @@
-"""The wire to a RouterOS device: one asyncio session over api-ssl with a pinned certificate.
+"""Client of the RouterOS API: one asyncio session over api-ssl with a pinned certificate.
 
-The protocol layer of librouteros (lengths of words) under a tagged multiplexer of ours: a window of commands travels in
-one write and costs one round trip, which is what counts on a link of 700 ms. Added to librouteros: tags, TLS with a pin
-that is checked before the login is sent, five-byte lengths, strings kept as the device has them (nothing is cast, no
-byte dropped), time-outs by silence, limits on memory, counters of what the wire carries.
+librouteros computes the length prefixes of words; the tagged multiplexer above it is ours. Many commands travel in one
+write and cost one round trip, which matters on a link with a round trip of 700 ms. Added to librouteros: tags, TLS with
+a pin that is checked before the login is sent, five-byte lengths, strings exactly as the device sent them (no casts, no
+dropped bytes), timeouts on silence, memory limits, and counters of the bytes on the wire.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """One session with one device, from the TLS handshake to the close.
 
-The login sentences of both ages (manual, API, "Initial login"): one turn since RouterOS 6.43, two before.
+Both login procedures of the manual are supported (API, "Initial login"): one round trip since RouterOS 6.43, two
+before.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
 
 
 async def log_in(wire: Wire, endpoint: _values.Endpoint) -> None:
-    """Log in over a TLS connection whose certificate was checked. Raises LoginRefused with the device's words.
+    """Log in over TLS after the certificate check. Raises LoginError with the device's message.
 
-    A device older than 6.43 answers name and password with a challenge; that it saw the password is no loss, since it
-    is the pinned device and the words are encrypted.
+    A device older than 6.43 replies to name and password with a challenge. That it has seen the password is acceptable:
+    it is the pinned device, and the connection is encrypted.
     """
     password = endpoint.password.reveal()
     reply = await _ask(wire, endpoint, ("password", password))
@@ -88,7 +89,7 @@ class Session:
     async def open(cls, endpoint: _values.Endpoint) -> Self:
         """Connect, check the certificate against the pin, then log in: one round trip after the TLS handshake.
 
-        Raises Unreachable, CertificateUnknown, CertificateChanged, LoginRefused, SessionLost, ProtocolError.
+        Raises Unreachable, CertificateUnknown, CertificateMismatch, LoginError, SessionLost, ProtocolError.
         """
         traffic = _values.Traffic()
         endpoint.opening(traffic)
@@ -97,31 +98,33 @@ class Session:
 
     @property
     def tls_version(self) -> str:
-        """As the TLS library calls it: `TLSv1.2`."""
+        """TLS version as named by the TLS library: `TLSv1.2`."""
         return str(self._wire.transport.get_extra_info("ssl_object").version())
 
     def fall_silent(self) -> None:
-        """Let neither end hear the other again, as a link that has died; the connection stays until it is closed."""
+        """Simulate a dead link: neither end receives from the other; the connection remains until it is closed."""
         _tls.cut_off(self._wire.transport)
 
     async def command(self, command: _values.Command, *, silence_s: float | None = None) -> _values.Reply:
-        """Send one command and wait for its answer: a flight of one."""
+        """Send one command and wait for its reply."""
         (reply,) = await self.flight([command], silence_s=silence_s)
         return reply
 
     async def flight(
         self, commands: Sequence[_values.Command], *, silence_s: float | None = None
     ) -> list[_values.Reply]:
-        """Send commands in batches of WINDOW, or of `Endpoint.window` where all of them read; replies in their order.
+        """Send commands in batches of WINDOW (`Endpoint.window` if all only read); return replies in the same order.
 
-        Each batch is one write and one round trip, in which the device may keep no order. A refused command does not
-        stop the others: see `Reply.checked`. `silence_s` replaces the endpoint's `reply_timeout_s` for commands that
-        work silently.
+        Each batch is one write and one round trip, and the device may execute it in any order. A refused command does
+        not stop the others: see `Reply.check`. `silence_s` replaces the endpoint's `reply_timeout_s` for commands that
+        produce no output for a long time.
 
-        If the device falls silent in a window larger than WINDOW, and this session has done nothing but read, it is
-        opened anew and everything is read again in WINDOW; that this went well is told to `Endpoint.narrowed`. A link
-        that was lost at that moment looks the same, and costs a round trip from then on, nothing else.
-        Raises SessionLost or ProtocolError; the session is then over.
+        If the device stops responding in a window larger than WINDOW, and this session has only read so far, the
+        session is reopened and everything is read again in batches of WINDOW. If that succeeds,
+        `Endpoint.on_window_shrink` is called. A link lost at that moment looks the same; the only effect is a round
+        trip more from then on.
+
+        Raises SessionLost or ProtocolError; the session is then closed.
         """
         patience_s = self.endpoint.reply_timeout_s if silence_s is None else silence_s
         reading = all(map(_reads, commands))
@@ -148,9 +151,9 @@ class Session:
         return replies
 
     async def close(self, *, wait: bool = True) -> None:
-        """Close the connection; the device undoes safe mode if this session holds it. Never raises, may be repeated.
+        """Close the connection; the device undoes safe mode that this session holds. Never raises; idempotent.
 
-        With `wait` the device has said that the session is over; without, it learns it half a round trip later.
+        With `wait` the device has confirmed the end of the session; without, it learns of it half a round trip later.
         """
         self._wire.close(wait=wait)
         try:
@@ -170,12 +173,12 @@ class Session:
 
 
 async def certificate_of(endpoint: _values.Endpoint) -> str:
-    """Connect, and give the SHA-256 of the certificate that is shown: nothing is sent. Raises Unreachable."""
+    """Return the SHA-256 of the device's certificate without sending any request. Raises Unreachable."""
     return hashlib.sha256(await shown_certificate(endpoint)).hexdigest()
 
 
 async def shown_certificate(endpoint: _values.Endpoint) -> bytes:
-    """Connect, and give the certificate that is shown, DER: nothing is sent. Raises Unreachable."""
+    """Return the device's certificate (DER) without sending any request. Raises Unreachable."""
     wire = await _connect(endpoint, _values.Traffic())
     try:
         return _tls.certificate_bytes(endpoint, wire.transport)
@@ -189,7 +192,7 @@ def _reads(command: _values.Command) -> bool:
 
 
 async def _logged_in(endpoint: _values.Endpoint, traffic: _values.Traffic) -> tuple[Wire, str]:
-    """Open a session; its wire, and the certificate that the device has shown."""
+    """Open a session; return its wire and the fingerprint of the device's certificate."""
     wire = await _connect(endpoint, traffic)
     try:
         fingerprint = _tls.fingerprint_of(endpoint, wire.transport)
@@ -229,7 +232,7 @@ async def _connect(endpoint: _values.Endpoint, traffic: _values.Traffic) -> Wire
 
 
 async def _wait_for_handshake(tls: _tls.TlsTransport) -> None:
-    """Wait for the end of the handshake. Raises ssl.SSLError, OSError."""
+    """Wait until the TLS handshake is finished. Raises ssl.SSLError, OSError."""
     try:
         await tls.established
     except BaseException:
@@ -239,7 +242,7 @@ async def _wait_for_handshake(tls: _tls.TlsTransport) -> None:
 
 
 def _why(error: Exception) -> str:
-    """Say what the system said; asyncio replaces its words by the address that we name already."""
+    """Return the operating system's error text; asyncio's own text would only repeat the address."""
     if isinstance(error, ssl.SSLError):
         return error.reason or "the handshake failed"
     if isinstance(error, OSError) and error.errno is not None and error.errno > 0:

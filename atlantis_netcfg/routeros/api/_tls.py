@@ -1,6 +1,6 @@
-"""TLS to a device whose certificate is self-signed: trust is the pinned fingerprint, never a chain.
+"""TLS to a device with a self-signed certificate: trust is the pinned fingerprint, never a chain.
 
-Not asyncio's own TLS: that neither counts what the wire carries nor leaves without the peer's close_notify.
+asyncio's own TLS is not used: it does not count bytes on the wire, and does not close without the peer's close_notify.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _ATTACH_FILTER = 26
 
 
 class TlsTransport(asyncio.Transport, asyncio.Protocol):
-    """The protocol of a TCP connection and the transport of what runs over TLS in it; counts what the wire carries.
+    """TLS layer: protocol of the TCP connection, transport of the data above it; counts the bytes on the wire.
 
-    `established` is set once the handshake is done; it raises ssl.SSLError or OSError if there is none.
+    `established` is set after the handshake; awaiting it raises ssl.SSLError or OSError on failure.
     """
 
     def __init__(self, inner: asyncio.Protocol, host: str, traffic: _values.Traffic) -> None:
@@ -42,14 +42,14 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
     # What asyncio reports of the TCP connection.
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The TCP connection is there, which took a round trip."""
+        """Start the TLS handshake; the TCP connection took one round trip."""
         self._raw = cast("asyncio.Transport", transport)
         keep_alive(transport)
         self._traffic.connect()
         self._shake_hands()
 
     def data_received(self, data: bytes) -> None:
-        """Decrypt, or go on with the handshake."""
+        """Decrypt, or continue the handshake."""
         self._traffic.receive(len(data))
         self._in.write(data)
         if not self.established.done():
@@ -58,10 +58,10 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
             self._read()
 
     def eof_received(self) -> None:
-        """The device has closed; asyncio then closes our side, too."""
+        """The device has closed its side; asyncio then closes ours."""
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The TCP connection is gone."""
+        """Report the loss of the TCP connection to the handshake or to the inner protocol."""
         failure = self._failure or exc
         if not self.established.done():
             self.established.set_exception(failure or ConnectionResetError("the connection was closed"))
@@ -77,7 +77,7 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
         self._flush()
 
     def close(self, *, wait: bool = True) -> None:
-        """Say that this is the end; with `wait` the device has to say so, too, before the connection is closed."""
+        """Send close_notify; with `wait`, close the connection only after the device's close_notify."""
         if self._raw is None or self._raw.is_closing():
             return
         has_ended = False
@@ -89,16 +89,16 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
             self._raw.close()
 
     def abort(self) -> None:
-        """Drop the connection."""
+        """Drop the connection without a TLS close."""
         if self._raw is not None:
             self._raw.abort()
 
     def is_closing(self) -> bool:
-        """Tell whether the connection is closed, or about to be."""
+        """Return True if the connection is closed or about to be."""
         return self._raw is None or self._raw.is_closing()
 
     def get_extra_info(self, name: str, default: Any = None) -> Any:  # noqa: ANN401 - asyncio's
-        """Asyncio's, with the TLS of this connection."""
+        """Return asyncio's extra information, with the TLS object of this connection."""
         if name == "ssl_object":
             return self._tls
         return default if self._raw is None else self._raw.get_extra_info(name, default)
@@ -148,7 +148,7 @@ _COMPARE = (
 
 
 def client_context() -> ssl.SSLContext:
-    """Make a context for TLS 1.2 or newer that takes any certificate, but never none (anonymous Diffie-Hellman)."""
+    """Create a context for TLS 1.2 or newer that accepts any certificate, but no anonymous Diffie-Hellman."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
     context.verify_mode = ssl.CERT_NONE
@@ -158,12 +158,12 @@ def client_context() -> ssl.SSLContext:
 
 
 def fingerprint_of(endpoint: _values.Endpoint, transport: asyncio.BaseTransport) -> str:
-    """Return the SHA-256 of the certificate that the device showed, as RouterOS prints it. Raises Unreachable."""
+    """Return the SHA-256 of the device's certificate in RouterOS's notation. Raises Unreachable."""
     return hashlib.sha256(certificate_bytes(endpoint, transport)).hexdigest()
 
 
 def certificate_bytes(endpoint: _values.Endpoint, transport: asyncio.BaseTransport) -> bytes:
-    """Return the certificate that the device showed, DER. Raises Unreachable."""
+    """Return the device's certificate in DER. Raises Unreachable."""
     der: bytes | None = transport.get_extra_info("ssl_object").getpeercert(binary_form=True)
     if not der:
         raise _values.Unreachable(f"{endpoint} showed no certificate")
@@ -171,7 +171,7 @@ def certificate_bytes(endpoint: _values.Endpoint, transport: asyncio.BaseTranspo
 
 
 def check_pin(endpoint: _values.Endpoint, fingerprint: str) -> None:
-    """Compare certificate and pin. Raises CertificateUnknown without a pin, CertificateChanged if they differ."""
+    """Check the certificate. Raises CertificateUnknown without a pin, CertificateMismatch if the pin differs."""
     if endpoint.pin is None:
         raise _values.CertificateUnknown(
             f"{endpoint}: its certificate is not known here, so it was told no password; it showed {fingerprint}",
@@ -192,7 +192,7 @@ def check_pin(endpoint: _values.Endpoint, fingerprint: str) -> None:
 
 
 def keep_alive(transport: asyncio.BaseTransport) -> None:
-    """Send small sentences at once, and notice a dead link within minutes, not within a gap of 70 s."""
+    """Disable Nagle's algorithm, and detect a dead link within minutes, but not during a gap of 70 s."""
     connection = transport.get_extra_info("socket")
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -202,9 +202,9 @@ def keep_alive(transport: asyncio.BaseTransport) -> None:
 
 
 def cut_off(transport: asyncio.BaseTransport) -> None:
-    """Let the kernel drop whatever comes on this connection, acknowledgements too, and send nothing by itself.
+    """Make the kernel drop all incoming packets of this connection, ACKs included, and send none on its own.
 
-    A packet filter of the socket's own (socket(7), SO_ATTACH_FILTER). Raises PermissionError: see `may_cut_off`.
+    Uses a packet filter on the socket (socket(7), SO_ATTACH_FILTER). Raises PermissionError: see `may_cut_off`.
     """
     connection = transport.get_extra_info("socket")
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 0)
@@ -212,7 +212,7 @@ def cut_off(transport: asyncio.BaseTransport) -> None:
 
 
 def may_cut_off() -> bool:
-    """Whether this user may filter a TCP connection: on some kernels (seen on 6.18) only root may."""
+    """Return True if this user may filter a TCP connection; on some kernels (seen on 6.18) only root may."""
     with socket.socket() as connection:
         try:
             _drop_all(connection)

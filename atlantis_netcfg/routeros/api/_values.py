@@ -1,6 +1,6 @@
-"""What goes out and what comes back, as the device's own strings; nothing is cast and no secret shows in a repr.
+"""Commands and replies as the device's own strings (no casts, no secret in a repr), and the session errors.
 
-And how a session can fail: every text is for a person and names the device, none holds an argument or a row.
+Every error text is written for the user and names the device; none contains an argument or a row.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 
 class Unreachable(DeviceError):
-    """No TLS session came about; nothing was sent to the device."""
+    """No TLS session could be established; nothing was sent to the device."""
 
 
 class CertificateUnknown(DeviceError):
-    """The device has a certificate, but we have no pin to compare it with; no login was sent."""
+    """The device presented a certificate, but no pin is known; no login was sent."""
 
     def __init__(self, message: str, *, fingerprint: str, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
@@ -30,7 +30,7 @@ class CertificateUnknown(DeviceError):
 
 
 class CertificateMismatch(DeviceError):
-    """The certificate is not the pinned one (another device, a renewal, somebody in between); no login was sent."""
+    """The certificate differs from the pin (other device, renewal or interception); no login was sent."""
 
     def __init__(self, message: str, *, pinned_fingerprint: str, fingerprint: str, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
@@ -39,11 +39,11 @@ class CertificateMismatch(DeviceError):
 
 
 class LoginError(DeviceError):
-    """The device refused name and password, or more sessions; the text ends with its words."""
+    """The device refused the login or another session; the text ends with the device's message."""
 
 
 class CommandError(DeviceError):
-    """The device refused one command; the session lives on."""
+    """The device refused one command; the session continues."""
 
     def __init__(self, message: str, *, trap: Trap, path: str) -> None:
         super().__init__(message)
@@ -52,7 +52,7 @@ class CommandError(DeviceError):
 
 
 class SessionLost(DeviceError):
-    """The session is over. `in_flight`: commands were sent and not answered, so that the device may have done them."""
+    """The session is closed. `in_flight`: commands were sent without a reply, so the device may have executed them."""
 
     def __init__(self, message: str, *, in_flight: bool, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
@@ -60,11 +60,11 @@ class SessionLost(DeviceError):
 
 
 class FellSilent(SessionLost):
-    """The device owes an answer, and was waited for as long as was agreed; the session was dropped."""
+    """The device sent no reply within the agreed time; the session was dropped."""
 
 
 class ProtocolError(SessionLost):
-    """What came is not the API, or was cut off in the middle of a word; the session was dropped."""
+    """The data received is not the API protocol, or was truncated inside a word; the session was dropped."""
 
 
 READING_WINDOW: Final = 100
@@ -74,7 +74,7 @@ not bear so many, see `WINDOW`."""
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command sentence; a name that starts with `!` unsets, queries are words as sent (`?name=x`, `?#|`)."""
+    """One API command; a name that starts with `!` unsets, queries are sent unchanged (`?name=x`, `?#|`)."""
 
     path: str
     """In the form of the API, command word included: `/ip/address/add`."""
@@ -92,7 +92,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Trap:
-    """The device's refusal in its own words; `category` 0 to 7 as in the manual, API; None if it gave none."""
+    """The device's error message; `category` is 0 to 7 (manual, API), None if not given."""
 
     message: str
     category: int | None = None
@@ -100,7 +100,7 @@ class Trap:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Everything that one command was answered, complete because `!done` was read."""
+    """Complete reply to one command (`!done` was received)."""
 
     rows: tuple[Row, ...] = field(default=(), repr=False)
     ret: str | None = field(default=None, repr=False)
@@ -110,7 +110,7 @@ class Reply:
     """The command that was answered."""
 
     def check(self) -> Self:
-        """Return the reply itself. Raises Refused if the device refused the command."""
+        """Return the reply itself. Raises CommandError if the device refused the command."""
         if self.trap is not None:
             raise CommandError(f"the device refused {self.path}: {self.trap.message}", trap=self.trap, path=self.path)
         return self
@@ -118,7 +118,7 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Where and as whom to log in; the time-outs outlive the gaps of 70 s that satellite links have."""
+    """Address, user and timeouts of a session; the timeouts exceed the 70 s gaps of satellite links."""
 
     host: str
     port: int
@@ -143,10 +143,10 @@ class Endpoint:
 
 @dataclass(slots=True)
 class Traffic:
-    """What a session cost on the wire so far: TCP's payload in each direction, TLS or SSH included, and round trips.
+    """Cost of a session so far: TCP payload in each direction (TLS or SSH included), and round trips.
 
-    A round trip is TCP's handshake, and each time that the device answers what we have said since it was last heard:
-    two for the handshake of TLS 1.2, one for that of TLS 1.3. Headers of TCP and IP come to the bytes.
+    Round trips are the TCP handshake, and each time that the device replies to what we sent since its previous reply:
+    two for the handshake of TLS 1.2, one for TLS 1.3. TCP and IP headers are not included in the bytes.
     """
 
     round_trips: int = 0
@@ -158,30 +158,30 @@ class Traffic:
     """We have said something since the device was last heard."""
 
     def connect(self) -> None:
-        """Count a connection that has just been made: its handshake is a round trip."""
+        """Count a new connection; its handshake is one round trip."""
         self.connections += 1
         self.round_trips += 1
         self._is_unanswered = False
 
     def send(self, size: int) -> None:
-        """Count bytes that go out."""
+        """Count sent bytes."""
         self.sent_bytes += size
         self._is_unanswered = True
 
     def receive(self, size: int) -> None:
-        """Count bytes that have come in: the first ones after we have said something end a round trip."""
+        """Count received bytes; the first ones after something was sent complete a round trip."""
         self.received_bytes += size
         self.round_trips += self._is_unanswered
         self._is_unanswered = False
 
     @property
     def bytes(self) -> int:
-        """Both directions together."""
+        """Bytes of both directions."""
         return self.sent_bytes + self.received_bytes
 
     @classmethod
     def total(cls, sessions: Iterable[Traffic]) -> Self:
-        """Add up what several sessions cost."""
+        """Return the sum over several sessions."""
         each = tuple(sessions)
         return cls(
             sum(part.round_trips for part in each),
@@ -192,15 +192,15 @@ class Traffic:
 
 
 class Channel(Protocol):
-    """What the executor needs of a session; `api.Session` is one."""
+    """The session interface that the executor needs; implemented by `api.Session`."""
 
     traffic: Traffic
 
     async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
-        """Send one command and wait for its answer."""
+        """Send one command and wait for its reply."""
 
     async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
         """Send commands in batches, one round trip each; the order of execution within a batch is not known."""
 
     async def close(self, *, wait: bool = True) -> None:
-        """End the session, and `wait` until the device knows that; never raises."""
+        """Close the session; with `wait`, until the device has confirmed. Never raises."""

@@ -1,11 +1,12 @@
-"""The tagged multiplexer: many commands in one write, answers in any order, one failure for all who wait.
+"""The tagged multiplexer: many commands in one write, replies in any order, one failure for all that wait.
 
-Words and sentences to bytes and back, without I/O.
+Encodes and decodes words and sentences without I/O.
 
 Length prefixes are computed by librouteros. Its protocol classes do not fit: they own the socket, read word by word,
-log every word (passwords too) and drop bytes that they cannot decode. Added here: lengths of five bytes, a limit on
-what is kept in memory, bytes that are not UTF-8 (as lone surrogates, so that they go back as they came), any cut of the
-stream into chunks, and garbage that is told apart from an answer.
+log every word (passwords too) and drop bytes that they cannot decode. Added here: five-byte lengths, a memory limit,
+bytes that are not UTF-8 (kept as lone surrogates, so that they can be sent back unchanged), arbitrary chunks of the
+stream, and detection of data that is not a reply.
+
 Source: manual, API, "API words" and "API sentences".
 """
 
@@ -51,7 +52,7 @@ _SHOWN_TEXT: Final = 200
 
 
 class Attributes(dict[str, str]):
-    """The attributes of one sentence; one that is not there is what the device has left out, and no mistake of ours."""
+    """Attributes of one sentence; a missing one was omitted by the device, so it raises ProtocolError."""
 
     def __missing__(self, name: str) -> str:
         raise _values.ProtocolError(
@@ -62,7 +63,7 @@ class Attributes(dict[str, str]):
 
 
 class GarbageError(ValueError):
-    """The bytes are no sentence of a device; the text tells kind and size, never the content."""
+    """The bytes are not a valid sentence; the text gives kind and size, never the content."""
 
 
 def encode(words: tuple[str, ...]) -> bytes:
@@ -84,7 +85,7 @@ def encode_size(size: int) -> bytes:
 
 @dataclass(slots=True)
 class Decoder:
-    """Turns chunks of bytes, cut anywhere, into sentences."""
+    """Decodes chunks of bytes, split anywhere, into sentences."""
 
     limit: int = MAX_SENTENCE
     _buffer: bytearray = field(default_factory=bytearray)
@@ -93,11 +94,11 @@ class Decoder:
 
     @property
     def is_between(self) -> bool:
-        """True if nothing of a further sentence has come yet."""
+        """True if no part of a further sentence has been received."""
         return not self._buffer and not self._words
 
     def feed(self, chunk: bytes) -> list[tuple[str, ...]]:
-        """Take a chunk, return the sentences that it completes; empty sentences are skipped. Raises GarbageError."""
+        """Add a chunk, and return the sentences completed by it; empty ones are skipped. Raises GarbageError."""
         self._buffer += chunk
         sentences: list[tuple[str, ...]] = []
         start = 0
@@ -116,7 +117,7 @@ class Decoder:
         return sentences
 
     def _word(self, start: int) -> tuple[int, int] | None:
-        """Find the word whose length prefix is at `start`, if all of it is there: offsets of its begin and end."""
+        """Return the offsets of the word whose length prefix is at `start`; None if it is not complete yet."""
         if start >= len(self._buffer):
             return None
         size, begin = self._buffer[start], start + 1
@@ -143,7 +144,7 @@ def _decode_size(prefix: bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class AnswerReader:
-    """One reply sentence, taken apart."""
+    """One parsed reply sentence."""
 
     reply: str
     """`!re`, `!done`, `!empty`, `!trap` or `!fatal`."""
@@ -154,7 +155,7 @@ class AnswerReader:
 
 
 def parse(words: tuple[str, ...]) -> AnswerReader:
-    """Take a reply sentence apart; API attributes other than `.tag` are skipped. Raises GarbageError."""
+    """Parse a reply sentence; API attributes other than `.tag` are ignored. Raises GarbageError."""
     reply, *rest = words
     if reply not in _REPLIES:
         raise GarbageError(f"{_describe_word(reply)} in the place of an answer")
@@ -206,7 +207,7 @@ _PROGRESS_BYTES = 4096
 
 @dataclass(slots=True)
 class _Pending:
-    """What was answered so far to one command."""
+    """Partial reply to one command."""
 
     command: _values.Command
     rows: list[Row] = field(default_factory=list)
@@ -225,7 +226,7 @@ class _Pending:
 
 
 class Wire(asyncio.Protocol):
-    """One connection: sentences out, answers sorted by tag; fails once for good."""
+    """One connection: sends sentences, sorts replies by tag; after a failure it stays failed."""
 
     def __init__(self, name: str, traffic: _values.Traffic) -> None:
         self.name = name
@@ -244,17 +245,17 @@ class Wire(asyncio.Protocol):
 
     @property
     def transport(self) -> TlsTransport:
-        """The transport below; there is one from `connection_made` on."""
+        """The transport below; set from `connection_made` on."""
         if self._transport is None:
             raise RuntimeError("asyncio connects a protocol before it hands it out")
         return self._transport
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The transport's call: the TLS handshake is done."""
+        """Store the transport; it calls this after the TLS handshake."""
         self._transport = cast("TlsTransport", transport)
 
     def data_received(self, data: bytes) -> None:
-        """The transport's call: bytes came."""
+        """Decode received bytes; called by the transport."""
         self._bytes += len(data)
         self._partial += len(data)
         try:
@@ -268,14 +269,14 @@ class Wire(asyncio.Protocol):
             self._fail(f"sent {error}", kind=_values.ProtocolError)
 
     def _bound(self, sentences: Sequence[Sequence[str]]) -> None:
-        """Raise GarbageError for answers without end: no question of ours has so much to be told."""
+        """Raise GarbageError for endless replies: none of our requests has a reply of that size."""
         self._rows += len(sentences)
         self._attributes += sum(map(len, sentences))
         if self._bytes > _MOST_BYTES or self._rows > _MOST_ROWS or self._attributes > _MOST_ATTRIBUTES:
             raise GarbageError(f"answers without end: {self._bytes} bytes, {self._rows} rows")
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The transport's call: the connection is gone; `exc` is None if the device closed it."""
+        """Fail on a lost connection; `exc` is None if the device closed it. Called by the transport."""
         if not self._decoder.is_between:
             self._fail("fell silent in the middle of an answer: the connection is lost", kind=_values.ProtocolError)
         self._fail("lost the connection" if exc else "closed the connection")
@@ -284,10 +285,10 @@ class Wire(asyncio.Protocol):
     async def exchange(
         self, commands: Sequence[_values.Command], silence_s: float, longest_s: float = LONGEST_S
     ) -> list[_values.Reply]:
-        """Send all commands in one write and wait for all answers. Raises SessionLost, also after so much silence.
+        """Send all commands in one write and wait for all replies. Raises SessionLost, also after that much silence.
 
-        A device that goes on answering is left after `longest_s`, or after `silence_s` if that is longer. One batch at
-        a time: who calls it for several tasks takes turns.
+        A device that keeps on replying is abandoned after `longest_s`, or after `silence_s` if that is longer. Only one
+        batch at a time: a caller with several tasks must serialise them.
         """
         if self._failure is not None:
             raise type(self._failure)(str(self._failure), in_flight=False)
@@ -305,12 +306,12 @@ class Wire(asyncio.Protocol):
         return [item.reply for item in batch.values() if item.reply is not None]
 
     def close(self, *, wait: bool) -> None:
-        """End the connection in good order, with `wait` after the device has; `closed` is set when that is done."""
+        """Close the connection cleanly, with `wait` after the device; `closed` is set when done."""
         self._fail("was left: this session is closed", abort=False)
         self.transport.close(wait=wait)
 
     def abort(self) -> None:
-        """Drop the connection at once: what was asked cannot be waited for any more."""
+        """Drop the connection at once; pending commands fail."""
         self._fail("was dropped by us")
         self.transport.abort()
 
@@ -346,7 +347,7 @@ class Wire(asyncio.Protocol):
             self._settled.set_result(None)
 
     def _fail(self, how: str, *, kind: type[_values.SessionLost] = _values.SessionLost, abort: bool = True) -> None:
-        """Fail for good, unless that already happened: who waits is told, and so is whoever sends later."""
+        """Fail permanently, unless already failed: waiting and later commands raise the failure."""
         if self._failure is not None:
             return
         self._failure = kind(f"{self.name} {how}", in_flight=bool(self._pending))

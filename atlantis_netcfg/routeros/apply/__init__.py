@@ -1,7 +1,7 @@
-"""Carrying a plan out on one device, so that it ends as declared or as it was, and never between.
+"""Applies a plan to one device, which ends in the desired or the previous state, never between.
 
-`converge` observes, plans, refuses what cannot be done, saves the state, takes the device's safe mode, writes, reads
-everything back from a new session and releases. After a failure it finds out by reading what the device has become.
+`converge` observes, plans, refuses what is not possible, saves the state, takes the device's safe mode, writes, reads
+everything back in a new session and releases. After a failure it reads the device to find out its state.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Changing a device: save its state, take safe mode, write, prove from a new session that all is well, release.
+"""Changing a device: save its state, take safe mode, write, verify in a new session, release.
 
-Any failure is raised; what it means for the device is for `_settle` to find out.
+Any failure is raised; `_settle` then finds out the state of the device.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ _SHOWN_HANDS = 5
 
 
 async def begin(work: RunContext) -> Writer:
-    """Do all that comes before the first change. Raises DeviceFailed if somebody else was faster.
+    """Do all steps before the first change. Raises DeviceError if another run is working on the device.
 
-    Two laptops may have read the same device at the same time. Whoever comes second finds the other's sign, or safe
-    mode taken, or the device no longer as it was read; then nothing is sent.
+    Two laptops may have read the same device at the same time. The second one finds the other's run marker, or safe
+    mode taken, or the device changed since it was read; then it sends nothing.
     """
     stages, protection = work.stages, work.protection
     alone = safe_mode_first(work)
@@ -96,13 +96,13 @@ BEFORE = (*_state.SAVING, _COUNT, _state.CLAIMS)
 
 
 def needs_sign(work: RunContext) -> bool:
-    """Tell whether something is written while safe mode is not held."""
+    """Return True if anything is written while safe mode is not held, which requires a run marker."""
     stages = work.stages
     return not work.restores and not (safe_mode_first(work) and len(stages.pieces) == 1 and not stages.finish)
 
 
 def _as_read(work: RunContext) -> str:
-    """Write down what was read, where the device cannot hand out its own export: the menus of this plan."""
+    """Build a snapshot from the rows that were read, for a device that cannot export its configuration."""
     if work.observation.facts.version >= _READS_FILES:
         raise DeviceError("the state before the change cannot be saved, so nothing is changed")
     work.notes.append("the device cannot hand out its export: what was read of it is saved instead")
@@ -110,17 +110,17 @@ def _as_read(work: RunContext) -> str:
 
 
 def _sign_s(work: RunContext) -> float:
-    """Longer than the dead-man job waits, and than the run may take."""
+    """Return the lifetime of the run marker: longer than the dead-man job waits and the run may take."""
     return max(_SIGN_S, 2 * (work.choice.dead_man_s or 0.0))
 
 
 def safe_mode_first(work: RunContext) -> bool:
-    """Tell whether safe mode is taken before anything is written: no harmless addition goes before it."""
+    """Return True if safe mode is taken before any write, that is, no harmless addition precedes it."""
     return work.protection is _protection.Protection.SAFE_MODE and not work.stages.prepare
 
 
 async def take(work: RunContext) -> None:
-    """Take safe mode. Raises DeviceFailed if it is not ours then."""
+    """Take safe mode. Raises DeviceError if somebody else holds it afterwards."""
     work.holding = True
     try:
         holder = await work.safe_mode.take(work.channel)
@@ -145,7 +145,7 @@ def _nobody_else(work: RunContext, claims: api.Reply, holder: safe_mode.Holder |
 
 
 async def _arm(work: RunContext) -> None:
-    """Arm the dead-man job where one was planned; safe mode alone is enough where the device does not run it."""
+    """Arm the dead-man job if one is planned; if the device does not run it, safe mode alone is sufficient."""
     after_s, script = work.choice.dead_man_s, work.script
     if after_s is None or script is None:
         return
@@ -167,7 +167,7 @@ async def _arm(work: RunContext) -> None:
 
 
 def _is_untouched(work: RunContext, history: api.Reply) -> bool:
-    """Tell whether nobody has changed anything since the device was read, as far as the history's length can tell."""
+    """Return True if nothing was changed since the device was read, judged by the length of its history."""
     known_length = work.observation.facts.history
     if known_length >= HISTORY - 1:
         return False
@@ -180,10 +180,11 @@ def _is_untouched(work: RunContext, history: api.Reply) -> bool:
 
 
 async def _look_again(work: RunContext) -> None:
-    """Read everything once more: it has to be what the plan was made for.
+    """Read everything once more and require that it still matches the plan's basis.
 
-    Of a menu with very many rows they are counted: over a satellite each thousand costs 94 kB. Given up: what somebody
-    sets there in these seconds; where the plan touches the menu, it is read in full before anything becomes permanent.
+    In a menu with very many rows, rows are only counted: over a satellite each thousand costs 94 kB. Limitation: a
+    value that somebody sets there in these seconds is missed; if the plan touches the menu, it is read in full before
+    the change becomes permanent.
     """
     rows = work.observation.rows
     long = [path for path in rows if len(rows[path]) > _types.FEW_FOREIGN]
@@ -200,7 +201,7 @@ async def _look_again(work: RunContext) -> None:
 
 
 async def _read_and_count(work: RunContext, long: Sequence[str]) -> _types.Observation:
-    """Read all menus but the `long` ones, whose rows are counted, and read where they have become more or fewer."""
+    """Read all menus except `long`; of those count the rows, and read them only if the count has changed."""
     rows = work.observation.rows
     short = [path for path in rows if path not in long]
     replies = await work.channel.flight([*map(printing, short), *map(counting_rows, long)])
@@ -220,11 +221,11 @@ _LIST_LIMIT = 3
 
 
 class VerificationError(DeviceError):
-    """A new session did not find what is declared, or there was no new session: the change must not stay."""
+    """A new session did not find the desired state, or could not be opened: the change must be rolled back."""
 
 
 async def change(work: RunContext) -> None:
-    """Carry the plan out; when this returns, everything was read back and is permanent."""
+    """Apply the plan; on return, everything was read back and is permanent."""
     writer = await begin(work)
     stages = work.stages
     if stages.prepare:
@@ -252,9 +253,9 @@ async def change(work: RunContext) -> None:
 
 
 async def _write(work: RunContext, writer: Writer, actions: Sequence[_types.Action]) -> safe_mode.Holder | None:
-    """Send actions turn by turn, each announced in the journal before and acknowledged after.
+    """Send actions in turns; each is journalled before it is sent and after it is acknowledged.
 
-    Returns who held safe mode at the end, if that could be seen in the same round trip.
+    Return who held safe mode at the end, if known from the same round trip.
     """
     holder: safe_mode.Holder | None = None
     for turn in writer.turns(actions):
@@ -267,7 +268,7 @@ async def _write(work: RunContext, writer: Writer, actions: Sequence[_types.Acti
 async def _send(
     work: RunContext, writer: Writer, turn: Sequence[_types.Action], beside: Sequence[api.Command] = ()
 ) -> tuple[api.Reply, ...]:
-    """Send one turn; the answers to `beside`."""
+    """Send one turn; return the replies to `beside`."""
     if work.dead_man is not None and work.dead_man.is_near(asyncio.get_running_loop().time()):
         raise safe_mode.ProtectionLost("the change takes so long that the dead-man job is about to take it back")
     layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in turn))
@@ -291,9 +292,9 @@ def _lose_protection(work: RunContext, holder: safe_mode.Holder) -> safe_mode.Pr
 
 
 async def _checkpoint(work: RunContext, holder: safe_mode.Holder | None) -> None:
-    """Make a piece permanent, since safe mode cannot remember more; the way in is proved by a new session.
+    """Make a part permanent when safe mode cannot record more; a new session proves that access still works.
 
-    `hold` was read together with the piece's last script, or is asked for.
+    `holder` was read together with the part's last script; if not, it is requested.
     """
     session = await work.contact.reach(work.job.patience.verify_s, "checkpoint", insist=False)
     await work.contact.leave(session, wait=False)
@@ -305,9 +306,9 @@ async def _checkpoint(work: RunContext, holder: safe_mode.Holder | None) -> None
 
 
 async def _take_later(work: RunContext, current: safe_mode.SafeModeUnavailable) -> None:
-    """Wait until whoever looked in has gone; they must not have changed anything.
+    """Wait until a person's session that holds safe mode has ended; it must not have changed anything.
 
-    Raises SafeModeUnavailable, Interfered.
+    Raises SafeModeUnavailable, InterferenceError.
     """
     holder = await work.contact.until_free(work.safe_mode, work.channel, work.job.patience.undo_s)
     if holder.is_taken and not holder.ours:
@@ -323,7 +324,7 @@ async def _take_later(work: RunContext, current: safe_mode.SafeModeUnavailable) 
 
 
 async def verify(work: RunContext, rest: Sequence[_types.Action]) -> None:
-    """Read back in a new session: only `rest` may be left to do. Raises VerificationFailed."""
+    """Read back in a new session; only `rest` may still differ. Raises VerificationError."""
     work.say(Stage.VERIFYING, "reading back in a new session")
     now = await _until_told(work, await _read_anew(work))
     _compare(work, now, rest)
@@ -348,7 +349,7 @@ async def _read_anew(work: RunContext) -> _types.Observation:
 
 
 async def _read(work: RunContext, session: Channel) -> _types.Observation:
-    """Read what was touched, and all that may follow it where other menus may, or the state before is put back."""
+    """Read the changed menus, and dependent ones where other menus may change or the old state is restored."""
     job, observation = work.job, work.observation
     touched_menus = tuple(dict.fromkeys(action.menu for action in work.aim.actions))
     if not work.restores and LEAVES.issuperset(touched_menus):
@@ -362,7 +363,7 @@ async def _read(work: RunContext, session: Channel) -> _types.Observation:
 
 
 async def _until_told(work: RunContext, now: _types.Observation) -> _types.Observation:
-    """Wait until the modem says what became of a PIN: it has to start anew for that. Raises VerificationFailed."""
+    """Wait until the modem reports the result of a PIN, for which it restarts. Raises VerificationError."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.modem_s
     monitor = pin.monitor_of(now.rows.get(pin.LTE, ()))
@@ -375,7 +376,7 @@ async def _until_told(work: RunContext, now: _types.Observation) -> _types.Obser
 
 
 async def _until_shown(work: RunContext, now: _types.Observation) -> None:
-    """Wait until the routes do what the change is for, where a job says what that is. Raises VerificationFailed."""
+    """Wait until the routes have the effect that the job expects, if it defines one. Raises VerificationError."""
     if work.job.shows is None:
         return
     clock = asyncio.get_running_loop().time
@@ -409,7 +410,7 @@ def _essence(action: _types.Action) -> tuple[str, str, str]:
 
 
 async def _holder(work: RunContext) -> safe_mode.Holder:
-    """Return who holds safe mode: the new session has seen that, and where its answer leaves a doubt ours is asked."""
+    """Return the holder of safe mode, as seen by the new session; if unclear, ask in our session."""
     owner = work.after.facts.safe_mode_owner if work.after is not None else None
     if owner is not None and owner == work.owner:
         return safe_mode.Holder(is_taken=True, ours=True, who=owner)
@@ -417,7 +418,7 @@ async def _holder(work: RunContext) -> safe_mode.Holder:
 
 
 async def _release(work: RunContext, holder: safe_mode.Holder, *, last: bool = False) -> None:
-    """Release, unless somebody has taken safe mode from us meanwhile, or has unrolled it."""
+    """Release safe mode, unless somebody has taken it from us or has undone its changes."""
     if not holder.ours:
         raise _lose_protection(work, holder)
     witness = _witness(work)
@@ -437,7 +438,7 @@ async def _release(work: RunContext, holder: safe_mode.Holder, *, last: bool = F
 
 
 async def _confirm(work: RunContext) -> None:
-    """Take the dead-man job away: from here on the change is permanent."""
+    """Remove the dead-man job; from then on the change is permanent."""
     if work.dead_man is None:
         return
     if work.protection is _protection.Protection.DEAD_MAN:
@@ -457,7 +458,7 @@ async def _confirm(work: RunContext) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Witness:
-    """A menu that would tell if the last piece were taken back, read beside the release."""
+    """A menu, read together with the release, that would show if the last part had been undone."""
 
     menu: str
     after: _types.Observation
@@ -466,18 +467,18 @@ class _Witness:
 
     @property
     def command(self) -> api.Command:
-        """What to ask."""
+        """The command that reads or counts the menu."""
         return counting_rows(self.menu) if self.is_counted else printing(self.menu)
 
     def stands(self, reply: api.Reply) -> bool:
-        """Tell whether the change is still there. Raises Refused."""
+        """Return True if the change is still in place. Raises CommandError."""
         if self.is_counted:
             return number_of_rows(reply.check()) == len(self.after.rows[self.menu])
         return not _state.differing(self.after, merge_menus(self.after, (self.menu,), (reply,)))
 
 
 def _witness(work: RunContext) -> list[_Witness]:
-    """Choose among the menus of the last piece one that need only be counted, or else the shortest."""
+    """Choose a menu of the last part as witness: one that need only be counted, else the shortest."""
     if work.after is None:
         return []
     after = work.after
@@ -497,10 +498,10 @@ def _stands(witness: Sequence[_Witness], answers: Sequence[api.Reply]) -> bool:
 
 
 async def _finish(work: RunContext, writer: Writer) -> None:
-    """Send what names rows that had to be verified first, and read that back.
+    """Send the actions that depend on rows verified first, and read the result back.
 
-    The answers to both come in one round trip. If rows are missing in them, the reading may have come first, which
-    proves nothing, and is repeated.
+    Both replies come in one round trip. If rows are missing, the read may have been executed first, which proves
+    nothing; then it is repeated.
     """
     observation = work.after or work.observation
     menus = tuple(dict.fromkeys(action.menu for action in work.stages.finish))
@@ -530,9 +531,9 @@ _FEATURES = {"/ip/proxy": "proxy", "/ip/socks": "socks", "/tool/bandwidth-server
 
 
 def missing(plan: _types.Plan, observation: _types.Observation, *, console: bool = False) -> tuple[str, ...]:
-    """Return what the device or our user lacks for this plan; `console`: safe mode of an SSH session protects it.
+    """Return everything that the device or our user lacks for this plan; `console`: protected by SSH safe mode.
 
-    All that is missing is said at once.
+    All missing items are reported together.
     """
     facts = observation.facts
     return (

@@ -1,7 +1,6 @@
-"""Safe mode of an SSH session that is held open while the API session writes: the only one before RouterOS 7.18.
+"""Safe mode of an SSH session kept open while the API session writes: the only kind before RouterOS 7.18.
 
-Ctrl+X takes and releases it (manual, Configuration Management). Imported only where it is needed, since the SSH client
-is heavy.
+Ctrl+X takes and releases it (manual, Configuration Management). Imported only if needed, since the SSH client is heavy.
 """
 
 from __future__ import annotations
@@ -38,10 +37,10 @@ _US = "our SSH session"
 
 @dataclass(slots=True)
 class ConsoleSafeMode(safe_mode.NoSafeMode):
-    """Safe mode of an SSH session (Ctrl+X), which is held open while the API session writes.
+    """Safe mode of an SSH session (Ctrl+X) that is kept open while the API session writes.
 
-    Who holds it cannot be read over the API before 7.18: our prompt says `<SAFE>`, and a second taker is asked a
-    question, which is never answered with anything but `d` (don't take it).
+    Before 7.18 the API does not show who holds it. Our own prompt contains `<SAFE>`. A second user who tries to take it
+    gets a prompt, to which we always reply `d` (don't take it).
     """
 
     opener: OpenConsole
@@ -52,7 +51,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
     _console: types.Console | None = field(default=None, init=False)
 
     async def take(self, session: Channel) -> safe_mode.Holder:
-        """Open the console and take it there."""
+        """Open the console and take safe mode in it."""
         if self._console is None:
             self._console = await in_thread(lambda: self.opener(self.endpoint), undone=lambda console: console.close())
         try:
@@ -66,7 +65,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
         return safe_mode.Holder(is_taken=True, ours=True, who=_US)
 
     async def look(self, session: Channel) -> safe_mode.Holder:  # noqa: ARG002 - the console answers
-        """Let the prompt be printed anew."""
+        """Request a new prompt and read the state of safe mode from it."""
         console = self._console
         if console is None:
             return safe_mode.Holder(is_taken=False)
@@ -78,7 +77,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
         return safe_mode.Holder(is_taken=console.safe, ours=console.safe, who=_US)
 
     async def release(self, session: Channel, witness: Sequence[api.Command]) -> list[api.Reply]:
-        """Ctrl+X again; then what was changed is read, which tells if it was unrolled instead."""
+        """Release with Ctrl+X, then read the changed menu, which shows if it was undone instead."""
         console = self._console
         if console is None or not console.safe:
             raise safe_mode.ProtectionLost("safe mode could not be released: its SSH session is over")
@@ -90,11 +89,11 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
         return await session.flight(witness) if witness else []
 
     async def unroll(self, session: Channel) -> None:  # noqa: ARG002
-        """End the console without releasing; `free` tells when the device has undone it."""
+        """Close the console without releasing; `free` reports when the device has undone the change."""
         await self.drop()
 
     async def free(self, session: Channel) -> safe_mode.Holder:
-        """Try to take it with a new console, and let go at once: nobody else holds it then."""
+        """Check that nobody holds safe mode: take it with a new console and release it at once."""
         await self.drop()
         try:
             console = await in_thread(
@@ -114,7 +113,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
         return safe_mode.Holder(is_taken=False)
 
     async def drop(self) -> None:
-        """Close the console: with safe mode held its connection is dropped, which keeps nothing."""
+        """Close the console; if safe mode is held, drop the connection, which undoes the change."""
         console, self._console = self._console, None
         if console is not None:
             with suppress(DeviceError, OSError):
@@ -122,7 +121,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
 
 
 async def in_thread(work: Callable[[], T], undone: Callable[[T], object] | None = None) -> T:
-    """Run what blocks in a thread; if we are stopped meanwhile, wait for its end first, and undo what it brought."""
+    """Run a blocking call in a thread; on cancellation wait for its end, then call `undone` with its result."""
     running = asyncio.ensure_future(asyncio.to_thread(work))
     try:
         return await asyncio.shield(running)
@@ -135,7 +134,7 @@ async def in_thread(work: Callable[[], T], undone: Callable[[T], object] | None 
 
 
 async def _somebody(session: Channel) -> str:
-    """Name those who are logged in on a console: safe mode before 7.18 does not say which of them has it."""
+    """Name the users on a console: before 7.18 the device does not say which of them holds safe mode."""
     try:
         reply = await session.command(_ACTIVE)
     except (api.SessionLost, api.CommandError):

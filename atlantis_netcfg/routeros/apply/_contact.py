@@ -1,4 +1,4 @@
-"""Sessions with one device: the first, the new one that verifies, and those after a loss; what they cost together."""
+"""All sessions with one device (first, verifying, after a loss) and their total cost."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _T = TypeVar("_T")
 
 
 async def completed_despite_stop(work: Coroutine[Any, Any, _T]) -> tuple[_T, bool]:
-    """Await the end of a run, which has a result already; return it, and whether a stop came meanwhile.
+    """Await the end of a run that already has a result; return it, and whether it was cancelled meanwhile.
 
-    A second stop ends it.
+    A second cancellation ends it.
     """
     task = asyncio.ensure_future(work)
     try:
@@ -52,20 +52,20 @@ class Contact:
 
     @property
     def traffic(self) -> api.Traffic:
-        """What all sessions cost so far, also those that ended before the login was over."""
+        """Cost of all sessions so far, including those that failed during the login."""
         return api.Traffic.total(self._traffic)
 
     async def open(self) -> Channel:
-        """Open a session. Raises what `api.Session.open` raises: one with whom nobody has agreed is told nothing."""
+        """Open a session. Raises what `api.Session.open` raises; without a pin, no credentials are sent."""
         session = await self._job.connect(self._endpoint)
         self._open.append(session)
         return session
 
     async def reach(self, patience_s: float, why: str, *, insist: bool = True) -> Channel:
-        """Open a session with a device that may be away, again and again. Raises the last failure.
+        """Open a session with a device that may be unreachable, with retries. Raises the last failure.
 
-        A certificate that is not the pinned one ends it at once, for that is another device; so does a refused login,
-        unless we `insist`.
+        A certificate other than the pinned one ends the retries at once: it is another device. A refused login also
+        ends them, unless `insist` is set.
         """
         another = (api.CertificateMismatch, api.CertificateUnknown)
         final = another if insist else (*another, api.LoginError)
@@ -82,7 +82,7 @@ class Contact:
         raise failure
 
     async def until_free(self, safe_mode: SafeMode, session: Channel, patience_s: float) -> Holder:
-        """Wait until nobody holds safe mode, for the device may still have to undo what a dead session left open."""
+        """Wait until safe mode is free; the device may still be undoing the changes of a dead session."""
         holder = Holder(is_taken=False)
         for pause_s in self._pauses(patience_s):
             holder = await safe_mode.free(session)
@@ -93,7 +93,7 @@ class Contact:
         return holder
 
     async def until_fired(self, session: Channel, question: api.Command, patience_s: float) -> None:
-        """Wait until no dead-man job is armed any more."""
+        """Wait until no dead-man job is armed."""
         for pause_s in self._pauses(patience_s):
             if not jobs_of((await session.command(question)).rows):
                 return
@@ -101,23 +101,23 @@ class Contact:
             await asyncio.sleep(pause_s)
 
     async def leave(self, session: Channel, *, wait: bool = True) -> None:
-        """Close one session; `wait` until the device knows that, where it may have to undo safe mode."""
+        """Close one session; with `wait`, until the device has confirmed, as it may have to undo safe mode."""
         if session in self._open:
             self._open.remove(session)
         await session.close(wait=wait)
 
     async def close(self, *, wait: bool = True) -> None:
-        """Close every session; the device undoes safe mode that one of them still holds: then `wait` for it."""
+        """Close every session; with `wait`, until the device has undone any safe mode still held."""
         sessions, self._open = self._open, []
         await asyncio.gather(*(session.close(wait=wait) for session in sessions))
 
     def opening(self, traffic: api.Traffic) -> None:
-        """Count a session that is about to be opened."""
+        """Register the counters of a session that is about to be opened."""
         self._traffic.append(traffic)
         self._job.endpoint.opening(traffic)
 
     def _shrink_window(self) -> None:
-        """Go on in small batches: the device has fallen silent in a large one."""
+        """Use small batches from now on, since the device stopped responding in a large one."""
         self._endpoint = replace(self._endpoint, window=api.WINDOW)
         self._job.endpoint.on_window_shrink()
         self.notes.append(
@@ -127,7 +127,7 @@ class Contact:
         self._say(self.notes[-1])
 
     def _pauses(self, patience_s: float) -> Iterator[float]:
-        """Yield pauses, longer and longer, until the time is over; at least one."""
+        """Yield increasing pauses until the time is over; at least one."""
         patience, now = self._job.patience, asyncio.get_running_loop().time
         until = now() + patience_s
         pause_s = patience.first_poll_s
@@ -142,9 +142,9 @@ class Contact:
 
 
 async def choose_variant(channel: Channel, job: _job.DeviceJob) -> _job.DeviceJob:
-    """Return the job with the state that fits the device; one round trip. Raises Unfit, SessionLost.
+    """Return the job with the desired state that fits the device; one round trip. Raises Unfit, SessionLost.
 
-    A device with radios in both menus gets the state of the first of them that is declared.
+    A device with radios in both menus gets the state of the first of them in the inventory.
     """
     if job.fitting is None:
         return job

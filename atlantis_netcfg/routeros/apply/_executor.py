@@ -1,6 +1,6 @@
-"""One device from first contact to last word: observe, plan, judge, change, and an honest end whatever happens.
+"""The run on one device from first contact to result: observe, plan, check, change, and always report.
 
-Reading a device to say what differs: like a plan, and with what the device and the journal remember.
+A drift report is read like a plan, with the history of the device and the journal added.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _NO_HISTORY = DriftHistory()
 
 
 async def drift(work: _work.RunContext) -> _job.DeviceResult:
-    """End with what differs; the device's history costs one round trip, and only where something has drifted."""
+    """Report the differences; the device's history costs one round trip, and is read only if there is drift."""
     comparison = work.comparison = build_comparison(work)
     if comparison.drift:
         reply = await work.channel.command(HISTORY)
@@ -59,7 +59,7 @@ async def drift(work: _work.RunContext) -> _job.DeviceResult:
 
 
 def build_comparison(work: _work.RunContext, history: DriftHistory = _NO_HISTORY) -> Comparison:
-    """Compare with the declaration, and with the last confirmed state as far as that can be read."""
+    """Compare with the desired state, and with the last confirmed state as far as it can be read."""
     comparison = compare(work.job.desired_state, work.observation, work.aim, _past(work), history)
     leftovers = work.leftovers.differences()
     menus = dict.fromkeys((*comparison.menus, *(difference.menu for difference in leftovers)))
@@ -111,15 +111,15 @@ _STAND_BY = (
 
 
 class Busy(errors.DeviceError):
-    """Somebody's changes are still open on the device: not even `no changes needed` would be certain."""
+    """Another user's changes are still open on the device, so even `no changes needed` would be uncertain."""
 
 
 class UserInterrupt(errors.DeviceError):
-    """The person who started the run has stopped it."""
+    """The user has interrupted the run."""
 
 
 async def converge(job: _job.DeviceJob, *, mode: _job.JobMode = _job.JobMode.APPLY) -> _job.DeviceResult:
-    """Bring one device to its declared state, or say why not. Never raises but when it is cancelled a second time."""
+    """Bring one device to its desired state, or report why not. Raises only if cancelled a second time."""
     contact = _contact.Contact(job)
     ssh = job.ssh and replace(job.ssh, opening=contact.opening)
     work = _work.RunContext(replace(job, ssh=ssh), contact, asyncio.get_running_loop().time())
@@ -146,9 +146,9 @@ async def _close(work: _work.RunContext) -> None:
 
 
 async def _remove_run_marker(work: _work.RunContext, result: _job.DeviceResult) -> None:
-    """Release safe mode that nothing was written under, and take the sign of a run down that has failed.
+    """Release unused safe mode, and remove the run marker of a failed run.
 
-    Where that cannot be done both go by themselves.
+    If that is not possible, both disappear without us.
     """
     if work.holding and not work.has_sent_changes:
         await let_go(work)
@@ -159,7 +159,7 @@ async def _remove_run_marker(work: _work.RunContext, result: _job.DeviceResult) 
 
 
 async def _run_guarded(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
-    """Run, and turn whatever went wrong into a result."""
+    """Run, and convert any failure to a result."""
     try:
         return await (_backup(work) if mode is _job.JobMode.BACKUP else _run(work, mode))
     except (planner.CannotPlan, MenuMissing, _job.Unfit) as refusal:
@@ -194,7 +194,7 @@ async def _run(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
 
 
 async def _look(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
-    """Say what a run would do, or what differs, and what is armed or open."""
+    """Report what a run would do, or the drift, and any armed jobs or open changes."""
     await _plan(work, mode)
     work.busy = "; ".join(work.leftovers.words())
     work.notes += [f"{words}: what was changed meanwhile may yet be taken back" for words in work.leftovers.words()]
@@ -207,7 +207,7 @@ async def _look(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult
 
 
 def _refusal(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
-    """Return why the plan may not be carried out; None: it may."""
+    """Return the refusal of the plan; None if it may be applied."""
     refusal = _cost_policy(work, mode)
     if refusal is None and work.aim.actions:
         refusal = _judge(work, mode)
@@ -215,7 +215,7 @@ def _refusal(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | 
 
 
 async def _as_declared(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
-    """Take away what runs that are over have left, and carry the plan out."""
+    """Remove what finished runs have left on the device, then apply the plan."""
     removed_items = await _clear(work, mode)
     if work.aim.actions:
         return await _change(work)
@@ -226,7 +226,7 @@ async def _as_declared(work: _work.RunContext, mode: _job.JobMode) -> _job.Devic
 
 
 def _build_plan_result(work: _work.RunContext) -> _job.DeviceResult:
-    """Say what a run would do; one that finds somebody at work would do nothing."""
+    """Report what a run would do; if somebody is working on the device, it would do nothing."""
     words = "; ".join(work.leftovers.words())
     if work.aim.actions:
         return work.result(_job.Status.PLANNED, f"{_actions(work)} planned")
@@ -246,9 +246,10 @@ async def _observe(work: _work.RunContext, mode: _job.JobMode) -> None:
 
 
 async def _read_fitting(work: _work.RunContext) -> None:
-    """Read what the state that fits the device needs. Raises Unfit, MenuMissing, SessionLost.
+    """Read what the fitting desired state needs. Raises Unfit, MenuMissing, SessionLost.
 
-    Where there is one state, it is read as if it fitted, which saves the round trip of asking for the device's radios.
+    If there is only one variant, it is read as if it fitted; this saves the round trip that asks for the device's
+    radios.
     """
     fitting = work.job.fitting
     if fitting is None or len(fitting.states) > 1:
@@ -268,12 +269,12 @@ async def _read_fitting(work: _work.RunContext) -> None:
 
 
 def _may_be_brief(job: _job.DeviceJob, mode: _job.JobMode) -> bool:
-    """Tell whether rows of others need only be counted: where no run can go on to remove them, and nobody wants all."""
+    """Return True if foreign rows may be counted only: no run can remove them, and the user did not request all."""
     return mode in (_job.JobMode.PLAN, _job.JobMode.APPLY) and not job.remove_foreign
 
 
 async def _read(work: _work.RunContext) -> None:
-    """Read everything that a plan needs, and what is armed or open."""
+    """Read everything that a plan needs, and any armed jobs or open changes."""
     job = work.job
     watched_menus = (
         [*guard.WAY_BACK, _state.SIGNS]
@@ -299,7 +300,7 @@ async def _read(work: _work.RunContext) -> None:
 
 
 async def _plan(work: _work.RunContext, mode: _job.JobMode) -> None:
-    """Plan from what was read; where something is to change, from what has to be known then, too."""
+    """Plan from what was read; if there are changes, read what they require and plan again."""
     job = work.job
     work.plan = planner.plan(job.name, job.desired_state, work.observation)
     if work.plan.actions:
@@ -319,9 +320,9 @@ async def _plan(work: _work.RunContext, mode: _job.JobMode) -> None:
 
 
 def _is_read_enough(work: _work.RunContext) -> bool:
-    """Tell whether the plan would be the same, and judged the same, if the rows that are bare had been read whole.
+    """Return True if reading the bare rows in full would change neither the plan nor its checks.
 
-    Given up: what they hold is neither shown nor compared with the last confirmed state, but for a few of them.
+    Limitation: their content is neither shown nor compared with the last confirmed state, except for a few samples.
     """
     bare = {path for path, rows in work.observation.rows.items() if any(map(is_bare, rows))}
     if not bare:
@@ -335,11 +336,12 @@ def _is_read_enough(work: _work.RunContext) -> bool:
 
 
 async def _complete(work: _work.RunContext, mode: _job.JobMode) -> None:
-    """Read what has to be known before a change; safe mode is taken in the same round trip, if the change wants it.
+    """Read what is needed before a change; if the change needs safe mode, take it in the same round trip.
 
-    Should the change then be refused, nothing was written under it, and it is released. Whether somebody else holds it
-    is said where it is needed. What an earlier run has left goes before: outside safe mode, which would bring it back.
-    Where nothing speaks against the plan yet, the state to be saved and the traces of others are read with it.
+    If the change is then refused, nothing was written under safe mode, and it is released. If somebody else holds it,
+    that is reported where it matters. Leftovers of an earlier run are removed first, outside safe mode, which would
+    restore them. If nothing rules out the plan yet, the state to be saved and the run markers of others are read
+    together with it.
     """
     _protect(work)
     takes = mode not in _READING and not work.leftovers and not work.holding and safe_mode_first(work)
@@ -366,7 +368,7 @@ async def _complete(work: _work.RunContext, mode: _job.JobMode) -> None:
 
 
 def _later(work: _work.RunContext) -> Sequence[str]:
-    """Menus of which it is known by now that the plan has to be judged by them."""
+    """Return the menus that turned out to be needed to check the plan."""
     if link_use.is_order(work.job.desired_state) and guard.moves_answers(work.aim, work.observation, _path(work)):
         return guard.MENUS
     value_names = {name for action in work.aim.actions for name, _ in action.values}
@@ -374,7 +376,7 @@ def _later(work: _work.RunContext) -> Sequence[str]:
 
 
 def _questions(work: _work.RunContext, mode: _job.JobMode) -> tuple[Command, ...]:
-    """What the device's parser is asked of the plan; nothing where no plan is sent, or where its cost is refused."""
+    """Return the commands that let the device's parser check the plan; none if no plan is sent or it costs too much."""
     if mode is _job.JobMode.DRIFT or _is_too_dear(work, mode):
         return ()
     return work.examination.questions(work.aim.actions, work.observation.rows)
@@ -389,7 +391,7 @@ def _is_too_dear(work: _work.RunContext, mode: _job.JobMode) -> bool:
 
 
 def _may_go_on(work: _work.RunContext, mode: _job.JobMode) -> bool:
-    """Tell whether nothing that was read so far speaks against the plan."""
+    """Return True if nothing read so far rules out the plan."""
     has_consent = work.job.agreed_hash in (None, _state.plan_hash(work.aim))
     return (
         has_consent and not _is_too_dear(work, mode) and not guard.objections(work.aim, work.observation, _path(work))
@@ -397,7 +399,7 @@ def _may_go_on(work: _work.RunContext, mode: _job.JobMode) -> bool:
 
 
 async def _examine(work: _work.RunContext, mode: _job.JobMode) -> None:
-    """Ask what has not been asked: of actions that came to be planned meanwhile, and whole lists of values."""
+    """Send the remaining parser requests: for actions planned meanwhile, and for complete lists of values."""
     while commands := _questions(work, mode):
         work.early = ()
         work.examination.read_answers(await work.channel.flight(commands))
@@ -407,7 +409,7 @@ async def _examine(work: _work.RunContext, mode: _job.JobMode) -> None:
 
 
 def _cost_policy(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
-    """Ask whether the run may cost what it would, from what was read; where nothing more is sent, that is only told."""
+    """Check whether the cost of the run is allowed; if nothing more is sent, only report it."""
     if work.job.cost_policy is None:
         return None
     spends = bool(work.aim.actions) and mode is not _job.JobMode.DRIFT
@@ -423,7 +425,7 @@ def _cost_policy(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResul
 
 
 def _judge(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
-    """Return the refusal of a plan that may not be carried out."""
+    """Return the refusal of a plan that must not be applied; None if it may."""
     current_plan = work.aim
     lacking = missing(current_plan, work.observation, console=work.protection is _protection.Protection.CONSOLE)
     reasons, hint = [*guard.objections(current_plan, work.observation, _path(work)), *lacking], None
@@ -459,7 +461,7 @@ def _describe_no_protection(work: _work.RunContext) -> str:
 
 
 def _protect(work: _work.RunContext) -> None:
-    """Choose what takes the change back, and cut the plan for it."""
+    """Choose how the change is rolled back, and split the plan accordingly."""
     facts, job, current_plan = work.observation.facts, work.job, work.aim
     why = None
     if current_plan.actions and not facts.has_safe_mode:
@@ -480,9 +482,9 @@ def _protect(work: _work.RunContext) -> None:
 
 
 async def _refuse_if_busy(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
-    """Return the refusal of a device on which somebody's changes are still open.
+    """Return the refusal if somebody else's changes are still open on the device.
 
-    What a dead run of this computer has left is waited for, and its sign is ours from here on.
+    Changes of a dead run of this computer are waited for, and its run marker becomes ours.
     """
     resumes = mode is _job.JobMode.RESUME
     busy = await _busy(work, resumes=resumes)
@@ -499,7 +501,7 @@ async def _refuse_if_busy(work: _work.RunContext, mode: _job.JobMode) -> _job.De
 
 
 async def _busy(work: _work.RunContext, *, resumes: bool) -> Busy | None:
-    """Say who may be at work on the device; None if nobody is, whatever a run that is over has left."""
+    """Return who may be working on the device; None if nobody, whatever a finished run has left there."""
     leftovers, resume = work.leftovers, f"provision resume site={work.job.site}"
     owner = leftovers.safe_mode
     other = work.signer.other(leftovers.markers)
@@ -522,7 +524,7 @@ async def _busy(work: _work.RunContext, *, resumes: bool) -> Busy | None:
 
 
 async def _until_undone(work: _work.RunContext) -> None:
-    """Wait until safe mode of a run that has died is over, and the device has taken back what was in it."""
+    """Wait until safe mode of a dead run has ended and the device has undone its changes."""
     job, session = work.job, work.channel
     reply = await session.command(safe_mode.READ)
     work.safe_mode = safe_mode.ApiSafeMode() if reply.trap is None else _protection.console_safe_mode(job)
@@ -530,13 +532,13 @@ async def _until_undone(work: _work.RunContext) -> None:
 
 
 def _has_to_run(work: _work.RunContext) -> bool:
-    """Tell whether a dead-man job is armed that may not be taken away: what it takes back is not as declared."""
+    """Return True if an armed dead-man job must not be removed, since the current state is not the desired one."""
     job = work.leftovers.find_job(scheduler_jobs.DEAD_MAN)
     return job is not None and (bool(work.aim.actions) or not work.signer.is_over(job.owner))
 
 
 async def _taken_back(work: _work.RunContext, mode: _job.JobMode) -> None:
-    """Wait until the dead-man job of a run that has died has run: what that run has left is not as declared."""
+    """Wait until the dead-man job of a dead run has fired, since that run's state is not the desired one."""
     patience = work.job.patience
     await work.contact.until_fired(work.channel, scheduler_jobs.READ_JOBS, patience.undo_s + 2 * patience.dead_man_s)
     await _read(work)
@@ -544,9 +546,9 @@ async def _taken_back(work: _work.RunContext, mode: _job.JobMode) -> None:
 
 
 async def _clear(work: _work.RunContext, mode: _job.JobMode) -> tuple[str, ...]:
-    """Take away what runs that are over have left, and read the device anew: a job may have run meanwhile.
+    """Remove the leftovers of finished runs, and read the device again, as a job may have run meanwhile.
 
-    A bridge's job stays: whether it is still needed, only a run that sees both ends knows.
+    A bridge's job is kept: only a run that sees both ends knows whether it is still needed.
     """
     leftovers = replace(
         work.leftovers, jobs=tuple(job for job in work.leftovers.jobs if job.name != scheduler_jobs.PAIR)
@@ -586,7 +588,7 @@ async def _change(work: _work.RunContext) -> _job.DeviceResult:
 
 
 async def _backup(work: _work.RunContext) -> _job.DeviceResult:
-    """Save the device's own text of its state, and change nothing."""
+    """Save the device's own export; change nothing."""
     work.say(Stage.CONNECTING, f"to {work.job.endpoint}", work.job.endpoint.connect_timeout_s)
     work.session = await work.contact.open()
     saved_export = _state.parse_export(*await work.session.flight(_state.SAVING))

@@ -1,10 +1,11 @@
-"""The way back as a script that the device runs alone: whatever part of a plan has happened, the rows are as before.
+"""The rollback script that the device runs alone: however much of a plan was done, it restores the rows.
 
-It is computed from what was read and planned, before anything is sent. Every line stands for itself and may fail (the
-row was never added, the value never changed). What a plan adds is removed by what tells it from every row that was
-there; what it removes is added again if its id is gone; where a first-match menu was reordered, each row goes to the
-end in its old turn (manual, Console: `move` without a destination moves to the end).
-Paths are written with spaces, which versions 6 and 7 both read.
+It is computed from observation and plan before anything is sent. Every line is independent and may fail (the row was
+never added, the value never changed). A row that the plan adds is removed by a condition that distinguishes it from
+every earlier row. A row that it removes is added again if its id is gone. If a first-match menu was reordered, each row
+is moved to the end in the old order (manual, Console: `move` without a destination moves to the end).
+
+Paths are written with spaces, which versions 6 and 7 both accept.
 """
 
 from __future__ import annotations
@@ -32,14 +33,14 @@ _FIRST = ("comment", "name", "chain", "action")
 
 
 class CannotInvert(DeviceError):
-    """No script can take this plan back."""
+    """No script can undo this plan."""
 
 
 def inverse(observation: _types.Observation, aim: _types.Plan, *, with_secrets: bool = False) -> str:
-    """Return the lines that undo any part of `aim` on the device as `observation` shows it. Raises CannotInvert.
+    """Return a script that undoes any part of `aim`, given the state in `observation`. Raises CannotInvert.
 
-    `with_secrets`: in clear, as the rows themselves hold them. The far end of a bridge needs that: a key that stayed
-    new at one end would keep the link away.
+    `with_secrets`: secrets in clear text, as in the rows. The far end of a bridge needs them: a key that stays new at
+    one end only would keep the link down.
     """
     then = _types.Observation(observation.facts, planner.simulate(observation.rows, aim))
     try:
@@ -60,7 +61,7 @@ def inverse(observation: _types.Observation, aim: _types.Plan, *, with_secrets: 
 
 
 def _names(forth: Sequence[_types.Action], observation: _types.Observation) -> list[str]:
-    """Give ports their names back, step by step: of two that have swapped theirs, one went round by another name."""
+    """Yield lines that restore port names step by step: after a swap of two names, one passed through a third name."""
     lines: list[str] = []
     rows = observation.rows
     for action in (each for each in forth if each.layer is _types.Layer.NAMES):
@@ -110,7 +111,7 @@ def _render_removal(
 
 
 def _added_again(action: _types.Action, removed_rows: list[_types.Row], known_rows: Sequence[_types.Row]) -> str:
-    """Add a row again that the plan removes, unless it is still there, or again."""
+    """Return the line that adds a removed row again, unless it still exists or exists again."""
     menu, values = MENUS[action.menu], dict(action.values)
     removed_row = next(
         row for row in removed_rows if all(menu.form(name, row) == menu.form(name, values) for name in values)
@@ -129,7 +130,7 @@ def _orders(
     observation: _types.Observation,
     then: _types.Observation,
 ) -> Iterator[str]:
-    """Put every row of a reordered first-match menu where it stood."""
+    """Yield lines that restore the row order of each reordered first-match menu."""
     reordered_menus = {action.menu for action in back if action.verb in (_types.Verb.ADD, _types.Verb.MOVE)}
     reordered_menus |= {action.menu for action in forth if action.verb is _types.Verb.MOVE}
     for path in sorted(path for path in reordered_menus if MENUS[path].is_ordered):
@@ -143,7 +144,7 @@ def _orders(
 
 
 def _condition(menu: Menu, row: _types.Row, others: Sequence[_types.Row]) -> str:
-    """Return the shortest condition that is true of this row and of none of the others. Raises CannotInvert."""
+    """Return the shortest condition that matches this row and none of the others. Raises CannotInvert."""
     readable = [each.name for each in menu.fields if not each.unread and not each.secret and row.get(each.name)]
     rivals = [other for other in others if menu.is_touchable(other)]
     chosen_names: list[str] = []
@@ -158,7 +159,7 @@ def _condition(menu: Menu, row: _types.Row, others: Sequence[_types.Row]) -> str
 
 
 def _quote_operand(value: str) -> str:
-    """Quote what would be read as an address or a time: compared with a text it would never be equal."""
+    """Quote a value that would be parsed as an address or a time, and so never be equal to a text."""
     text = quote(value)
     return f'"{text}"' if text == value and set("/:") & set(value) else text
 

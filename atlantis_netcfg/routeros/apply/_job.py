@@ -1,4 +1,4 @@
-"""What the executor is given for one device, and what it hands back."""
+"""Input and result of the executor for one device."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class JobMode(StrEnum):
-    """How far to go."""
+    """Scope of a run."""
 
     PLAN = "plan"
     APPLY = "apply"
@@ -40,7 +40,7 @@ class JobMode(StrEnum):
 
 
 class Status(StrEnum):
-    """How a run ended on one device; all but `unknown` are what was read from the device."""
+    """Result of a run on one device; all but `unknown` were read from the device."""
 
     UNCHANGED = "unchanged"
     CHANGED = "changed"
@@ -53,7 +53,7 @@ class Status(StrEnum):
 
     @property
     def exit(self) -> ExitCode:
-        """The exit code of a run that ended so on its only device."""
+        """The exit code of a run whose only device has this result."""
         return _EXITS[self]
 
 
@@ -70,24 +70,24 @@ _EXITS = {
 
 
 class History(Protocol):
-    """What the journal of this computer tells of earlier runs on the device; `journal.DeviceHistory` is one."""
+    """Earlier runs on the device, from the journal of this computer; implemented by `journal.DeviceHistory`."""
 
     def has_unfinished_run(self) -> bool:
-        """Whether a run of this computer has died there, or has left its outcome open."""
+        """Return True if a run of this computer died on the device, or its outcome is open."""
 
     def can_take_over(self, run: str, sign: str) -> bool:
-        """Whether a sign on the device is of a dead run that may be taken over."""
+        """Return True if a run marker on the device belongs to a dead run that may be taken over."""
 
 
 class NoHistory:
-    """For who knows of no earlier runs, or may not tell the dead ones from those at work."""
+    """A history without runs: for a caller that knows none, or must not tell dead runs from active ones."""
 
     def has_unfinished_run(self) -> bool:
-        """Know of none."""
+        """Return False."""
         return False
 
     def can_take_over(self, run: str, sign: str) -> bool:  # noqa: ARG002 - as History has it
-        """Recognise none."""
+        """Return False."""
         return False
 
 
@@ -96,7 +96,7 @@ Connect = Callable[[api.Endpoint], Awaitable[Channel]]
 
 @dataclass(frozen=True, slots=True)
 class SshEndpoint:
-    """Where the device has its text console, for the safe mode of versions before 7.18."""
+    """Address of the device's text console, used for safe mode before RouterOS 7.18."""
 
     host: str
     port: int
@@ -123,7 +123,7 @@ def open_console(endpoint: SshEndpoint) -> Console:
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """How long to wait for what, in seconds. The defaults outlive gaps of 70 s and the device's own time-outs."""
+    """Timeouts in seconds. The defaults exceed gaps of 70 s and the device's own timeouts."""
 
     reach_s: float = 900.0
     """For a device that has gone away in the middle of a change: a reboot, or the gaps of a satellite link."""
@@ -143,7 +143,7 @@ class Patience:
 
 @dataclass(frozen=True, slots=True)
 class DeviceJob:
-    """One device and everything that a run on it needs."""
+    """One device with everything that a run on it needs."""
 
     name: str
     endpoint: api.Endpoint
@@ -186,7 +186,7 @@ class DeviceJob:
 
 @dataclass(frozen=True, slots=True)
 class DeviceResult:
-    """How a run ended on one device."""
+    """Result of a run on one device."""
 
     name: str
     status: Status
@@ -232,7 +232,7 @@ class DeviceResult:
     """A fault of ours, for the log file."""
 
     def as_dict(self) -> Mapping[str, Any]:
-        """The result as JSON-able data."""
+        """Return the result as JSON-able data."""
         return {
             "status": self.status.value,
             "reached": self.was_reached,
@@ -275,7 +275,7 @@ def _estimate(estimate: Estimate) -> dict[str, str | float]:
 
 @dataclass(frozen=True, slots=True)
 class Admission:
-    """Whether a run may go on."""
+    """Decision whether a run may continue."""
 
     notes: tuple[str, ...] = ()
     """What its result shall say in any case."""
@@ -285,22 +285,22 @@ class Admission:
 
 
 class CostPolicy(Protocol):
-    """Who knows what the bearers cost and what a person has agreed to.
+    """The costs of the links, and the user's consent.
 
-    The executor asks once, when it has read the device and made its plan, and never decides.
+    The executor calls it once, after it has read the device and made its plan; the executor itself never decides.
     """
 
     def judge(
         self, observation: _types.Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool
     ) -> Admission:
-        """Say whether a run may go on; `spends`: it would send more than it has; `is_plan`: not before a person agrees.
+        """Decide whether a run may continue; `spends`: it would send more; `is_plan`: not before the user agrees.
 
-        Where it spends nothing more there is nothing to refuse.
+        A run that sends nothing more is never refused.
         """
 
 
 def stopped_before_turn(name: str) -> DeviceResult:
-    """Return the result of a device on which a stopped run had not begun."""
+    """Return the result for a device that an interrupted run had not started."""
     status = Status.LEFT_AS_FOUND
     return DeviceResult(name, status, status.exit, "stopped by hand before its turn came: nothing was changed")
 
@@ -312,15 +312,15 @@ MISSING = ("no such command", "no such directory")
 
 
 class Unfit(DeviceError):
-    """Nothing that is declared fits this device."""
+    """No variant of the desired state fits this device."""
 
 
 @dataclass(frozen=True, slots=True)
 class StateVariants:
-    """The desired states to choose from.
+    """Variants of the desired state, chosen by the menu that contains the device's radio.
 
-    The device decides, by the menu in which its radio is. Menus alone tell nothing: `/interface/wifi` is there from
-    7.13 on without any radio of it. A radio of the board has a `default-name`, a virtual one has not.
+    The existence of a menu proves nothing: from 7.13 on `/interface/wifi` exists even without a radio in it. A radio of
+    the board has a `default-name`, a virtual one has none.
     """
 
     states: Mapping[str, DesiredState]

@@ -1,12 +1,12 @@
-"""Which net lies under a change on this device, and the words for it.
+"""The protection of a change on this device, and its description.
 
     RouterOS 7.18 and later      safe mode of the API session (`/safe-mode`)
-    before, with SSH             safe mode of an SSH session, and a dead-man job where device-mode lets one run
+    before, with SSH             safe mode of an SSH session, and a dead-man job where device-mode allows one
     before, without SSH          the dead-man job alone
-    nothing of these             only what can do no harm, unless a person says otherwise
+    none of these                only harmless changes, unless the user decides otherwise
 
-Safe mode: manual, Configuration Management. One session holds it; when that session ends the device undoes what was not
-released, at once after a clean close, after about nine minutes when the link died. It undoes changes of all sessions,
+Safe mode: manual, Configuration Management. One session holds it. When that session ends, the device undoes what was
+not released: at once after a clean close, after about nine minutes if the link died. It undoes changes of all sessions,
 so an SSH session can hold it while the API session writes. Device-mode: manual, Device-mode (from RouterOS 7.17).
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Protection(StrEnum):
-    """Who takes an unfinished change back."""
+    """Mechanism that undoes an unfinished change."""
 
     SAFE_MODE = "safe-mode"
     """Safe mode of the session that writes."""
@@ -39,17 +39,17 @@ class Protection(StrEnum):
 
     @property
     def holds(self) -> bool:
-        """Whether safe mode is held while it is written."""
+        """True if safe mode is held during the writes."""
         return self in (Protection.SAFE_MODE, Protection.CONSOLE)
 
 
 class InterferenceError(DeviceError):
-    """Somebody else has changed the device since we read it: what we planned does not fit any more."""
+    """Somebody else has changed the device since it was read, so the plan no longer fits."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProtectionChoice:
-    """What protects a change, and why nothing better does."""
+    """The protection of a change, and why there is no better one."""
 
     protection: Protection
     dead_man_s: float | None = None
@@ -59,7 +59,7 @@ class ProtectionChoice:
 
     @property
     def value(self) -> str:
-        """The same for a journal: `console-safe-mode dead-man`."""
+        """The choice as recorded in the journal: `console-safe-mode dead-man`."""
         both = self.dead_man_s is not None and self.protection is Protection.CONSOLE
         return f"{self.protection.value} {Protection.DEAD_MAN.value}" if both else self.protection.value
 
@@ -77,7 +77,7 @@ class ProtectionChoice:
 
 
 def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, seconds: float) -> ProtectionChoice:
-    """Choose for this plan. `invertible`: why no script can take it back, or None; `seconds`: what it may take."""
+    """Choose the protection. `invertible`: why no script can undo the plan, or None; `seconds`: maximum duration."""
     if not plan.actions:
         return ProtectionChoice(Protection.NONE, why="nothing changes")
     if facts.has_safe_mode:
@@ -105,14 +105,14 @@ def _no_ssh(job: DeviceJob) -> str | None:
 
 
 def safe_mode_of(choice: ProtectionChoice, job: DeviceJob) -> safe_mode.SafeMode:
-    """Return what holds safe mode for a choice; it holds nothing yet."""
+    """Return the safe-mode handler of a choice; nothing is held yet."""
     if choice.protection is Protection.SAFE_MODE:
         return safe_mode.ApiSafeMode()
     return console_safe_mode(job) if choice.protection is Protection.CONSOLE else safe_mode.NoSafeMode()
 
 
 def console_safe_mode(job: DeviceJob) -> safe_mode.SafeMode:
-    """Return the one of a console, if the device has one that we may use."""
+    """Return console safe mode if the device has a console that we may use, else none."""
     if job.ssh is None or job.ssh.pin is None:
         return safe_mode.NoSafeMode()
     from atlantis_netcfg.routeros.apply._console import ConsoleSafeMode  # noqa: PLC0415 - the SSH client is heavy

@@ -1,4 +1,4 @@
-"""Actions as text of the console, with an acknowledgement after each; and what a script's output says of them."""
+"""Actions as console text with an acknowledgement after each, and the parser of a script's output."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ _ACKNOWLEDGEMENT = re.compile(r"ok (\d+)")
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What a script printed: the actions that it says were executed, and every other line."""
+    """Output of a script: the acknowledged actions, and all other lines."""
 
     acknowledged_numbers: tuple[int, ...]
     words: str
 
 
 def lines(action: Action, menu: str | None) -> str:
-    """Return the action's lines in a script that stands in `menu`; a menu alone on a line is where others start."""
+    """Return the action's script lines; a menu line comes first if the script is not in the action's menu."""
     there = "" if action.menu == menu else f"{action.menu}\n"
     return f'{there}{console(action).removeprefix(f"{action.menu}/")}\n:put "ok {action.number}"\n'
 
 
 def scripts(actions: Sequence[Action], limit: int = LIMIT) -> Iterator[tuple[str, tuple[Action, ...]]]:
-    """Write actions as scripts of at most `limit` bytes each (or one action)."""
+    """Yield scripts of at most `limit` bytes each (or of one action), with their actions."""
     text: list[str] = []
     inside: list[Action] = []
     size = 0
@@ -52,7 +52,7 @@ def scripts(actions: Sequence[Action], limit: int = LIMIT) -> Iterator[tuple[str
 
 
 def action_at(actions: Sequence[Action], line: int) -> Action | None:
-    """Return the action that stands at a line (1-based) of the one script that these actions make."""
+    """Return the action at a line (1-based) of the script made of these actions."""
     below, menu = 0, None
     for action in actions:
         below += lines(action, menu).count("\n")
@@ -63,7 +63,7 @@ def action_at(actions: Sequence[Action], line: int) -> Action | None:
 
 
 def output(text: str) -> Output:
-    """Read what a script printed."""
+    """Parse the output of a script."""
     acknowledged_numbers: list[int] = []
     words: list[str] = []
     for line in text.splitlines():

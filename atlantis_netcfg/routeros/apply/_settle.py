@@ -1,4 +1,4 @@
-"""After a failure: find out what the device is now, and see that it is as before or as declared, never between.
+"""After a failure: read the device, and make sure that it is in the old or in the desired state.
 
 Only what is read back counts. Safe mode of a dead session is never released: we wait until the device has undone it.
 """
@@ -31,7 +31,7 @@ _LIST_LIMIT = 5
 
 
 async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
-    """End a run that failed for `reason`, as honestly as the device lets us."""
+    """Determine and report the result of a run that failed for `reason`."""
     work.say(Stage.FAILED, work.clean(str(reason)))
     if not work.has_sent_changes:
         free = await let_go(work) and await _stood_down(work)
@@ -48,9 +48,9 @@ async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
 
 
 async def let_go(work: RunContext) -> bool:
-    """Take back what is in safe mode, if it is ours; False if it may still be held.
+    """Undo what is in our safe mode; return False if safe mode may still be held.
 
-    Where nothing was written it is released instead: somebody who is at work may have changed something meanwhile.
+    If nothing was written, it is released instead: another user may have changed something meanwhile.
     """
     session = work.session
     if not work.holding:
@@ -74,7 +74,7 @@ async def let_go(work: RunContext) -> bool:
 
 
 async def _stood_down(work: RunContext) -> bool:
-    """Take the dead-man job away where nothing was written; False if it may still run: in vain."""
+    """Remove the dead-man job if nothing was written; return False if it may still run, which has no effect."""
     if work.dead_man is None:
         return True
     for session in (work.session, None):
@@ -91,7 +91,7 @@ async def _stood_down(work: RunContext) -> bool:
 
 
 async def _disarm_ours(work: RunContext, job: str) -> None:
-    """Take the job away; one that was sent and not read back is looked for, and may not be there."""
+    """Remove our dead-man job; without its id, search for it, since it may not exist."""
     armed_jobs = (
         scheduler_jobs.jobs_of((await work.channel.command(scheduler_jobs.READ_JOBS)).check().rows) if not job else ()
     )
@@ -109,7 +109,7 @@ async def _read_back(work: RunContext, reason: NetcfgError) -> DeviceResult:
 
 
 async def _disarm_dead_man(work: RunContext) -> bool:
-    """Take the dead-man job away; False if it had run meanwhile, for then the device has to be read again."""
+    """Remove the dead-man job; return False if it had already run, as the device must then be read again."""
     job = work.dead_man
     if job is None:
         return True
@@ -141,9 +141,9 @@ async def _decide(work: RunContext, reason: NetcfgError) -> DeviceResult:
 
 
 def _is_foreign(work: RunContext, now: Observation) -> bool:
-    """Tell whether more is to be done than was planned: then not only this run has been at work.
+    """Return True if more remains to be changed than was planned: then somebody else has changed the device.
 
-    Rows of a first-match menu that were half written may also have to be moved, which tells nothing.
+    Moves are ignored: a half-written first-match menu may also need them.
     """
     try:
         remaining_actions = plan(work.job.name, work.job.desired_state, now).actions
@@ -158,7 +158,7 @@ def _is_foreign(work: RunContext, now: Observation) -> bool:
 
 
 async def _state(work: RunContext) -> tuple[Channel, Holder, Observation]:
-    """Read the device once nobody holds safe mode any more, over as many sessions as that takes."""
+    """Read the device once safe mode is free, with as many sessions as necessary."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.reach_s + patience.undo_s
     while True:
@@ -177,7 +177,7 @@ async def _state(work: RunContext) -> tuple[Channel, Holder, Observation]:
 
 
 def _is_declared(work: RunContext, reason: NetcfgError, now: Observation) -> bool:
-    """Tell whether everything is there and may stay."""
+    """Return True if the device is in the desired state and the change may stay."""
     if isinstance(reason, (VerificationError, ActionError)):
         return False
     try:
@@ -188,7 +188,7 @@ def _is_declared(work: RunContext, reason: NetcfgError, now: Observation) -> boo
 
 
 async def _is_reachable(work: RunContext) -> bool:
-    """Prove by a new session that the way in is open: what stays must not depend on the session that wrote it."""
+    """Verify in a new session that the device is reachable: access must not depend on the writing session."""
     try:
         session = await work.contact.reach(work.job.patience.verify_s, "proving the way in", insist=False)
     except DeviceError:
@@ -224,7 +224,7 @@ def _stale(work: RunContext) -> str:
 
 
 async def _put_back(work: RunContext, reason: NetcfgError, session: Channel, now: Observation) -> DeviceResult:
-    """Write the state that was observed at the start, guarded by safe mode like any other change."""
+    """Restore the state observed at the start, with the same protection as any other change."""
     work.say(Stage.APPLYING, "putting the state before the run back")
     job = replace(work.job, desired_state=restoring(work.observation), journal=runs.NoJournal(), agreed_hash=None)
     inner = RunContext(job, work.contact, work.start_time, restores=True, session=session, before=now)
@@ -245,7 +245,7 @@ async def _put_back(work: RunContext, reason: NetcfgError, session: Channel, now
 
 
 async def _left_to_the_job(work: RunContext, reason: NetcfgError, failure_message: str) -> DeviceResult:
-    """Wait until the dead-man job has run, if one is armed: it does what we could not."""
+    """Wait until an armed dead-man job has run, since our own restore failed."""
     job = work.dead_man
     if job is not None:
         left_s = max(0.0, job.over - asyncio.get_running_loop().time())

@@ -1,4 +1,4 @@
-"""Comparing two readings of a device, the sign of a run on it, and its saved state."""
+"""Comparison of two observations of a device, the marker of a run on it, and its saved state."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _BETWEEN, _END = "\x1f", "\x1e"
 
 
 def differing(before: _types.Observation, now: _types.Observation, run_time: Sequence[RunTime] = ()) -> tuple[str, ...]:
-    """Return the menus (as a person writes them) whose configuration differs.
+    """Return the titles of the menus whose configuration differs.
 
-    What a device does to rows of ours by itself (`run_time`) is no difference where it is named.
+    A value that the device itself replaces in our rows is ignored if listed in `run_time`.
     """
     paths = dict.fromkeys((*before.rows, *now.rows))
     return tuple(
@@ -44,7 +44,7 @@ def differing(before: _types.Observation, now: _types.Observation, run_time: Seq
 
 
 def digest(observation: _types.Observation) -> str:
-    """Return a hash of the configuration without its secrets, so that it may be written down."""
+    """Return a hash of the configuration without secrets, which may therefore be stored."""
     state = hashlib.sha256()
     for path in sorted(observation.rows):
         rows = map(_BETWEEN.join, _content(path, observation, secrets=False))
@@ -53,7 +53,7 @@ def digest(observation: _types.Observation) -> str:
 
 
 def plan_hash(plan: _types.Plan) -> str:
-    """Return a hash of what a person sees of a plan, so that the plan agreed to can be told from another one."""
+    """Return a hash of what the user sees of a plan, to recognise the plan that was agreed to."""
     actions = [
         (action.menu, action.verb, action.subject, action.ids, action.get_masked_values(), action.before)
         for action in plan.actions
@@ -62,7 +62,7 @@ def plan_hash(plan: _types.Plan) -> str:
 
 
 def invalid(observation: _types.Observation) -> tuple[str, ...]:
-    """Return the rows of ours that the device has taken but does not use, with its reason where it gives one."""
+    """Return our rows that the device has accepted but does not use, with its reason if given."""
     return tuple(
         f"{menu.name_of(row)} in {menu.title} ({row.get('.about') or 'invalid'})"
         for menu in map(MENUS.__getitem__, observation.rows)
@@ -72,7 +72,7 @@ def invalid(observation: _types.Observation) -> tuple[str, ...]:
 
 
 def restoring(before: _types.Observation) -> DesiredState:
-    """Return the observed state as something to declare: every row and every value, nothing else."""
+    """Return a desired state equal to the observed one: every row and value, and nothing else."""
     menus = [MENUS[path] for path in before.rows if not MENUS[path].readonly]
     items = {menu.path: tuple(_items(menu, before.rows[menu.path], before.facts.version)) for menu in menus}
     return DesiredState("the state before the run", items, frozenset(items), restores=True)
@@ -87,7 +87,7 @@ def _items(menu: Menu, rows: tuple[_types.Row, ...], version: Version) -> list[R
 
 
 def _values(menu: Menu, row: _types.Row, version: Version) -> Mapping[str, str | None]:
-    """What the row says, and None for what it did not say and nothing else would take back: it was unset."""
+    """Return the row's values; None for an unset property that no other value would reset."""
     return {
         each.name: row.get(each.name)
         for each in menu.fields
@@ -98,7 +98,7 @@ def _values(menu: Menu, row: _types.Row, version: Version) -> Mapping[str, str |
 def _content(
     path: str, observation: _types.Observation, *, secrets: bool = True, run_time: Sequence[RunTime] = ()
 ) -> list[_Content]:
-    """Return the rows of a menu; of first-match rows the order counts, but only among those of one chain."""
+    """Return the rows of a menu in comparable form; the order counts only within a chain of first-match rows."""
     menu = MENUS[path]
     run_times = [each for each in run_time if each.menu == path]
     rows = [row for row in observation.rows.get(path, ()) if menu.is_touchable(row)]
@@ -110,7 +110,7 @@ def _content(
 
 
 def _as_declared(menu: Menu, row: _types.Row, run_times: Iterable[RunTime]) -> _types.Row:
-    """Return a row of ours with the declared values where the device has put others in their place."""
+    """Return our row with the desired values where the device has replaced them."""
     if not menu.is_ours(row):
         return row
     return {
@@ -124,7 +124,7 @@ def _as_declared(menu: Menu, row: _types.Row, run_times: Iterable[RunTime]) -> _
 
 
 def _row(menu: Menu, row: _types.Row, fields: Iterable[Field]) -> _Content:
-    """Return a row in canonical form; a property that is empty or at its default may be printed or left out."""
+    """Return a row in canonical form; an empty or default property may be printed or omitted."""
     return tuple(
         menu.form(each.name, row) if (text := row.get(each.name)) is None else each.form(text) for each in fields
     )
@@ -140,23 +140,22 @@ CLAIMS = Command(f"{SIGNS}/print", ((".proplist", ".id,list,comment,timeout"),),
 
 
 class ClaimConflict(DeviceError):
-    """Another run is under way on this device."""
+    """Another run is in progress on this device."""
 
 
 def run_of(text: str) -> str:
-    """Return the run that a sign or a job names; empty where it names none."""
+    """Return the run id in the text of a run marker or job; empty if there is none."""
     match = re.match(r"run (\S+) of ", text)
     return match[1] if match else ""
 
 
 @dataclass(frozen=True, slots=True)
 class Sign:
-    """A sign as it was read.
+    """A run marker read from the device.
 
-    Two laptops have no lock in common. Safe mode is one, but between two pieces of a long plan nobody holds it, and
-    without it there is none. The sign is an entry of an address list that nothing uses, with a time-out: the device
-    refuses a second one, no export shows it, and it goes by itself when whoever put it up has died (manual,
-    Address-lists).
+    Two laptops share no lock. Safe mode is one, but nobody holds it between two parts of a long plan, and some devices
+    do not have it. The marker is an entry with a timeout in an address list that nothing uses. The device refuses a
+    second one, no export contains it, and it expires if its owner has died (manual, Address-lists).
     """
 
     id: str
@@ -166,15 +165,15 @@ class Sign:
 
     @property
     def run(self) -> str:
-        """The run that has put it up, as `provision runs` lists it there; empty where the sign does not say it."""
+        """Id of the run that placed the marker, as listed by `provision runs` there; empty if not given."""
         return run_of(self.text)
 
 
 @dataclass(frozen=True, slots=True)
 class RunSigner:
-    """A run that puts its sign up, and knows which signs it may take over.
+    """The marker of a run, and the rules for taking over other markers.
 
-    A dead run's sign is taken over by the computer whose journal holds it, and by whoever names that run to `resume`.
+    A dead run's marker may be taken over by the computer whose journal contains that run, and by `resume` with its id.
     """
 
     job: DeviceJob
@@ -183,17 +182,17 @@ class RunSigner:
 
     @property
     def text(self) -> str:
-        """What the sign says: whose run it is, from where, and which attempt at it."""
+        """Text of the marker: run id, user and address, and the attempt."""
         user = self.job.endpoint.user
         who = f"{user}@{self.address}" if self.address else user
         return f"run {self.job.run} of {who} ({self.job.nonce})" if self.job.run else f"a run of {who}"
 
     def other(self, candidates: Iterable[Sign]) -> Sign | None:
-        """Return the sign of somebody else who may be at work; none of a dead run that may be taken over."""
+        """Return the marker of another run that may be active; dead runs that may be taken over are skipped."""
         return next((sign for sign in candidates if not self.is_over(sign.text)), None)
 
     def is_over(self, text: str) -> bool:
-        """Whether the run that a sign or a job names so is over for certain, so that what it has left may be taken."""
+        """Return True if the run in a marker or job has certainly ended, so its leftovers may be removed."""
         run = run_of(text)
         return text == self.text or bool(run and self.job.history.can_take_over(run, text))
 
@@ -205,12 +204,12 @@ def signs(rows: Sequence[_types.Row]) -> tuple[Sign, ...]:
 
 
 def read_signs(observation: _types.Observation) -> tuple[Sign, ...]:
-    """Return the signs on the device as it was read."""
+    """Return the run markers in an observation."""
     return signs(observation.rows.get(SIGNS, ()))
 
 
 def claimed_by(sign: Sign, site: str) -> ClaimConflict:
-    """Say whose run it is, how long its sign stays, and how it is taken over."""
+    """Return an error with the owner of the marker, its remaining time, and how to take it over."""
     stays = f"within {sign.timeout}" if sign.timeout else "within half an hour"
     over = f"; if that run has died, take over:  provision resume site={site} run={sign.run}" if sign.run else ""
     return ClaimConflict(
@@ -221,7 +220,7 @@ def claimed_by(sign: Sign, site: str) -> ClaimConflict:
 
 
 def claim(ours: str, seconds: float) -> Command:
-    """Return the command that puts the sign up."""
+    """Return the command that places the run marker."""
     values = {"list": _LIST, "address": _ADDRESS, "timeout": f"{seconds:.0f}s", "comment": ours}
     return Command(f"{SIGNS}/add", tuple(values.items()))
 
@@ -229,9 +228,9 @@ def claim(ours: str, seconds: float) -> Command:
 async def confirm_claim(
     session: Channel, adding: Command, reply: Reply, rows: Sequence[_types.Row], signer: RunSigner
 ) -> str:
-    """Read the answers to `claim` and to CLAIMS, and return the sign's `.id`.
+    """Read the replies to `claim` and to CLAIMS; return the marker's `.id`.
 
-    The sign of a dead run that may be taken over is replaced. Raises Claimed, Refused, SessionLost.
+    The marker of a dead run that may be taken over is replaced. Raises ClaimConflict, CommandError, SessionLost.
     """
     if reply.trap is not None:
         rows = rows or (await session.command(CLAIMS)).check().rows
@@ -245,12 +244,12 @@ async def confirm_claim(
 
 
 def withdrawing(sign: str) -> Command:
-    """Return the command that takes the sign down; that it has gone by itself is as good."""
+    """Return the command that removes the marker; it is no error if the marker has expired."""
     return Command(f"{SIGNS}/remove", ((".id", sign),))
 
 
 def is_claiming(action: str) -> bool:
-    """Whether the history calls an action so that may be the sign's: `address list entry added` (seen on 7.x)."""
+    """Return True if a history entry may be that of a run marker: `address list entry added` (seen on 7.x)."""
     return "address" in action and "list" in action and "added" in action
 
 
@@ -265,10 +264,9 @@ SAVING = (script_command(f'/export\n:put "{_COMPLETE}"\n'), script_command(f':pu
 
 @dataclass(frozen=True, slots=True)
 class SavedExport:
-    """What the answers to SAVING hold.
+    """The parsed replies to SAVING.
 
-    An export hides secrets unless asked otherwise, and is not asked otherwise: what is kept on a laptop for years is no
-    place for them.
+    An export hides secrets by default, and we keep that default: they must not be stored on a laptop for years.
     """
 
     text: str | None
@@ -277,16 +275,16 @@ class SavedExport:
 
 
 def parse_export(export: Reply, probe: Reply) -> SavedExport:
-    """Read the answers to SAVING."""
+    """Parse the replies to SAVING."""
     text = _whole(export.ret or "") if export.trap is None else None
     runs = text is not None or (probe.trap is None and (probe.ret or "").strip() == _PROBE)
     return SavedExport(text, _writer.ScriptWriter() if runs else _writer.SentenceWriter())
 
 
 async def fetch(session: Channel, instead: Callable[[], str] | None = None) -> str:
-    """Get the export by way of a file on the device, or what is to be saved `instead` of it.
+    """Read the export through a file on the device; if that fails, return the result of `instead`.
 
-    Before RouterOS 7.13 no file can be read over the API. Raises DeviceFailed if nothing can be saved.
+    Before RouterOS 7.13 no file can be read over the API. Raises DeviceError if nothing can be saved.
     """
     try:
         return await _export_to_file(session)
@@ -322,7 +320,7 @@ async def _chunk(session: Channel, offset: int) -> bytes:
 
 
 def _whole(text: str) -> str | None:
-    """Return an export that was not cut off, with one newline at its end."""
+    """Return the export with one newline at its end; None if it is truncated."""
     body, end_marker, rest = text.replace("\r\n", "\n").rpartition(_COMPLETE)
     if not end_marker or rest.strip() or not body.lstrip().startswith("#"):
         return None

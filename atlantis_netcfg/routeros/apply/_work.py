@@ -1,4 +1,4 @@
-"""The state of a run on one device: what was read and sent, how its plan is cut, what is still armed, what is told."""
+"""The state of a run on one device: observations, stages of the plan, leftovers, and reports."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _FOUNDATION, _NAMING = True, False
 
 @dataclass(frozen=True, slots=True)
 class Stages:
-    """The actions of a plan by how they are sent; within each in the order of the plan."""
+    """The actions of a plan by stage; within each stage in the order of the plan."""
 
     prepare: tuple[_types.Action, ...] = ()
     pieces: tuple[tuple[_types.Action, ...], ...] = ()
@@ -42,11 +42,11 @@ class Stages:
 
 
 def cut(plan: _types.Plan, protection: Protection, budget: int = BUDGET) -> Stages:
-    """Cut a plan in the way that costs the fewest round trips; without safe mode there is nothing to cut for.
+    """Split a plan so that it costs the fewest round trips; without safe mode it is not split.
 
-    A plan within the budget is one piece. Otherwise harmless additions may go outside safe mode: those that others name
-    (address lists, pools) before it, those that name others (leases) after it. What is left is cut into pieces with a
-    checkpoint between them, so that safe mode never has to remember more than it can.
+    A plan within the budget is one part. Otherwise harmless additions may go outside safe mode: those that other rows
+    refer to (address lists, pools) before it, those that refer to others (leases) after it. The rest is split into
+    parts with a checkpoint between them, so that safe mode never has to record more than it can.
     """
     if not protection.holds:
         return Stages(prepare=plan.actions)
@@ -55,7 +55,7 @@ def cut(plan: _types.Plan, protection: Protection, budget: int = BUDGET) -> Stag
 
 
 def _cut(plan: _types.Plan, budget: int, outside: Sequence[bool]) -> Stages:
-    """Cut with those harmless additions outside that are named by others (True), or name others (False)."""
+    """Split; harmless additions that others refer to (True), or that refer to others (False), go outside."""
     out = [
         action for action in plan.actions if _harmless(action) and (action.layer is _types.Layer.FOUNDATION) in outside
     ]
@@ -68,7 +68,7 @@ def _cut(plan: _types.Plan, budget: int, outside: Sequence[bool]) -> Stages:
 
 
 def _cost(stages: Stages) -> int:
-    """Return round trips: a preparation also keeps safe mode from being taken beside the last reading."""
+    """Return the extra round trips; after a preparation, safe mode cannot be taken together with the last read."""
     checkpoints = max(0, len(stages.pieces) - 1)
     return 2 * bool(stages.prepare) + bool(stages.finish) + 7 * checkpoints
 
@@ -91,7 +91,7 @@ def _pieces(actions: Sequence[_types.Action], budget: int) -> Iterator[tuple[_ty
 
 
 def _parts(action: _types.Action, budget: int) -> Iterator[_types.Action]:
-    """Cut one action over many rows; its parts keep its number, and it counts as done when the last one is."""
+    """Split an action on many rows; the parts keep its number, and it is done when the last part is."""
     for start in range(0, max(1, len(action.ids)), budget):
         yield replace(action, ids=action.ids[start : start + budget])
 
@@ -103,19 +103,19 @@ AGREE_APART = (
 
 
 def find_missing_consent(job: _job.DeviceJob, plan: _types.Plan) -> str:
-    """Return why the plan needs a person's word of its own, and has none; empty: it may go on."""
+    """Return why the plan needs a separate consent that was not given; empty if it may continue."""
     return "" if job.remove_foreign or not plan.foreign_words else f"nobody has agreed that it {plan.foreign_words}"
 
 
 def number_of(plan: _types.Plan) -> str:
-    """Say how much a plan does: actions, and rows where one action is about several."""
+    """Return the size of a plan as text: actions, and rows if an action covers several."""
     number, rows = len(plan.actions), plan.weight
     words = f"{number} action{'s' if number != 1 else ''}"
     return words if rows == number else f"{words} on {rows} rows"
 
 
 def build_journal_action(action: _types.Action) -> runs.PlannedAction:
-    """Write an action for the journal, secrets masked."""
+    """Convert an action to its journal entry, secrets masked."""
     return runs.PlannedAction(
         number=action.number,
         layer=action.layer.name.lower(),
@@ -128,7 +128,7 @@ def build_journal_action(action: _types.Action) -> runs.PlannedAction:
 
 
 def mask_secrets(text: str, actions: Iterable[_types.Action]) -> str:
-    """Mask secrets of a plan in a text of the device, should it ever repeat one."""
+    """Mask the plan's secrets in a text from the device, in case it repeats one."""
     for action in actions:
         for name, value in action.values:
             if name in action.secrets and value:
@@ -139,9 +139,9 @@ def mask_secrets(text: str, actions: Iterable[_types.Action]) -> str:
 def record_outcome(
     job: _job.DeviceJob, result: _job.DeviceResult, read: _types.Observation | None
 ) -> _job.DeviceResult:
-    """Record the outcome, and keep what was `read` back for drift to be dated by and for a replacement.
+    """Record the outcome, and save the state `read` back, for the dating of drift and for a replacement device.
 
-    A journal that cannot be written is said in the result, which is not green then.
+    If the journal cannot be written, the result says so and is not successful.
     """
     outcome = runs.Outcome(
         device=result.name,
@@ -161,7 +161,7 @@ def record_outcome(
 
 
 def _state(job: _job.DeviceJob, read: _types.Observation) -> str:
-    """Write the state as text; the device has ended well, and a fault of ours in here must not say otherwise."""
+    """Return the state as text; a bug in here must not hide that the device itself succeeded."""
     try:
         return snapshot.write(job.name, job.desired_state, read)
     except Exception as fault:
@@ -179,12 +179,12 @@ _WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class Leftovers:
-    """What was read of one device; false if nothing is armed and nothing is open.
+    """Armed jobs, run markers and safe mode found on one device; false if there are none.
 
-    Every reading asks for it in its one flight, also where nothing is to be changed. A plan and drift tell it. A run
-    takes away what a run has left that is over, once it has read that the device is as declared; what may be in use it
-    leaves alone. Only a run that sees both ends of a bridge takes the job `atlantis-pair` away. That a run is over is
-    known of the runs of this computer: one at a time may change a site, and that one is ours.
+    Every observation reads them in its single batch, also if nothing is to be changed. A plan and drift report them. A
+    run removes leftovers of finished runs after it has read that the device is in the desired state; what may be in use
+    is left alone. Only a run that sees both ends of a bridge removes the job `atlantis-pair`. Only runs of this
+    computer are known to be finished: one run at a time may change a site, and that one is ours.
     """
 
     safe_mode: str | None = None
@@ -196,11 +196,11 @@ class Leftovers:
         return self.safe_mode is not None or bool(self.markers or self.jobs)
 
     def words(self) -> tuple[str, ...]:
-        """Return one sentence for each."""
+        """Return one sentence per leftover."""
         return tuple(difference.row for difference in self.differences())
 
     def differences(self) -> tuple[drift.Difference, ...]:
-        """Return one difference for each, as drift tells it."""
+        """Return one difference per leftover, in the form of the drift report."""
         return tuple(self._differences())
 
     def _differences(self) -> Iterator[drift.Difference]:
@@ -214,19 +214,19 @@ class Leftovers:
             yield _open("/system scheduler", job.name, drift.Owner.RUN, _describe_job(job))
 
     def alive(self, is_over: IsOver, *, bridge: bool = True) -> str | None:
-        """Say which job may belong to a run that is alive, and for a device alone, which belongs to a bridge."""
+        """Describe a job that may belong to an active run; for a single device, also one that belongs to a bridge."""
         alive = (job for job in self.jobs if not is_over(job.owner) or (job.name == scheduler_jobs.PAIR and not bridge))
         return next(map(_describe_job, alive), None)
 
     def find_job(self, name: str) -> scheduler_jobs.ArmedJob | None:
-        """Return the job of this name."""
+        """Return the job of this name; None if there is none."""
         return next((job for job in self.jobs if job.name == name), None)
 
     async def remove(self, session: Channel) -> tuple[str, ...]:
-        """Take jobs and markers away, see that they are gone, and say what was removed.
+        """Remove jobs and markers, check that they are gone, and return what was removed.
 
-        The caller has read that nobody uses them, and reads the device anew afterwards: a job may have run meanwhile.
-        Raises DeviceFailed.
+        The caller has read that nobody uses them, and reads the device again afterwards: a job may have run meanwhile.
+        Raises DeviceError.
         """
         for job in self.jobs:
             await scheduler_jobs.disarm(session, job.id)
@@ -241,7 +241,7 @@ class Leftovers:
 
 
 def look(observation: _types.Observation) -> Leftovers:
-    """Return what was armed or open when the device was read."""
+    """Return the leftovers in an observation."""
     return Leftovers(
         observation.facts.safe_mode_owner, read_signs(observation), scheduler_jobs.jobs_of(observation.jobs)
     )
@@ -268,7 +268,7 @@ _STAGES = {
 
 @dataclass(slots=True)
 class RunContext:
-    """A run on one device; the steps read it and write down here what has become true."""
+    """State of a run on one device; each step reads it and records its results here."""
 
     job: _job.DeviceJob
     contact: Contact
@@ -317,17 +317,17 @@ class RunContext:
 
     @property
     def protection(self) -> Protection:
-        """Who takes an unfinished change back."""
+        """Mechanism that undoes an unfinished change."""
         return self.choice.protection
 
     @property
     def signer(self) -> RunSigner:
-        """Whose sign this run puts on the device."""
+        """The run marker that this run places on the device."""
         return RunSigner(self.job, self.before.facts.session_address if self.before is not None else "")
 
     @property
     def counts(self) -> tuple[_types.PortCounts, ...]:
-        """The first and the last look at the ports' counters."""
+        """First and last reading of the port counters."""
         looks = [
             look for observation in (self.before, self.after) if observation is not None for look in observation.counts
         ]
@@ -336,51 +336,51 @@ class RunContext:
 
     @property
     def channel(self) -> Channel:
-        """The session, where there has to be one."""
+        """The open session. Raises RuntimeError if there is none."""
         if self.session is None:
             raise RuntimeError("no session is open")
         return self.session
 
     @property
     def observation(self) -> _types.Observation:
-        """The device as it was before the run, where it has been read."""
+        """The device before the run. Raises RuntimeError if it was not read."""
         if self.before is None:
             raise RuntimeError("the device has not been read")
         return self.before
 
     @property
     def aim(self) -> _types.Plan:
-        """The plan, where there has to be one."""
+        """The plan. Raises RuntimeError if there is none."""
         if self.plan is None:
             raise RuntimeError("nothing is planned")
         return self.plan
 
     @property
     def complete(self) -> bool:
-        """Every action was sent, and the device says that it executed it."""
+        """True if every action was sent and acknowledged by the device."""
         return self.acknowledged_numbers >= {action.number for action in self.aim.actions}
 
     def say(self, stage: Stage, message: str, limit_s: float = 0.0) -> None:
-        """Tell the subscriber."""
+        """Send a progress event to the subscriber."""
         total = len(self.plan.actions) if self.plan is not None else 0
         data = {"acknowledged": len(self.acknowledged_numbers)}
         self.job.events(Event(self.job.name, stage, message, self.confirmed_count, total, data, limit_s))
 
     def record(self, record: runs.Record) -> None:
-        """Put a record on disk. Raises JournalFailed."""
+        """Write a record to disk. Raises JournalError."""
         self.job.journal.write(record)
 
     def note(self, record: runs.Record) -> None:
-        """Put a record on disk if that is possible: what it reports has happened in any case."""
+        """Write a record to disk if possible; the reported event has happened in any case."""
         with suppress(runs.JournalError):
             self.job.journal.write(record)
 
     def clean(self, text: str) -> str:
-        """Mask secrets of the plan in a text of the device, should it ever repeat one."""
+        """Mask the plan's secrets in a text from the device, in case it repeats one."""
         return mask_secrets(text, self.plan.actions if self.plan is not None else ())
 
     def result(self, status: _job.Status, message: str, *, hint: str | None = None) -> _job.DeviceResult:
-        """Say how it ended."""
+        """Build the result of the run."""
         traffic, plan = self.contact.traffic, self.plan
         return _job.DeviceResult(
             name=self.job.name,
@@ -411,16 +411,16 @@ class RunContext:
         )
 
     def farewell(self) -> tuple[Command, ...]:
-        """What takes the sign down, beside the last thing that is sent; `signed_off` once it is answered."""
+        """Return the command that removes the marker, sent with the last request; call `signed_off` after its reply."""
         return () if self.sign is None else (withdrawing(self.sign),)
 
     def signed_off(self, farewell: Sequence[Command]) -> None:
-        """The sign is down, if that was asked."""
+        """Record that the marker was removed, if that was requested."""
         if farewell:
             self.sign = None
 
     def finish(self, result: _job.DeviceResult) -> _job.DeviceResult:
-        """Record and tell the end; a journal that cannot be written is said in the result."""
+        """Record and report the result; if the journal cannot be written, the result says so."""
         read = {_job.Status.UNCHANGED: self.before, _job.Status.CHANGED: self.after}.get(result.status)
         whole = self.plan is not None and not self.job.desired_state.partial
         result = record_outcome(self.job, result, read if whole else None)

@@ -1,7 +1,7 @@
-"""Sending actions: as scripts, which run in their order and tell how far they came, or sentence by sentence.
+"""Sending actions: as scripts, which run in order and report their progress, or sentence by sentence.
 
-No document gives the order in which a device executes tagged sentences; the lines of a script run in theirs: so one
-script costs one round trip, where sentences of an ordered menu cost one each.
+No document defines the order in which a device executes tagged sentences, but script lines run in order. So a script
+costs one round trip, while sentences of an ordered menu cost one each.
 
 Assumption: execute-stops
 Assumption: execute-error-text
@@ -34,12 +34,12 @@ _PLACE = re.compile(r"\(line (\d+) column \d+\)")
 
 
 class ActionError(DeviceError):
-    """The device refused one action; those before it were executed."""
+    """The device refused one action; the actions before it were executed."""
 
 
 @dataclass(frozen=True, slots=True)
 class WriteResult:
-    """What became of one turn of writing."""
+    """Result of one turn of writing."""
 
     acknowledged_numbers: tuple[int, ...]
     refusal: str | None
@@ -49,20 +49,20 @@ class WriteResult:
 
 
 class Writer(Protocol):
-    """A way to send actions. A turn is announced by its actions before it is sent."""
+    """Sends actions in turns. A turn is journalled with its actions before it is sent."""
 
     def turns(self, actions: Sequence[Action]) -> Iterator[tuple[Action, ...]]:
-        """Cut actions into turns: each costs one round trip."""
+        """Split actions into turns of one round trip each."""
 
     async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[api.Command] = ()) -> WriteResult:
-        """Send one turn, with other commands beside it, and say what became of it."""
+        """Send one turn together with the commands in `beside`; return its result."""
 
 
 class ScriptWriter:
-    """Scripts, of which the device stops each at its first error."""
+    """Sends scripts; the device stops each one at its first error."""
 
     def turns(self, actions: Sequence[Action]) -> Iterator[tuple[Action, ...]]:
-        """Cut where a script would become too long; rows that do not depend on each other go in several at once."""
+        """Split where a script would become too long; rows that are independent go into several scripts at once."""
         turn: list[Action] = []
         count = 0
         for _, inside in _scripts.scripts(actions):
@@ -85,17 +85,17 @@ class ScriptWriter:
 
 
 class SentenceWriter:
-    """For devices that do not run scripts for us: one sentence an action, several at once where order is no matter."""
+    """For devices that cannot run our scripts: one sentence per action, several at once if the order is irrelevant."""
 
     def turns(self, actions: Sequence[Action]) -> Iterator[tuple[Action, ...]]:
-        """Put additions to one menu without order into one turn; everything else goes alone."""
+        """Put additions to one unordered menu into one turn; every other action gets its own turn."""
         for (together, *_), group in groupby(actions, key=_kind):
             members = tuple(group)
             size = api.WINDOW - 1 if together else 1
             yield from (members[start : start + size] for start in range(0, len(members), size))
 
     async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[api.Command] = ()) -> WriteResult:
-        """Send the sentences at once."""
+        """Send the sentences of one turn at once."""
         answers = await session.flight([*(api.Command(*sentence(action)) for action in turn), *beside])
         replies, others = answers[: len(turn)], answers[len(turn) :]
         executed_numbers = tuple(
@@ -109,7 +109,7 @@ class SentenceWriter:
 
 
 def _kind(action: Action) -> tuple[bool, str, int]:
-    """Return what actions have in common that may be sent together, and first whether any may."""
+    """Return a key of actions that may share a turn; its first item tells if they may at all."""
     return action.verb is Verb.ADD and not MENUS[action.menu].is_ordered, action.menu, action.layer
 
 
@@ -118,7 +118,7 @@ def _independent(actions: Sequence[Action]) -> bool:
 
 
 def _output(turn: Sequence[Action], reply: api.Reply) -> tuple[tuple[int, ...], str | None]:
-    """Return what a script acknowledged, and how it was stopped if it was."""
+    """Return the actions that a script acknowledged, and the refusal that stopped it, if any."""
     result = _scripts.output(reply.ret or "")
     if reply.trap is None and list(result.acknowledged_numbers) == [action.number for action in turn]:
         return result.acknowledged_numbers, None
@@ -127,7 +127,7 @@ def _output(turn: Sequence[Action], reply: api.Reply) -> tuple[tuple[int, ...], 
 
 
 def _culprit(turn: Sequence[Action], reply: api.Reply, acknowledged_count: int, words: str) -> Action | None:
-    """Find the action that stopped the script: by the line that the device names, else behind those it acknowledged."""
+    """Find the action that stopped the script: by the reported line, else the one after the last acknowledged."""
     place = _PLACE.search(words)
     if place is not None:
         return _scripts.action_at(turn, int(place[1]))

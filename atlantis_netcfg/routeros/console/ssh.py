@@ -1,7 +1,7 @@
-"""The console over SSH: netmiko opens the session, our dialogue does the talking.
+"""The console over SSH: netmiko opens the session, our own dialogue uses it.
 
-What netmiko would type after connecting, it types with its own log of every write, secrets included; therefore its
-channel is taken over as soon as it is open.
+After connecting, netmiko would log everything it types, secrets included. Therefore its channel is taken over as soon
+as it is open.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def fingerprint(key: paramiko.PKey) -> str:
-    """`SHA256:` and the unpadded base64 of the key's digest, as `ssh-keygen -l` prints it."""
+    """Return the key's fingerprint as printed by `ssh-keygen -l`: `SHA256:` and unpadded base64."""
     digest = base64.b64encode(hashlib.sha256(key.asbytes()).digest()).decode()
     return f"SHA256:{digest.rstrip('=')}"
 
@@ -48,7 +48,7 @@ class PinnedKey(paramiko.MissingHostKeyPolicy):
         self.seen: str | None = None
 
     def missing_host_key(self, client: paramiko.SSHClient, hostname: str, key: paramiko.PKey) -> None:  # noqa: ARG002
-        """Raise UnknownHostKey without a pin, HostKeyChanged if the keys differ."""
+        """Raise UnknownHostKey without a pin, HostKeyMismatch if the keys differ."""
         self.seen = fingerprint(key)
         if self._pin is None:
             raise types.UnknownHostKey(
@@ -79,16 +79,16 @@ class _ConsoleConnection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignor
     """netmiko's session up to the open shell."""
 
     def special_login_handler(self, delay_factor: float = 1.0) -> None:
-        """Leave the questions of the first login to the dialogue."""
+        """Do nothing: the dialogue handles the prompts of the first login."""
 
     def _try_session_preparation(self, force_data: bool = True) -> None:  # noqa: FBT001, FBT002 - netmiko's signature
-        """Type nothing: an Enter would answer the first of those questions."""
+        """Send nothing: an Enter would confirm the first of those prompts."""
 
 
 class TcpSocket(socket.socket):
-    """A TCP connection that tells what it carries, and ends one that sends without an end.
+    """A TCP connection that counts its bytes and stops a peer that sends endlessly.
 
-    paramiko keeps whatever comes, before the login as well: a packet may name any size.
+    paramiko keeps all received data, also before the login: a packet may announce any size.
     """
 
     tally: types.Tally | None = None
@@ -105,19 +105,19 @@ class TcpSocket(socket.socket):
         return connection
 
     def hang_up(self) -> None:
-        """End it for whoever waits on it, in any thread."""
+        """End the connection for all threads that wait on it."""
         with contextlib.suppress(OSError):
             self.shutdown(socket.SHUT_RDWR)
 
     def send(self, data: ReadableBuffer, flags: int = 0, /) -> int:
-        """Send as a socket does, and count."""
+        """Send like a socket, and count the bytes."""
         size = super().send(data, flags)
         if self.tally is not None:
             self.tally.send(size)
         return size
 
     def recv(self, size: int, flags: int = 0, /) -> bytes:
-        """Receive as a socket does, and count."""
+        """Receive like a socket, and count the bytes."""
         data = super().recv(size, flags)
         self.received_bytes += len(data)
         if self.received_bytes > _MOST:
@@ -128,7 +128,7 @@ class TcpSocket(socket.socket):
 
 
 class SshWire:
-    """A paramiko channel."""
+    """A paramiko channel as console wire."""
 
     def __init__(self, connection: _ConsoleConnection) -> None:
         self._connection = connection
@@ -137,7 +137,7 @@ class SshWire:
         self._channel = channel
 
     def read(self, timeout_s: float) -> bytes:
-        """Whatever came."""
+        """Return the data received until the timeout; may be empty."""
         self._channel.settimeout(max(timeout_s, 0.001))
         try:
             data = self._channel.recv(_CHUNK)
@@ -150,7 +150,7 @@ class SshWire:
         return data
 
     def write(self, data: bytes) -> None:
-        """Send."""
+        """Send the data. Raises WireLost."""
         self._channel.settimeout(types.CONNECT_S)
         try:
             self._channel.sendall(data)
@@ -163,13 +163,13 @@ class SshWire:
             self._connection.paramiko_cleanup()
 
     def hang_up(self) -> None:
-        """A dropped connection is the signal."""
+        """Drop the connection, which makes the device undo safe mode."""
         self.close()
 
 
 @contextlib.contextmanager
 def translate_errors(address: str, port: int) -> Iterator[None]:
-    """Say in our words why no session came about."""
+    """Convert connection errors to our exceptions with a message for the user."""
     where = f"{address} port {port}"
     try:
         yield
@@ -189,7 +189,7 @@ def translate_errors(address: str, port: int) -> Iterator[None]:
 
 @contextlib.contextmanager
 def ended_after(close: Callable[[], object], seconds: float) -> Iterator[None]:
-    """Close a connection on which we still wait then: time-outs of paramiko begin anew with each byte."""
+    """Close a connection still in use after `seconds`: paramiko's timeouts restart with each byte."""
     clock = threading.Timer(seconds, close)
     clock.daemon = True
     clock.start()
@@ -209,10 +209,10 @@ def open_ssh(  # noqa: PLR0913 - all of it is one address
     timeout_s: float = types.CONNECT_S,
     tally: types.Tally | None = None,
 ) -> types.Console:
-    """Log in over SSH. `pin`: `SHA256:...` of the host key; `tally`: told what the wire carries.
+    """Log in over SSH. `pin`: `SHA256:...` of the host key; `tally`: counts the bytes on the wire.
 
-    Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyChanged before the password is sent,
-    LoginFailed, ConsoleLost.
+    Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyMismatch before the password is sent,
+    ConsoleLoginError, ConsoleLost.
     """
     policy = PinnedKey(pin)
     with translate_errors(address, port):
@@ -245,7 +245,7 @@ def open_ssh(  # noqa: PLR0913 - all of it is one address
 
 @dataclass(frozen=True, slots=True)
 class CommandEnd:
-    """How a command ended, and what it printed."""
+    """Result of a command: exit status and output."""
 
     code: int
     """Exit status; -1 if the device did not give one."""
@@ -254,7 +254,7 @@ class CommandEnd:
 
 
 class Commands:
-    """An SSH connection on which commands run one after another; `with` closes it."""
+    """An SSH connection on which commands run one after another; a context manager."""
 
     def __init__(self, client: paramiko.SSHClient, name: str) -> None:
         self._client = client
@@ -275,9 +275,9 @@ class Commands:
         return transport is not None and transport.is_active()
 
     def run(self, command: str, *, input_text: str = "", timeout_s: float = types.COMMAND_S) -> CommandEnd:
-        """Run one command. What is secret goes into `input_text`, its standard input: a command line stands in `ps`.
+        """Run one command. Secrets go into `input_text` (standard input), since a command line is visible in `ps`.
 
-        Raises ConsoleLost if the connection broke; then nobody knows how far the command came.
+        Raises ConsoleLost if the connection broke; then it is unknown how far the command ran.
         """
         self.count += 1
         try:
@@ -309,8 +309,8 @@ def open_commands(  # noqa: PLR0913 - all of it is one address
 ) -> Commands:
     """Log in. `pin`: `SHA256:...` of the host key.
 
-    Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyChanged before the password is sent,
-    LoginFailed.
+    Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyMismatch before the password is sent,
+    ConsoleLoginError.
     """
     return Commands(_client(address, port, user, password, pin, timeout_s), f"{address} port {port}")
 
@@ -345,7 +345,7 @@ def _client(  # noqa: PLR0913, PLR0917 - as above
 
 
 def host_key_of(address: str, port: int, timeout_s: float = types.CONNECT_S) -> str:
-    """The fingerprint of the host key that is shown; nobody logs in. Raises ConsoleUnreachable."""
+    """Return the fingerprint of the host key without a login. Raises ConsoleUnreachable."""
     try:
         with open_commands(address, port, "nobody", Secret(""), pin=None, timeout_s=timeout_s):
             raise AssertionError("without a pin nobody logs in")
@@ -369,10 +369,10 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
     progress: Callable[[int, int], None] | None = None,
     timeout_s: float = types.CONNECT_S,
 ) -> None:
-    """Copy `source` to the file `name` of the device. `progress(sent, total)` in bytes, often.
+    """Copy `source` to the file `name` of the device. `progress(sent, total)` is called often, with bytes.
 
-    Raises as `open_ssh`; ConsoleLost when the copy broke off or has another length: then the file on the device is
-    not whole.
+    Raises like `open_ssh`; ConsoleLost if the copy broke off or has another length: then the file on the device is
+    incomplete.
     """
     size = source.stat().st_size
     client = _client(address, port, user, password, pin, timeout_s)

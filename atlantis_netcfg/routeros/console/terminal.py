@@ -1,9 +1,9 @@
-"""The dialogue with a RouterOS console that somebody is logged in to: prompts, commands, safe mode.
+"""The dialogue with a logged-in RouterOS console (prompts, commands, safe mode), and the serial line.
 
-How a command is known to have succeeded: a mark is printed by the same line (`command; :put "mark"`), and RouterOS
-stops a line at its first error. The mark counts only as a whole line of output, so the echo cannot be taken for it.
+Success of a command is detected by a mark printed by the same line (`command; :put "mark"`): RouterOS stops a line at
+its first error. The mark must be a whole line of output, so the echo is never mistaken for it.
 
-The console over a serial line: log in, and log out whoever was left logged in by a session that was cut.
+Over a serial line: log in, after logging out a session that was left open when its connection was cut.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _PARTIAL = re.compile(r"\x1b(?:\[[0-9;?]*|[()])?\Z")
 
 
 class TerminalScreen:
-    """Bytes in, lines out. `replies` holds what the terminal has to answer since somebody last took it."""
+    """Terminal emulation: bytes in, lines out. `replies` holds the terminal's pending replies."""
 
     def __init__(self) -> None:
         self.lines: list[str] = [""]
@@ -46,13 +46,13 @@ class TerminalScreen:
         self._rest = ""
 
     def clear(self) -> None:
-        """Forget the lines; the one with the cursor stays empty."""
+        """Clear the lines; the cursor is on one empty line."""
         self.lines = [""]
         self.size = 0
         self._column = 0
 
     def feed(self, data: bytes) -> None:
-        """Show what the device sent."""
+        """Process bytes from the device."""
         text = self._rest + data.decode("latin-1")
         self._rest = ""
         self.size += len(data)
@@ -73,7 +73,7 @@ class TerminalScreen:
             place = self._plain(text, place)
 
     def text(self, first: int = 0, last: int | None = None) -> list[str]:
-        """Lines as text; bytes that are not UTF-8 survive as lone surrogates."""
+        """Return lines as text; bytes that are not UTF-8 are kept as lone surrogates."""
         return [line.encode("latin-1").decode("utf-8", "surrogateescape") for line in self.lines[first:last]]
 
     def _plain(self, text: str, place: int) -> int:
@@ -123,7 +123,7 @@ class TerminalScreen:
 
 
 def _count(arguments: str) -> int:
-    """How far; what is no number moves by one, as what is left out does."""
+    """Return the distance of a cursor movement; 1 if missing or not a number."""
     return max(1, min(int(arguments), WIDTH)) if _NUMBER.fullmatch(arguments) else 1
 
 
@@ -153,7 +153,7 @@ class _TerminalLine(types.ConsoleWire, Protocol):
 
 
 class Terminal:
-    """See `Console`, which this is."""
+    """Implementation of `Console`."""
 
     def __init__(
         self,
@@ -164,7 +164,7 @@ class Terminal:
         host_key: str | None = None,
         screen: TerminalScreen | None = None,
     ) -> None:
-        """`screen`: what stands there already."""
+        """`screen`: the current content of the terminal."""
         self._wire = wire
         self._screen = screen or TerminalScreen()
         self._user = user
@@ -181,20 +181,20 @@ class Terminal:
 
     @property
     def user(self) -> str:
-        """Who is logged in."""
+        """The logged-in user."""
         return self._user
 
     @property
     def safe(self) -> bool:
-        """Whether the prompt says `<SAFE>`."""
+        """True if the prompt contains `<SAFE>`."""
         return self._safe
 
     # --- first words -----------------------------------------------------------------------------------------------
 
     def settle(self, timeout_s: float) -> None:
-        """Answer the questions of the first login until a prompt stands there, and answers.
+        """Handle the prompts of the first login until a command prompt responds.
 
-        No licence is read, the default configuration stays for now, the password stays as it is.
+        The licence is not displayed; default configuration and password stay unchanged for now.
         """
         self._until(self._answer_greeting, timeout_s, in_flight=False)
         self._sync(timeout_s, in_flight=False)
@@ -221,7 +221,7 @@ class Terminal:
     # --- commands --------------------------------------------------------------------------------------------------
 
     def run(self, command: str, *, timeout_s: float = types.COMMAND_S, secrets: Sequence[Secret] = ()) -> str:
-        """Run one line."""
+        """Run one command line, and return its output."""
         if "\n" in command or "\r" in command:
             raise ValueError("one line at a time: quote line ends as \\n")
         mark = f"atlantis-done-{next(self._numbers)}"
@@ -239,7 +239,7 @@ class Terminal:
         return output
 
     def ask(self, command: str, question: str, answer: str, *, timeout_s: float = types.COMMAND_S) -> None:
-        """Run a command that asks back."""
+        """Run a command that asks for confirmation, and send `answer`."""
         self._screen.clear()
         self._send(command.encode() + ENTER, in_flight=False)
         self._until(lambda: question in self._tail() or self._quiet_prompt(), timeout_s, in_flight=False)
@@ -249,19 +249,19 @@ class Terminal:
         self._send(answer.encode(), in_flight=True)
 
     def rows(self, menu: str, *, where: str = "", timeout_s: float = types.COMMAND_S) -> list[dict[str, str]]:
-        """Rows of a menu."""
+        """Return the rows of a menu."""
         condition = f" where {where}" if where else ""
         output = self.run(f":put [{menu} print detail as-value{condition}]", timeout_s=timeout_s)
         return types.parse_rows(output.replace("\n", ""))
 
     def _has_mark(self, mark: str) -> bool:
-        """Whether the mark came and the prompt after it, or the prompt alone: then the line stopped at an error."""
+        """Return True if mark and prompt have arrived, or the prompt alone: then the line stopped at an error."""
         if mark in (line.rstrip() for line in self._screen.lines):
             return self._at_prompt()
         return len(self._screen.lines) > 1 and self._quiet_prompt()
 
     def _output(self, lines: list[str], mark: str | None) -> str:
-        """Lines between the echo and the mark; without a mark, those before the next prompt."""
+        """Return the lines between echo and mark; without a mark, those before the next prompt."""
         last = lines.index(mark) if mark is not None else len(lines)
         echo = next((place for place, line in enumerate(lines[:last]) if '; :put "atlantis-done-' in line), -1)
         output_lines = [
@@ -274,7 +274,7 @@ class Terminal:
         return "\n".join(line for line in output_lines if not _PROMPT.fullmatch(line))
 
     def _sync(self, timeout_s: float, *, in_flight: bool) -> None:
-        """Make sure that the prompt is one that answers, and that nothing more of before comes."""
+        """Wait until the prompt responds and no earlier output remains."""
         mark = f"atlantis-here-{next(self._numbers)}"
         self._send(f':put "{mark}"'.encode() + ENTER, in_flight=in_flight)
         self._until(
@@ -289,7 +289,7 @@ class Terminal:
     # --- safe mode -------------------------------------------------------------------------------------------------
 
     def take_safe_mode(self) -> None:
-        """Ctrl+X, unless the prompt says that it is ours already."""
+        """Take safe mode with Ctrl+X, unless the prompt shows that it is already ours."""
         if self._safe:
             return
         self._screen.clear()
@@ -304,7 +304,7 @@ class Terminal:
             )
 
     def release_safe_mode(self) -> None:
-        """Ctrl+X, unless safe mode is not ours."""
+        """Release safe mode with Ctrl+X, unless it is not ours."""
         if not self._safe:
             return
         self._screen.clear()
@@ -315,7 +315,7 @@ class Terminal:
         return any(_HIJACK.search(line) for line in self._screen.lines)
 
     def close(self) -> None:
-        """End the session."""
+        """End the session; if safe mode is held, hang up so that the device undoes the change."""
         try:
             if self._lost:
                 return
@@ -343,7 +343,7 @@ class Terminal:
         return True
 
     def _quiet_prompt(self) -> bool:
-        """Whether a prompt stands there and nothing follows it."""
+        """Return True if there is a prompt with no output after it."""
         if not self._at_prompt():
             return False
         data = self._receive(_QUIET_S, in_flight=True)
@@ -407,13 +407,13 @@ _QUESTION = re.compile(r"\[Y/n\]|new password>|default configuration", re.IGNORE
 
 
 class SerialWire:
-    """A tty. Nothing on it says that the other end is gone, but the tty itself may go (an adapter pulled out)."""
+    """A tty. It cannot detect that the other end is gone, but the tty itself may vanish (adapter unplugged)."""
 
     def __init__(self, port: serial.Serial) -> None:
         self._port = port
 
     def read(self, timeout_s: float) -> bytes:
-        """Whatever came."""
+        """Return the data received until the timeout; may be empty. Raises WireLost."""
         try:
             self._port.timeout = max(timeout_s, 0.001)
             first: bytes = self._port.read(1)
@@ -422,7 +422,7 @@ class SerialWire:
             raise types.WireLost from error
 
     def write(self, data: bytes) -> None:
-        """Send, and wait until it is out."""
+        """Send, and wait until all data is transmitted."""
         try:
             self._port.write(data)
             self._port.flush()
@@ -430,21 +430,21 @@ class SerialWire:
             raise types.WireLost from error
 
     def close(self) -> None:
-        """Let the tty go; whoever is logged in stays so."""
+        """Release the tty; a logged-in session remains on the device."""
         with contextlib.suppress(serial.SerialException, OSError):
             self._port.close()
 
     def hang_up(self) -> None:
-        """Ctrl+D logs out and undoes safe mode (Manual, Configuration Management)."""
+        """Send Ctrl+D, which logs out and undoes safe mode (Manual, Configuration Management)."""
         self.write(CTRL_D)
 
 
 def open_serial(
     device_path: str, user: str, password: Secret, *, baud: int = BAUD, timeout_s: float = types.CONNECT_S
 ) -> types.Console:
-    """Log in over a serial line; a session that an earlier run left there is ended first, its safe mode undone.
+    """Log in over a serial line; a session left there by an earlier run is ended first, its safe mode undone.
 
-    Raises ConsoleUnreachable (no such tty, in use, silent), LoginFailed, ConsoleLost.
+    Raises ConsoleUnreachable (no such tty, in use, silent), ConsoleLoginError, ConsoleLost.
     """
     try:
         port = serial.Serial(device_path, baud, timeout=1, write_timeout=timeout_s, exclusive=True)
@@ -469,7 +469,7 @@ def open_serial(
 
 
 class _Login:
-    """From whatever stands on the line to a session of ours."""
+    """Login over a serial line, whatever state the line is in."""
 
     def __init__(self, wire: SerialWire, name: str, deadline: float) -> None:
         self._wire = wire
@@ -478,7 +478,7 @@ class _Login:
         self.screen = TerminalScreen()
 
     def log_in(self, user: str, password: Secret) -> None:
-        """Name and password; the rest is the terminal's."""
+        """Send name and password; the rest is handled by Terminal."""
         self._reach_login()
         self._type(f"{user}{FLAGS}".encode() + ENTER)
         self._wait(_LOGIN_PASSWORD)
@@ -495,7 +495,7 @@ class _Login:
             self._read()
 
     def _reach_login(self) -> None:
-        """End what was left there: a half line by Ctrl+C, a session by `/quit`, one in safe mode by Ctrl+D."""
+        """End what is open on the line: input by Ctrl+C, a session by `/quit`, one in safe mode by Ctrl+D."""
         self._nudge()
         while True:
             self._settle()
@@ -516,7 +516,7 @@ class _Login:
         self._type(ENTER)
 
     def _settle(self) -> None:
-        """Read until nothing more comes for a moment: the answer to one key may come in pieces."""
+        """Read until no data arrives for a moment: the response to one key may come in pieces."""
         self._read(_NUDGE_S)
         while self._read(_SERIAL_QUIET_S):
             pass

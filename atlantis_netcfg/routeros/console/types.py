@@ -1,4 +1,4 @@
-"""The console's interface, its errors, and the connection below it."""
+"""The console's interface, its errors, and the wire protocol below it."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ CONNECT_S = 180.0
 
 
 class Tally(Protocol):
-    """Who counts what the wire carries; `routeros.api.Traffic` is one."""
+    """Counter of bytes on the wire; implemented by `routeros.api.Traffic`."""
 
     def connect(self) -> None:
-        """Count a connection that has just been made."""
+        """Count a new connection."""
 
     def send(self, size: int) -> None:
-        """Count bytes that go out."""
+        """Count sent bytes."""
 
     def receive(self, size: int) -> None:
-        """Count bytes that have come in."""
+        """Count received bytes."""
 
 
 class Console(Protocol):
-    """A text console on which somebody is logged in. Synchronous: callers in asyncio use `asyncio.to_thread`."""
+    """A logged-in text console. Synchronous: asyncio callers use `asyncio.to_thread`."""
 
     @property
     def host_key(self) -> str | None:
@@ -41,47 +41,47 @@ class Console(Protocol):
 
     @property
     def user(self) -> str:
-        """Who is logged in, without login flags."""
+        """The logged-in user, without login flags."""
 
     @property
     def safe(self) -> bool:
-        """Whether this session holds safe mode, as the last prompt said."""
+        """True if this session held safe mode at the last prompt."""
 
     def run(self, command: str, *, timeout_s: float = COMMAND_S, secrets: Sequence[Secret] = ()) -> str:
-        """Run one line and return what it printed, lines parted by a newline, without echo and prompt.
+        """Run one line and return its output, lines separated by newlines, without echo and prompt.
 
-        `secrets` are masked in whatever is raised. Raises ConsoleRefused with the device's words, ConsoleLost.
+        `secrets` are masked in any exception. Raises ConsoleCommandError with the device's message, ConsoleLost.
         """
 
     def ask(self, command: str, question: str, answer: str, *, timeout_s: float = COMMAND_S) -> None:
-        """Type a command that asks back (`/system/reboot`), and answer once `question` stands on the line.
+        """Run a command that asks for confirmation (`/system/reboot`); send `answer` when `question` appears.
 
-        Returns when the answer is on its way: what follows may be the end of the session. Raises ConsoleLost.
+        Returns as soon as the answer is sent, since the session may end after it. Raises ConsoleLost.
         """
 
     def rows(self, menu: str, *, where: str = "", timeout_s: float = COMMAND_S) -> list[dict[str, str]]:
-        """Rows of a menu with all their properties (`:put [menu print detail as-value where ...]`)."""
+        """Return the rows of a menu with all properties (`:put [menu print detail as-value where ...]`)."""
 
     def take_safe_mode(self) -> None:
-        """Ctrl+X; returns when the prompt says so. Raises SafeModeHeld; the question of hijacking is answered `d`."""
+        """Send Ctrl+X and wait for the prompt; never takes over another's (replies `d`). Raises SafeModeHeld."""
 
     def release_safe_mode(self) -> None:
-        """Ctrl+X again: what was changed is kept."""
+        """Send Ctrl+X again: the changes are kept."""
 
     def close(self) -> None:
         """End the session.
 
-        Without safe mode by `/quit`. With safe mode held the connection is dropped instead (on a serial line: Ctrl+D),
-        because `/quit` would keep what safe mode has to undo (Manual, Configuration Management).
+        Without safe mode by `/quit`. If safe mode is held, the connection is dropped instead (on a serial line:
+        Ctrl+D), because `/quit` would keep the changes that safe mode must undo (Manual, Configuration Management).
         """
 
 
 class ConsoleUnreachable(DeviceError):
-    """No console came about (no route, no serial line, no answer); nothing was typed."""
+    """No console could be opened (no route, no serial line, no response); nothing was typed."""
 
 
 class UnknownHostKey(DeviceError):
-    """The device was never met over SSH; it showed `fingerprint`, and no password was sent."""
+    """No host key is pinned for the device; it presented `fingerprint`, and no password was sent."""
 
     def __init__(self, message: str, *, fingerprint: str, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
@@ -89,7 +89,7 @@ class UnknownHostKey(DeviceError):
 
 
 class HostKeyMismatch(DeviceError):
-    """The SSH host key is not the pinned one; no password was sent."""
+    """The SSH host key differs from the pinned one; no password was sent."""
 
     def __init__(self, message: str, *, pinned_key: str, actual_key: str, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
@@ -98,11 +98,11 @@ class HostKeyMismatch(DeviceError):
 
 
 class ConsoleLoginError(DeviceError):
-    """The device did not take name and password."""
+    """The device refused name and password."""
 
 
 class ConsoleCommandError(DeviceError):
-    """The device refused one command; `words` are its own, the session lives on."""
+    """The device refused one command; `words` is its message. The session continues."""
 
     def __init__(self, message: str, *, words: str, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
@@ -110,7 +110,7 @@ class ConsoleCommandError(DeviceError):
 
 
 class ConsoleLost(DeviceError):
-    """The session is over, or silent for too long. `in_flight`: a command was typed and may have been done."""
+    """The session is closed, or silent for too long. `in_flight`: a typed command may have been executed."""
 
     def __init__(self, message: str, *, in_flight: bool, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
@@ -125,10 +125,10 @@ _FIELD = re.compile(r"(?:\A|;)(\.?[a-z0-9][a-z0-9.-]*)=")
 
 
 def parse_rows(text: str) -> list[dict[str, str]]:
-    """Rows by property name.
+    """Parse rows into dicts by property name.
 
-    A list's own `;` parts belong to the value before it: a part without `name=` is no field. A value that itself holds
-    `;name=` cannot be told from a field; ask for such properties one by one (`get`).
+    A `;` part without `name=` is not a field but belongs to the list value before it. A value that contains `;name=`
+    cannot be distinguished from a field; read such properties one by one (`get`).
     """
     rows: list[dict[str, str]] = []
     starts = list(_FIELD.finditer(text))
@@ -142,17 +142,17 @@ def parse_rows(text: str) -> list[dict[str, str]]:
 
 
 class WireLost(Exception):
-    """The other end is gone."""
+    """The connection to the other end is lost."""
 
 
 class ConsoleWire(Protocol):
-    """Characters both ways."""
+    """A character stream in both directions."""
 
     def read(self, timeout_s: float) -> bytes:
-        """Whatever came, at least one byte; empty when nothing came in time. Raises WireLost."""
+        """Return the received data, at least one byte; empty after the timeout. Raises WireLost."""
 
     def write(self, data: bytes) -> None:
         """Send all of it. Raises WireLost."""
 
     def close(self) -> None:
-        """Hang up; never raises."""
+        """Close the connection; never raises."""

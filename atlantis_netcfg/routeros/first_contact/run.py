@@ -1,4 +1,4 @@
-"""Run first contact: check the device, type the planned steps, prove the new way in before the old one goes."""
+"""Run first contact: check the device, type the planned steps, verify the new access before removing the old."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 class PreflightError(errors.DeviceError):
-    """The device cannot become what is declared; nothing was touched. `errors` are all the reasons."""
+    """The device cannot reach the desired state; nothing was changed. `errors` lists all reasons."""
 
     def __init__(self, objections: Sequence[Objection]) -> None:
         super().__init__("; ".join(item.message for item in objections))
@@ -48,11 +48,11 @@ class PreflightError(errors.DeviceError):
 
 
 class NotFactoryFresh(errors.DeviceError):
-    """Somebody has configured the device; nothing was touched."""
+    """The device was already configured by somebody; nothing was changed."""
 
 
 class StillToMove(errors.DeviceError):
-    """All is ready beside the old way in; nobody has come over the new one yet."""
+    """Everything is ready and the old access still works, but the new one is not in use yet."""
 
 
 class AdoptionIncomplete(errors.DeviceError):
@@ -60,7 +60,7 @@ class AdoptionIncomplete(errors.DeviceError):
 
 
 class CutOff(errors.OutcomeUnknown):
-    """The connection was lost in the middle; first contact may be repeated."""
+    """The connection was lost during first contact, which may be repeated."""
 
 
 OLDEST = Version(6, 49)
@@ -91,14 +91,14 @@ _SERVICES = {
 
 @dataclass(frozen=True, slots=True)
 class Objection:
-    """Why not, and what a person does about it."""
+    """Why first contact is not possible, and what the user can do."""
 
     message: str
     hint: str
 
 
 def features_of(desired_export: Export) -> dict[str, str]:
-    """Features of device-mode that a declared text needs, each with the menu that needs it."""
+    """Return the device-mode features that a desired text needs, each with the menu that needs it."""
     features: dict[str, str] = {}
     for statement in desired_export.statements:
         values = dict(statement.values)
@@ -110,7 +110,7 @@ def features_of(desired_export: Export) -> dict[str, str]:
 
 
 def objections(facts: BoxFacts, target: AdoptionTarget) -> tuple[Objection, ...]:
-    """Everything at once, so that a person goes to the device one time."""
+    """Return all objections together, so that one trip to the device is enough."""
     return (*_box(facts, target), *_software(facts, target), *_device_mode(facts, target))
 
 
@@ -176,7 +176,7 @@ def _press(change: str) -> str:
 
 @contextmanager
 def repeatable(target: AdoptionTarget) -> Iterator[None]:
-    """Say of whatever breaks in that the same command goes on."""
+    """Add to any lost connection the hint that the same command continues."""
     try:
         yield
     except types.ConsoleLost as lost:
@@ -201,7 +201,7 @@ def repeatable(target: AdoptionTarget) -> Iterator[None]:
 
 
 def cut_off(target: AdoptionTarget, step: AdoptionStep, error: types.ConsoleLost) -> CutOff:
-    """Say at which step the connection was lost."""
+    """Return the error for a connection lost in this step."""
     hint = "run the same command again: first contact goes on where it was cut"
     if step.key == "management":
         hint = (
@@ -213,7 +213,7 @@ def cut_off(target: AdoptionTarget, step: AdoptionStep, error: types.ConsoleLost
 
 
 def not_fresh(target: AdoptionTarget, facts: BoxFacts) -> NotFactoryFresh:
-    """Say what somebody has configured, and how to take the device all the same."""
+    """Return the error that lists foreign configuration, and how to adopt the device nevertheless."""
     foreign_items = foreign(facts, target)
     rest = f", and {len(foreign_items) - 5} more" if len(foreign_items) > 5 else ""  # noqa: PLR2004 - what a person takes in
     return NotFactoryFresh(
@@ -225,7 +225,7 @@ def not_fresh(target: AdoptionTarget, facts: BoxFacts) -> NotFactoryFresh:
 
 
 def still_to_move(target: AdoptionTarget, error: errors.NetcfgError) -> StillToMove:
-    """Say where the laptop has to go."""
+    """Return the error that tells where to plug in the laptop."""
     return StillToMove(
         f"nobody answered at {target.host} ({error}); the default configuration is still on the router, "
         f"which can be reached both ways",
@@ -243,14 +243,14 @@ _RETRY_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class ConsoleExecutor:
-    """Types; never decides."""
+    """Types the steps; makes no decisions."""
 
     target: AdoptionTarget
     journal: runs.Recorder
     notify: events.Subscriber
 
     def do(self, steps: Sequence[AdoptionStep], console: types.Console, *, in_safe_mode: bool = False) -> None:
-        """Type every line of every step. `held`: safe mode is held already. Raises CutOff, ConsoleRefused."""
+        """Type every line of every step. `in_safe_mode`: already held. Raises CutOff, ConsoleCommandError."""
         for step in steps:
             self.journal.write(runs.ContactStep(device=self.target.name, step=step.key, commands=len(step.lines)))
             self.notify(events.Event(self.target.name, events.Stage.APPLYING, step.title))
@@ -270,7 +270,7 @@ class ConsoleExecutor:
 
 @contextmanager
 def safe(console: types.Console) -> Iterator[None]:
-    """Safe mode: released when all went well, else the session ends and the device undoes."""
+    """Hold safe mode: release it on success, else end the session so that the device undoes the changes."""
     deadline = time.monotonic() + _HELD_S
     while True:
         try:
@@ -316,7 +316,7 @@ class FirstContact:
         return ConsoleExecutor(self.target, self.journal, self.notify)
 
     def plan(self) -> AdoptionOutcome:
-        """Look, judge, and tell the steps; nothing is changed or pinned."""
+        """Read, check, and return the steps; nothing is changed or pinned."""
         with repeatable(self.target), self._console(None) as (console, _):
             facts, state = self._judge(console)
         if state is DeviceState.ADOPTED:
@@ -324,9 +324,9 @@ class FirstContact:
         return AdoptionOutcome(AdoptionStatus.PLANNED, state, self._titles(facts), facts=facts)
 
     def adopt(self, agree: Callable[[AdoptionOutcome], None]) -> AdoptionOutcome:
-        """Bring the device to the adopted state; `agree` raises if a person does not want the steps.
+        """Bring the device to the adopted state; `agree` raises if the user rejects the steps.
 
-        Raises DeviceFailed with the device as it was, or as far as a repeated run goes on from; CutOff.
+        Raises DeviceError (the device is unchanged, or a repeated run continues from there) and CutOff.
         """
         with repeatable(self.target):
             return self._adopt(agree)
@@ -392,7 +392,7 @@ class FirstContact:
 
     @contextmanager
     def _console(self, route: ConsoleRoute | None) -> Iterator[tuple[types.Console, ConsoleRoute]]:
-        """A console on `way` as our user; without a way: wherever and as whoever the device lets us in."""
+        """Open a console on `route` as our user; without a route, on any route and as any accepted user."""
         if route is None:
             console, route = self._connect()
         else:
@@ -403,7 +403,7 @@ class FirstContact:
             console.close()
 
     def _connect(self) -> tuple[types.Console, ConsoleRoute]:
-        """Where the technician says; a device that was met before may be at its management address by now."""
+        """Connect where the technician plugged in; a known device may already be at its management address."""
         first, final = self.routes.first, self.routes.final
         self._has_known_key = self.routes.host_key is not None
         has_pin = self.pins.get(self.target.name) is not None
@@ -421,14 +421,14 @@ class FirstContact:
             raise
 
     def _at_home(self, final: ConsoleRoute) -> types.Console:
-        """The management address; a host key that is not known yet is believed where TLS has proved the device."""
+        """Connect to the management address; an unknown host key is accepted if TLS has proved the device."""
         pin = self.pins.get(self.target.name)
         if self.routes.host_key is None and pin is not None:
             final.prove(pin)
         return final.open(self.target.user, self.target.password)
 
     def _log_in(self, route: ConsoleRoute, *, ours_first: bool) -> types.Console:
-        """Whoever shows a host key that nobody has agreed to is told the factory's password, and never ours."""
+        """Log in; a device with an unconfirmed host key is sent the factory password, never ours."""
         is_trusted = route.serial or self._has_known_key
         if ours_first and is_trusted:
             with suppress(types.ConsoleLoginError):
@@ -451,7 +451,7 @@ class FirstContact:
             ) from failed
 
     def _let_in(self, route: ConsoleRoute) -> None:
-        """Our user has to be seen to log in before the factory's is disabled."""
+        """Verify that our user can log in, before the factory user is disabled."""
         self._tell(events.Stage.VERIFYING, f"user {self.target.user} logs in")
         with self._console(route):
             return
@@ -459,13 +459,13 @@ class FirstContact:
     # --- typing ----------------------------------------------------------------------------------------------------
 
     def _prepare(self, console: types.Console) -> None:
-        """Wait until no cut session holds safe mode any more, look again, then add what is missing."""
+        """Wait until no interrupted session holds safe mode, read again, then add what is missing."""
         with safe(console):
             pass
         self._typist.do(prepare(look(console), self.target, self.now()), console)
 
     def _clear(self, console: types.Console, route: ConsoleRoute, pin: str) -> None:
-        """Remove the default configuration; a new session proves the way before safe mode lets it go for good."""
+        """Remove the default configuration; a new session verifies the access before safe mode is released."""
         with safe(console):
             steps = clear(look(console))
             small = sum(len(step.lines) for step in steps) <= GUARDED_LINES
@@ -484,14 +484,14 @@ class FirstContact:
     # --- trust -----------------------------------------------------------------------------------------------------
 
     def _record_host_key(self) -> None:
-        """Record the host key: from here on the device is ours."""
+        """Pin the SSH host key: from now on the device is ours."""
         key = self.routes.host_key
         if key is not None and self.pins.host_key(self.target.name) != key:
             self.pins.change_host_key(self.target.name, key)
             self._tell(events.Stage.CONNECTING, f"its SSH host key is pinned: {key}")
 
     def _pin(self, console: types.Console) -> str:
-        """Pin the certificate by what the console says: never by what TLS shows."""
+        """Pin the certificate as printed on the console, never as shown by TLS."""
         pin = fingerprint(console, CERTIFICATE)
         if not pin:
             raise AdoptionIncomplete(
@@ -513,7 +513,7 @@ class FirstContact:
     # --- the new way -----------------------------------------------------------------------------------------------
 
     def _move(self, route: ConsoleRoute, pin: str, notes: list[str]) -> ConsoleRoute:
-        """Go on over the management port as soon as somebody is plugged in there."""
+        """Continue over the management port as soon as the laptop is plugged in there."""
         final = self.routes.final
         if route is final:
             return final
@@ -542,7 +542,7 @@ class FirstContact:
             notes.append(f"api-ssl could not be tried at {route.label}: {error}")
 
     def _from_afar(self, pin: str, notes: list[str]) -> None:
-        """After a serial line: the network may be within reach all the same."""
+        """After a serial line, check whether the device is reachable over the network."""
         final = self.routes.final
         try:
             final.prove(pin)

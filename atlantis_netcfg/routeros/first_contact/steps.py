@@ -1,8 +1,7 @@
-"""Plan the steps of first contact: a pure function of what was read; finished steps are not planned again.
+"""Steps of first contact: a pure function of what was read; completed steps are not planned again.
 
-Read a device through its console, and classify it: factory-fresh, adopted, half adopted, or configured by others.
-
-Types of first contact: the target state, the facts read, the routes to the console, the result.
+Also here: reading a device through its console and classifying it (factory-fresh, adopted, partly adopted, or
+configured by others), and the types (target state, facts, routes to the console, result).
 """
 
 from __future__ import annotations
@@ -73,12 +72,12 @@ _BUILTIN_LISTS = ("all", "none", "dynamic", "static")
 
 
 def comment_is_ours(comment: str) -> bool:
-    """Whether a row is one of this toolkit's."""
+    """Return True if the comment is one of this toolkit's."""
     return comment.startswith("atlantis")
 
 
 def is_default(statement: rsc.Statement) -> bool:
-    """Whether the factory's script made this row."""
+    """Return True if the factory script created this row."""
     values = dict(statement.values)
     comment = values.get("comment") or ""
     if statement.verb != "add":
@@ -87,7 +86,7 @@ def is_default(statement: rsc.Statement) -> bool:
 
 
 def is_foreign(statement: rsc.Statement) -> bool:
-    """Whether neither the factory nor this toolkit wrote this line of an export."""
+    """Return True if neither the factory nor this toolkit wrote this line of an export."""
     values = dict(statement.values)
     if comment_is_ours(values.get("comment") or "") or is_default(statement):
         return False
@@ -100,9 +99,9 @@ def is_foreign(statement: rsc.Statement) -> bool:
 
 
 def removable(menu: str, rows: tuple[Row, ...]) -> list[Row]:
-    """Rows of a menu that are to go, in the order in which they may: firewalls from their end.
+    """Return the rows to remove, in a possible order: firewall rules from the last one.
 
-    What this toolkit wrote stays, but for what was only meant for first contact.
+    Rows written by this toolkit are kept, except those for first contact only.
     """
     removals = [row for row in rows if _goes(menu, row)]
     return removals[::-1]
@@ -118,7 +117,7 @@ def _goes(menu: str, row: Row) -> bool:
 
 
 def resets(version: Version) -> Mapping[str, Mapping[str, str]]:
-    """What the settings of a default configuration are without one (Manual, CLI reference of each menu)."""
+    """Return the RouterOS defaults that replace the default configuration (Manual, CLI reference of each menu)."""
     discover_list = "!dynamic" if version < Version(7, 0) else "static"
     return {
         "/ip/dns": {"allow-remote-requests": "no"},
@@ -143,7 +142,7 @@ _RADIOS = ("/interface/wireless", "/interface/wifi")
 
 @dataclass(frozen=True, slots=True)
 class ConsoleLine:
-    """One line for the console; `secrets` are values in it that nobody may read."""
+    """One line for the console; `secrets` are values in it that must not be shown."""
 
     text: str
     secrets: tuple[Secret, ...] = ()
@@ -152,7 +151,7 @@ class ConsoleLine:
 
 @dataclass(frozen=True, slots=True)
 class AdoptionStep:
-    """Lines that belong together; `title` is for a person, `is_guarded` for safe mode."""
+    """A group of lines; `title` is shown to the user, `is_guarded` requests safe mode."""
 
     key: str
     title: str
@@ -161,7 +160,7 @@ class AdoptionStep:
 
 
 def prepare(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> tuple[AdoptionStep, ...]:
-    """What is added beside the way in use, which it leaves alone. `now`: the laptop's clock, UTC."""
+    """Return the steps that add our access beside the current one. `now`: the laptop's clock, UTC."""
     steps = (
         _clock(facts, now),
         _user(facts, target),
@@ -173,7 +172,7 @@ def prepare(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> tuple[Ado
 
 
 def clear(facts: BoxFacts) -> tuple[AdoptionStep, ...]:
-    """Remove the default configuration (and whatever stands in its menus); to be typed over the management port."""
+    """Return the steps that remove the default configuration and other rows in its menus; for the management port."""
     lines: list[ConsoleLine] = [*_radios_off(facts)]
     back = _resets(facts)
     for menu in CLEARED_MENUS:
@@ -192,9 +191,9 @@ def clear(facts: BoxFacts) -> tuple[AdoptionStep, ...]:
 
 
 def _radios_off(facts: BoxFacts) -> Iterator[ConsoleLine]:
-    """Switch off what the factory has on the air, open and without a firewall behind it any more.
+    """Yield lines that disable the factory's open Wi-Fi, which would lose its firewall.
 
-    A radio that carries our comment has been provisioned, and stays.
+    A radio with our comment has been provisioned, and is kept.
     """
     for statement in facts.export.statements:
         values = dict(statement.values)
@@ -211,20 +210,20 @@ def _radios_off(facts: BoxFacts) -> Iterator[ConsoleLine]:
 
 
 def close_door(facts: BoxFacts, target: AdoptionTarget) -> tuple[AdoptionStep, ...]:
-    """Disable everybody but our user."""
+    """Return the step that disables all users except ours."""
     names = factory_users(facts, target)
     lines = tuple(ConsoleLine(f"/user disable {rsc.quote(name)}") for name in names)
     return (AdoptionStep("users", f"disable user {', '.join(names)}", lines),) if lines else ()
 
 
 def factory_users(facts: BoxFacts, target: AdoptionTarget) -> list[str]:
-    """Users besides ours who may log in."""
+    """Return the enabled users other than ours."""
     users = [user for user in facts.users if user.get("disabled") not in _TRUE]
     return [user["name"] for user in users if user.get("name") not in (None, target.user)]
 
 
 def _clock(facts: BoxFacts, now: datetime) -> AdoptionStep | None:
-    """A box without battery wakes up in 1970: its certificate would have expired before it is used."""
+    """Return the step that sets the clock: without a battery it starts in 1970, and the certificate would expire."""
     if facts.now is not None and abs(facts.now - now) < _CLOCK_OFF:
         return None
     date = now.strftime("%Y-%m-%d") if facts.version >= Version(7, 10) else now.strftime("%b/%d/%Y").lower()
@@ -247,7 +246,7 @@ def _user(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
 
 
 def _certificate(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
-    """Self-signed: it is pinned, nobody follows a chain (Manual, Certificates: without `ca` it signs itself)."""
+    """Return the step for a self-signed certificate; it is pinned (Manual, Certificates: no `ca`, self-signed)."""
     match = next((certificate for certificate in facts.certificates if certificate.get("name") == CERTIFICATE), None)
     sign = ConsoleLine(f"/certificate sign {CERTIFICATE}", timeout_s=SIGN_S)
     if match is None:
@@ -275,7 +274,7 @@ def _service(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
 
 
 def _port(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
-    """The management port out of the bridge, with its address, and let in by whatever firewall there is."""
+    """Return the step that frees the management port, gives it its address, and lets it through the firewall."""
     name = next((row.get("name", "") for row in facts.ethernets if row.get("default-name") == target.port), target.port)
     addresses = facts.rows["/ip/address"]
     there = any(row.get("address") == target.address and row.get("interface") == name for row in addresses)
@@ -303,7 +302,7 @@ def _free_port(facts: BoxFacts, name: str) -> Iterator[ConsoleLine]:
 
 
 def _let_in(facts: BoxFacts, name: str) -> list[ConsoleLine]:
-    """One rule before all others; it goes with them."""
+    """Return one rule before all others; it is removed together with them."""
     rules = [row for row in facts.rows["/ip/firewall/filter"] if row.get("dynamic") not in _TRUE]
     if not rules or any(row.get("comment", "") == TEMPORARY for row in rules):
         return []
@@ -326,14 +325,14 @@ def _resets(facts: BoxFacts) -> list[ConsoleLine]:
 
 
 def _quote_value(value: str) -> str:
-    """A value for the command line; an empty one is refused bare."""
+    """Quote a value for the command line; an empty value must be quoted, too."""
     return rsc.quote(value) if value else '""'
 
 
 def recognise(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> DeviceState:
-    """Tell by users, certificates and the export.
+    """Classify the device by its users, certificates and export.
 
-    A device that is adopted may hold anything: it may have been provisioned since.
+    An adopted device may contain anything else: it may have been provisioned since.
     """
     ours = any(user.get("name") == target.user for user in facts.users)
     if ours and not prepare(facts, target, now) and not _has_leftovers(facts) and not factory_users(facts, target):
@@ -347,7 +346,7 @@ def recognise(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> DeviceS
 
 
 def _has_leftovers(facts: BoxFacts) -> bool:
-    """Whether something of the default configuration, or of first contact, is still there."""
+    """Return True if parts of the default configuration, or of first contact, remain."""
     return any(
         is_default(statement) or (dict(statement.values).get("comment") or "").startswith(TEMPORARY)
         for statement in facts.export.statements
@@ -355,7 +354,7 @@ def _has_leftovers(facts: BoxFacts) -> bool:
 
 
 def foreign(facts: BoxFacts, target: AdoptionTarget) -> tuple[str, ...]:
-    """What neither the factory nor this toolkit has put there: menus with their number of lines, names of users."""
+    """Return what others have configured: menus with their number of lines, and user names."""
     lines: dict[str, int] = {}
     for statement in facts.export.statements:
         if is_foreign(statement):
@@ -371,7 +370,7 @@ _NO_MENU = ("bad command name", "no such command", "expected end of command", "s
 
 
 def look(console: types.Console) -> BoxFacts:
-    """Read everything that first contact decides by. Raises DeviceFailed if it is no RouterOS that can be read."""
+    """Read everything that first contact needs. Raises DeviceError if it is not RouterOS or cannot be read."""
     resource = _settings(console, "/system/resource") or {}
     try:
         version = Version.parse(resource.get("version", ""))
@@ -401,13 +400,13 @@ def look(console: types.Console) -> BoxFacts:
 
 
 def fingerprint(console: types.Console, certificate: str) -> str:
-    """SHA-256 of a certificate on the device, as its console prints it; empty before it is signed."""
+    """Return the SHA-256 of a certificate as printed on the console; empty before it is signed."""
     matches = [row for row in _rows(console, "/certificate") if row.get("name") == certificate]
     return matches[0].get("fingerprint", "").replace(":", "").lower() if matches else ""
 
 
 def _rows(console: types.Console, menu: str) -> tuple[Row, ...]:
-    """Rows of a menu; none where this version or these packages do not have the menu."""
+    """Return the rows of a menu; none if the version or packages lack the menu."""
     try:
         return tuple(console.rows(rsc.console_path(menu)))
     except types.ConsoleCommandError as refused:
@@ -417,7 +416,7 @@ def _rows(console: types.Console, menu: str) -> tuple[Row, ...]:
 
 
 def _settings(console: types.Console, menu: str) -> Row | None:
-    """The one row of a menu of settings, which have no `detail`."""
+    """Return the single row of a settings menu, which has no `detail`."""
     try:
         rows = types.parse_rows(console.run(f":put [{rsc.console_path(menu)} print as-value]").replace("\n", ""))
     except types.ConsoleCommandError as refused:
@@ -433,7 +432,7 @@ def _packages(console: types.Console) -> tuple[str, ...]:
 
 
 def _clock_of(row: Row) -> datetime | None:
-    """The device's clock; before 7.10 it writes months by name."""
+    """Return the device's clock; before 7.10 months are names."""
     text = f"{row.get('date', '')} {row.get('time', '')}"
     for form in ("%Y-%m-%d %H:%M:%S", "%b/%d/%Y %H:%M:%S"):
         try:
@@ -465,7 +464,7 @@ TEMPORARY = "atlantis: first contact"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdoptionTarget:
-    """The "adopted" state of one router, from its declaration."""
+    """The adopted state of one router, from the inventory."""
 
     name: str
     user: str
@@ -494,12 +493,12 @@ class AdoptionTarget:
 
     @property
     def laptop(self) -> str:
-        """What the technician types into the laptop's network settings."""
+        """The address and prefix to enter in the laptop's network settings."""
         return f"{self.technician}/{IPv4Interface(self.address).network.prefixlen}"
 
 
 class DeviceState(StrEnum):
-    """Whose the device is."""
+    """Ownership of the device."""
 
     FACTORY = "factory-fresh"
     HALF = "half adopted by an earlier run"
@@ -509,7 +508,7 @@ class DeviceState(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoxFacts:
-    """What a device says about itself on its console."""
+    """Properties of a device, read on its console."""
 
     version: Version
     board: str
@@ -531,24 +530,24 @@ class BoxFacts:
 
 
 class ConsoleRoute(Protocol):
-    """A way to a device's console."""
+    """A route to a device's console."""
 
     label: str
     """As a person would say it: an address, or a serial line."""
     serial: bool
 
     def open(self, user: str, password: Secret) -> types.Console:
-        """Log in. Raises ConsoleUnreachable, LoginFailed, HostKeyChanged, ConsoleLost."""
+        """Log in. Raises ConsoleUnreachable, ConsoleLoginError, HostKeyMismatch, ConsoleLost."""
 
     def prove(self, pin: str) -> None:
         """Log in by api-ssl as our user, under this certificate alone. Raises ConsoleUnreachable, NetcfgError."""
 
     def meet(self) -> None:
-        """Learn the SSH host key, without a login, if it is not known yet. Raises NetcfgError."""
+        """Read the SSH host key without a login, if it is unknown. Raises NetcfgError."""
 
 
 class ConsoleRoutes(Protocol):
-    """The two ways, and what is known of the device."""
+    """The two routes to the console, and the known host key."""
 
     first: ConsoleRoute
     """Where the technician has plugged in."""
@@ -557,11 +556,11 @@ class ConsoleRoutes(Protocol):
 
     @property
     def host_key(self) -> str | None:
-        """The host key that the device has shown; None as long as nobody came by SSH."""
+        """The host key presented by the device; None before the first SSH connection."""
 
 
 class AdoptionStatus(StrEnum):
-    """How first contact ended."""
+    """Result of first contact."""
 
     ALREADY = "unchanged"
     PLANNED = "planned"
@@ -570,7 +569,7 @@ class AdoptionStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class AdoptionOutcome:
-    """What came of it; `notes` say what nobody has verified, and what to do now."""
+    """Result of first contact; `notes` lists what was not verified, and what to do next."""
 
     status: AdoptionStatus
     standing: DeviceState

@@ -1,8 +1,8 @@
-"""Would a plan cut the way by which we manage the device? Asked of the rows as the plan would leave them.
+"""Checks whether a plan would cut our own management access, using the rows that the plan would leave.
 
-The way: the technician's address, the interface it comes in by (and the bridge ports behind it), the input filter, the
-service with its certificate, the user and its policies, and the route of the answers. What is not understood counts
-against the plan, unless it was the same before: then our session proves that it lets us through.
+Checked are the technician's address, the interface it comes in by (and the bridge ports behind it), the input filter,
+the service with its certificate, the user and its policies, and the route of the replies. What we cannot evaluate
+counts against the plan, unless it was the same before: then our session proves that it lets us through.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ WAY_BACK = (*INTERFACES, "/interface/bridge/port", "/ip/address", "/ip/route", "
 
 
 def moves_answers(plan: _types.Plan, observation: _types.Observation, path: ManagementPath) -> bool:
-    """Tell whether a plan of routes leads our answers another way; if not, all else judges them by rows as before."""
+    """Return True if a routing plan changes the route of our replies; if not, all other checks use the old rows."""
     later = State(simulate(observation.rows, plan), path)
     return _route.decisions(State(observation.rows, path)) != _route.decisions(later)
 
 
 def objections(plan: _types.Plan, observation: _types.Observation, path: ManagementPath) -> tuple[str, ...]:
-    """Return why the plan would cut `path`, one sentence each, with what to do instead; nothing if it would not.
+    """Return why the plan would cut `path`, one sentence each with a remedy; empty if it would not.
 
-    A new name of a port moves no packet, so that before and after are compared under the new names; how a port is
-    called today is said beside them.
+    Renaming a port moves no packet. So before and after are compared under the new names, and the current port name is
+    printed beside them.
     """
     names = [action for action in plan.actions if action.layer is _types.Layer.NAMES]
     before = State(after(observation.rows, names), path)
@@ -76,7 +76,7 @@ def _with_names_of_today(reason: str, observation: _types.Observation, renamed_s
 
 
 def touches(plan: _types.Plan, observation: _types.Observation, path: ManagementPath) -> bool:
-    """Tell whether any action touches the path at all, even if all is well in the end."""
+    """Return True if any action touches the path, even if the final state is correct."""
     rows = dict(observation.rows)
     for action in plan.actions:
         then = after(rows, (action,))

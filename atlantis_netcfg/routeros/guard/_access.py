@@ -1,6 +1,6 @@
-"""Whether the router lets us in: the service, its certificate, the user and the user's group.
+"""Checks whether the router lets us in: the service, its certificate, the user and its group.
 
-Does one action touch the management path: then it needs protection, whatever the end of the plan looks like.
+Also checks whether one action touches the management path: then it needs protection, whatever the final state.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _ENOUGH_SESSIONS = 2
 
 
 def access_objections(before: State, after: State) -> Iterator[str]:
-    """Yield what would keep a new session of ours out."""
+    """Yield what would prevent a new session of ours."""
     yield from _service(before, after)
     yield from _user(before, after)
     yield from _group_harm(before, after)
@@ -97,7 +97,7 @@ def _policies(state: State) -> frozenset[str]:
 
 
 def touches_path(action: _types.Action, before: State, after: State) -> bool:
-    """Tell whether the action changes a row of the path, as it is before or as it is after."""
+    """Return True if the action changes a row of the path, in its state before or after."""
     judge = _JUDGE_BY_MENU.get(action.menu)
     if judge is None or action.inert or _is_cosmetic(action):
         return False
@@ -110,7 +110,7 @@ def _is_cosmetic(action: _types.Action) -> bool:
 
 
 def _rows(action: _types.Action, before: State, after: State, state: State) -> list[_types.Row]:
-    """Return the rows that the action is about, as `state` has them."""
+    """Return the rows affected by the action, as in `state`."""
     if action.verb is _types.Verb.ADD:
         old = {row[".id"] for row in before.all(action.menu)}
         return [row for row in after.all(action.menu) if row[".id"] not in old] if state is after else []
@@ -130,7 +130,7 @@ def _address(row: _types.Row, state: State) -> bool:
 
 
 def _rule_touched(menu: str, bases: Mapping[str, bool]) -> Callable[[_types.Row, State], bool]:
-    """Judge a rule of any chain that packets of ours go through; `bases` says which chains see the answers."""
+    """Return a check for rules in chains that our packets pass; `bases` maps a chain to whether it sees replies."""
 
     def judge(row: _types.Row, state: State) -> bool:
         for base, is_answer in bases.items():

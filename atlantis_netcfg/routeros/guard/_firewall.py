@@ -1,10 +1,9 @@
-"""What the firewall does to our packets: a new session inwards, its answers outwards.
+"""Effect of the firewall on our packets: a new session inwards, its replies outwards.
 
-The verification after a change comes by a new session, so that is what must pass; the session that is there is
-`established` and lives on under most rules. A rule that nobody can judge from here counts against us: it may drop us,
-but it is never what lets us in.
+The verification after a change uses a new session, so a new session must pass; the existing one is `established` and
+survives under most rules. A rule that we cannot evaluate counts against us: it may drop us, but never lets us in.
 
-Does a rule match a packet: yes, no, or nobody can tell from here (Manual, Filter: matchers).
+A rule matches a packet: yes, no, or unknown (Manual, Filter: matchers).
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class MatchResult(IntEnum):
-    """Ordered, so that the least of several answers is that of all together."""
+    """Ordered, so that the minimum of several results is their conjunction."""
 
     NO = 0
     MAYBE = 1
@@ -33,7 +32,7 @@ class MatchResult(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A TCP packet of our session, as far as rules can ask about it; None is not known."""
+    """A TCP packet of our session, with the fields that rules can match; None is unknown."""
 
     source: IPv4Address
     target: IPv4Address
@@ -57,7 +56,7 @@ _NO_MATCHERS = frozenset(
 
 
 def matches(menu: str, rule: Row, packet: Packet, state: State) -> MatchResult:
-    """Return the answer of all matchers of a rule together; one that is not understood makes the answer MAYBE."""
+    """Return the combined result of all matchers of a rule; an unknown matcher makes it MAYBE."""
     fields = MENUS[menu].by_name
     answers = [
         _rule(name, value, packet, state)
@@ -92,12 +91,12 @@ def _in_network(text: str, address: IPv4Address) -> MatchResult:
 
 
 def in_networks(text: str, address: IPv4Address) -> MatchResult:
-    """Tell whether one of several prefixes or ranges holds the address; none given means that all do."""
+    """Match the address against a list of prefixes or ranges; an empty list matches all."""
     return max((_in_network(each, address) for each in text.split(",") if each), default=MatchResult.YES)
 
 
 def in_list(state: State, name: str, address: IPv4Address) -> MatchResult:
-    """Tell whether an address list holds the address; entries that are names count as MAYBE."""
+    """Match the address against an address list; entries that are names count as MAYBE."""
     entries = (row for row in state.enabled_rows("/ip/firewall/address-list") if row.get("list") == name)
     return max((_in_network(row.get("address", ""), address) for row in entries), default=MatchResult.NO)
 
@@ -111,7 +110,7 @@ def _on_interface(text: str, name: str | None, state: State) -> MatchResult:
 
 
 def _on_list(text: str, name: str | None, state: State, visited_lists: frozenset[str] = frozenset()) -> MatchResult:
-    """Manual, Interface Lists: members, plus those of `include`, less those of `exclude`."""
+    """Match an interface against a list: members, plus `include`, minus `exclude` (Manual, Interface Lists)."""
     if text in ("all", "none") or text in visited_lists:
         return _yes(text == "all")
     if name is None or text in ("dynamic", "static"):
@@ -193,7 +192,7 @@ def new_session(state: State) -> Packet:
 
 
 def answer_of(state: State) -> Packet:
-    """Return a packet of the router's answer."""
+    """Return a packet of the router's reply."""
     return Packet(
         source=state.local,
         target=state.technician,
@@ -206,7 +205,7 @@ def answer_of(state: State) -> Packet:
 
 @dataclass(frozen=True, slots=True)
 class _PacketCheck:
-    """Rules of one chain that would harm one kind of packet."""
+    """A chain, and the kind of packet for which its rules are checked."""
 
     menu: str
     chain: str
@@ -253,9 +252,9 @@ _CHECKS = (
 
 
 def firewall_objections(before: State, after: State) -> Iterator[str]:
-    """Yield rules that harm us after the change and did not before.
+    """Yield rules that block us after the change and did not before.
 
-    Where not all entries of the address lists were read, nobody knows what did before.
+    If not all entries of the address lists were read, the state before is unknown.
     """
     unread = any(map(is_bare, before.all("/ip/firewall/address-list")))
     for check in _CHECKS:
@@ -270,7 +269,7 @@ class _Harm:
 
 
 def _key(check: _PacketCheck, harm: _Harm) -> tuple[object, ...]:
-    """Return what makes a rule the same before and after, wherever it stands."""
+    """Return a key that identifies a rule before and after the change, whatever its position."""
     menu = MENUS[check.menu]
     content = {name: menu.form(name, harm.rule) for name in harm.rule if name in menu.by_name}
     return harm.certain, *sorted((name, form) for name, form in content.items() if not menu.by_name[name].cosmetic)
@@ -291,7 +290,7 @@ def _harmful(check: _PacketCheck, state: State) -> list[_Harm]:
 
 @dataclass(slots=True)
 class _Walk:
-    """One packet on its way through chains; YES, MAYBE and NO say how surely it gets somewhere."""
+    """Simulates one packet passing through chains; YES, MAYBE and NO tell how surely it gets to a rule."""
 
     check: _PacketCheck
     state: State
@@ -320,7 +319,7 @@ class _Walk:
         return max(return_reach, reach)
 
     def _meet(self, rule: Row, surely: MatchResult, callers: frozenset[str]) -> MatchResult | None:
-        """Return how surely the packet goes on to the next rule; None when the rule leaves it alone."""
+        """Return how surely the packet continues to the next rule; None if the rule does not affect it."""
         action, target = rule.get("action", "accept"), rule.get("jump-target", "")
         if self.check.harms(rule):
             self.harms.append(_Harm(rule, surely is MatchResult.YES))

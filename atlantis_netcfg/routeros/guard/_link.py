@@ -1,4 +1,4 @@
-"""The router's address and the ports at which the technician's cable can be plugged in."""
+"""The router's address and the ports for the technician's cable."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TUNNEL = "/interface/ovpn-client"
 
 
 def interfaces(state: _state.State) -> frozenset[str]:
-    """Return the names of the interfaces that the path runs through, members of a bridge included."""
+    """Return the interfaces on the path, bridge members included."""
     row = state.address_row()
     names = {way_back(state).interface, row.get("interface") if row is not None else None} - {None}
     members = {port.get("interface") for port in state.all("/interface/bridge/port") if port.get("bridge") in names}
@@ -25,7 +25,7 @@ def interfaces(state: _state.State) -> frozenset[str]:
 
 
 def objections(before: _state.State, after: _state.State) -> Iterator[str]:
-    """Yield what happens to our address, its interface and the ports behind it."""
+    """Yield changes to our address, its interface and the ports behind it."""
     row = before.address_row()
     if row is None or _state.is_set(row, "disabled"):
         return
@@ -53,7 +53,7 @@ def _address(before: _state.State, after: _state.State, row: Row) -> Iterator[st
 
 
 def _is_cut_off(before: _state.State, after: _state.State, old: str, new: str) -> bool:
-    """Tell whether the address went to another interface, which some cable of before does not reach."""
+    """Return True if the address moves to an interface that some previously usable port does not reach."""
     there = after.interface(new)
     has_moved = there is not None and _identity(before, old) != _state.identity(*there)
     return has_moved and not before.ports(old) <= after.ports(new)
@@ -65,7 +65,7 @@ def _identity(state: _state.State, name: str) -> str:
 
 
 def _ports(before: _state.State, after: _state.State, name: str) -> Iterator[str]:
-    """Yield what becomes of an interface of the path, and of the bridge ports behind it."""
+    """Yield changes to an interface of the path, and to the bridge ports behind it."""
     interface = before.interface(name)
     if interface is None:
         return
@@ -84,7 +84,7 @@ def _ports(before: _state.State, after: _state.State, name: str) -> Iterator[str
 
 
 def _check_bridge_join(before: _state.State, after: _state.State, name: str, bridge: str) -> Iterator[str]:
-    """A port may join a bridge if our address is on that bridge then."""
+    """Yield an objection if a port joins a bridge that does not have our address afterwards."""
     now = after.address_row()
     if now is None or now.get("interface") != bridge:
         yield (
@@ -104,7 +104,7 @@ def _describe_lost_port(before: _state.State, bridge: str, port: str) -> str:
 
 
 def _vlans(before: _state.State, after: _state.State) -> Iterator[str]:
-    """A bridge that begins to filter VLANs drops what its table of VLANs does not admit, and we read no such table."""
+    """Yield an objection if a bridge starts VLAN filtering: we do not read the VLAN table that admits traffic."""
     for row in before.all("/interface/bridge"):
         now = next((each for each in after.all("/interface/bridge") if each.get(".id") == row.get(".id")), row)
         name = row.get("name")
@@ -118,7 +118,7 @@ def _vlans(before: _state.State, after: _state.State) -> Iterator[str]:
 
 
 def _dhcp(before: _state.State, after: _state.State, row: Row) -> Iterator[str]:
-    """A dynamic address is there as long as its DHCP client is."""
+    """Yield an objection if the DHCP client of our dynamic address is lost."""
     name = row.get("interface", "")
     if not _state.is_set(row, "dynamic") or name not in {
         each.get("interface") for each in before.enabled_rows("/ip/dhcp-client")
@@ -131,7 +131,7 @@ def _dhcp(before: _state.State, after: _state.State, row: Row) -> Iterator[str]:
 
 
 def _tunnel(before: _state.State, after: _state.State) -> Iterator[str]:
-    """A tunnel that carries our session breaks with any change of how it is made."""
+    """Yield an objection if the tunnel that carries our session is changed."""
     for row in before.enabled_rows(_TUNNEL):
         if row.get("name") not in interfaces(before):
             continue

@@ -1,4 +1,4 @@
-"""Which way an answer of the router to the technician leaves (Manual, IP Routing; Policy Routing)."""
+"""The route of the router's replies to the technician (Manual, IP Routing; Policy Routing)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _UNKNOWN_SELECTORS = ("realm", "vrf")
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """The decision about one destination."""
+    """The routing decision for one destination."""
 
     words: str
     """How a person calls it."""
@@ -39,12 +39,12 @@ class Way:
 
     @property
     def leads(self) -> bool:
-        """False for a blackhole, or when there is no route at all."""
+        """False for a blackhole or a missing route."""
         return bool(self.to)
 
 
 def objections(before: _state.State, after: _state.State) -> Iterator[str]:
-    """Yield what is wrong with the way back after the change, unless it was wrong before."""
+    """Yield problems with the return route after the change that did not exist before."""
     then, now = decisions(before), decisions(after)
     if then.doubts != now.doubts:
         changed_doubts = [
@@ -76,7 +76,7 @@ def _objection(old: Way, new: Way, technician: str) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class _Decisions:
-    """Where answers go: one way for each rule that cannot be judged, should it match, and the way if none does."""
+    """Possible return routes: one per rule that cannot be evaluated, and the one if none of those matches."""
 
     ways: tuple[Way, ...]
     doubts: tuple[tuple[str, str], ...]
@@ -84,15 +84,15 @@ class _Decisions:
 
 
 def way_back(state: _state.State) -> Way:
-    """Return where the router sends its answers: rules chain by chain, and table main when it is the turn of `main`.
+    """Return the route of the router's replies: rules by chain, and table main at the turn of `main`.
 
-    Rules that cannot be judged are taken for rules that do not match.
+    Rules that cannot be evaluated are assumed not to match.
     """
     return decisions(state).ways[-1]
 
 
 def decisions(state: _state.State) -> _Decisions:
-    """Return where the answers go, whatever rule matches."""
+    """Return all possible routes of the replies, whichever of the unclear rules match."""
     ways: list[Way] = []
     doubts: list[tuple[str, str]] = []
     for rule in _rules(state):
@@ -111,15 +111,15 @@ def decisions(state: _state.State) -> _Decisions:
 
 
 def _beyond_judgement(rule: Row) -> str:
-    """Return the selectors of a rule of which nothing here tells whether our answers meet them; empty: none."""
+    """Return the selectors of a rule that we cannot evaluate for our replies; empty if none."""
     return " and ".join(f"`{name}={rule[name]}`" for name in _UNKNOWN_SELECTORS if rule.get(name))
 
 
 def _rules(state: _state.State) -> Iterator[Row | None]:
-    """Yield the rules in the order in which they are asked; None stands for table main.
+    """Yield the rules in order of evaluation; None stands for table main.
 
-    From 7.22 on a rule is in a chain, and `policy-rules` says in which order the chains are asked; a chain that it does
-    not name is never asked. Assumption: routing-rule-chains
+    From 7.22 on a rule is in a chain, and `policy-rules` gives the order of the chains; a chain that it omits is never
+    evaluated. Assumption: routing-rule-chains
     """
     settings = next(iter(state.all("/routing/settings")), {})
     for chain in settings.get("policy-rules", _CHAINS).split(","):
@@ -129,7 +129,7 @@ def _rules(state: _state.State) -> Iterator[Row | None]:
 
 
 def _matches(rule: Row, state: _state.State) -> bool:
-    """Answers of the router itself have no incoming interface and, without mangle, no mark."""
+    """Match a rule with the router's own replies: no incoming interface and, without mangle, no mark."""
     ends = (("src-address", state.local), ("dst-address", state.technician))
     return not (rule.get("interface") or rule.get("routing-mark")) and all(
         address in network for name, address in ends if (network := _network(rule.get(name, ""))) is not None
@@ -137,7 +137,7 @@ def _matches(rule: Row, state: _state.State) -> bool:
 
 
 def _by_rule(rule: Row, state: _state.State) -> Way | None:
-    """Return the decision of a rule, or None when it leaves the decision to those below."""
+    """Return the decision of a rule; None if it passes to the next rules."""
     action = rule.get("action", "lookup")
     name = MENUS["/routing/rule"].name_of(rule)
     if action in ("drop", "unreachable"):
@@ -152,7 +152,7 @@ def _by_rule(rule: Row, state: _state.State) -> Way | None:
 def _lookup(
     state: _state.State, table: str, address: IPv4Address, limit: int = _NO_LIMIT, depth: int = 0
 ) -> Way | None:
-    """Return the route of the longest prefix; of several, those of the smallest distance."""
+    """Return the routes with the longest prefix, of those the ones with the smallest distance."""
     routes = [each for each in _routes(state, table) if address in each.network and each.network.prefixlen > limit]
     if not routes:
         return None
@@ -204,14 +204,14 @@ def _network(text: str) -> IPv4Network | None:
 
 
 def _gateway(state: _state.State, text: str) -> str:
-    """Return a gateway under an identity that survives new names of interfaces."""
+    """Return a gateway with an interface identity that does not change on renaming."""
     address, sign, name = text.rpartition("%")
     interface = state.interface(name)
     return f"{address}{sign}{_state.identity(*interface) if interface else name}"
 
 
 def _leaving(state: _state.State, gateways: frozenset[str], depth: int) -> str | None:
-    """Return the interface that a single gateway is reached by; several gateways share the packets."""
+    """Return the outgoing interface of a single gateway; None for several, which share the packets."""
     if len(gateways) != 1 or depth >= _DEEP_ENOUGH:
         return None
     (text,) = gateways

@@ -1,4 +1,4 @@
-"""The device at one moment, asked about the way from the technician to the router and back."""
+"""The device at one moment, with queries about the path between technician and router."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ INTERFACES = ("/interface/ethernet", "/interface/bridge", "/interface/ovpn-clien
 
 @dataclass(frozen=True, slots=True)
 class ManagementPath:
-    """The way of our session: from the technician's address to a service on one of the router's own addresses."""
+    """The path of our session: from the technician's address to a service on one of the router's addresses."""
 
     technician: str
     """As the router sees it (`/user/active`)."""
@@ -30,65 +30,65 @@ class ManagementPath:
 
 
 def is_set(row: Row, flag: str) -> bool:
-    """Tell whether a flag of a row is true; a row that does not print it has it not."""
+    """Return True if a flag of a row is set; an omitted flag is false."""
     return menus.canonical(menus.PropertyKind.BOOLEAN, row.get(flag, "no")) == "yes"
 
 
 @dataclass(frozen=True)
 class State:
-    """Rows of the device, with the few questions that more than one check asks."""
+    """Rows of the device, with queries shared by several checks."""
 
     rows: Mapping[str, tuple[Row, ...]]
     path: ManagementPath
 
     def all(self, menu: str) -> tuple[Row, ...]:
-        """Return the rows of a menu; one that was not read has none."""
+        """Return the rows of a menu; none if it was not read."""
         return self.rows.get(menu, ())
 
     def enabled_rows(self, menu: str) -> Iterator[Row]:
-        """Yield the rows of a menu that are in force."""
+        """Yield the rows of a menu that are not disabled."""
         return (row for row in self.all(menu) if not is_set(row, "disabled"))
 
     def find(self, menu: str, name: str, value: str) -> Row | None:
-        """Return the row of a menu with that value; sessions that `/ip service` lists from 7.19 on do not count."""
+        """Return the row of a menu with that value, without the sessions listed in `/ip service` from 7.19 on."""
         return next((row for row in self.all(menu) if row.get(name) == value and not is_set(row, "dynamic")), None)
 
     @property
     def local(self) -> IPv4Address:
-        """The router's address that we talk to."""
+        """The router's address that our session uses."""
         return _message(self.path.local)
 
     @property
     def technician(self) -> IPv4Address:
-        """The address from which we talk."""
+        """The address of our end of the session."""
         return _message(self.path.technician)
 
     def address_row(self) -> Row | None:
-        """Return the row that gives the router our address; one in force if there are several."""
+        """Return the row with the router's address that we use; an enabled one if there are several."""
         rows = [
             row for row in self.all("/ip/address") if (interface := interface_of(row)) and interface.ip == self.local
         ]
         return min(rows, key=lambda row: is_set(row, "disabled"), default=None)
 
     def interface(self, name: str) -> tuple[str, Row] | None:
-        """Return the menu and row of an interface, None for kinds of which we read no menu."""
+        """Return the menu and row of an interface; None for kinds whose menu we do not read."""
         for menu in INTERFACES:
             if row := self.find(menu, "name", name):
                 return menu, row
         return None
 
     def is_up(self, name: str) -> bool:
-        """Tell whether an interface can carry addresses: neither disabled nor a port of a bridge."""
+        """Return True if an interface can have addresses: neither disabled nor a bridge port."""
         interface = self.interface(name)
         return (interface is None or not is_set(interface[1], "disabled")) and self.bridge_of(name) is None
 
     def bridge_of(self, name: str) -> str | None:
-        """Return the bridge whose port an interface is."""
+        """Return the bridge that the interface is a port of; None if it is not."""
         ports = (row for row in self.enabled_rows("/interface/bridge/port") if row.get("interface") == name)
         return next((row["bridge"] for row in ports if "bridge" in row), None)
 
     def ports(self, name: str) -> frozenset[str]:
-        """Return the interfaces at which a cable leads to `name`, by identities that survive a new name."""
+        """Return the physical interfaces that lead to `name`, by identities that do not change on renaming."""
         interface = self.interface(name)
         if interface is None:
             return frozenset({name})
@@ -111,7 +111,7 @@ class State:
         return interface is None or not is_set(interface[1], "disabled")
 
     def connected_networks(self) -> Iterator[tuple[IPv4Network, str]]:
-        """Yield the networks that the router reaches directly, and by which interface."""
+        """Yield the directly connected networks with their interfaces."""
         for row in self.enabled_rows("/ip/address"):
             interface = interface_of(row)
             if interface is not None and self.is_up(row.get("interface", "")):
@@ -119,7 +119,7 @@ class State:
 
 
 def identity(menu: str, row: Row) -> str:
-    """Return what stays the same of an interface when it is renamed."""
+    """Return an identity of an interface that does not change on renaming."""
     return row.get("default-name") or row.get(".id") or menus.MENUS[menu].name_of(row)
 
 
@@ -133,14 +133,14 @@ def interface_of(row: Row) -> IPv4Interface | None:
 
 
 def _network(interface: IPv4Interface, far_end: str) -> IPv4Network:
-    """A /32 with another address as network is a point-to-point link to that address."""
+    """Return the network; a /32 with another address as network is a point-to-point link to that address."""
     if interface.network.prefixlen == interface.max_prefixlen and far_end:
         return IPv4Network(far_end)
     return interface.network
 
 
 def _message(address: str) -> IPv4Address:
-    """An end of our own session as the device shows it. Raises DeviceFailed for what is no address."""
+    """Parse an end of our own session as shown by the device. Raises DeviceError if it is not an address."""
     try:
         return IPv4Address(address)
     except ValueError:

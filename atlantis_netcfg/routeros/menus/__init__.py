@@ -1,4 +1,4 @@
-"""The table of menus: everything that the engine knows about RouterOS beyond its grammar. A new menu is a row here."""
+"""The table of menus: all knowledge about RouterOS beyond its grammar. A new menu is a new row."""
 
 from __future__ import annotations
 
@@ -43,5 +43,5 @@ _RANKS = {path: number for number, path in enumerate(MENUS)}
 
 
 def rank(path: str) -> int:
-    """Return the place of a menu among those of its layer."""
+    """Return the position of a menu within its layer."""
     return _RANKS[path]

@@ -1,4 +1,4 @@
-"""`/ip address`, `/ip pool` and DHCP: who has which address."""
+"""`/ip address`, `/ip pool` and DHCP: address assignment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`/ip firewall`: lists of addresses, and the menus in which the first rule that matches decides."""
+"""`/ip firewall`: address lists, and the menus in which the first matching rule decides."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""`/interface/lte`: the modem of the board, its APN profiles, the settings of all modems.
+"""`/interface/lte`: the board's modem, its APN profiles, and the settings common to all modems.
 
-Defaults: Manual, LTE/5G, and public verbose exports of 7.19 and 7.20. Roaming is off unless a row says otherwise.
-`pin` is a field of its own kind: the device keeps it and enters it whenever the modem starts, and the SIM counts wrong
-ones, so that it is only sent while the SIM asks for one (routeros/pin.py).
+Defaults: Manual, LTE/5G, and public verbose exports of 7.19 and 7.20. Roaming is off unless a row enables it. `pin` is
+a special field: the device stores it and enters it whenever the modem starts, and the SIM counts wrong PINs. So it is
+sent only while the SIM asks for one (routeros/pin.py).
 """
 
 from __future__ import annotations

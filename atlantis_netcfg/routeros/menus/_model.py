@@ -1,8 +1,8 @@
-"""What the planner must know of a menu: how rows are recognised, what properties mean, when rows may be sent.
+"""The planner's model of a menu: how to recognise rows, the meaning of properties, when rows may be sent.
 
-Short words in which the table is written: one function for each kind of value.
+Also here: the short functions used to write the table, one for each kind of value.
 
-Defaults are those of verbose exports of RouterOS 7.17 to 7.19 and of the manual; where neither says one, the field is
+Defaults are those of verbose exports of RouterOS 7.17 to 7.19 and of the manual; if neither gives one, the field is
 `keep`.
 """
 
@@ -28,7 +28,7 @@ MARK = "atlantis"
 
 
 class Shape(Enum):
-    """Kind of a menu, as its commands tell: `add`, `set` with `numbers`, or `set` alone."""
+    """Kind of a menu, by its commands: `add`, `set` with `numbers`, or `set` alone."""
 
     LIST = auto()
     FIXED = auto()
@@ -67,7 +67,7 @@ class Field:
 
     @cached_property
     def absent(self) -> str:
-        """The canonical form of a row without this property."""
+        """The canonical form of an omitted property."""
         if self.kind is PropertyKind.FLAG:
             return "no"
         return canonical(self.kind, self.default or "")
@@ -77,7 +77,7 @@ class Field:
         return self.absent if text is None else canonical(self.kind, text)
 
     def exists(self, version: Version) -> bool:
-        """Tell whether that version has the argument."""
+        """Return True if that version has the argument."""
         return (self.since is None or version >= self.since) and (self.until is None or version < self.until)
 
 
@@ -130,17 +130,17 @@ class Menu:
 
     @cached_property
     def alphabetical(self) -> tuple[Field, ...]:
-        """The fields as exports order them."""
+        """The fields in the order of exports."""
         return tuple(sorted(self.fields, key=lambda each: each.name))
 
     @property
     def secrets(self) -> frozenset[str]:
-        """Names of the properties that are never shown."""
+        """Names of the secret properties."""
         return frozenset(each.name for each in self.fields if each.secret)
 
     @property
     def defaults(self) -> Mapping[str, str]:
-        """What the device assumes for arguments that are absent."""
+        """The device's defaults for omitted arguments."""
         return {each.name: each.default for each in self.fields if each.default is not None}
 
     @property
@@ -149,11 +149,11 @@ class Menu:
         return "/" + self.path.strip("/").replace("/", " ")
 
     def identity(self, values: Mapping[str, str]) -> tuple[str, ...]:
-        """Return what tells the row apart, in canonical form."""
+        """Return the values of the key properties, in canonical form."""
         return tuple(self.by_name[key].form(values.get(key)) for key in self.keys)
 
     def name_of(self, values: Mapping[str, str]) -> str:
-        """Return what a person calls the row with these values."""
+        """Return the name of the row with these values, for the user."""
         if self.shape is Shape.SINGLETON:
             return f"{self.title.removesuffix(' settings')} settings"
         names = {name for _, name, _, _ in Formatter().parse(self.subject) if name}
@@ -178,11 +178,11 @@ class Menu:
         return "comment" in self.by_name and row.get("comment", "").startswith(MARK)
 
     def is_stock(self, row: Row) -> bool:
-        """Tell whether the row came with the system and cannot be removed."""
+        """Return True if the row is a system row that cannot be removed."""
         return canonical(PropertyKind.BOOLEAN, row.get("default", "no")) == "yes" or self.identity(row) in self.stock
 
     def is_touchable(self, row: Row) -> bool:
-        """Tell whether the device lets anybody change the row: dynamic and builtin ones refuse it."""
+        """Return True if the device allows changes to the row: not to dynamic and builtin ones."""
         return not any(row.get(flag) in ("true", "yes") for flag in ("dynamic", "builtin"))
 
 
@@ -255,12 +255,12 @@ def gateway(name: str) -> Field:
 
 
 def keep(*fields: Field) -> tuple[Field, ...]:
-    """Mark fields without a default that we could tell: unnamed, they stay as they are."""
+    """Mark fields without a known default: if not set, they stay as they are."""
     return tuple(replace(field, keep=True, default=None) for field in fields)
 
 
 def usual(*fields: Field) -> tuple[Field, ...]:
-    """Mark fields that stay as they are when the declaration is silent; a saved export's silence means the default."""
+    """Mark fields left unchanged when the inventory does not set them; omitted in a saved export means the default."""
     return tuple(replace(field, keep=True) for field in fields)
 
 
@@ -290,12 +290,12 @@ def on_board(fields: Iterable[Field]) -> tuple[Field, ...]:
 
 
 def since(version: str, *fields: Field) -> tuple[Field, ...]:
-    """Mark fields that a command tree first shows at that version."""
+    """Mark fields that exist from that version on."""
     return tuple(replace(field, since=Version.parse(version)) for field in fields)
 
 
 def until(version: str, *fields: Field) -> tuple[Field, ...]:
-    """Mark fields that the command tree of that version lacks."""
+    """Mark fields that no longer exist in that version."""
     return tuple(replace(field, until=Version.parse(version)) for field in fields)
 
 

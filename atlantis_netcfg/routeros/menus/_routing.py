@@ -1,6 +1,6 @@
-"""`/ip route` and `/routing`: which way a packet leaves.
+"""`/ip route` and `/routing`: the route of a packet; `/tool netwatch` and `/queue tree`.
 
-`/tool netwatch` and `/queue tree`: which link is good, and who goes first on a thin one.
+netwatch decides which link works, queues decide the priorities on a slow one.
 
 Defaults: Manual, Netwatch; Manual, Queues (CLI reference of both menus).
 """

@@ -1,4 +1,4 @@
-"""`/ip` and `/ipv6` settings and services: DNS, doors into the router, and what is switched off."""
+"""`/ip` and `/ipv6` settings and services: DNS, access to the router, and what is disabled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`/system`, `/user`, `/tool` and `/certificate`: the box itself, who may enter, and what it tells."""
+"""`/system`, `/user`, `/tool` and `/certificate`: the device itself, its users, and its messages."""
 
 from __future__ import annotations
 

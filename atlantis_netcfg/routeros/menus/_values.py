@@ -1,7 +1,7 @@
-"""How two texts of one value compare: what a person writes, what an export prints and what the API prints differ.
+"""Comparison of two texts of one value, which differ between user input, export and API.
 
-`yes` is printed as `true`, `10m` as `00:10:00` by older versions, `10.0.0.1/32` as `10.0.0.1`; the order of most lists
-means nothing. Only comparisons use these forms; what is sent is the text of the declaration.
+`yes` is printed as `true`, `10m` as `00:10:00` by older versions, `10.0.0.1/32` as `10.0.0.1`; most lists have no
+significant order. These forms are only used for comparisons; the text of the inventory is sent unchanged.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ipaddress import ip_interface
 
 
 class PropertyKind(Enum):
-    """The syntax of a value, as far as comparing two of them needs it."""
+    """The syntax of a value, as far as needed to compare two values."""
 
     TEXT = auto()
     BOOLEAN = auto()
@@ -61,13 +61,13 @@ _KIB = {"": 1, "KiB": 1, "MiB": 1024, "GiB": 1024 * 1024}
 
 
 def canonical(kind: PropertyKind, text: str) -> str:
-    """Return the one form that all spellings of a value share; a text that is not of the kind is itself."""
+    """Return the canonical form shared by all spellings of a value; text that is not of the kind is unchanged."""
     return text if kind is PropertyKind.TEXT else _canonical(kind, text)
 
 
 @lru_cache(maxsize=16384)
 def _canonical(kind: PropertyKind, text: str) -> str:
-    """Remembered, because a menu has few different values, and hundreds of routers have the same."""
+    """Return the canonical form; cached, because menus have few different values, shared by many routers."""
     if text.startswith("!") and kind is not PropertyKind.POLICY:
         return "!" + canonical(kind, text[1:])
     return _FORMS[kind](text)

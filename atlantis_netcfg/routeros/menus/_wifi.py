@@ -1,9 +1,9 @@
-"""`/interface/wifi`: radios of the packages `wifi-qcom`, `wifi-qcom-ac` and their kin (802.11ac wave 2, ax, be).
+"""`/interface/wifi`: radios of the packages `wifi-qcom`, `wifi-qcom-ac` and similar (802.11ac wave 2, ax, be).
 
-A property that is not given is inherited: interface, profile of the interface, configuration profile, profile of that
-(Manual, WiFi, Configuration profiles), so nothing has a default here. Only what a row itself says is read
-(`print config`). `aaa.*`, `interworking.*` and `steering.*` are no matter of a bridge and are left alone. The command
-trees call the menu a list, since it also takes virtual access points; to us it is the radios of the board.
+A property that is not set is inherited: interface, profile of the interface, configuration profile, profile of that
+(Manual, WiFi, Configuration profiles), so nothing has a default here. Only the values set in the row itself are read
+(`print config`). `aaa.*`, `interworking.*` and `steering.*` do not concern a bridge and are left alone. In the command
+trees the menu is a list, since virtual access points can be added; here it contains the board's radios only.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ _CONFIGURATION = (
 
 
 def _inside(name: str, fields: tuple[_model.Field, ...]) -> tuple[_model.Field, ...]:
-    """Name a profile's properties as rows above it do (`channel.width`), with the profile's own name before them."""
+    """Prefix a profile's properties as the rows above it name them (`channel.width`), with the profile's name first."""
     return (_model.text(name, None), *(replace(each, name=f"{name}.{each.name}") for each in fields))
 
 

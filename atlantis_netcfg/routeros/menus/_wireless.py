@@ -1,8 +1,8 @@
-"""`/interface/wireless`: radios of the package `wireless` (up to 802.11ac, nv2 and nstreme), which since 7.13 is extra.
+"""`/interface/wireless`: radios of the package `wireless` (up to 802.11ac, nv2, nstreme), separate since 7.13.
 
-Defaults: Manual, Wireless Interface. Where it names none (band, frequency, chains: the card decides), or the default is
-the board's, a field is `kept`. The command trees call the menu a list, since it also takes virtual access points; to us
-it is the radios of the board, which are there already.
+Defaults: Manual, Wireless Interface. If it gives none (band, frequency, chains: the card decides), or if the default
+depends on the board, a field is `keep`. In the command trees the menu is a list, since virtual access points can be
+added; here it contains the board's radios only, which always exist.
 """
 
 from __future__ import annotations

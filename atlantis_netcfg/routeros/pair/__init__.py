@@ -1,12 +1,12 @@
-"""The two ends of a radio bridge as one transaction.
+"""The two ends of a radio bridge, changed as one transaction.
 
-Both ends are read and planned before anything is sent, and a plan after which they would not find each other is
-refused. Then each is put under its own rollback, the far end is changed first and the near end after it, and both are
-proved from new sessions over the new link. Only then are they kept; if the link is not back within the declared time,
-both return by themselves, also when our process has died.
+Both ends are read and planned before anything is sent; a plan after which they would not connect is refused. Then each
+end gets its own rollback, the far end is changed first and the near end after it, and both are verified in new sessions
+over the new link. Only then the changes are kept. If the link is not back within the configured time, both ends roll
+back on their own, also if our process has died.
 
-What the far end's own rollback is, is said in the results: safe mode, whose device notices a dead link after about nine
-minutes only, and, where device-mode lets the scheduler run, a job that looks at the declared moment.
+The results report the far end's rollback: safe mode, where the device notices a dead link only after about nine
+minutes, and, if device-mode allows the scheduler, a job that checks at the configured time.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""After a failure: the near end is taken back at once, the far one returns by itself, and we wait and read.
+"""After a failure: the near end is rolled back at once, the far end on its own; then wait and read both.
 
-What counts is what was read from both. If the near end turns out to be permanent (its release was executed, only its
-answer was lost) the far end has to stay new as well; in every other case both are to be as before.
+Only what was read from both counts. If the near end turns out to be permanent (its release was executed, only the reply
+was lost), the far end must keep its change, too. In every other case both must be as before.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _QUICK_S = 10.0
 
 
 async def back(work: Transaction, reason: NetcfgError) -> tuple[apply.DeviceResult, apply.DeviceResult]:
-    """End a transaction that failed for `reason`: results of near and far end."""
+    """End a transaction that failed for `reason`; return the results of near and far end."""
     for end in work.ends:
         end.say(Stage.FAILED, end.clean(str(reason)))
     return await _WayBack(work, reason).go()
@@ -62,7 +62,7 @@ class _WayBack:
     # --- the near end ----------------------------------------------------------------------------------------------
 
     async def _near(self) -> bool | None:
-        """Take the near end back. True: it has become permanent before; None: it cannot be known."""
+        """Roll the near end back. True: its change is already permanent; None: unknown."""
         near = self.work.near
         if self.work.far.is_kept and await self._follow(near):
             return True
@@ -78,7 +78,7 @@ class _WayBack:
         return False if not different_menus else await self._put_back(near)
 
     async def _follow(self, near: End) -> bool:
-        """The far end is kept: release the near one, too, from a new session, if that is still possible."""
+        """Release the near end, too, in a new session, if still possible, as the far end is kept."""
         try:
             session = await near.contact.reach(self.work.pair.reserve_s, "keeping it")
             if near.owner:
@@ -94,7 +94,7 @@ class _WayBack:
     # --- the far end -----------------------------------------------------------------------------------------------
 
     async def _far(self) -> apply.DeviceResult:
-        """Wait until the far end has returned by itself, and say what it has become."""
+        """Wait until the far end has rolled back on its own, and report its state."""
         far, work = self.work.far, self.work
         await self._let_go(far)
         if not far.has_sent_changes:
@@ -113,7 +113,7 @@ class _WayBack:
         return far.rolled_back(str(self.reason))
 
     async def _forward(self) -> tuple[apply.DeviceResult, apply.DeviceResult]:
-        """The near end is new for good: see that the far one is, too."""
+        """Make sure that the far end keeps its change, as the near end's change is permanent."""
         near, far = self.work.near, self.work.far
         words = f"as declared: {len(near.actions)} actions read back, although: {self.reason}"
         outcome = await self._wait_until_settled(far, self.work.pair.link_timeout_s + far.job.patience.reach_s)
@@ -127,7 +127,7 @@ class _WayBack:
         return self._unknown(near), self._unknown(far)
 
     async def _after_all(self) -> tuple[apply.DeviceResult, apply.DeviceResult]:
-        """The far end was kept and nothing has brought it back, so the near end has to follow it."""
+        """Apply the change to the near end again, as the far end has kept its change."""
         near, far = self.work.near, self.work.far
         result = await apply.converge(
             replace(near.job, agreed_hash=None, journal=NoJournal()), mode=apply.JobMode.RESUME
@@ -139,7 +139,7 @@ class _WayBack:
     # --- both ------------------------------------------------------------------------------------------------------
 
     async def _let_go(self, end: End) -> None:
-        """Unroll over the first session, if it still answers; else close it, so that the device will know in time."""
+        """Undo safe mode over the first session if it still responds; else close it, so that the device notices."""
         session, end.session = end.session, None
         silent = end is self.work.far and not self.work.can_use_first_session()
         if silent:
@@ -155,9 +155,9 @@ class _WayBack:
     async def _wait_until_settled(
         self, end: End, patience_s: float, *, returning: bool = False
     ) -> tuple[apply.Channel, tuple[str, ...]] | None:
-        """Reach an end once nobody holds its safe mode: a session, and the menus that differ from before.
+        """Wait until nobody holds an end's safe mode; return a session and the menus that differ from before.
 
-        `returning`: it may still show what its own rollback is about to take back: ask until that is over.
+        `returning`: its own rollback may still be about to happen, so repeat until that is over.
         """
         clock = asyncio.get_running_loop().time
         until = clock() + patience_s
@@ -189,7 +189,7 @@ class _WayBack:
         return True
 
     async def _put_back(self, end: End) -> bool:
-        """Write what was observed before, as any other change is written; True if it then is so."""
+        """Restore the state observed before, like any other change; return True on success."""
         end.say(Stage.APPLYING, "putting the state before the run back")
         job = replace(end.job, desired_state=restoring(end.observation), journal=NoJournal(), agreed_hash=None)
         await apply.converge(job, mode=apply.JobMode.RESUME)
@@ -197,7 +197,7 @@ class _WayBack:
         return outcome is not None and not outcome[1]
 
     async def _defuse_far(self, session: apply.Channel) -> bool:
-        """Take the far end's job away, over as many sessions as that takes; True if it is still as declared then."""
+        """Remove the far end's job, with as many sessions as necessary; return True if it is still as desired."""
         far, clock = self.work.far, asyncio.get_running_loop().time
         until = clock() + far.job.patience.reach_s
         while True:
@@ -212,7 +212,7 @@ class _WayBack:
                 session = await far.contact.reach(max(0.0, until - clock()), "taking its job away")
 
     async def _no_job(self) -> None:
-        """Take away the far end's job; where that fails, it goes by itself after it has looked."""
+        """Remove the far end's job; on failure, it removes itself after its check."""
         far = self.work.far
         if not far.arms:
             return
@@ -243,11 +243,12 @@ BackResults = tuple["apply.DeviceResult", "apply.DeviceResult"]
 
 
 async def clear(work: Transaction, mode: apply.JobMode) -> BackResults | None:
-    """Leave nothing armed or open on either end, both read anew; else how the run ends.
+    """Remove what is armed or open on both ends, and read both again; return results if the run must end.
 
-    A job `atlantis-pair` takes its end back if the link is lost. It goes once both ends are as declared and nobody
-    holds their safe mode: from then on both stay. While only its own end has the new radio it has to run, for the other
-    one has returned. In every other case the run that follows plans from what it reads, and arms a job of its own.
+    A job `atlantis-pair` rolls its end back if the link is lost. It is removed once both ends are in the desired state
+    and nobody holds their safe mode; from then on both stay. If only its own end has the new radio settings it has to
+    run, since the other one has rolled back. In every other case the following run plans from what it reads, and arms
+    its own job.
     """
     reason = _in_use(work, mode)
     if reason:
@@ -272,7 +273,7 @@ async def clear(work: Transaction, mode: apply.JobMode) -> BackResults | None:
 
 
 async def wait_for_return(work: Transaction) -> None:
-    """After a run that was killed: give both ends the time that they need to return by themselves."""
+    """After a killed run, wait until both ends have rolled back on their own."""
     for end in work.ends:
         try:
             session = await end.contact.reach(DEAD_SESSION_S + work.pair.link_timeout_s, "returning by itself")
@@ -283,10 +284,10 @@ async def wait_for_return(work: Transaction) -> None:
 
 
 def _in_use(work: Transaction, mode: apply.JobMode) -> str:
-    """Say what may belong to a run that is alive; empty: nothing does.
+    """Return what may belong to an active run; empty if nothing does.
 
-    Of a bridge that is as declared, a job alone is none: who is at work there holds safe mode, or has changed nothing
-    yet and sees that its job is gone.
+    If the bridge is in the desired state, a job alone does not count. A run that is active there holds safe mode, or
+    has changed nothing yet and notices that its job is gone.
     """
     is_as_desired = not any(end.actions for end in work.ends)
     for end in work.ends:
@@ -302,7 +303,7 @@ def _in_use(work: Transaction, mode: apply.JobMode) -> str:
 
 
 def _has_to_run(work: Transaction, end: End) -> bool:
-    """Tell whether the job of an end has to run: only this end has what is declared, or it is the way back of one."""
+    """Return True if an end's job has to run: only this end was changed, or it is one device's dead-man job."""
     if not end.leftovers.jobs or not any(each.actions for each in work.ends):
         return False
     other = work.near if end is work.far else work.far
@@ -312,7 +313,7 @@ def _has_to_run(work: Transaction, end: End) -> bool:
 
 
 async def _until_run(work: Transaction) -> None:
-    """Wait until no job is armed any more; the link may come and go with that."""
+    """Wait until no job is armed; the link may go down and up meanwhile."""
     for end in work.ends:
         patience = end.job.patience
         with suppress(DeviceError):
@@ -323,7 +324,7 @@ async def _until_run(work: Transaction) -> None:
 
 
 async def read_again(work: Transaction) -> BackResults | None:
-    """Read both ends in new sessions; how the run ends if that fails."""
+    """Read both ends in new sessions; return results if that fails."""
     near, far = await asyncio.gather(work.near.problem(), work.far.problem())
     if near is None and far is None:
         return None
@@ -343,7 +344,7 @@ def _build_stop_results(work: Transaction, why: str) -> BackResults:
 
 
 def _left_between(end: End, site: str, why: str) -> apply.DeviceResult:
-    """`site`: the one that was asked for; from there both ends are reached."""
+    """Return a result without changes; `site` is the requested site, from which both ends are reachable."""
     hint = (
         "let them finish, then run the same command again; if a run of ours has died there:"
         f"  `provision resume site={site}`"

@@ -1,9 +1,8 @@
-"""A pair from first contact to last word: observe both, plan both, judge both, change both as one.
+"""A pair from first contact to result: observe, plan, check and change both ends as one.
 
-The near end alone, after a run that has died when only the far end was kept: it has to follow it.
-
-Only `resume` does so, and only where the far end is not to be seen. The near end is changed under its own safe mode,
-and kept if the far end then answers over the new link; if not, it is as before.
+Also here: the near end alone, after a run that died when only the far end was kept, so that the near end has to follow.
+Only `resume` does so, and only if the far end is not reachable. The near end is changed under its own safe mode, and
+kept if the far end then responds over the new link; if not, it is rolled back.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from atlantis_netcfg.routeros.safe_mode import BUDGET, DEAD_SESSION_S
 
 
 async def follow(work: Transaction) -> apply.DeviceResult | None:
-    """Let the near end, which has been read, go where the far end is; None: it is kept, else how it ended."""
+    """Change the near end to match the far end; return None if kept, else the result."""
     near, far = work.near, work.far
     near.say(Stage.WAITING, f"{far.name} is not to be seen: {near.name} follows it to what is declared")
     try:
@@ -38,7 +37,7 @@ async def follow(work: Transaction) -> apply.DeviceResult | None:
 
 
 async def _back(work: Transaction, why: str) -> apply.DeviceResult:
-    """Take the near end back, and say what was read of it then."""
+    """Roll the near end back, and report the state read afterwards."""
     near = work.near
     try:
         session = near.channel
@@ -60,11 +59,11 @@ _CONNECT_S = 15.0
 
 
 async def converge_pair(pair: Pair, *, mode: apply.JobMode = apply.JobMode.APPLY) -> Results:
-    """Bring both ends to their declared states, or say why not: results of near and far end.
+    """Bring both ends to their desired states, or report why not: results of near and far end.
 
-    Where no radio is changed, both are ordinary runs, far end first. So is the near end's run while its radio is off
-    and the far end is not to be seen: a bridge that is not there yet is made end by end, each from its own cable.
-    A result tells all sessions with its end, whoever opened them.
+    If no radio is changed, both are ordinary runs, far end first. The near end's run is also ordinary while its radio
+    is off and the far end is not reachable: a new bridge is set up end by end, each over its own cable. A result
+    includes all sessions with its end, whoever opened them.
     """
     near_sessions: list[Traffic] = []
     far_sessions: list[Traffic] = []
@@ -124,7 +123,7 @@ async def _close(work: Transaction) -> None:
 
 
 async def _stoppable(work: Transaction, mode: apply.JobMode) -> Results | None:
-    """Run the pair as one; stopped before both ends were read, nothing was changed."""
+    """Run the pair as one; if interrupted before both ends were read, nothing was changed."""
     try:
         return await _run(work, mode)
     except asyncio.CancelledError:
@@ -145,7 +144,7 @@ def _patient(job: apply.DeviceJob) -> apply.DeviceJob:
 
 
 async def _one_by_one(pair: Pair, mode: apply.JobMode, work: Transaction | None = None) -> Results:
-    """Run ordinary runs, far end first: what goes wrong there should not have cost us the near end before."""
+    """Run ordinary runs, far end first, so that a failure there does not affect the near end."""
     if work is not None and work.unseen is not None:
         near = await apply.converge(pair.near, mode=mode)
         return replace(near, notes=(*near.notes, _end_by_end(pair))), work.far.finish(work.unseen)
@@ -157,7 +156,7 @@ async def _one_by_one(pair: Pair, mode: apply.JobMode, work: Transaction | None 
 
 
 def _add_notes(work: Transaction, end: End, result: apply.DeviceResult) -> apply.DeviceResult:
-    """Add what the pair knows of an end that was run alone."""
+    """Add the pair's notes to the result of an end that was run alone."""
     notes = [_words(work.pair)] if any(each.changes_radio for each in work.ends) else []
     notes += [f"removed {what}" for what in end.removed_items]
     return replace(result, notes=(*result.notes, *notes))
@@ -178,7 +177,7 @@ def _words(pair: Pair) -> str:
 
 
 async def _run(work: Transaction, mode: apply.JobMode) -> Results | None:
-    """Run the pair as one; None: these are ordinary runs."""
+    """Run the pair as one; return None if two ordinary runs are sufficient."""
     results = await _read(work, mode)
     if results is not None or work.unseen is not None:
         return results
@@ -200,7 +199,7 @@ async def _run(work: Transaction, mode: apply.JobMode) -> Results | None:
 
 
 async def _read(work: Transaction, mode: apply.JobMode) -> Results | None:
-    """Read and plan both ends; the results of a pair of which one end cannot be read or planned."""
+    """Read and plan both ends; return results if one end cannot be read or planned."""
     if mode is apply.JobMode.RESUME:
         await wait_for_return(work)
     problems = await asyncio.gather(*(end.problem(mode) for end in (work.near, work.far)))
@@ -224,13 +223,13 @@ async def _read(work: Transaction, mode: apply.JobMode) -> Results | None:
 
 
 def _is_new(near: End, far: apply.DeviceResult) -> bool:
-    """Tell whether there is no bridge yet that could be lost."""
+    """Return True if there is no bridge yet that could be lost."""
     radio = near.radio(after=False)
     return far.status is apply.Status.LEFT_AS_FOUND and radio is not None and radio.get("disabled") in ("yes", "true")
 
 
 async def _alone(work: Transaction, far_result: apply.DeviceResult) -> Results:
-    """The far end is not to be seen, and may have been kept alone: follow it, then go on with both."""
+    """Handle an unreachable far end, which may have been kept alone: follow it, then continue with both."""
     near = work.near
     refusal = "; ".join(near.refusals())
     if refusal:
@@ -272,7 +271,7 @@ def _refusal(work: Transaction, mode: apply.JobMode) -> str:
 
 
 async def _honestly(work: Transaction) -> Results:
-    """Go forward, and turn whatever goes wrong into an honest end."""
+    """Apply the change; convert any failure to a result."""
     try:
         await work.forward()
     except errors.NetcfgError as failure:

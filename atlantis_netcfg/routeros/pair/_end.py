@@ -1,6 +1,6 @@
-"""One end of the pair while its transaction lasts: what was read, what is planned, what was sent, what is known.
+"""One end of the pair during its transaction: what was read, planned and sent.
 
-What is given for the two ends of a radio bridge.
+Also here: the input for the two ends of a radio bridge.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ _STAGES = {
 
 
 class StateMismatch(errors.DeviceError):
-    """What was read back is not what is declared: nothing of the change may stay."""
+    """The state read back is not the desired one: the change must be rolled back."""
 
 
 @dataclass(slots=True)
 class End:
-    """A device and where its part of the transaction stands."""
+    """A device and the progress of its part of the transaction."""
 
     job: apply.DeviceJob
     contact: Contact
@@ -87,26 +87,26 @@ class End:
 
     @property
     def observation(self) -> _types.Observation:
-        """The device before the transaction."""
+        """The device before the transaction. Raises RuntimeError if it was not read."""
         if self.before is None:
             raise RuntimeError(f"{self.name} has not been read")
         return self.before
 
     @property
     def aim(self) -> _types.Plan:
-        """The plan. Raises RuntimeError where there is none."""
+        """The plan. Raises RuntimeError if there is none."""
         if self.plan is None:
             raise RuntimeError(f"{self.name} has not been planned")
         return self.plan
 
     @property
     def actions(self) -> tuple[_types.Action, ...]:
-        """What is to be done."""
+        """The planned actions; empty without a plan."""
         return self.plan.actions if self.plan is not None else ()
 
     @property
     def channel(self) -> apply.Channel:
-        """The first session. Raises DeviceFailed once it is gone."""
+        """The first session. Raises DeviceError once it is closed."""
         if self.session is None:
             raise errors.DeviceError(f"the session with {self.name} is gone")
         return self.session
@@ -119,16 +119,16 @@ class End:
 
     @property
     def storm(self) -> tuple[_types.Action, ...]:
-        """The others."""
+        """The remaining actions, from the first one that may interrupt the link."""
         return self.actions[len(self.calm) :]
 
     @property
     def changes_radio(self) -> bool:
-        """Whether the plan may interrupt the link."""
+        """True if the plan may interrupt the link."""
         return _radio.touches_radio(self.actions)
 
     def radio(self, *, after: bool) -> _radio.PairRadio | None:
-        """Return the radio of the bridge as it is, or as the plan leaves it."""
+        """Return the bridge's radio as it is, or as after the plan."""
         rows = (
             planner.simulate(self.observation.rows, self.plan)
             if after and self.plan is not None
@@ -138,13 +138,13 @@ class End:
 
     @property
     def signer(self) -> _state.RunSigner:
-        """Whose job this run arms on the device, and whose leftovers it may take away."""
+        """The identity of this run: for the job it arms, and for the leftovers it may remove."""
         return _state.RunSigner(self.job, self.observation.facts.session_address)
 
     # --- reading ---------------------------------------------------------------------------------------------------
 
     async def read(self) -> None:
-        """Open the first session, read everything and plan. Raises CannotPlan, MenuMissing, Unfit, DeviceFailed."""
+        """Open the first session, read everything and plan. Raises CannotPlan, MenuMissing, Unfit, DeviceError."""
         self.say(Stage.CONNECTING, f"to {self.job.endpoint}", self.job.endpoint.connect_timeout_s)
         self.session = await self.contact.open()
         self.job = await choose_variant(self.session, self.job)
@@ -166,7 +166,7 @@ class End:
         self.say(Stage.PLANNED, f"{len(self.actions)} actions" if self.actions else "nothing to change")
 
     async def problem(self, mode: apply.JobMode = apply.JobMode.APPLY) -> apply.DeviceResult | None:
-        """Read in a first session, in place of one that there was; how the run ends if that fails."""
+        """Read in a new first session, which replaces the old one; return the result if that fails."""
         session, self.session = self.session, None
         if session is not None:
             await self.contact.leave(session)
@@ -180,7 +180,7 @@ class End:
         return None
 
     def refusals(self) -> Iterator[str]:
-        """Yield why this end's plan may not be carried out."""
+        """Yield the reasons why this end's plan must not be applied."""
         facts, path = self.observation.facts, self._path()
         if self.plan is None or not self.actions:
             return
@@ -198,14 +198,14 @@ class End:
             yield "the device has changed since the plan was shown; look at the new plan and agree to it"
 
     def hint(self) -> str | None:
-        """What to do about a refusal, where that is one thing."""
+        """Return the remedy for a refusal, if there is a single one."""
         facts = self.observation.facts
         if not facts.has_safe_mode and self.actions:
             return facts.upgrade(_SAFE_MODE)
         return _work.AGREE_APART if self.plan is not None and _work.find_missing_consent(self.job, self.plan) else None
 
     def _too_dear(self, current_plan: _types.Plan) -> Iterator[str]:
-        """An estimate as if this end were alone: that both wait for each other costs a few round trips more."""
+        """Yield the cost refusal, estimated for this end alone; waiting for each other costs a few round trips more."""
         job = self.job
         if job.cost_policy is None or job.bearer is None:
             return
@@ -219,11 +219,11 @@ class End:
         return guard.ManagementPath(facts.session_address, job.address or job.endpoint.host, user=job.endpoint.user)
 
     async def reread(self, session: apply.Channel) -> _types.Observation:
-        """Read what was read before the transaction, in another session. Raises SessionLost."""
+        """Read the same menus as before the transaction, in another session. Raises SessionLost."""
         return await observe(session, self.job.endpoint, self.job.desired_state.menus, tuple(self.observation.rows))
 
     def compare(self, now: _types.Observation) -> None:
-        """See that nothing is left to do. Raises NotAsDeclared."""
+        """Check that nothing remains to be done. Raises StateMismatch."""
         try:
             remaining_actions = planner.plan(self.name, self.job.desired_state, now).actions
         except planner.CannotPlan as problem:
@@ -239,52 +239,52 @@ class End:
         self.after = now
 
     def same(self, now: _types.Observation) -> tuple[str, ...]:
-        """Return the menus in which the device is not as it was before."""
+        """Return the menus in which the device differs from before."""
         return _state.differing(self.observation, now)
 
     # --- telling ---------------------------------------------------------------------------------------------------
 
     def say(self, stage: Stage, message: str, limit_s: float = 0.0) -> None:
-        """Tell the subscriber."""
+        """Send a progress event to the subscriber."""
         event = Event(self.name, stage, message, self.confirmed_count, len(self.actions), limit_s=limit_s)
         self.job.events(event)
 
     def record(self, record: runs.Record) -> None:
-        """Put a record on disk. Raises JournalFailed."""
+        """Write a record to disk. Raises JournalError."""
         self.job.journal.write(record)
 
     def note(self, record: runs.Record) -> None:
-        """Put a record on disk if that is possible: what it reports has happened in any case."""
+        """Write a record to disk if possible; the reported event has happened in any case."""
         with suppress(runs.JournalError):
             self.job.journal.write(record)
 
     def announce(self) -> None:
-        """Put the plan into the journal."""
+        """Record the plan in the journal."""
         if self.plan is not None:
             actions = tuple(map(_work.build_journal_action, self.actions))
             self.record(runs.PlanRecord(device=self.name, plan=_state.plan_hash(self.plan), actions=actions))
 
     def confirm(self, message: str) -> apply.DeviceResult:
-        """Say that the device is as declared, for good."""
+        """Record and return that the desired state is permanent."""
         numbers = tuple(action.number for action in self.actions)
         self.note(runs.ActionConfirmation(device=self.name, actions=numbers))
         self.confirmed_count = len(numbers)
         return self.result(apply.Status.CHANGED, message)
 
     def rolled_back(self, why: str) -> apply.DeviceResult:
-        """Say that the device is as before."""
+        """Record and return that the device was rolled back."""
         self.note(runs.RollbackRecord(device=self.name, reason=self.clean(why)))
         return self.result(apply.Status.ROLLED_BACK, f"taken back, the device is as before: {why}")
 
     def report_unchanged(self) -> apply.DeviceResult:
-        """Say that nothing was to be changed, and what was taken away that a run had left."""
+        """Return the result of an end without changes, with the leftovers of earlier runs that were removed."""
         if not self.removed_items:
             return self.result(apply.Status.UNCHANGED, "no changes needed")
         self.after = self.observation
         return self.result(apply.Status.CHANGED, f"as declared; removed {' and '.join(self.removed_items)}")
 
     def result(self, status: apply.Status, message: str, *, hint: str | None = None) -> apply.DeviceResult:
-        """Say how it ended."""
+        """Build the result of this end."""
         traffic, now = self.contact.traffic, asyncio.get_running_loop().time()
         return apply.DeviceResult(
             name=self.name,
@@ -310,11 +310,11 @@ class End:
         )
 
     def clean(self, text: str) -> str:
-        """Mask secrets of the plan in a text of the device, should it ever repeat one."""
+        """Mask the plan's secrets in a text from the device, in case it repeats one."""
         return _work.mask_secrets(text, self.actions)
 
     def finish(self, result: apply.DeviceResult) -> apply.DeviceResult:
-        """Record and tell the end; a journal that cannot be written is said in the result."""
+        """Record and report the result; if the journal cannot be written, the result says so."""
         read = {apply.Status.UNCHANGED: self.before, apply.Status.CHANGED: self.after}.get(result.status)
         result = _work.record_outcome(self.job, result, read if self.plan is not None else None)
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
@@ -323,7 +323,7 @@ class End:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """Between which levels a healthy link is heard, in dBm; a receiver is also spoilt by too much."""
+    """Limits of a healthy signal level, in dBm; too strong a signal also disturbs a receiver."""
 
     weakest_dbm: float = -75.0
     strongest_dbm: float = -20.0
@@ -331,7 +331,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """The ends of one bridge, told apart by where the technician stands: `far` is reached through `near`'s radio."""
+    """The ends of one bridge, seen from the technician: `far` is reached through `near`'s radio."""
 
     near: apply.DeviceJob
     far: apply.DeviceJob

@@ -1,9 +1,9 @@
-"""Which rows are about radio, what one of them amounts to, and how a radio says that it is connected.
+"""Radio rows of a bridge, and the check that its two ends would still connect after both plans.
 
-Would the two ends still find each other after the plan? Asked of the rows as both plans would leave them.
+Also here: the effective settings of a radio, and how a radio reports that it is connected.
 
-Manual, Wireless Interface (protocols, nv2); Manual, Wireless Station Modes; Manual, WiFi. What cannot be read (a
-hidden key) is not compared; what is not understood counts against the plan.
+Manual, Wireless Interface (protocols, nv2); Manual, Wireless Station Modes; Manual, WiFi. A value that cannot be read
+(a hidden key) is not compared; what is not understood counts against the plan.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _LISTS = (f"{LEGACY}/connect-list", f"{LEGACY}/access-list")
 
 @dataclass(frozen=True, slots=True)
 class PairRadio:
-    """One radio as the rows say; `values` has what it inherits, by the names of `/interface/wifi`."""
+    """One radio; `values` includes inherited values, by the names of `/interface/wifi`."""
 
     menu: str
     name: str
@@ -50,14 +50,14 @@ class PairRadio:
 
 
 def touches_radio(actions: Sequence[_types.Action]) -> bool:
-    """Tell whether anything of a plan could end or change the link."""
+    """Return True if any action of a plan may interrupt the link."""
     return any(drops_link(action) for action in actions)
 
 
 def drops_link(action: _types.Action) -> bool:
-    """Tell whether an action may interrupt the link: settings of a radio or of a profile, and lists of whom it takes.
+    """Return True if an action may interrupt the link: settings of a radio or profile, and access or connect lists.
 
-    A profile that is new is harmless until somebody names it.
+    A new profile is harmless until something refers to it.
     """
     if action.menu not in MENUS:
         return False
@@ -104,12 +104,12 @@ def _find_profile(rows: Mapping[str, tuple[_types.Row, ...]], part: str, row: _t
 
 
 def registrations(menu: str) -> Command:
-    """Return the command that lists whom the radios of a menu are connected to."""
+    """Return the command that lists the peers of a menu's radios."""
     return Command(f"{menu}/registration-table/print", ((".proplist", "interface,mac-address,signal-strength,signal"),))
 
 
 def level_dbm(row: _types.Row) -> float | None:
-    """Read the level of a registration: `-48dBm@6Mbps` of the older driver, `-48` of the newer; None: it says none."""
+    """Parse a signal level: `-48dBm@6Mbps` (older driver) or `-48` (newer); None if not given."""
     # Neither form is recorded. Assumption: radio-levels
     text = row.get("signal-strength") or row.get("signal", "")
     number = text.partition("dBm")[0]
@@ -131,7 +131,7 @@ _PROTOCOLS = {
 
 
 def disagreements(near: PairRadio | None, far: PairRadio | None, names: tuple[str, str]) -> tuple[str, ...]:
-    """Return in what two radios would differ so that no link comes about, one sentence each."""
+    """Return the differences that would prevent a link between two radios, one sentence each."""
     if near is None or far is None:
         return (f"{names[near is not None]} has no radio that can be driven",)
     if near.menu != far.menu:
@@ -214,6 +214,6 @@ def _share(ap: PairRadio, station: PairRadio, name: str) -> bool:
 
 
 def _equal(ap: PairRadio, station: PairRadio, name: str) -> bool:
-    """Compare secrets; one that is kept from us (absent, or stars) may be equal."""
+    """Compare secrets; a hidden one (absent, or stars) counts as equal."""
     values = [radio.values.get(name) for radio in (ap, station)]
     return values[0] == values[1] or any(value is None or (value and not value.strip("*")) for value in values)

@@ -1,10 +1,10 @@
-"""Both ends changed as one: far end first, each under its own rollback, kept only after both were proved.
+"""Both ends changed as one: far end first, each under its own rollback, kept only after both were verified.
 
-Order of keeping, such that a crash between any two steps leaves both ends old or both new: the far end is released, its
-job of the scheduler still armed (it would look whether the link is there); the near end is released; the job is taken
-away. Gaps: without the job (device-mode) a crash between the two releases leaves the far end new alone; with it, only a
-laptop that loses its power just there, for the near end then notices after nine minutes, and the job has looked before.
-`resume` brings the near end after it.
+The order of keeping makes sure that a crash between any two steps leaves both ends old or both new. The far end is
+released, its scheduler job still armed (it would check the link). The near end is released. The job is removed.
+Limitations: without the job (device-mode) a crash between the two releases leaves only the far end new. With the job,
+this happens only if the laptop loses power at that moment, since the near end notices after nine minutes and the job
+has checked before. `resume` then changes the near end as well.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SAFE_MODE = safe_mode.ApiSafeMode(silence_s=20.0)
 
 
 class LinkGone(DeviceError):
-    """The link has not come back in time, or not as it has to be."""
+    """The link did not come back in time, or not with the required properties."""
 
 
 class Refusal(DeviceError):
@@ -47,7 +47,7 @@ class Refusal(DeviceError):
 
 @dataclass(slots=True)
 class Transaction:
-    """The way forward; `_back` is the way back."""
+    """The forward part of a transaction; `_back` is the rollback."""
 
     pair: _end.Pair
     near: _end.End
@@ -65,11 +65,11 @@ class Transaction:
 
     @property
     def ends(self) -> tuple[_end.End, _end.End]:
-        """Far end first."""
+        """Both ends, far end first."""
         return self.far, self.near
 
     async def forward(self) -> None:
-        """Go the whole way; when this returns, both ends are read back and permanent. Raises NetcfgError."""
+        """Run the whole transaction; on return, both ends are read back and permanent. Raises NetcfgError."""
         for end in self.ends:
             end.announce()
             await self._save(end)
@@ -98,7 +98,7 @@ class Transaction:
         await self._see_job()
 
     async def protect_near(self) -> None:
-        """Save the near end and take its safe mode: for a change of that end alone."""
+        """Save the near end and take its safe mode, for a change of that end alone."""
         self.near.announce()
         await self._save(self.near)
         await self._take(self.near)
@@ -112,7 +112,7 @@ class Transaction:
         self._record_protection(end)
 
     async def _see_job(self) -> None:
-        """See that the far end's job is still there: another run that took this one for dead would have removed it."""
+        """Check that the far end's job still exists: another run that assumed this one dead would have removed it."""
         far = self.far
         if far.job_id and not any(
             row.get(".id") == far.job_id for row in (await far.channel.command(scheduler_jobs.READ_JOBS)).rows
@@ -121,7 +121,7 @@ class Transaction:
             raise InterferenceError(f"{far.name}: the job of its scheduler has run, or another run has taken it away")
 
     async def _arm(self) -> None:
-        """Let the far end's scheduler bring its radio back; where it cannot, say what that means."""
+        """Arm the far end's scheduler job that restores its radio; if impossible, report the consequence."""
         far, near = self.far, self.near.radio(after=False)
         radio, why = far.radio(after=False), scheduler_jobs.forbidden(far.observation.facts) or ""
         try:
@@ -154,7 +154,7 @@ class Transaction:
     # --- changing --------------------------------------------------------------------------------------------------
 
     async def _change_far(self) -> None:
-        """Write the far end; its last script may take the link away before it is answered."""
+        """Write the far end; its last script may cut the link before the reply."""
         far = self.far
         if not far.actions:
             return
@@ -172,7 +172,7 @@ class Transaction:
             far.say(Stage.WAITING, "its radio was changed, the link is gone", patience_s)
 
     async def change_near(self) -> None:
-        """Write the near end, whose answers come over the cable."""
+        """Write the near end, whose replies come over the cable."""
         await self._write(self.near, self.near.actions)
 
     async def _write(self, end: _end.End, actions: Sequence[Action]) -> None:
@@ -202,7 +202,7 @@ class Transaction:
     # --- proving ---------------------------------------------------------------------------------------------------
 
     async def _prove(self) -> None:
-        """Read both ends in new sessions, far end first, while there is time. Raises LinkGone, NotAsDeclared."""
+        """Read both ends in new sessions, far end first, before the deadline. Raises LinkGone, StateMismatch."""
         try:
             async with asyncio.timeout_at(self.deadline):
                 await self._prove_end(self.far)
@@ -232,7 +232,7 @@ class Transaction:
         end.record(runs.VerificationRecord(device=end.name, state=_state.digest(now)))
 
     async def _prove_radio(self) -> None:
-        """See that each end has the other one in its registration table, within the declared levels."""
+        """Check that each end is in the other's registration table, with a level within the limits."""
         for end, other in ((self.far, self.near), (self.near, self.far)):
             radio, peer = end.radio(after=True), other.radio(after=True)
             if radio is None or peer is None:
@@ -246,7 +246,7 @@ class Transaction:
     # --- keeping ---------------------------------------------------------------------------------------------------
 
     async def _keep(self) -> None:
-        """Release far end, near end, and take the far end's job away, in this order (see above)."""
+        """Release far end, then near end, then remove the far end's job (see above)."""
         if asyncio.get_running_loop().time() > self.deadline:
             raise LinkGone("the time was over before the change could be kept")
         await self._see_job()
@@ -256,7 +256,7 @@ class Transaction:
         await self.defuse(self._anew[self.far.name])
 
     async def release(self, end: _end.End, session: Channel) -> None:
-        """Make one end permanent. Raises ProtectionLost, SessionLost: then it is not known whether it is."""
+        """Make one end permanent. Raises ProtectionLost, SessionLost: then it is unknown whether it is."""
         end.record(runs.Releasing(device=end.name))
         end.is_released = True
         try:
@@ -268,7 +268,7 @@ class Transaction:
         end.record(runs.ReleaseRecord(device=end.name))
 
     async def defuse(self, session: Channel) -> None:
-        """Take the far end's job away, if this run may have armed one: the answer to that may have been lost."""
+        """Remove the far end's job if this run may have armed one; the reply to the arming may have been lost."""
         far = self.far
         if not far.arms:
             return
@@ -278,7 +278,7 @@ class Transaction:
         far.job_id, far.arms = "", False
 
     async def forget_answer(self) -> None:
-        """Wait no more for the far end's answer; its first session is over with that."""
+        """Stop waiting for the far end's reply; this ends its first session."""
         answer, self._answer = self._answer, None
         if answer is None:
             return
@@ -287,14 +287,14 @@ class Transaction:
             await answer
 
     def can_use_first_session(self) -> bool:
-        """Whether the far end's first session is still good for something."""
+        """Return True if the far end's first session is still usable."""
         return self._answer is None or (
             self._answer.done() and not self._answer.cancelled() and self._answer.exception() is None
         )
 
 
 def _script(actions: Sequence[Action]) -> str:
-    """Return one script. Raises DeviceFailed if that is not possible."""
+    """Return the actions as one script. Raises DeviceError if that is not possible."""
     parts = list(scripts(actions))
     if len(parts) > 1:
         raise DeviceError("the change is too long for one script, and a radio cannot be changed in pieces")

@@ -1,8 +1,8 @@
-"""From what is declared and what is on the device to the actions between them: a pure function, without I/O.
+"""The planner: actions from the current rows to the desired state; a pure function without I/O.
 
-New names of ports come first, so that every row below speaks of the sockets that the text means. Additions and changes
-go layer by layer, so that a row only names rows that are there; removals come last, in the opposite order. `simulate`
-tells what a plan leaves behind: planning again from there gives nothing to do.
+Port names come first, so that every later row refers to the intended ports. Additions and changes go layer by layer, so
+that a row only refers to existing rows; removals come last, in the opposite order. `simulate` returns the rows after a
+plan: planning again from them gives no actions.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ __all__ = ["CannotPlan", "after", "as_renamed", "newer_than_known", "plan", "ren
 
 
 def plan(device: str, desired_state: DesiredState, observation: _types.Observation) -> _types.Plan:
-    """Return the actions that make the device as declared, with their diff and what was found besides.
+    """Return the actions that lead to the desired state, with their diff and other findings.
 
-    Raises CannotPlan, with all reasons and the lines of the text, for a device that lacks what the text needs, and
-    KeyError for a menu of the text that was not read.
+    Raises CannotPlan, with all reasons and lines of the text, if the device lacks what the text needs, and KeyError for
+    a menu of the text that was not read.
     """
     menus = sorted(desired_state.menus, key=rank)
     facts = observation.facts
@@ -81,7 +81,7 @@ def plan(device: str, desired_state: DesiredState, observation: _types.Observati
 
 
 def newer_than_known(version: Version) -> Iterator[str]:
-    """Say that nobody has looked at this version, if so."""
+    """Yield a note if the version is newer than the newest one tested."""
     if version > NEWEST_KNOWN:
         yield (
             f"RouterOS {version} is newer than anything known here, which ends at {NEWEST_KNOWN}: what it has changed "
@@ -92,13 +92,13 @@ def newer_than_known(version: Version) -> Iterator[str]:
 def as_renamed(
     desired_state: DesiredState, rows: Mapping[str, tuple[_types.Row, ...]]
 ) -> dict[str, tuple[_types.Row, ...]]:
-    """Return the rows of the declared menus as they will read once the ports have their declared names."""
+    """Return the rows of the desired menus as after the port renames."""
     names = {each.old: each.name for each in renames(desired_state, rows)}
     return {path: rename_rows(path, rows[path], names) for path in desired_state.menus}
 
 
 def _find_unsupported(path: str, desired_state: DesiredState, version: Version) -> Iterator[tuple[str, Version | None]]:
-    """Yield what this version lacks, and the first that has it; None: only older ones have."""
+    """Yield what this version lacks, and the first version that has it; None if only older ones have it."""
     menu = MENUS[path]
     if menu.since is not None and version < menu.since:
         yield f"{menu.title} is there from RouterOS {menu.since} on, and this device has {version}", menu.since
@@ -116,7 +116,7 @@ def _version_problem(item: RowItem, name: str, when: str, version: Version) -> s
 
 
 def _other_version(lacking: Sequence[Version | None], facts: _types.Facts) -> str | None:
-    """What to do about a version that lacks something; None: it lacks nothing."""
+    """Return the remedy for unsupported items; None if nothing is missing."""
     if not lacking:
         return None
     newer = [version for version in lacking if version is not None]
@@ -136,7 +136,7 @@ def _plan_menu(path: str, desired_state: DesiredState, rows: tuple[_types.Row, .
 
 
 def _take_names_out(part: MenuPlan, port_renames: list[Rename]) -> None:
-    """Leave names of ports to the layer that is theirs, and say which port was only in the way."""
+    """Leave port names to their own layer, and note which port only gives up its name."""
     if not is_named_port(part.menu):
         return
     shown_ids = {row_id for each in part.changes if "name" in dict(each.values) for row_id in each.ids}
@@ -174,7 +174,7 @@ def _number_actions(changes: Iterable[MenuChange]) -> Iterator[_types.Action]:
 
 
 def _turn(change: MenuChange) -> tuple[int, int, int, int]:
-    """Layer, then menu by the table's order; what is taken away goes last, against the order in which it came."""
+    """Return the sort key: layer, then menu in table order; removals last, in reverse order."""
     place = rank(change.menu.path)
     if change.verb is _types.Verb.REMOVE and change.layer is _types.Layer.CLEANUP:
         return (_types.Layer.CLEANUP, 1, -change.menu.layer, -place)

@@ -1,4 +1,4 @@
-"""A change of one menu before it is numbered, and what of it a person sees."""
+"""A change of one menu before it is numbered, and its text for the user."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _SHOWN_NAMES = 3
 
 
 class CannotPlan(DeviceError):
-    """The device cannot become what is declared: it lacks a row, a version or a property. It was not touched."""
+    """The device cannot reach the desired state: a row, version or property is missing. Nothing was changed."""
 
 
 @dataclass(frozen=True, slots=True)
 class MenuChange:
-    """One action-to-be."""
+    """A planned action without its number."""
 
     menu: Menu
     verb: _types.Verb
@@ -40,7 +40,7 @@ class MenuChange:
 
 @dataclass(slots=True)
 class MenuPlan:
-    """Everything that one menu adds to the plan."""
+    """The part of the plan for one menu."""
 
     menu: Menu
     changes: list[MenuChange] = field(default_factory=list)
@@ -53,14 +53,14 @@ class MenuPlan:
     """Rows without our mark that are removed."""
 
     def remove(self, rows: list[_types.Row], layer: _types.Layer = _types.Layer.CLEANUP) -> None:
-        """Remove rows, in that order."""
+        """Remove rows in the given order."""
         self.changes.append(build_removal(self.menu, rows, layer))
         self.foreign += sum(not self.menu.is_ours(row) for row in rows)
 
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What the planning of every menu may look at."""
+    """Shared input for the planning of all menus."""
 
     desired_state: DesiredState
     names: Names
@@ -71,23 +71,23 @@ class Context:
     """Whether the modem's SIM asks for a PIN."""
 
     def is_entire(self, menu: Menu) -> bool:
-        """Tell whether all rows of the menu are ours."""
+        """Return True if all rows of the menu are ours."""
         return menu.path in self.desired_state.entire
 
     def is_hidden(self, value: str | None) -> bool:
-        """Tell whether a secret was kept from us: it is missing, or stars."""
+        """Return True if a secret is hidden: missing, or stars."""
         return not self.sensitive if value is None else value != "" and not value.strip("*")
 
 
 class Names:
-    """Which rows are named by others already: adding such a row is no harmless thing."""
+    """Names that existing rows refer to; adding a row with such a name is not harmless."""
 
     def __init__(self, rows: Mapping[str, tuple[_types.Row, ...]]) -> None:
         self._rows = rows
         self._by: dict[tuple[str, ...], frozenset[str]] = {}
 
     def name(self, menu: Menu, value: str) -> bool:
-        """Tell whether any row on the device names `value` in one of the properties that name rows of `menu`."""
+        """Return True if any row refers to `value` in a property that names rows of `menu`."""
         if menu.named_by not in self._by:
             self._by[menu.named_by] = frozenset(self._find_values(menu.named_by))
         return value in self._by[menu.named_by]
@@ -99,7 +99,7 @@ class Names:
 
 
 def build_addition(menu: Menu, item: RowItem, names: Names, before: str | None = None) -> MenuChange:
-    """Return the change that adds a row."""
+    """Return the change that adds a row, before the row with id `before` if given."""
     row, values = item.defined_values, tuple(item.defined_values.items())
     late = bool(menu.late) and all(menu.form(name, row) == menu.by_name[name].form(value) for name, value in menu.late)
     inert = menu.inert and not late and not names.name(menu, row.get(menu.keys[0], ""))
@@ -121,9 +121,9 @@ def build_removal(menu: Menu, rows: list[_types.Row], layer: _types.Layer) -> Me
 def writes(
     context: Context, report: MenuPlan, item: RowItem, row: _types.Row, *, is_managed: bool
 ) -> tuple[tuple[str, str], ...]:
-    """Return what must be set so that `row` is as declared.
+    """Return what must be set so that `row` has the desired values.
 
-    Properties that the item does not name go back to their default only where the row is ours (`is_managed`).
+    Properties that the item does not set return to their defaults only if the row is ours (`is_managed`).
     """
     menu = report.menu
     desired_values: dict[str, str | None] = {}
@@ -140,7 +140,7 @@ def writes(
 
 
 def _is_run_time(context: Context, menu: Menu, name: str, desired_value: str | None, row: _types.Row) -> bool:
-    """Tell whether the device itself has put another value there."""
+    """Return True if the device itself has replaced the desired value."""
     return any(either.covers(menu, name, desired_value, row) for either in context.desired_state.run_time)
 
 
@@ -174,7 +174,7 @@ def _plan_property(
 def _plan_prompted_value(
     context: Context, report: MenuPlan, item: RowItem, row: _types.Row, name: str
 ) -> dict[str, str | None]:
-    """What the device keeps and enters by itself is only sent while it asks for it (routeros/pin.py)."""
+    """Return a prompted value (a PIN) only while the device asks for it (routeros/pin.py)."""
     value = item.values[name] or ""
     if context.sim is PinSim.FREE:
         return {}

@@ -1,16 +1,17 @@
-"""Menus in which the first row that matches decides: from the old list to the new one without a gap in between.
+"""First-match menus: from the old list to the new one without a gap in between.
 
-Old list O, new list N, kept rows K = a longest common subsequence of both, chain by chain, by full content. The rows
-of N that are not kept are inserted from the top down, each behind the rows of N above it; then the rows of O that are
-not kept are removed from the bottom up. At every moment each packet meets the verdict of O or that of N. While
-inserting: if a new row is the first that matches, all rows of N above it are there and do not match; if an old row is,
-no row of O above it matches, since none was taken away. While removing: all of N is there, and so are all rows of O
-above any old row.
+Old list O, new list N, kept rows K = a longest common subsequence of both, chain by chain, by full content. Rows of N
+that are not kept are inserted from the top down, each after the rows of N above it; then rows of O that are not kept
+are removed from the bottom up. At every moment each packet gets the verdict of O or that of N. While inserting: if a
+new row is the first match, all rows of N above it exist and do not match; if an old row is, no row of O above it
+matches, since none was removed. While removing: all of N exists, and so do all rows of O above any old row.
 
-A row that N wants higher up is moved: whoever matched it still meets it or a row of N above it. A row that N wants
-further down is added there and removed above. So a row is changed in place only where it neither matches nor decides.
-With jumps this holds for each chain; `_sequence` makes it hold for the whole where a chain is new, or goes, or its
-callers stay as they are.
+A row that N has higher up is moved: a packet that matched it still meets it, or a row of N above it. A row that N has
+further down is added there and removed above. So a row is changed in place only in properties that neither match nor
+decide.
+
+With jumps this holds for each chain; `_sequence` makes it hold for the whole if a chain is new or removed, or if its
+callers stay unchanged.
 """
 
 from __future__ import annotations
@@ -35,10 +36,9 @@ if TYPE_CHECKING:
 def common(old: Sequence[Hashable], new: Sequence[Hashable]) -> list[tuple[int, int]]:
     """Return the positions (in `old`, in `new`) of a longest common subsequence, ascending.
 
-    Of several it prefers one that keeps elements which stand early in `old`, so that those left out tend to move up.
-
-    Hunt and Szymanski, "A fast algorithm for computing longest common subsequences" (CACM 20, 1977): pairs of equal
-    elements, then the longest increasing run of positions. Common ends are cut off first.
+    Of several it prefers one with elements early in `old`, so that the others tend to move up. Hunt and Szymanski, "A
+    fast algorithm for computing longest common subsequences" (CACM 20, 1977): pairs of equal elements, then the longest
+    increasing sequence of positions. Common prefix and suffix are removed first.
     """
     head = _common_length(old, new, len(old), len(new))
     tail = _common_length(old[::-1], new[::-1], len(old) - head, len(new) - head)
@@ -82,7 +82,7 @@ def _chain(link: _Link | None) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """As much of a row as order depends on."""
+    """The properties of a row that its order depends on."""
 
     chain: str
     target: str | None
@@ -92,22 +92,22 @@ class Rule:
 
 
 def insertion(rules: Sequence[Rule]) -> list[int]:
-    """Return the order in which the rows of the new list are dealt with."""
+    """Return the order in which rows of the new list are inserted."""
     return _sort_rules(rules, after_jump=True)
 
 
 def removal(rules: Sequence[Rule]) -> list[int]:
-    """Return the order in which the rows of the old list are dealt with."""
+    """Return the order in which rows of the old list are removed."""
     last = len(rules) - 1
     return [last - index for index in _sort_rules(rules[::-1], after_jump=False)]
 
 
 def _sort_rules(rules: Sequence[Rule], *, after_jump: bool) -> list[int]:
-    """Topological order, by place wherever that is free.
+    """Sort topologically, and by position if the order is free.
 
-    Within a chain: insertion from the top down, removal from the bottom up. A chain that others jump to counts as
-    standing where the jump stands: its rows come after those above the jump and before those below it. Where no order
-    satisfies all jumps (two chains that call each other's targets crosswise), the order of the list goes on.
+    Within a chain: insertion from the top down, removal from the bottom up. A chain that others jump to counts as if at
+    the jump: its rows come after those above the jump and before those below it. If no order satisfies all jumps (two
+    chains with crossed calls), the order of the list is used.
     """
     followers: list[list[int]] = [[] for _ in rules]
     waiting = [0] * len(rules)
@@ -154,7 +154,7 @@ _Content = tuple[tuple[str, str], ...]
 
 @dataclass
 class _Lists:
-    """Both lists, and where the work stands."""
+    """Old and new list, and the progress of the plan."""
 
     menu: Menu
     context: _change.Context
@@ -176,16 +176,16 @@ class _Lists:
 
     @cached_property
     def unknown(self) -> frozenset[str]:
-        """Properties by which no two rows can be told apart: a saved state, or the device, does not show them."""
+        """Properties that cannot be compared: a saved state, or the device, does not show them."""
         hidden_names = frozenset() if self.context.sensitive else self.menu.secrets
         return hidden_names.union(*(item.unknown for item in self.new))
 
     def content(self, values: Mapping[str, str], *, whole: bool = False) -> _Content:
-        """Return what of a row matches or decides, and can be compared; `whole` adds what does neither."""
+        """Return the comparable properties that match or decide; `whole` adds the cosmetic ones."""
         return _content(self.menu, {name: values[name] for name in values if name not in self.unknown}, whole=whole)
 
     def standing(self, place: int) -> int:
-        """Return the first old place from `place` on whose row was not moved away."""
+        """Return the first old position from `place` on whose row was not moved."""
         while place in self.moved_places:
             place += 1
         return place
@@ -198,7 +198,7 @@ class _Lists:
 def plan_first_match(
     menu: Menu, items: Iterable[RowItem], rows: Iterable[_types.Row], context: _change.Context
 ) -> _change.MenuPlan:
-    """Plan one first-match menu. Dynamic rows stand where the device puts them and do not count."""
+    """Plan one first-match menu. Dynamic rows are placed by the device and do not count."""
     lists = _Lists(menu, context, _change.MenuPlan(menu), [row for row in rows if menu.is_touchable(row)], list(items))
     old = [lists.content(row) for row in lists.old]
     new = [lists.content(item.defined_values) for item in lists.new]
@@ -211,7 +211,7 @@ def plan_first_match(
 
 
 def _content(menu: Menu, values: Mapping[str, str], *, whole: bool = False) -> _Content:
-    """Return everything of a row that matches or decides, in canonical form; `whole` adds what does neither."""
+    """Return the properties that match or decide, in canonical form; `whole` adds the cosmetic ones."""
     fields = [menu.by_name[name] for name in values if name in menu.by_name]
     content = [
         (each, each.form(values[each.name])) for each in fields if not each.keep and (whole or not each.cosmetic)
@@ -240,9 +240,10 @@ def _keep(lists: _Lists, old: Sequence[_Content], new: Sequence[_Content]) -> No
 def _pairs(
     lists: _Lists, old: Sequence[_Content], new: Sequence[_Content], olds: Sequence[int], news: Sequence[int]
 ) -> dict[int, int]:
-    """Pair places of the new list with those of the old one whose rows are kept, ascending in both.
+    """Pair positions of the new list with those of kept rows in the old one, ascending in both.
 
-    Rows that are equal to the last comment come first: of several rows of one content the right one is known by that.
+    Rows equal in everything, comments included, come first: among several rows of equal content the comment identifies
+    the right one.
     """
     pairs = common(
         [lists.content(lists.old[place], whole=True) for place in olds],
@@ -254,7 +255,7 @@ def _pairs(
 
 
 def _insert(lists: _Lists, new: Sequence[_Content]) -> None:
-    """Go through the new list from the top down; `lows` and `highs` bound where a row may stand within its chain."""
+    """Process the new list from the top down; `lows` and `highs` limit the positions within a chain."""
     chains = [lists.chain(item.defined_values) for item in lists.new]
     highs = _next_kept(lists, chains)
     lows: dict[str, int] = {}
@@ -290,7 +291,7 @@ def _rules(lists: _Lists, rows: Sequence[Mapping[str, str]], staying: set[int]) 
 
 
 def _liftable(lists: _Lists, content: _Content, low: int) -> int | None:
-    """Take an equal row that stands further down in the old list, if there is one."""
+    """Take an equal row from further down in the old list, if there is one, to be moved up."""
     places = lists.spare.get(content, [])
     place = next((each for each in places if each >= low), None)
     if place is not None:
@@ -299,7 +300,7 @@ def _liftable(lists: _Lists, content: _Content, low: int) -> int | None:
 
 
 def _place(lists: _Lists, place: int, slot: int, lifted_place: int | None) -> int:
-    """Put the row of a new place before an old one; return where the next row may stand."""
+    """Add or move the row of a new position before an old one; return where the next row may be."""
     item = lists.new[place]
     anchor = lists.standing(slot if lifted_place is None else min(slot, lifted_place))
     if lifted_place is None:
@@ -331,7 +332,7 @@ def _place(lists: _Lists, place: int, slot: int, lifted_place: int | None) -> in
 
 
 def _cosmetics(lists: _Lists, item: RowItem, row: _types.Row) -> None:
-    """Change in place what neither matches nor decides."""
+    """Change the cosmetic properties in place."""
     values = _change.writes(lists.context, lists.report, item, row, is_managed=True)
     menu = lists.menu
     if values:
@@ -346,7 +347,7 @@ def _cosmetics(lists: _Lists, item: RowItem, row: _types.Row) -> None:
 
 
 def _remove(lists: _Lists) -> None:
-    """Remove what is not in the new list, from the bottom up; rows of others stay unless the menu is ours entirely."""
+    """Remove rows not in the new list, from the bottom up; foreign rows only if the menu is entirely ours."""
     staying = set(lists.retained_places.values())
     standing = [place for place in range(len(lists.old)) if place not in lists.moved_places]
     going = {place for place in standing if place not in staying and _is_ours(lists, lists.old[place])}
@@ -363,7 +364,7 @@ def _is_ours(lists: _Lists, row: _types.Row) -> bool:
 
 
 def _show(lists: _Lists) -> None:
-    """Write both lists as one: the old rows at their places, the new ones where they were inserted."""
+    """Write both lists as one diff: old rows at their positions, new ones where they were inserted."""
     menu, report = lists.menu, lists.report
     items_by_place = {old: lists.new[new] for new, old in lists.retained_places.items()}
     for place in range(len(lists.old) + 1):
@@ -397,7 +398,7 @@ def _cosmetic(menu: Menu) -> list[str]:
 
 
 def _warn(lists: _Lists) -> None:
-    """Name chains that change together with those that call them, since then the two changes meet."""
+    """Warn of chains that change together with chains that jump to them, as a packet may meet both changes."""
     staying = set(lists.retained_places.values())
     changed_chains = {lists.chain(lists.old[place]) for place in range(len(lists.old)) if place not in staying}
     changed_chains |= {

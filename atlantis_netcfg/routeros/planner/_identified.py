@@ -1,4 +1,4 @@
-"""Menus whose rows are told apart by keys, and settings: match what is declared with what is there, then compare."""
+"""Settings, and menus whose rows have keys: match desired rows with existing ones, then compare."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _Value = tuple[str, ...]
 
 @dataclass(slots=True, eq=False)
 class _Match:
-    """One declared row, the row on the device that shall become it, and whether that needs a new row after all."""
+    """A desired row, the existing row to change, and whether a new row is needed after all."""
 
     item: RowItem
     row: _types.Row | None = None
@@ -29,7 +29,7 @@ class _Match:
     """Rows that must let go of a value first."""
 
     def after(self) -> dict[str, str]:
-        """Return the row as it will be."""
+        """Return the row as after the change."""
         if self.row is None:
             return self.item.defined_values
         unset = {name[1:] for name, _ in self.writes if name.startswith("!")}
@@ -38,7 +38,7 @@ class _Match:
 
 @dataclass(slots=True)
 class _MatchedRows:
-    """The rows of one menu and who shall become what."""
+    """The rows of one menu and their matches."""
 
     menu: Menu
     context: _change.Context
@@ -68,7 +68,7 @@ def plan_identified(
 
 
 def _match(work: _MatchedRows, items: Iterable[RowItem], rows: list[_types.Row]) -> None:
-    """Pair by keys, then by properties that the device allows only once, then complain."""
+    """Match by keys, then by properties that must be unique; then report rows without a match."""
     menu = work.menu
     waiting: dict[_Value, deque[_types.Row]] = {}
     for row in sorted(rows, key=lambda each: not menu.is_ours(each)):
@@ -104,7 +104,7 @@ def _match_by(work: _MatchedRows, name: str) -> None:
 
 
 def _match_settings(work: _MatchedRows) -> None:
-    """Settings are one row, which a device that answers with nothing has all the same."""
+    """Match settings, which always exist as one row, even if the device returns none."""
     if work.menu.shape is Shape.SINGLETON:
         for match in work.matches:
             match.row = match.row if match.row is not None else {}
@@ -115,7 +115,7 @@ def _keys(menu: Menu, row: _types.Row) -> dict[str, str | None]:
 
 
 def _find_implied_rows(work: _MatchedRows) -> list[_types.Row]:
-    """Return rows that a saved state does not mention because they were at their defaults, and ports without a use."""
+    """Return rows omitted from a saved state because they had defaults, and unused ports."""
     if work.menu.path in work.context.desired_state.undeclared_values:
         return list(work.unmatched_rows)
     if not (work.context.desired_state.restores and work.context.is_entire(work.menu)):
@@ -134,7 +134,7 @@ def _missing(menu: Menu, item: RowItem, rows: list[_types.Row]) -> str:
 
 
 def _is_managed(work: _MatchedRows, match: _Match) -> bool:
-    """Tell whether properties that nobody declared go back to their defaults."""
+    """Return True if properties not in the inventory return to their defaults."""
     if work.context.is_entire(work.menu):
         return True
     if work.menu.shape is not Shape.LIST or match.item.exists or match.row is None:
@@ -143,7 +143,7 @@ def _is_managed(work: _MatchedRows, match: _Match) -> bool:
 
 
 def _make_room(work: _MatchedRows) -> None:
-    """Let rows go, or change first, whose value of a property that the device allows only once another row needs."""
+    """Remove or change first the rows that hold a unique value which another row needs."""
     if not work.menu.unique:
         return
     for names in (work.menu.keys, *((name,) for name in work.menu.unique)):
@@ -166,12 +166,12 @@ def _present(work: _MatchedRows) -> Iterator[_types.Row]:
 
 
 def _value(menu: Menu, names: tuple[str, ...], values: _types.Row) -> _Value | None:
-    """Return the value that must be there only once, or None where a row has none."""
+    """Return the value that must be unique; None if the row has none."""
     return tuple(menu.form(name, values) for name in names) if any(values.get(name) for name in names) else None
 
 
 def _make_way(work: _MatchedRows, match: _Match, holder: _types.Row, owner: _Match | None, *, leaves: bool) -> None:
-    """Find out how the holder of a value lets go; `owner` is what it shall become, if it is declared at all."""
+    """Plan how the holder of a value releases it; `owner` is the match of the holder's row, if any."""
     if owner is not None and leaves:
         match.after_those.append(owner)
     elif owner is None and _is_removable(work, holder):
@@ -184,7 +184,7 @@ def _make_way(work: _MatchedRows, match: _Match, holder: _types.Row, owner: _Mat
 
 
 def _in_turn(work: _MatchedRows) -> list[_Match]:
-    """Order the rows so that each finds its values free; where they wait in a circle, one goes and comes anew."""
+    """Order the rows so that each finds its values free; in a cycle, one row is removed and added again."""
     ordered_matches: dict[_Match, None] = {}
     waiting: list[_Match] = []
 
@@ -254,7 +254,7 @@ def _set(work: _MatchedRows, match: _Match, row: _types.Row) -> None:
 
 
 def _report_left(work: _MatchedRows) -> None:
-    """Remove what was ours, or all in a menu that is ours entirely; tell of the rest."""
+    """Remove rows that were ours, or all in a menu that is entirely ours; report the others."""
     menu = work.menu
     if menu.shape is not Shape.LIST or menu.path in work.context.desired_state.partial:
         return

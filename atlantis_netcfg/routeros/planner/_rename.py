@@ -1,10 +1,10 @@
-"""Names of ports. A port is its socket, and a socket is its `default-name`: whatever it is called, it gets its name.
+"""Port names. A port is identified by its `default-name`; whatever its current name, it gets the desired one.
 
-Rows refer to an interface by its id, so that whoever names a renamed port follows on the device by itself, and no
-packet notices. Two interfaces never have one name: where ports wait for each other's names, one that our session does
-not come by has a name of its own for a moment.
+Rows refer to an interface by its id, so references to a renamed port follow on the device, and no packet is affected.
+Two interfaces never share a name: if ports wait for each other's names, one that does not carry our session gets a
+temporary name.
 
-What the rows of a device are after a plan, or after its first few actions: pure, for the guard and for tests.
+Also here: the rows of a device after a plan, or after its first actions; pure, for the guard and for tests.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ class Rename:
 
     @property
     def old(self) -> str:
-        """The name that it has."""
+        """The current name."""
         return self.row["name"]
 
 
 def is_named_port(menu: menus.Menu) -> bool:
-    """Tell whether rows of the menu are the device's own ports, radios or modems, which have a name to choose."""
+    """Return True if rows of the menu are the device's own ports, radios or modems, which can be renamed."""
     return menu.shape is menus.Shape.FIXED and "name" not in menu.keys and "name" in menu.by_name
 
 
 def renames(desired_state: DesiredState, rows: Mapping[str, tuple[_types.Row, ...]]) -> list[Rename]:
-    """Return the ports that get another name: those declared, and those that hold the name of such a port."""
+    """Return the ports to rename: those of the inventory, and those that hold the name of such a port."""
     port_renames: list[Rename] = []
     others: list[tuple[menus.Menu, _types.Row]] = []
     names: set[str] = set()
@@ -73,7 +73,7 @@ def renames(desired_state: DesiredState, rows: Mapping[str, tuple[_types.Row, ..
 
 
 def _in_the_way(others: list[tuple[menus.Menu, _types.Row]], names: set[str]) -> Iterator[Rename]:
-    """Give ports their factory names back that hold a name which somebody else shall have."""
+    """Restore the factory names of ports whose name another port needs."""
     while there := next((other for other in others if other[1].get("name") in names), None):
         others.remove(there)
         menu, row = there
@@ -83,7 +83,7 @@ def _in_the_way(others: list[tuple[menus.Menu, _types.Row]], names: set[str]) ->
 
 
 def conflicts(port_renames: Iterable[Rename], rows: Mapping[str, tuple[_types.Row, ...]]) -> Iterator[str]:
-    """Say which new names somebody else has, and keeps."""
+    """Yield the new names that are used, and kept, by something else."""
     going = {each.old: each for each in port_renames}
     owners: dict[str, tuple[menus.Menu, _types.Row]] = {}
     for path, menu in menus.MENUS.items():
@@ -111,7 +111,7 @@ def conflicts(port_renames: Iterable[Rename], rows: Mapping[str, tuple[_types.Ro
 
 
 def rename_changes(port_renames: Iterable[Rename], observation: _types.Observation) -> Iterator[MenuChange]:
-    """Yield the new names in an order in which each is free when its turn comes."""
+    """Yield the renames in an order in which each name is free."""
     waiting = {each.old: each for each in port_renames}
     used = {row["name"] for rows in observation.rows.values() for row in rows if row.get("name")} | {
         each.name for each in waiting.values()
@@ -142,7 +142,7 @@ def _change(each: Rename, name: str) -> MenuChange:
 
 
 def _session_ports(observation: _types.Observation) -> Iterator[str]:
-    """Yield the interfaces by which our session may come: those of a network with its address, and ports of bridges."""
+    """Yield interfaces that may carry our session: in a network with its address, and bridge ports."""
     try:
         technician = ip_address(observation.facts.session_address)
     except ValueError:
@@ -159,7 +159,7 @@ def _session_ports(observation: _types.Observation) -> Iterator[str]:
 
 
 def rename_rows(path: str, rows: Iterable[_types.Row], names: Mapping[str, str]) -> tuple[_types.Row, ...]:
-    """Return the rows of a menu as they will read once the interfaces have their new names."""
+    """Return the rows of a menu as after the renames."""
     menu = menus.MENUS[path]
     fields = [each.name for each in menu.fields if each.kind in _FOLLOWING and not _is_own(menu, each.name)]
     if not names or not fields:
@@ -170,7 +170,7 @@ def rename_rows(path: str, rows: Iterable[_types.Row], names: Mapping[str, str])
 
 
 def _is_own(menu: menus.Menu, name: str) -> bool:
-    """Tell whether the property is the interface's own name, and no reference to another."""
+    """Return True if the property is the interface's own name, not a reference."""
     return name in ("name", "default-name") and menu.path.startswith("/interface/")
 
 
@@ -186,14 +186,14 @@ def _word(word: str, names: Mapping[str, str]) -> str:
 
 
 def simulate(rows: Mapping[str, tuple[_types.Row, ...]], plan: _types.Plan) -> dict[str, tuple[_types.Row, ...]]:
-    """Return the rows as the whole plan leaves them; new rows have ids of the form `*new7` (the action's number)."""
+    """Return the rows after the whole plan; new rows have ids like `*new7` (the action's number)."""
     return after(rows, plan.actions)
 
 
 def after(
     rows: Mapping[str, tuple[_types.Row, ...]], actions: Iterable[_types.Action]
 ) -> dict[str, tuple[_types.Row, ...]]:
-    """Return the rows as these actions leave them."""
+    """Return the rows after these actions."""
     state = dict(rows)
     for action in actions:
         old = state.get(action.menu, ())
@@ -240,7 +240,7 @@ _DEEDS = {_types.Verb.ADD: _add, _types.Verb.SET: _set, _types.Verb.MOVE: _move,
 
 
 def _follow_names(state: dict[str, tuple[_types.Row, ...]], old: tuple[_types.Row, ...], action: _types.Action) -> None:
-    """Let every reference follow an interface that was renamed."""
+    """Update every reference to a renamed interface."""
     name = dict(action.values).get("name")
     if action.verb is not _types.Verb.SET or name is None or not action.menu.startswith("/interface/"):
         return

@@ -1,7 +1,7 @@
-"""Templates to desired text: what a device should hold, in the language that technicians read on it.
+"""Templates to desired text: what a device should contain, in the syntax that technicians read on it.
 
-A template (`templates/` of the checkout) only loops and decides; what it prints is prepared in a view, a frozen object
-that is a pure function of the declaration. Names that a template misspells are errors, never empty text.
+A template (`templates/` of the checkout) only loops and decides. What it prints is prepared in a view, a frozen object
+that is a pure function of the inventory. Misspelled names in a template are errors, never empty text.
 """
 
 from __future__ import annotations

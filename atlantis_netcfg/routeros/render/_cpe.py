@@ -1,4 +1,4 @@
-"""From the declaration to the view of one end of a Wi-Fi bridge, and to its text for either family of radio menus."""
+"""View and text of one end of a Wi-Fi bridge, for either family of radio menus."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _WEATHER_MHZ = (5600, 5650)
 
 @dataclass(frozen=True, slots=True)
 class CpeView:
-    """One end of the bridge, whole."""
+    """Template data for one end of the bridge."""
 
     name: str
     title: str
@@ -58,7 +58,7 @@ class CpeView:
 
 
 def cpe(declaration: view.InventoryView, host: view.DeclaredHost, family: str) -> str:
-    """Render the whole desired text of one end, secrets in clear: never print it. Raises RenderError.
+    """Render the desired text of one end, secrets in clear: never print it. Raises RenderError.
 
     `family`: `wireless` or `wifi`, the radio menus of the device.
     """
@@ -71,7 +71,7 @@ def _template() -> Template:
 
 
 def cpe_view(declaration: view.InventoryView, host: view.DeclaredHost, family: str) -> CpeView:
-    """Prepare what the template sees. Raises RenderError."""
+    """Prepare the template data. Raises RenderError."""
     device, site = _cpe_of(host), declaration.sites[host.site]
     carried_site, bearer, serving, served_link = _ends(declaration, host, device)
     behind = declaration.sites[carried_site].management.network
@@ -107,7 +107,7 @@ def radio_name(family: str) -> str:
 
 
 def cpe_prerequisites(declaration: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
-    """Say what must be on the device before its text can be written: port and certificate that it refers to."""
+    """Return the port and certificate that must exist on the device because its text refers to them."""
     device = _cpe_of(host)
     peer = declaration.hosts[device.ptp.peer].name if device.ptp.peer in declaration.hosts else device.ptp.peer
     return (
@@ -125,7 +125,7 @@ def _cpe_of(host: view.DeclaredHost) -> model.Cpe:
 def _ends(
     declaration: view.InventoryView, host: view.DeclaredHost, device: model.Cpe
 ) -> tuple[str, model.Bearer, str, model.ServedLink]:
-    """Return the site that the bridge carries with its bearer, and the site that serves it with its link."""
+    """Return the site reached through the bridge with its link, and the site that serves it with its link."""
     ends = {host.name, device.ptp.peer}
     for carried_site, site in declaration.sites.items():
         for bearer in site.bearers:
@@ -156,12 +156,12 @@ def _radio(name: str, ptp: model.Ptp, family: str) -> view.RadioView:
 
 
 def access_point(radio: model.RouterAccessPoint) -> view.RadioView:
-    """The radio of a router, which vehicles join."""
+    """Return the view of a router's radio, which vehicles join."""
     return replace(_plain(radio, radio.menus), is_isolated=radio.isolated)
 
 
 def _plain(radio: model.WifiRadio, family: str) -> view.RadioView:
-    """An access point of 802.11."""
+    """Return the view of a plain 802.11 access point."""
     legacy = family == "wireless"
     low = radio.frequency_mhz - radio.width_mhz // 2
     weather = low < _WEATHER_MHZ[1] and radio.frequency_mhz + radio.width_mhz // 2 > _WEATHER_MHZ[0]
@@ -191,7 +191,7 @@ def _band(radio: model.WifiRadio, *, legacy: bool) -> str:
 
 
 def _width(radio: model.WifiRadio, *, legacy: bool) -> str:
-    """Write a width with the control channel's place in it: `C` is the control channel, each `e` 20 MHz beside it."""
+    """Return the width with the position of the control channel: `C`, and each `e` is 20 MHz beside it."""
     if radio.width_mhz == _STEP_MHZ:
         return "20mhz"
     sizes = "/".join(str(size) for size in (20, 40, 80) if size <= radio.width_mhz) + "mhz"

@@ -1,4 +1,4 @@
-"""Our Jinja environment: undefined names are errors, and filters write values the way RouterOS reads them."""
+"""Our Jinja environment: undefined names are errors, and filters write values in RouterOS syntax."""
 
 from __future__ import annotations
 
@@ -33,36 +33,36 @@ _UNITS = (("w", 7 * 24 * 3600), ("d", 24 * 3600), ("h", 3600), ("m", 60), ("s", 
 
 
 def template_folder() -> Path:
-    """`templates/` of the checkout; in an installed wheel the copy inside the package."""
+    """Return `templates/` of the checkout; in an installed wheel, the copy inside the package."""
     beside = checkout() / "templates"
     return beside if (beside / "routeros").is_dir() else _PACKAGE / "templates"
 
 
 def environment(templates: Path | None = None) -> Environment:
-    """The environment, in which a template is compiled once; `templates` overrides where it looks."""
+    """Return the environment, which caches compiled templates; `templates` overrides the search path."""
     return _build_environment(templates or template_folder())
 
 
 class _TemplateCache(FileSystemBytecodeCache):
-    """What earlier starts have compiled; a file that cannot be read or written is as none."""
+    """Compiled templates of earlier starts; a file that cannot be read or written is ignored."""
 
     def __init__(self, folder: Path, depends: bytes) -> None:
         super().__init__(str(folder), "%s")
         self._depends = depends
 
     def get_source_checksum(self, source: str) -> str:
-        """Of all that the compiled code depends on."""
+        """Return a checksum of everything that the compiled code depends on."""
         return hashlib.sha256(self._depends + source.encode()).hexdigest()
 
     def load_bytecode(self, bucket: Bucket) -> None:
-        """Take it from its file."""
+        """Load compiled code from its file."""
         try:
             super().load_bytecode(bucket)
         except Exception:  # noqa: BLE001 - reading a damaged file may raise anything
             bucket.reset()
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        """Put it into its file, whole or not at all; what is old goes: the checkout that it was for may be gone."""
+        """Write compiled code atomically; remove old files, whose checkout may no longer exist."""
         with suppress(OSError):
             super().dump_bytecode(bucket)
         oldest = time.time() - _KEPT_S
@@ -73,9 +73,10 @@ class _TemplateCache(FileSystemBytecodeCache):
 
 
 def get_template_cache(*modules: str) -> FileSystemBytecodeCache | None:
-    """Keep compiled templates from one start to the next; none where nobody else could be kept from writing them.
+    """Return the cache of compiled templates; None if others could write to its folder.
 
-    Jinja works out at once what it can, filters included: `modules` are the files that make the environment and them.
+    Jinja evaluates constant expressions at compile time, filters included: `modules` are the files that define
+    environment and filters.
     """
     folder = private_cache("templates")
     if folder is None:
@@ -102,17 +103,17 @@ def _build_environment(folder: Path) -> Environment:
 
 
 def mark(what: str) -> str:
-    """Write the comment that marks a row as ours and says what it is for."""
+    """Return the comment that marks a row as ours and gives its purpose."""
     return quote(MARK + what)
 
 
 def nft_comment(text: str) -> str:
-    """Write a comment of nftables: a name of the inventory may hold what ends a string, and 128 bytes are kept."""
+    """Return an nftables comment (at most 128 bytes): characters that could end the string are replaced."""
     return 'comment "' + re.sub(r"[^A-Za-z0-9 ,.:?-]", "_", text)[:60] + '"'
 
 
 def duration(seconds: float) -> str:
-    """Write a time interval as RouterOS prints it: `1h30m`, `1d`, `500ms`."""
+    """Format a duration as RouterOS does: `1h30m`, `1d`, `500ms`."""
     milliseconds = round(timedelta(seconds=seconds) / timedelta(milliseconds=1))
     remaining, below = divmod(milliseconds, 1000)
     text = ""

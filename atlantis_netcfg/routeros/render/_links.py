@@ -1,4 +1,4 @@
-"""Ports, the links that lead out of the site through them, and the text of a MikroTik LTE box."""
+"""Ports, the links out of the site through them, and the text of a MikroTik LTE device."""
 
 from __future__ import annotations
 
@@ -33,14 +33,15 @@ _MOST_SILENT, _MOST_STEADY = 40, 60
 
 
 def probe_timing(bearer: model.Bearer, failover: model.Failover) -> view.JudgedBearer:
-    """Return how a bearer with canaries is judged.
+    """Return how a link with probe targets is monitored.
 
-    From the first lost question to the decision to leave, at least `hold_down_s` pass: its time-out, the 3 s that a row
-    of netwatch waits before it begins, the packets, the last time-out. At most one interval of the watch comes on top.
+    From the first lost request to the decision to leave the link, at least `hold_down_s` pass: its timeout, the 3 s
+    that a netwatch row waits before it begins, the packets, the last timeout. At most one interval of the monitoring is
+    added.
 
-    Each canary has three rows of `/tool netwatch` (templates/routeros/parts/netwatch.rsc.j2). One asks all the time.
-    The first question without an answer starts the second row, which leaves the link if all of its packets are lost,
-    and the first answer after that starts the third, which takes the link back if none of its packets is lost.
+    Each probe target has three rows of `/tool netwatch` (templates/routeros/parts/netwatch.rsc.j2). One sends requests
+    all the time. The first request without a reply starts the second row, which leaves the link if all of its packets
+    are lost. The first reply after that starts the third row, which returns to the link if none of its packets is lost.
     """
     has_budget = bearer.canary_budget_bytes is not None
     usual_s = _DEAR_GAP_S if has_budget else _GAP_S
@@ -63,12 +64,12 @@ def probe_timing(bearer: model.Bearer, failover: model.Failover) -> view.JudgedB
 
 
 def in_network(address: IPv4Address, network: IPv4Network) -> str:
-    """Write an address with its network's prefix length, as `/ip/address` holds it."""
+    """Return an address with its network's prefix length, as in `/ip/address`."""
     return str(IPv4Interface((address, network.prefixlen)))
 
 
 def ports(router: model.Router) -> tuple[view.PortView, ...]:
-    """Return every declared port; what is not declared is left alone."""
+    """Return the ports of the inventory; other ports are left alone."""
     return tuple(_port(port) for port in router.ports)
 
 
@@ -83,7 +84,7 @@ def _port(port: model.Port) -> view.PortView:
 
 
 def management_port(name: str, router: model.Router) -> str:
-    """Return the one port of the technician; there the address stands already when the router is adopted."""
+    """Return the technician's port; its address already exists when the router is adopted. Raises RenderError."""
     matching_ports = [port.name for port in router.ports if port.use == "management"]
     if len(matching_ports) != 1:
         raise view.RenderError(
@@ -94,7 +95,7 @@ def management_port(name: str, router: model.Router) -> str:
 
 
 def port_of(name: str, router: model.Router, link: str) -> str:
-    """Return the one port that carries a bearer or a served link."""
+    """Return the only port that carries a link or a served link. Raises RenderError."""
     matching_ports = [port.name for port in router.ports if port.link == link]
     if len(matching_ports) != 1:
         raise view.RenderError(
@@ -105,7 +106,7 @@ def port_of(name: str, router: model.Router, link: str) -> str:
 
 
 def uplinks(name: str, router: model.Router, site: model.Site, pilot: model.Pilot) -> tuple[view.Uplink, ...]:
-    """Return the bearers in order of preference."""
+    """Return the links in order of preference."""
     return tuple(
         _uplink(site, place, port_of(name, router, bearer.name), pilot)
         for place, bearer in enumerate(site.bearers, start=1)
@@ -142,7 +143,7 @@ def _targets(targets: Iterable[model.AllowedTarget]) -> Iterator[view.PingTarget
 
 
 def served_links(name: str, router: model.Router, site: model.Site) -> tuple[view.LinkView, ...]:
-    """Return the links that end here and carry another site."""
+    """Return the links that end here and carry another site's traffic."""
     return tuple(
         view.LinkView(
             name=link.name,
@@ -162,7 +163,7 @@ _API_SSL = 8729
 
 @dataclass(frozen=True, slots=True)
 class LteView:
-    """One LTE box, whole."""
+    """Template data for one LTE device."""
 
     name: str
     title: str
@@ -181,7 +182,7 @@ class LteView:
 
 
 def lte(declaration: view.InventoryView, host: view.DeclaredHost) -> str:
-    """Render the whole desired text of one box, secrets in clear: never print it. Raises RenderError."""
+    """Render the desired text of one LTE device, secrets in clear: never print it. Raises RenderError."""
     return _template().render(lte=lte_view(declaration, host))
 
 
@@ -191,7 +192,7 @@ def _template() -> Template:
 
 
 def lte_view(declaration: view.InventoryView, host: view.DeclaredHost) -> LteView:
-    """Prepare what the template sees. Raises RenderError."""
+    """Prepare the template data. Raises RenderError."""
     device, bearer = _box(host), lte_bearer(declaration, host)
     sim, access = device.sim, device.access
     return LteView(
@@ -219,7 +220,7 @@ def lte_view(declaration: view.InventoryView, host: view.DeclaredHost) -> LteVie
 
 
 def lte_bearer(declaration: view.InventoryView, host: view.DeclaredHost) -> model.Bearer:
-    """Return the link whose gateway the box is. Raises RenderError."""
+    """Return the link whose gateway is the LTE device. Raises RenderError."""
     device = _box(host)
     for bearer in declaration.sites[host.site].bearers:
         if bearer.device == host.name or bearer.gateway == device.address:
@@ -231,7 +232,7 @@ def lte_bearer(declaration: view.InventoryView, host: view.DeclaredHost) -> mode
 
 
 def lte_prerequisites(declaration: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
-    """Say what must be on the device before its text can be written: modem, port and certificate that it refers to."""
+    """Return the modem, port and certificate that must exist on the device because its text refers to them."""
     link = lte_bearer(declaration, host).name
     return (
         view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),

@@ -1,6 +1,6 @@
-"""From the declaration to the view of one router, and to its text.
+"""View and text of one router.
 
-The VPN as one router sees it: its own tunnel if it has one, and the networks that lie behind the VPN.
+Also here: the VPN as seen by one router: its tunnel, if it has one, and the networks behind the VPN.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ def _server(declaration: view.InventoryView) -> view.DeclaredHost:
 
 
 def server_in_lan(declaration: view.InventoryView, host: view.DeclaredHost) -> bool:
-    """Tell whether the VPN server stands at the router's own site."""
+    """Return True if the VPN server is at the router's own site."""
     return _server(declaration).site == host.site
 
 
 def tunnel(declaration: view.InventoryView, router: model.Router) -> view.TunnelView | None:
-    """Return the router's end of the VPN, if it is one."""
+    """Return the router's end of the VPN; None if it is not a VPN client."""
     client, vpn = router.vpn_client, declaration.pilot.vpn
     if client is None:
         return None
@@ -54,7 +54,7 @@ def tunnel(declaration: view.InventoryView, router: model.Router) -> view.Tunnel
 
 
 def remotes(declaration: view.InventoryView, host: view.DeclaredHost, interface: str | None) -> tuple[view.Remote, ...]:
-    """Return the networks behind the VPN: through `interface`, or by way of the server in the LAN, or none at all."""
+    """Return the networks behind the VPN: via `interface`, via the VPN server in the LAN, or none."""
     server = _server(declaration)
     gateway = interface
     if server.site == host.site:
@@ -65,7 +65,7 @@ def remotes(declaration: view.InventoryView, host: view.DeclaredHost, interface:
 
 
 def _networks(declaration: view.InventoryView, here: str) -> Iterator[tuple[str, str]]:
-    """Yield every network that an answer may go to: tunnel addresses, other LANs, and managers that are admitted."""
+    """Yield every network to which a reply may go: tunnel addresses, other LANs, and admitted managers."""
     yield "tunnel addresses", str(declaration.pilot.vpn.network)
     admit = declaration.sites[here].management.admit
     for name, site in sorted(declaration.sites.items()):
@@ -79,10 +79,10 @@ def _networks(declaration: view.InventoryView, here: str) -> Iterator[tuple[str,
 def managers(
     declaration: view.InventoryView, host: view.DeclaredHost, interface: str | None
 ) -> Iterator[view.Managers]:
-    """Yield who may manage the router, and where they come from; `interface` is its end of the VPN.
+    """Yield who may manage the router, and from where; `interface` is its end of the VPN.
 
-    A prefix counts where it is: at the technician's port, in the LAN, behind the VPN. One of no network of ours comes
-    by a link. Without a way into the VPN nobody of it is admitted.
+    A prefix is admitted where it belongs: at the technician's port, in the LAN, behind the VPN. A prefix of none of our
+    networks comes in by a link. Without a route into the VPN nobody from it is admitted.
     """
     site = declaration.sites[host.site]
     local = (("", "MGMT", [site.management.network]), (" in the LAN", "LAN", [site.lan.network]))
@@ -108,7 +108,7 @@ def _inner(site: model.Site) -> tuple[IPv4Network, ...]:
 def forwards(
     declaration: view.InventoryView, host: view.DeclaredHost, router: model.Router
 ) -> tuple[view.PortForward, ...]:
-    """Return the ports of our outer addresses that lead inside: what is declared, and the far end of measurements."""
+    """Return the port forwards of our outer addresses: from the inventory, and for the measurement far end."""
     site, qualify = declaration.sites[host.site], declaration.pilot.qualify
     ports = [(forward.to, forward.transport, forward.port) for forward in router.forwards]
     if qualify is not None and _find_host(declaration, host, qualify.reflector).site == host.site:
@@ -131,18 +131,18 @@ def _find_host(declaration: view.InventoryView, host: view.DeclaredHost, name: s
 
 
 def router(declaration: view.InventoryView, host: view.DeclaredHost) -> str:
-    """Render the whole desired text of one router, secrets in clear: never print it. Raises RenderError."""
+    """Render the desired text of one router, secrets in clear: never print it. Raises RenderError."""
     return _template().render(router=router_view(declaration, host))
 
 
 @cache
 def _template() -> Template:
-    """Compiled once a process: that takes ten times as long as to render it."""
+    """Return the template, compiled once per process: that takes ten times as long as rendering."""
     return environment().get_template("routeros/router.rsc.j2")
 
 
 def router_view(declaration: view.InventoryView, host: view.DeclaredHost) -> view.RouterView:
-    """Prepare what the template sees. Raises RenderError."""
+    """Prepare the template data. Raises RenderError."""
     device, site = view.router_of(host), declaration.sites[host.site]
     own_tunnel = tunnel(declaration, device)
     return view.RouterView(
@@ -177,7 +177,7 @@ def router_view(declaration: view.InventoryView, host: view.DeclaredHost) -> vie
 
 
 def prerequisites(declaration: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
-    """Say what must be on the device before the text can be written: ports and certificates that it refers to."""
+    """Return the ports and certificates that must exist on the device because its text refers to them."""
     device = view.router_of(host)
     own_tunnel = tunnel(declaration, device)
     certificates = [view.Prerequisite("/certificate", _links.API_CERTIFICATE, "service api-ssl presents it")]
@@ -248,7 +248,7 @@ def _management(name: str, site: model.Site, device: model.Router) -> view.Manag
 
 
 def _names(declaration: view.InventoryView, here: str) -> Iterator[view.NamedAddress]:
-    """Yield what the router's DNS knows by itself: hosts and reservations of the site, and the VPN's endpoint."""
+    """Yield the router's DNS entries: hosts and reservations of the site, and the VPN endpoint."""
     site, vpn = declaration.sites[here], declaration.pilot.vpn
     host_addresses = {host.name: view.address_in_site(host.device, site) for host in view.hosts_of(declaration, here)}
     reservation_addresses = {row.name: str(row.address) for row in site.lan.reservations}

@@ -1,4 +1,4 @@
-"""From the declaration to the view of one switch, and to its text."""
+"""View and text of one switch."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class BridgedPort:
-    """A port of the bridge: a cable, or the radio."""
+    """A port of the bridge: an Ethernet port, or the radio."""
 
     name: str
     purpose: str
@@ -31,7 +31,7 @@ class BridgedPort:
 
 @dataclass(frozen=True, slots=True)
 class SwitchView:
-    """One switch, whole."""
+    """Template data for one switch."""
 
     name: str
     title: str
@@ -47,7 +47,7 @@ class SwitchView:
 
 
 def switch(declaration: view.InventoryView, host: view.DeclaredHost) -> str:
-    """Render the whole desired text of one switch, secrets in clear: never print it. Raises RenderError."""
+    """Render the desired text of one switch, secrets in clear: never print it. Raises RenderError."""
     return _template().render(switch=switch_view(declaration, host))
 
 
@@ -57,7 +57,7 @@ def _template() -> Template:
 
 
 def switch_view(declaration: view.InventoryView, host: view.DeclaredHost) -> SwitchView:
-    """Prepare what the template sees. Raises RenderError."""
+    """Prepare the template data. Raises RenderError."""
     device, site = _switch_of(host), declaration.sites[host.site]
     radio = None if device.access_point is None else access_point(device.access_point)
     return SwitchView(
@@ -84,7 +84,7 @@ def switch_view(declaration: view.InventoryView, host: view.DeclaredHost) -> Swi
 
 
 def switch_prerequisites(host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
-    """Say what must be on the device before its text can be written: ports, certificate and radio."""
+    """Return the ports, certificate and radio that must exist on the device because its text refers to them."""
     device = _switch_of(host)
     prerequisites = [
         view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
@@ -133,7 +133,7 @@ def _bridge_ports(device: model.Switch, radio: view.RadioView | None) -> Iterato
 
 
 def _by_the_lan(declaration: view.InventoryView, site: str) -> Iterator[str]:
-    """Yield the networks of managers who come by the LAN itself, perhaps by way of the VPN's server in it."""
+    """Yield the networks of managers that come in by the LAN, possibly through the VPN server in it."""
     for host in view.hosts_of(declaration, site):
         if isinstance(host.device, model.Router):
             end = tunnel(declaration, host.device)

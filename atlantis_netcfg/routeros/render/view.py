@@ -1,6 +1,6 @@
-"""What the router template sees: plain words and numbers, prepared, so that the template reads like an export.
+"""Template data of a router: prepared text and numbers, so that the template reads like an export.
 
-The part of the declaration that a router's text depends on, and the one error when it lacks something.
+Also here: the part of the inventory that a router's text depends on, and the error raised when something is missing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ DOWN_OFFSET = 100
 
 @dataclass(frozen=True, slots=True)
 class Prerequisite:
-    """Something that must be on the device before its desired text can be written, because the text refers to it."""
+    """Something that must exist on the device before the desired text is applied, as the text refers to it."""
 
     menu: str
     """In the form of the API, like `/certificate`."""
@@ -74,7 +74,7 @@ class LanView:
 
 @dataclass(frozen=True, slots=True)
 class ManagementView:
-    """The port of the technician, and who else may manage the router."""
+    """The technician's port, and who else may manage the router."""
 
     port: str
     address: str
@@ -87,7 +87,7 @@ class ManagementView:
 
 @dataclass(frozen=True, slots=True)
 class Managers:
-    """A network whose hosts may manage the router, and the interface list behind which it is."""
+    """A network whose hosts may manage the router, and the interface list that it comes in by."""
 
     way: str
     """In the words of the rule's comment; empty at the technician's port."""
@@ -97,7 +97,7 @@ class Managers:
 
 @dataclass(frozen=True, slots=True)
 class LinkView:
-    """A port with an address of ours that leads out of the site."""
+    """A port with one of our addresses that leads out of the site."""
 
     name: str
     port: str
@@ -109,7 +109,7 @@ class LinkView:
 
 @dataclass(frozen=True, slots=True)
 class PingTarget:
-    """A destination that the satellite may carry; `port` and `transport` are both there or both None."""
+    """A destination that is allowed over the satellite; `port` and `transport` are both set or both None."""
 
     name: str
     address: str
@@ -119,7 +119,7 @@ class PingTarget:
 
 @dataclass(frozen=True, slots=True)
 class JudgedBearer:
-    """How a link with canaries is watched, and when it is left and taken back; times in seconds."""
+    """How a link with probe targets is monitored, and when it is left and used again; times in seconds."""
 
     has_gateway_check: bool
     """It costs nothing to ask: `check-gateway` watches too, and a route without it holds the link meanwhile."""
@@ -140,7 +140,7 @@ class JudgedBearer:
 
 @dataclass(frozen=True, slots=True)
 class Uplink(LinkView):
-    """A bearer. `place` is its place in the order of preference, from 1."""
+    """A link. `place` is its position in the order of preference, from 1."""
 
     gateway: str
     kind: model.BearerKind
@@ -160,48 +160,48 @@ class Uplink(LinkView):
 
     @property
     def distance(self) -> int:
-        """Of its default routes while it is good; ten apart, so that `holding_distance` fits between two links."""
+        """Distance of its default routes while it works; steps of ten leave room for `holding_distance`."""
         return 10 * self.place
 
     @property
     def holding_distance(self) -> int:
-        """Of the default route that holds the link until its silence has lasted long enough."""
+        """Distance of the default route that keeps the link in use until it has been silent long enough."""
         return self.distance + 1
 
     @property
     def down_distance(self) -> int:
-        """Of its default routes while it is given up: behind every good link, and still better than no route."""
+        """Distance of its default routes while it is down: behind every working link, but better than no route."""
         return self.distance + DOWN_OFFSET
 
     @property
     def holding_down_distance(self) -> int:
-        """Of the holding route then."""
+        """Distance of the holding route while the link is down."""
         return self.holding_distance + DOWN_OFFSET
 
     @property
     def shaped_bps(self) -> int:
-        """Four fifths of what it carries from the site: the queue shall stand here, not in the terminal."""
+        """Shaping rate: four fifths of the rate from the site, so that the queue is here and not in the terminal."""
         return self.up_bps * 4 // 5
 
     @property
     def table(self) -> str:
-        """Routing table that knows this link only."""
+        """Name of the routing table that contains only this link."""
         return f"via-{self.name}"
 
     @property
     def chain(self) -> str:
-        """Firewall chain of everything that wants to leave over this link."""
+        """Name of the firewall chain for traffic that leaves over this link."""
         return f"to-{self.name}"
 
     @property
     def chain_in(self) -> str:
-        """Firewall chain of everything that has come in by this link."""
+        """Name of the firewall chain for traffic that came in by this link."""
         return f"from-{self.name}"
 
 
 @dataclass(frozen=True, slots=True)
 class ClassView:
-    """A class of traffic below control, and the hosts of the LAN that were given it."""
+    """A traffic class below control, and the LAN hosts assigned to it."""
 
     name: str
     priority: int
@@ -228,7 +228,7 @@ class TunnelView:
 
 @dataclass(frozen=True, slots=True)
 class Remote:
-    """A network behind the VPN; `gateway` is the tunnel's interface, or the VPN server where that stands in the LAN."""
+    """A network behind the VPN; `gateway` is the tunnel interface, or the VPN server if it is in the LAN."""
 
     name: str
     network: str
@@ -237,7 +237,7 @@ class Remote:
 
 @dataclass(frozen=True, slots=True)
 class PortForward:
-    """A port of each of our outer addresses that leads to a host of the LAN."""
+    """A port of each of our outer addresses, forwarded to a LAN host."""
 
     name: str
     transport: str
@@ -247,7 +247,7 @@ class PortForward:
 
 @dataclass(frozen=True, slots=True)
 class RadioView:
-    """One radio, in the words of its family of menus."""
+    """One radio, in the terms of its family of menus."""
 
     name: str
     """Factory name."""
@@ -277,13 +277,13 @@ class RadioView:
 
     @property
     def is_nv2(self) -> bool:
-        """Whether the key is nv2's own; the security profile is for 802.11."""
+        """True if the key is nv2's own; the security profile is for 802.11."""
         return self.protocol == "nv2"
 
 
 @dataclass(frozen=True, slots=True)
 class RouterView:
-    """One router, whole."""
+    """Template data for one router."""
 
     name: str
     title: str
@@ -315,22 +315,22 @@ class RouterView:
 
     @property
     def satellites(self) -> tuple[Uplink, ...]:
-        """The bearers with an allow-list."""
+        """The links with an allow-list."""
         return tuple(uplink for uplink in self.uplinks if uplink.kind.traits.allow_list)
 
     @property
     def probed_uplinks(self) -> tuple[Uplink, ...]:
-        """The bearers that are left for another one when they are silent."""
+        """The links that are monitored, and left for another one when they fail."""
         return tuple(uplink for uplink in self.uplinks if uplink.probing is not None)
 
     @property
     def thin(self) -> tuple[Uplink, ...]:
-        """The bearers on which control goes first."""
+        """The slow links, on which control traffic has priority."""
         return tuple(uplink for uplink in self.uplinks if uplink.thin)
 
     @property
     def allow_list(self) -> tuple[NamedAddress, ...]:
-        """The satellites' targets, each address once: RouterOS refuses to list an address twice."""
+        """Targets of the satellite links, each address once, as RouterOS refuses duplicates in a list."""
         names: dict[str, list[str]] = {}
         for target in (target for satellite in self.satellites for target in satellite.targets):
             names.setdefault(target.address, []).append(target.name)
@@ -340,12 +340,12 @@ class RouterView:
 
     @property
     def radios(self) -> tuple[Uplink, ...]:
-        """The bearers whose far end is a router of ours."""
+        """The links whose far end is one of our routers."""
         return tuple(uplink for uplink in self.uplinks if uplink.kind.traits.bridge)
 
 
 class RenderError(UsageError):
-    """The declaration lacks what the template needs; `provision validate` tells the same with file and line."""
+    """The inventory lacks what the template needs; `provision validate` reports it with file and line."""
 
 
 class DeclaredHost(Protocol):
@@ -353,35 +353,35 @@ class DeclaredHost(Protocol):
 
     @property
     def name(self) -> str:
-        """As the inventory calls it."""
+        """Name in the inventory."""
 
     @property
     def site(self) -> str:
-        """Key in `sites`."""
+        """Key of the site in `sites`."""
 
     @property
     def device(self) -> model.Device:
-        """What it is."""
+        """The device model of the host."""
 
 
 class InventoryView(Protocol):
-    """The declaration, as far as rendering reads it."""
+    """The part of the inventory that rendering reads."""
 
     @property
     def pilot(self) -> model.Pilot:
-        """What all sites share."""
+        """Settings shared by all sites."""
 
     @property
     def sites(self) -> Mapping[str, model.Site]:
-        """By name."""
+        """Sites by name."""
 
     @property
     def hosts(self) -> Mapping[str, DeclaredHost]:
-        """By name."""
+        """Hosts by name."""
 
 
 def router_of(host: DeclaredHost) -> model.Router:
-    """Return the device of a host that is a router."""
+    """Return the router of a host. Raises RenderError if it is another device."""
     if host.device.kind != "router":
         raise RenderError(f"{host.name} is a {host.device.kind}, and only a router has a router's configuration")
     return host.device
@@ -393,7 +393,7 @@ def hosts_of(declaration: InventoryView, site: str) -> tuple[DeclaredHost, ...]:
 
 
 def address_in_site(device: model.Device, site: model.Site) -> str:
-    """Return the address by which the hosts of its site know a device."""
+    """Return the device's address within its site."""
     if device.kind == "router":
         return str(site.lan.gateway)
     if device.kind == "switch":

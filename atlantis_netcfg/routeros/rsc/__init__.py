@@ -1,8 +1,8 @@
-"""The grammar of RouterOS export text (`.rsc`): technicians read devices in it, templates declare and plans show them.
+"""The grammar of RouterOS export text (`.rsc`), used for device exports, templates and plans.
 
-`parse` reads what `export` of RouterOS 6 and 7 prints (compact, verbose, terse; LF or CRLF) into statements,
-`print_export` writes them back wrapped as the device wraps, `quote` and `unquote` do one value, `in_quotes` quotes what
-would do without. The language of scripts (`:if`, `{ }`) is not read.
+`parse` reads the output of `export` of RouterOS 6 and 7 (compact, verbose, terse; LF or CRLF) into statements.
+`print_export` writes them back with the device's line wrapping, `quote` and `unquote` handle one value, `in_quotes`
+always quotes. The scripting language (`:if`, `{ }`) is not parsed.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The value objects of export text, and the one error that reading it can raise.
+"""The value objects of export text, and the error that parsing it can raise.
 
-Also the few words that the grammar itself must know; all others are the device's business.
+Also the few words that the grammar itself must know; all others are left to the device.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class RscError(UsageError):
-    """Text that is not export text; `line` and `column` (1-based) are those of the file as the person sees it."""
+    """Text that is not export text; `line` and `column` (1-based) are those of the user's file."""
 
     def __init__(self, message: str, *, source: str, line: int, column: int, hint: str | None = None) -> None:
         super().__init__(f"{source}, line {line}, column {column}: {message}", hint=hint)
@@ -26,7 +26,7 @@ class RscError(UsageError):
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One command of export text; equal to another when the device would do the same, wherever the text stands."""
+    """One command of export text; equal to another one with the same effect, wherever it is in the text."""
 
     menu: str
     """In the form of the API: `/ip/firewall/filter`; the root is `/`."""
@@ -44,13 +44,13 @@ class Statement:
     """Comment lines directly above, without `# `."""
 
     def get(self, name: str) -> str | None:
-        """Return the last value given to argument `name`, as the device would take it; None if there is none."""
+        """Return the last value of argument `name`, which is the one the device uses; None if there is none."""
         return dict(self.values).get(name)
 
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """A whole export: the comments that open it, its statements, and the menus that it opens."""
+    """A whole export: its header comments, its statements, and the menus that it opens."""
 
     header: tuple[str, ...] = ()
     """The comment lines at the very top, without `# `."""
@@ -61,7 +61,7 @@ class Export:
     """Comment lines below the last statement."""
 
     def remarks(self) -> Iterator[str]:
-        """Every comment line, from top to bottom."""
+        """Yield every comment line, from top to bottom."""
         yield from self.header
         for statement in self.statements:
             yield from statement.comments

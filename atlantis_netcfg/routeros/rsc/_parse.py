@@ -1,8 +1,7 @@
-r"""Export text to statements: what `export` of RouterOS 6 and 7 prints, and what a technician types in that style.
+r"""Parser of export text: the output of `export` of RouterOS 6 and 7, or typed in that style.
 
-The part of a statement behind its command word: selector or target, then arguments.
-
-Physical lines to logical ones: `\` at a line's end joins the next, whose indent is dropped, also inside quotes.
+Also here: the part of a statement after its command word (selector or target, then arguments), and the joining of
+physical lines: `\` at a line's end joins the next one without its indent, also inside quotes.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ def skip_space(text: str, offset: int) -> int:
 
 @dataclass(slots=True)
 class RscArguments:
-    """Reads one line from `offset` up to `end`; what was found stands in the attributes."""
+    """Parses one line from `offset` to `end`; the results are in the attributes."""
 
     line: LogicalLine
     offset: int
@@ -56,7 +55,7 @@ class RscArguments:
         self.end = len(self.line.text)
 
     def read(self) -> None:
-        """Read everything. Raises RscError at the first mistake."""
+        """Parse the whole line. Raises RscError at the first error."""
         while self._advance():
             if self._char() == "[":
                 self._selector()
@@ -117,7 +116,7 @@ class RscArguments:
         return name, self._value(name)
 
     def _full_name(self, name: str) -> str:
-        """Undo the elision of RouterOS 7: behind `configuration.country=X`, `.mode=ap` is `configuration.mode=ap`."""
+        """Expand RouterOS 7's short form: after `configuration.country=X`, `.mode=ap` is `configuration.mode=ap`."""
         if not name.startswith("."):
             self._prefix = name.rpartition(".")[0] or self._prefix
             return name
@@ -188,7 +187,7 @@ def _quotes(name: str) -> str:
 
 
 def _describe_char(char: str) -> str:
-    """Give a character that cannot be seen its name."""
+    """Return a printable character, or the Unicode name of any other."""
     return char if char.isprintable() and not char.isspace() else f"the character {unicodedata.name(char, ascii(char))}"
 
 
@@ -197,7 +196,7 @@ _INDENT = " \t"
 
 @dataclass(slots=True)
 class LogicalLine:
-    """One statement, menu or comment, unwrapped, that still knows where each of its characters stood."""
+    """One unwrapped statement, menu or comment, with the original position of each character."""
 
     source: str
     text: str = ""
@@ -211,16 +210,16 @@ class LogicalLine:
 
     @property
     def is_comment(self) -> bool:
-        """True if the device ignores it."""
+        """True if the line is a comment."""
         return self.text.startswith("#")
 
     def append(self, text: str, line: int, column: int) -> None:
-        """Join one more physical line, which stands at that place."""
+        """Append a physical line that begins at that position."""
         self._parts.append((len(self.text), line, column))
         self.text += text
 
     def error(self, offset: int, message: str, *, hint: str | None = None) -> _model.RscError:
-        """Make the error for the character at `offset`, placed where the person sees it."""
+        """Return the error for the character at `offset`, with its position in the user's file."""
         start, line, column = self._parts[bisect_right(self._parts, offset, key=lambda part: part[0]) - 1]
         return _model.RscError(message, source=self.source, line=line, column=column + offset - start, hint=hint)
 
@@ -254,7 +253,7 @@ _MENU_HINT = "open the menu first, as in:  /ip firewall filter"
 
 
 def parse(text: str, source: str = "text") -> _model.Export:
-    """Read a whole export; `source` is what errors call the text. Raises RscError at the first mistake."""
+    """Parse a whole export; `source` is its name in errors. Raises RscError at the first error."""
     reader = _Reader()
     for line in logical_lines(text, source):
         reader.take(line)
@@ -263,7 +262,7 @@ def parse(text: str, source: str = "text") -> _model.Export:
 
 @dataclass(slots=True)
 class _Reader:
-    """What is known so far: the menu in force and the comments that wait for their statement."""
+    """State of the parser: the current menu, and comments that precede the next statement."""
 
     menu: str | None = None
     header: tuple[str, ...] | None = None

@@ -1,8 +1,7 @@
-r"""Statements to export text, wrapped in the columns in which RouterOS wraps them.
+r"""Printer of export text, with line wrapping like RouterOS.
 
-A value on the device is a string of bytes. Here it is text: bytes that are UTF-8 are decoded, any other byte (a comment
-typed in a Windows code page) survives as a lone surrogate (`surrogateescape`), so that nothing is lost between device
-and file.
+A value on the device is a byte string. Here it is text: UTF-8 is decoded, and any other byte (a comment typed in a
+Windows code page) is kept as a lone surrogate (`surrogateescape`), so that nothing is lost between device and file.
 """
 
 from __future__ import annotations
@@ -40,16 +39,16 @@ _FIRST_PRINTABLE, _LAST_PRINTABLE = " ", "~"
 
 
 def quote(value: str) -> str:
-    """Print `value` as RouterOS' `export` does; a script may assign the text as it stands.
+    """Print `value` like RouterOS' `export`; a script may assign the result unchanged.
 
-    Bare when RouterOS prints it bare, else in double quotes with escapes. Source of the escapes: manual, Scripting,
+    Bare if RouterOS prints it bare, else in double quotes with escapes. Source of the escapes: manual, Scripting,
     "Constant Escape Sequences"; of the bare characters: public exports of RouterOS 6 and 7.
     """
     return value if _BARE.fullmatch(value) else in_quotes(value)
 
 
 def in_quotes(value: str) -> str:
-    """Print `value` in quotes, also where a bare one would do."""
+    """Print `value` in quotes, even if not necessary."""
     return f'"{value if _PLAIN.fullmatch(value) else "".join(map(_escape_char, value))}"'
 
 
@@ -62,7 +61,7 @@ def _escape_char(char: str) -> str:
 
 
 class ValueTextError(ValueError):
-    """A value that cannot be read; the text is for a person, `offset` counts the characters before the mistake."""
+    """A value that cannot be parsed; the message is for the user, `offset` is the position of the error."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
@@ -70,7 +69,7 @@ class ValueTextError(ValueError):
 
 
 def unquote(text: str) -> str:
-    """Read one value of export text, quoted or bare. The text of a ValueError says what is wrong, for a person."""
+    """Parse one value of export text, quoted or bare. Raises ValueTextError with a message for the user."""
     if not text.startswith('"'):
         return _bare(text)
     if len(text) == 1 or not _QUOTED_VALUE.fullmatch(text):
@@ -102,12 +101,12 @@ _PIECE = re.compile(r"\\(?:[0-9A-F]{2}|.)|.")
 
 
 def console_path(menu: str) -> str:
-    """Write a menu as the console does: `/ip/firewall/filter` is `/ip firewall filter`."""
+    """Convert a menu to console notation: `/ip/firewall/filter` is `/ip firewall filter`."""
     return "/" + menu.strip("/").replace("/", " ")
 
 
 def print_export(export: _model.Export, *, width: int | None = WIDTH) -> str:
-    """Print the text that `parse` reads back to an equal export; with `width=None` every statement is one line."""
+    """Print an export; `parse` reads it back to an equal one. With `width=None` each statement is one line."""
     elide = not any(_ROUTEROS_6.search(line) for line in export.header)
     lines = [_comment(line) for line in export.header]
     pending = list(export.menus)
@@ -126,7 +125,7 @@ def print_export(export: _model.Export, *, width: int | None = WIDTH) -> str:
 
 
 def _open_menus(pending: list[str], menu: str) -> Iterator[str]:
-    """Yield the menus that stand before `menu` for the first time, then `menu`; forget those."""
+    """Yield the menus that come before `menu` for the first time, then `menu`; remove them from `pending`."""
     if menu in pending:
         while (first := pending.pop(0)) != menu:
             yield first
@@ -140,9 +139,9 @@ def _comment(text: str) -> str:
 def print_statement(
     statement: _model.Statement, *, width: int | None = None, path: bool = False, elide: bool = False
 ) -> str:
-    """Print one statement without its comments; `path` puts the menu in front, as `export terse` does.
+    """Print one statement without its comments; `path` puts the menu first, as in `export terse`.
 
-    `elide` shortens repeated prefixes (`configuration.country=X .mode=ap`) as RouterOS 7 prints them.
+    `elide` shortens repeated prefixes (`configuration.country=X .mode=ap`) like RouterOS 7.
     """
     page = _Page(width)
     for word in console_path(statement.menu).split() if path else ():
@@ -155,7 +154,7 @@ def print_statement(
 
 @dataclass(frozen=True, slots=True)
 class _Atom:
-    """What stays together as long as a line has room for it."""
+    """A text that is not split while a line has room for it."""
 
     text: str
     has_space: bool = True
@@ -193,11 +192,11 @@ def _arguments(values: Iterable[tuple[str, str | None]], *, elide: bool) -> Iter
 class _Page:
     r"""Lines of at most `width` columns, including the backslash that joins them.
 
-    The rule, fitted to 1155 wrapped rows of public exports of RouterOS 6.33 to 7.4, all of which it prints to the
-    letter: a word, a `name=` or a value is kept whole, and goes to the next line if it would end beyond column `width -
-    2` here but not there. A value that no line has room for stands in quotes and is cut at column `width - 1`. `\n`
-    within a value always starts a line, as its escape. A space that would start one is written `\_`, because the indent
-    of the next line is dropped on reading.
+    The rule was fitted to 1155 wrapped rows of public exports of RouterOS 6.33 to 7.4, and reproduces all of them
+    exactly. A word, a `name=` or a value is kept whole, and goes to the next line if it would end beyond column `width
+    - 2` on this one but not on the next. A value too long for any line is quoted and split at column `width - 1`. A
+    line feed within a value always starts a line, as its escape. A space that would start a line is written as its
+    escape, because the indent of the next line is dropped on reading.
     """
 
     width: int | None
@@ -205,7 +204,7 @@ class _Page:
     line: str = ""
 
     def put(self, atom: _Atom) -> None:
-        """Add an atom where it belongs: on this line, on the next, or cut over several."""
+        """Add an atom: on this line, on the next, or split over several."""
         space = " " if atom.has_space and self.line else ""
         if self.width is None:
             self.line += space + atom.text
@@ -238,7 +237,7 @@ class _Page:
         self.line = _INDENT
 
     def text(self) -> str:
-        """Return all lines, without a line end behind the last."""
+        """Return all lines, without a final line end."""
         return "\n".join([*self.lines, self.line])
 
 
@@ -260,15 +259,15 @@ _VOLATILE = re.compile("|".join(f"(?:{pattern})" for pattern in VOLATILE_COMMENT
 
 
 def is_volatile(comment: str) -> bool:
-    """Tell whether a comment line (without `# `) reports state instead of configuration.
+    """Return True if a comment line (without `# `) reports state instead of configuration.
 
-    Two exports of one configuration differ in them.
+    Such lines differ between two exports of one configuration.
     """
     return _VOLATILE.fullmatch(comment) is not None
 
 
 def drop_volatile(export: _model.Export) -> _model.Export:
-    """Return the export without the comments that report state; all others stay."""
+    """Return the export without comments that report state."""
     return replace(
         export,
         statements=tuple(replace(statement, comments=_lasting(statement.comments)) for statement in export.statements),

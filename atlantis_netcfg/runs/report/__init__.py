@@ -1,1 +1,1 @@
-"""What is shown of a run, made from its results alone: text for a person, JSON for a program."""
+"""Reports of a run, generated from its results only: text for the user, JSON for programs."""

@@ -1,4 +1,4 @@
-"""Drift as a person reads it, as one JSON object, and as JUnit: all from the engine's results alone."""
+"""The drift report as text, JSON object and JUnit file, generated from the engine's results only."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ENDS = {ExitCode.DONE: "PASS", ExitCode.CHECKS_FAILED: "FAIL"}
 
 @dataclass(frozen=True, slots=True)
 class DriftReport:
-    """How the devices of a site differ from the declaration."""
+    """Drift of the devices of a site."""
 
     site: str
     is_rehearsal: bool
@@ -46,13 +46,13 @@ class DriftReport:
 
     @property
     def skip_reasons(self) -> Mapping[str, str]:
-        """Device name to why it was not compared."""
+        """Reasons why devices were not compared, by name."""
         untold = {name: f"not handled yet ({_kind(kind)})" for name, kind in self.not_handled.items()}
         return {**{name: f"not rehearsed: {why}" for name, why in self.left_out.items()}, **untold}
 
     @property
     def exit(self) -> ExitCode:
-        """The worst of any device: one that could not be read is worse than one that differs."""
+        """The worst exit code of all devices; unreadable is worse than different."""
         return worst(ExitCode(result["exit"]) for result in self.devices.values())
 
     def as_json(self) -> dict[str, Any]:
@@ -84,7 +84,7 @@ class DriftReport:
         }
 
     def as_text(self) -> str:
-        """What a person reads."""
+        """Return the report as text."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
@@ -119,19 +119,19 @@ def _last(comparison: Mapping[str, Any], zone: str) -> str:
 
 
 def verdict(result: Mapping[str, Any]) -> str:
-    """PASS as declared, FAIL drift, ERROR could not tell; of a satellite terminal what a run says of its evidence."""
+    """Return PASS, FAIL for drift, or ERROR if unknown; for a satellite terminal, the worst of its findings."""
     if of_evidence(result):
         return str(worst_verdict([Verdict.PASS, *(Verdict(finding["verdict"]) for finding in result["findings"])]))
     return _ENDS.get(ExitCode(result["exit"]), "ERROR")
 
 
 def of_evidence(result: Mapping[str, Any]) -> bool:
-    """Whether nothing is read from the device itself: a satellite terminal, which has no interface."""
+    """Return True if the result is based on evidence only: a satellite terminal has no interface to read."""
     return result.get("status") == "declared"
 
 
 def drift_lines(comparison: Mapping[str, Any], read: Callable[[str], str] = str) -> str:
-    """Return the differences of one device, menu by menu; empty without any. `read` is `translate`, for a person."""
+    """Return the differences of one device by menu; empty if none. `read` is `translate` for the user."""
     lines: list[str] = []
     for menu, differences in groupby(comparison["differences"], key=lambda item: item["menu"]):
         lines.append(f"  {menu}")
@@ -143,7 +143,7 @@ def drift_lines(comparison: Mapping[str, Any], read: Callable[[str], str] = str)
 def difference_lines(
     difference: Mapping[str, Any], confirmation: Mapping[str, str] | None, read: Callable[[str], str] = str
 ) -> Iterable[str]:
-    """Return one difference: what, whose, since when, and who did it as far as the device remembers."""
+    """Yield the lines of one difference: what, owner, since when, and by whom according to the device's history."""
     yield printable.line(f"{read(difference['kind']):<8} {difference['subject']}")
     details = [
         f"{field['name']}: declared {_value_text(field['declared'])}, found {_value_text(field['found'])}"
@@ -190,46 +190,46 @@ _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 
 def clean(text: str) -> str:
-    """Text that XML can hold, and that shows every character: what cannot be seen is written out."""
+    """Replace characters that XML does not allow, and write out invisible ones."""
     return _NOT_XML.sub("\ufffd", visible(text.expandtabs(1)))
 
 
 def add(case: ET.Element, tag: str, kind: str, *texts: str) -> None:
-    """Put a failure or an error into a case: its first line as the message, all of it as the text."""
+    """Add a failure or error to a test case: first line as message, all lines as text."""
     first = next((line for text in texts for line in text.splitlines()), "")
     ET.SubElement(case, tag, type=kind, message=clean(" ".join(first.split()))).text = _join_lines(texts)
 
 
 def skip(case: ET.Element, why: str) -> None:
-    """Say that a case was not run."""
+    """Mark a test case as skipped."""
     ET.SubElement(case, "skipped", message=clean(why))
 
 
 def tell(case: ET.Element, *texts: str) -> None:
-    """Put words beside a case that do not judge it."""
+    """Add output to a test case that does not affect its verdict."""
     ET.SubElement(case, "system-out").text = _join_lines(texts)
 
 
 def _join_lines(texts: Iterable[str]) -> str:
-    """One below the other, each cleaned before: a carriage return at the end would be lost with the line feed."""
+    """Join cleaned lines; they are cleaned first, since a trailing carriage return would be lost."""
     return "\n".join(map(clean, texts))
 
 
 def count(suite: ET.Element) -> None:
-    """Write the numbers of a suite, from its cases."""
+    """Set the counts of a suite from its cases."""
     for name, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
         suite.set(name, str(len(list(suite.iter(tag)))))
 
 
 def total(root: ET.Element) -> None:
-    """Write the numbers of the whole, from its suites."""
+    """Set the counts of the root from its suites."""
     for name in ("tests", "failures", "errors", "skipped"):
         root.set(name, str(sum(int(suite.get(name, "0")) for suite in root)))
     root.set("time", f"{sum(float(suite.get('time', '0')) for suite in root):.3f}")
 
 
 def render_xml(root: ET.Element) -> bytes:
-    """The file."""
+    """Return the XML file, with the totals set."""
     total(root)
     ET.indent(root)
     text: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
@@ -241,11 +241,11 @@ _EVIDENCE = "what is declared agrees with the evidence"
 
 
 def junit(report: DriftReport) -> bytes:
-    """Return the file; nothing in it depends on when it was written but how long the reading took.
+    """Return the JUnit file; only the time the reading took varies between equal results.
 
-    A suite a device, a case a menu. The format has no specification of its own; elements and attributes are those that
-    the manuals of Jenkins (JUnit plugin) and GitLab (Unit test reports) name: testsuites, testsuite, testcase, failure,
-    error, skipped, system-out.
+    One suite per device, one case per menu. The format has no specification of its own; elements and attributes are
+    those named by the manuals of Jenkins (JUnit plugin) and GitLab (Unit test reports): testsuites, testsuite,
+    testcase, failure, error, skipped, system-out.
     """
     root = ET.Element("testsuites", name=f"drift of {report.site}")
     for name, result in report.devices.items():
@@ -279,7 +279,7 @@ def _suite(name: str, result: Mapping[str, Any]) -> ET.Element:
 
 
 def _judge_evidence(case: ET.Element, result: Mapping[str, Any]) -> None:
-    """Fail for evidence that contradicts the declaration; what is weak or missing is only told."""
+    """Add a failure if evidence contradicts the inventory; weak or missing evidence is only reported."""
     texts = [result["message"], *result["notes"]]
     if verdict(result) in {"FAIL", "ERROR"}:
         add(case, "failure", "evidence", *texts)
@@ -288,7 +288,7 @@ def _judge_evidence(case: ET.Element, result: Mapping[str, Any]) -> None:
 
 
 def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmation: Mapping[str, str] | None) -> None:
-    """Fail for drift; skip where a secret could not be compared; a row that is left alone is only told."""
+    """Add a failure for drift, a skip for secrets that cannot be compared; ignored rows are only reported."""
     drift_rows = [difference for difference in differences if difference["counts"]]
     beside = [item for item in differences if not item["counts"]]
     hidden_entries = [entry for entry in beside if entry["kind"] == "hidden"]

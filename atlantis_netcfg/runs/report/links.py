@@ -1,4 +1,4 @@
-"""The links of a site for a technician and for a program: one block a bearer, from the same data."""
+"""The report on a site's links, for the technician and for programs, from the same data."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MARGIN, _WIDTH = 14, 117
 
 @dataclass(frozen=True, slots=True)
 class LinksReport:
-    """One look; `bearers` in order of preference, each as `BearerStatus.as_dict` with what was found beside it."""
+    """One observation; `bearers` in order of preference, each as `BearerStatus.as_dict` with its findings."""
 
     site: str
     title: str
@@ -46,9 +46,9 @@ class LinksReport:
 
     @property
     def exit(self) -> ExitCode:
-        """Nothing asked is no green; nor is a link that fails or cannot be seen, or a device that does not answer.
+        """Exit code: not OK if nothing was queried, or a link fails or is unknown, or a device does not respond.
 
-        A satellite that is not probed has no finding: nobody has asked for it.
+        A satellite link that was not requested to be probed has no finding.
         """
         if not self.queried_devices:
             return ExitCode.NOTHING
@@ -74,7 +74,7 @@ class LinksReport:
         }
 
     def as_text(self) -> str:
-        """What a person reads."""
+        """Return the report as text."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
@@ -92,7 +92,7 @@ class LinksReport:
         yield self._closing()
 
     def _closing(self) -> str:
-        """Which link carries the traffic, and whether that is the preferred one."""
+        """Return which link carries the traffic, and whether it is the preferred one."""
         preferred_link = next(iter(self.bearers), "")
         active = [name for name, entry in self.bearers.items() if entry["active"]]
         if not self.queried_devices:
@@ -130,7 +130,7 @@ def _block(number: int, name: str, bearer: Mapping[str, Any], zone: str) -> Iter
 
 
 def _lines(title: str, words: str) -> Iterator[str]:
-    """One entry, broken where a console ends."""
+    """Yield the lines of one entry, wrapped at the console width."""
     title, words = translate(title), translate(words)
     for number, part in enumerate(wrap(words, _WIDTH - _MARGIN, break_long_words=False, break_on_hyphens=False)):
         yield f"   {'' if number else title:<{_MARGIN}}{part}"
@@ -164,7 +164,7 @@ def _month(bearer: Mapping[str, Any], zone: str) -> str:
 
 
 def _since(stamp: str | None, zone: str) -> str:
-    """`2026-11-01 10:00 UTC`, as JSON has it, for a person."""
+    """Format a JSON time stamp such as `2026-11-01 10:00 UTC` for the user."""
     try:
         moment = datetime.strptime(stamp or "", "%Y-%m-%d %H:%M UTC").replace(tzinfo=UTC)
     except ValueError:
@@ -173,7 +173,7 @@ def _since(stamp: str | None, zone: str) -> str:
 
 
 def _quality(kind: str, quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """The readings in words, line by line; what could not be read is left out."""
+    """Yield label and text of each reading; unavailable readings are omitted."""
     words = {"wifi_ptp": _radio, "lte": _unit, "satellite": _terminal}.get(kind)
     if words is not None:
         yield from words(quality)
@@ -203,7 +203,7 @@ def _signal(quality: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _radio_grade(level: float) -> str:
-    """Bands of a short link: devices.md, section 8; which bounds hold is for the findings to say."""
+    """Grade the level of a short link (devices.md, section 8); the limits are checked by the findings."""
     if level > -35:  # noqa: PLR2004
         return translate("too strong")
     return translate("good") if level >= -65 else translate("fair") if level >= -75 else translate("poor")  # noqa: PLR2004
@@ -259,7 +259,7 @@ def _terminal(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _size(nbytes: int) -> str:
-    """Decimal units, as providers bill."""
+    """Format a size in decimal units, as providers bill."""
     if nbytes < 1000:  # noqa: PLR2004
         return f"{nbytes} B"
     if nbytes < 999_500:  # noqa: PLR2004 - from here on it would be rounded to `1000 kB`

@@ -1,4 +1,4 @@
-"""How every page of ours is made of templates: escaped, complete, without text that hides, and without a request."""
+"""HTML pages from templates: escaped, self-contained, without hidden text or external requests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _UNREAD: Final = "No native speaker has read this translation yet. What was sign
 
 
 def page_environment(package: str) -> Environment:
-    """The templates of a package, for pages; whoever makes one adds its filters and globals."""
+    """Return the Jinja environment for a package's page templates; the caller adds filters and globals."""
     result = Environment(
         loader=PackageLoader(package),
         autoescape=select_autoescape(enabled_extensions=("html.j2",)),
@@ -31,7 +31,7 @@ def page_environment(package: str) -> Environment:
 
 
 def page(environment: Environment, template: str, style: str, **values: Any) -> bytes:  # noqa: ANN401 - its words
-    """Render a page that holds its own style, whose hash is the only one that its policy lets a browser apply."""
+    """Render a page with its own style, the only one that its content security policy allows (by hash)."""
     text = environment.get_template(template).render(
         style=Markup(style),  # noqa: S704 - a template of ours without anything from outside
         style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
@@ -43,15 +43,15 @@ def page(environment: Environment, template: str, style: str, **values: Any) -> 
 
 
 def page_language() -> str:
-    """The language of the page's own words, as HTML and PDF name it (BCP 47)."""
+    """Return the language tag of the page's own text for HTML and PDF (BCP 47)."""
     return {Language.ENGLISH: "en", Language.PORTUGUESE: "pt-PT"}[language.current()]
 
 
 def unread() -> str:
-    """That the translation was not read by a native speaker; empty in English."""
+    """Return the note that no native speaker has checked the translation; empty in English."""
     return "" if language.current() is Language.ENGLISH else translate(_UNREAD)
 
 
 def _written_out(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
-    """Write out what cannot be seen, in all that is printed."""
+    """Write out invisible characters in everything that is printed."""
     return value if isinstance(value, Markup) or not isinstance(value, str) else clean(value)

@@ -1,4 +1,4 @@
-"""How a run ended: one JSON object, or a few lines for a person. Both from the same results."""
+"""The result of a run as JSON object or as text, both from the same results."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def consent_question(cost: Mapping[str, Any]) -> str:
-    """What a person is told before, and asked to pay; above all that it is another link than the declared one."""
+    """Return the cost text shown before consent; use of a link other than the expected one comes first."""
     return f"{cost['instead']}; {cost['words']}" if cost["instead"] else str(cost["words"])
 
 
 def cost_lines(result: Mapping[str, Any], *, is_rehearsal: bool) -> Iterator[str]:
-    """What it came to; of a rehearsal, which costs nothing, what a real run would ask and come to."""
+    """Yield the cost of a run; for a rehearsal, what a real run would ask and cost."""
     cost = result.get("cost")
     if cost is None:
         return
@@ -31,7 +31,7 @@ def cost_lines(result: Mapping[str, Any], *, is_rehearsal: bool) -> Iterator[str
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """A second run over a device of a rehearsal, which must find nothing left to change."""
+    """A second run over a device in a rehearsal, which must find nothing left to change."""
 
     device: str
     bearer: str
@@ -39,11 +39,11 @@ class Pass:
 
     @property
     def remaining_changes(self) -> int:
-        """Changes that it still found."""
+        """Number of changes still found."""
         return int(self.result["planned"])
 
     def as_json(self) -> dict[str, Any]:
-        """What it cost."""
+        """Return the cost and exit code of the second run."""
         keys = ("exit", "planned", "round_trips", "bytes", "seconds", "cost")
         return {name: self.result[name] for name in keys if name in self.result}
 
@@ -76,7 +76,7 @@ class RunReport:
 
     @property
     def exit(self) -> ExitCode:
-        """The worst that happened to any device; nothing handled is its own code, never a green nothing."""
+        """The worst exit code of all devices; if no device was handled, a separate code, never success."""
         if not self.devices:
             return ExitCode.NOTHING
         codes = {ExitCode(result["exit"]) for result in self.devices.values()}
@@ -114,7 +114,7 @@ class RunReport:
         }
 
     def plan_rows(self) -> list[printable.Row]:
-        """What would change, device by device, and what it costs; one that has no plan has its closing line alone."""
+        """Return the changes of each device and their cost; a device without plan has only its closing line."""
         rows: list[printable.Row] = []
         for name, result in self.devices.items():
             if not _without_plan(result):
@@ -122,7 +122,7 @@ class RunReport:
         return rows
 
     def cost_rows(self) -> list[printable.Row]:
-        """The same without the differences: of each device how much would change, and what that costs."""
+        """Return the number of changes of each device and their cost, without the differences."""
         rows: list[printable.Row] = []
         for name, result in self.devices.items():
             if not _without_plan(result):
@@ -134,17 +134,17 @@ class RunReport:
         return "".join(f"{printable.plain(row)}\n" for row in self.plan_rows())
 
     def as_text(self) -> str:
-        """The closing lines that a person reads, as plain text."""
+        """Return the closing lines as plain text."""
         return "\n".join(map(printable.plain, self.rows()))
 
     def rows(self, width: int = 0) -> list[printable.Row]:
-        """The closing lines: the devices, wrapped at `width` columns if that is not 0, and the summary."""
+        """Return the closing lines: devices, wrapped at `width` columns unless 0, and the summary."""
         column = _NARROW_COLUMN if 0 < width < _ROOMY else _COLUMN
         devices = [part for row in self._device_rows(column) for part in printable.wrap_row(row, width, column)]
         return [*devices, *self.summary().rows_for_screen(min(width or printable.NARROW, printable.NARROW))]
 
     def summary(self) -> Summary:
-        """What the last lines are made of."""
+        """Return the data of the summary."""
         return Summary(
             site=self.site,
             is_rehearsal=self.is_rehearsal,
@@ -164,7 +164,7 @@ class RunReport:
         )
 
     def _decisive(self, name: str, result: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The result that counts: of a second run that failed or found something, that one."""
+        """Return the decisive result: that of a second run if it failed or found changes."""
         for item in self.passes:
             if item.device == name and item.result["exit"] != ExitCode.DONE:
                 return item.result
@@ -223,7 +223,7 @@ def _note(label: str, message: str, column: int) -> printable.Row:
 
 
 def _without_plan(result: Mapping[str, Any]) -> bool:
-    """Whether nothing can be said of what would change: the device was not reached, or failed before it was read."""
+    """Return True if changes are unknown: the device was not reached, or failed before it was read."""
     fine = (ExitCode.DONE, ExitCode.CHANGES, ExitCode.NOTHING)
     return result["exit"] not in fine and result["status"] != "declared" and not result["diff"]
 
@@ -236,13 +236,13 @@ def _plan(result: Mapping[str, Any]) -> Iterable[printable.Row]:
 
 
 def _difference(line: str) -> printable.Row:
-    """A line of a plan, green where something comes and red where something goes; `+` and `-` say it as well."""
+    """Return a line of a plan, green for additions and red for removals; `+` and `-` show the same."""
     style = {"+": printable.Style.ADDITION, "-": printable.Style.REMOVAL}.get(line[:1])
     return printable.StyledText(line, style) if style is not None else line
 
 
 def _plan_cost(result: Mapping[str, Any]) -> Iterable[printable.Row]:
-    """How much would change on a device, what that costs, and what protects it meanwhile."""
+    """Yield the number of changes on a device, their cost, and the protection."""
     if result["status"] == "declared":
         yield f"  {translate(result['message'])}"
         return
@@ -264,7 +264,7 @@ def _plan_cost(result: Mapping[str, Any]) -> Iterable[printable.Row]:
 
 
 def _changes(result: Mapping[str, Any]) -> str:
-    """Actions, and rows where one action is about several."""
+    """Return the number of actions, and of rows if an action covers several."""
     number, rows = result["planned"], result.get("rows", 0)
     return f"{number} changes" if rows in (0, number) else f"{number} changes of {rows} rows"
 

@@ -1,7 +1,7 @@
-"""The last lines of a run: verdict, counts, the device that needs a person first, what to type next, the record.
+"""Last lines of a run: verdict, counts, the most urgent device, the next command, the record.
 
-They stand alone: whoever reads nothing else knows what happened and what to do. All from the results, so that a screen
-and `--json` cannot disagree; texts are English until they are shown.
+They are sufficient on their own: a reader of nothing else knows what happened and what to do. They are generated from
+the results, so that screen and `--json` agree; texts are English until they are displayed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _LINES = 8
 
 
 class DeviceEnd(StrEnum):
-    """How a run ended for one device, as the counts say it; a device has exactly one."""
+    """Result category of a device in the counts; each device has exactly one."""
 
     CHANGED = "changed"
     UNCHANGED = "unchanged"
@@ -66,7 +66,7 @@ _BY_CODE = {
 
 
 def ending(result: Mapping[str, Any]) -> DeviceEnd:
-    """How one device ended, from its result."""
+    """Return the result category of one device."""
     code, status = ExitCode(result["exit"]), str(result["status"])
     if code is ExitCode.DONE:
         return _BY_STATUS.get(status, DeviceEnd.UNCHANGED)
@@ -81,7 +81,7 @@ def ending(result: Mapping[str, Any]) -> DeviceEnd:
 
 
 def warnings(result: Mapping[str, Any]) -> list[str]:
-    """What a person should know of a device that ended well, in words."""
+    """Return the warnings on a device that succeeded."""
     warning_notes = [words for note in result.get("notes", ()) if (words := str(note).removeprefix("WARN: ")) != note]
     return [*warning_notes, *(str(row["message"]) for row in result.get("drift", ()))]
 
@@ -113,7 +113,7 @@ _BAD = {
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What the last lines are made of."""
+    """Data of the summary lines."""
 
     site: str
     is_rehearsal: bool
@@ -135,7 +135,7 @@ class Summary:
 
     @property
     def endings(self) -> dict[str, DeviceEnd]:
-        """Device name to how it ended."""
+        """Result category by device name."""
         return {
             **{name: ending(result) for name, result in self.results.items()},
             **{name: how for name, (how, _) in self.unseen.items()},
@@ -143,16 +143,16 @@ class Summary:
 
     @property
     def warned_devices(self) -> list[str]:
-        """Devices that ended well and have a warning."""
+        """Devices that succeeded with a warning."""
         return [name for name, result in self.results.items() if _is_fine(result) and warnings(result)]
 
     def rows_for_screen(self, width: int = printable.NARROW) -> list[printable.Row]:
-        """The lines, none longer than `width` columns as far as words allow, and eight of them where that is 80."""
+        """Return the summary, wrapped at `width` where words allow; at 80 columns at most eight lines."""
         lines = self._rows(width, _REASON_LINES)
         return lines if len(lines) <= _LINES + 1 else self._rows(width, 1)
 
     def _rows(self, width: int, most: int) -> list[printable.Row]:
-        """`most`: lines of the reason, and of what to do."""
+        """Return the summary; `most`: maximum lines of the reason, and of the advice."""
         style, mark = self._style()
         verdict = _wrap(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
         lines: list[printable.Row] = ["", *(printable.StyledText(line, style) for line in verdict)]
@@ -171,7 +171,7 @@ class Summary:
         return lines
 
     def verdict(self) -> str:
-        """What it came to: a word in capitals, and a sentence."""
+        """Return the verdict: a word in capitals, and a sentence."""
         word, sentence = self._words()
         return f"{translate(word)}: {translate(sentence)}"
 
@@ -203,7 +203,7 @@ class Summary:
         return warning_text if self.warned_devices else whole, sentence
 
     def _good_words(self) -> tuple[str, str, str, str]:
-        """The word for the whole, for a part and for a whole with warnings, and the sentence."""
+        """Return the words for full success, partial success and success with warnings, and the sentence."""
         how = set(self.endings.values())
         if self.is_rehearsal and self.purpose != "plan":
             words = ("REHEARSED", "REHEARSED IN PART", "REHEARSED, WITH WARNINGS")
@@ -218,7 +218,7 @@ class Summary:
         return "LOOKED AT", "LOOKED AT IN PART", "LOOKED AT, WITH WARNINGS", "nothing was sent to a device"
 
     def _changed_words(self) -> str:
-        """Devices of the engine are read back in a new session; of a computer the tasks say what they have done."""
+        """Return the text for changed devices; computers report their tasks, other devices are read back."""
         computers = any("changes" in result for result in self.results.values() if ending(result) is DeviceEnd.CHANGED)
         return "changed as declared" if computers else "changed as declared, and read back"
 
@@ -236,7 +236,7 @@ class Summary:
         return word, single.format(device=devices[0]) if len(devices) == 1 else several.format(count=len(devices))
 
     def _style(self) -> tuple[printable.Style, str]:
-        """Colour and symbol of the verdict: green only where every device was seen and none has a warning."""
+        """Return colour and symbol of the verdict: green only if every device was read and none has a warning."""
         if self.exit is ExitCode.DONE and not self.stopped_by:
             whole = all(how in _ACTIVE_ENDS for how in self.endings.values())
             return (
@@ -258,7 +258,7 @@ class Summary:
         return f"{len(self.endings)}: {', '.join(parts)}"
 
     def _worst(self) -> str:
-        """The device that needs a person first; empty: none does."""
+        """Return the most urgent device; empty if none needs attention."""
         for code in WORST_FIRST:
             if code in {ExitCode.DONE, ExitCode.CHANGES}:
                 break
@@ -268,7 +268,7 @@ class Summary:
         return ""
 
     def _look_at(self, width: int, most: int) -> Iterator[printable.Row]:
-        """The worst device with its reason and what to do about it; else the first warning, else who had no part."""
+        """Yield the most urgent device with reason and advice; else the first warning, else the devices left out."""
         name = self._worst()
         if name:
             result = self.results[name]
@@ -308,14 +308,14 @@ def _limits(number: int) -> str:
 
 
 def _wrap(text: str, width: int, indent: int) -> list[str]:
-    """Lines of at most `width` columns; a word that is longer stays whole, so that it can be copied."""
+    """Wrap text at `width` columns; longer words are not split, so that they can be copied."""
     return textwrap.wrap(
         text, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
     ) or [""]
 
 
 def _label_lines(label: str, text: str, width: int, most: int = 0) -> Iterator[printable.Row]:
-    """Lines behind a label; of a reason only the first ones, the whole stands above."""
+    """Yield lines after a label; of a reason only the first ones, as the full text is printed above."""
     room = max(width - _LABEL, 20)
     lines = _wrap(re.sub(r"\s+", " ", text).strip(), room, 0)
     if most and len(lines) > most:
@@ -325,7 +325,7 @@ def _label_lines(label: str, text: str, width: int, most: int = 0) -> Iterator[p
 
 
 def _command(command: str) -> printable.Row:
-    """What to type next, on one line however long it is: a command with a line end in it cannot be copied."""
+    """Return the next command on one line, however long: with a line break it could not be copied."""
     return _label("next"), command
 
 
@@ -337,7 +337,7 @@ _COMMAND = re.compile(r"(?:`|:\s+)(provision [a-z][^`\n]*?)(?=`|$)")
 
 
 def _advice(hint: str, width: int, most: int) -> Iterator[printable.Row]:
-    """What to do; a command in it that would be cut off stands on a line of its own, so that it can be typed."""
+    """Yield the advice; a command that would be cut off gets its own line."""
     text = re.sub(r"\s+", " ", hint).strip()
     command = _COMMAND.search(text)
     whole = sum(1 for _ in _label_lines("do", text, width)) <= most
@@ -355,7 +355,7 @@ def _cut(line: str, room: int) -> str:
 
 
 def rows_of_plan(results: Iterable[Mapping[str, Any]]) -> tuple[int, int, int]:
-    """Rows to add, to change and to remove in the plans of these results; a computer names changes, not rows."""
+    """Count rows to add, change and remove in the plans; for a computer, count changes."""
     add_count = change_count = remove_count = 0
     for result in results:
         if "changes" in result:
@@ -370,5 +370,5 @@ def rows_of_plan(results: Iterable[Mapping[str, Any]]) -> tuple[int, int, int]:
 
 
 def _pairs(diff_lines: Sequence[str]) -> int:
-    """An old line with the new one of the same row right below it: that row changes in place."""
+    """Count rows changed in place: an old line directly followed by the new line of the same row."""
     return sum(old.startswith("- set") and new.startswith("+ set") for old, new in pairwise(diff_lines))

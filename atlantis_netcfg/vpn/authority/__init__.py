@@ -1,9 +1,9 @@
-"""The authority's folder: what is issued, renewed and revoked there is recorded before it leaves.
+"""The authority's folder: everything issued, renewed and revoked is recorded before it is handed out.
 
-One process at a time writes, under a lock that the kernel frees. Each command is a transaction of the ledger: what a
-killed one left is finished or withdrawn by the next, so that repeating the command is always the way on. Files beside
-the ledger are copies of what it says, or are made out anew from it.
+One process at a time writes, under a lock that the kernel releases. Each command is a transaction of the ledger: what a
+killed one left is completed or withdrawn by the next, so repeating the command is always safe. Files beside the ledger
+are copies of its content, or are created again from it.
 
-    with Authority.open(folder).unlocked(passphrase, who) as signer:
+    with Authority.open(folder).unlock(passphrase, who) as signer:
         signer.issue([EnrolmentRequest(...)], deliver)
 """

@@ -1,9 +1,8 @@
-"""The folder of the authority, as every command opens it: read it, sign with it, change the seal of the CA key.
+"""The authority's folder as used by commands: read it, sign with it, reseal the CA key, or create it.
 
-Make an authority: everything beside the ledger first, then the ledger, all at once.
-
-A folder with a ledger is an authority. One with the mark `founding` and no ledger is what a killed `init` left. It
-holds nothing that anybody has seen, and is made again from the beginning.
+Creation writes everything beside the ledger first, then the ledger, atomically. A folder with a ledger is an authority.
+One with the mark `founding` and no ledger was left by a killed `init`. Nobody has seen its content, and it is created
+again from the beginning.
 """
 
 from __future__ import annotations
@@ -50,12 +49,12 @@ _OWN_FOLDER_HINT = "work as that user, or name a folder of your own: authority=D
 
 
 def is_complete(folder: Path) -> bool:
-    """Whether the folder has an authority."""
+    """Return True if the folder has a complete authority."""
     return (folder / ledger.FILE).exists()
 
 
 def require_authority(folder: Path) -> None:
-    """Raise NoAuthority, or AuthorityDamaged where only the ledger is missing."""
+    """Raise NoAuthority, or CorruptAuthorityError if only the ledger is missing."""
     if is_complete(folder):
         with model.os_errors_as("the authority cannot be read"):
             hold_own(folder, _OWN_FOLDER_HINT)
@@ -67,7 +66,7 @@ def require_authority(folder: Path) -> None:
 
 
 def prepare_folder(folder: Path) -> None:
-    """Make the folder, for its owner alone."""
+    """Create the folder, accessible by its owner only."""
     with model.os_errors_as("there is no place for the authority"):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         hold_own(folder, _OWN_FOLDER_HINT)
@@ -77,7 +76,7 @@ def prepare_folder(folder: Path) -> None:
 
 
 def init_authority(folder: Path, passphrase: Secret, names: model.ServerNames, who: str, sealing: Sealing) -> None:
-    """Make it, under the lock; nothing if it is there. Raises UsageError if it is there for other names."""
+    """Create the authority under the lock; do nothing if it exists. Raises UsageError if it has other names."""
     if is_complete(folder):
         _same_names(folder, names)
     else:
@@ -88,7 +87,7 @@ def init_authority(folder: Path, passphrase: Secret, names: model.ServerNames, w
 
 
 def seal_ca_key(key: Secret, passphrase: Secret, sealing: Sealing) -> bytes:
-    """The CA key as it lies on disk. Raises WeakPassphrase."""
+    """Return the CA key encrypted for storage. Raises WeakPassphrase."""
     encrypt = pki.seal if sealing == "age" else pki.vault_seal
     return encrypt(key.reveal().encode(), passphrase)
 
@@ -129,7 +128,7 @@ def _make(folder: Path, passphrase: Secret, names: model.ServerNames, who: str, 
 
 
 def _check_leftovers(folder: Path) -> None:
-    """Raise AuthorityDamaged if what is there is not what a killed `init` left."""
+    """Raise CorruptAuthorityError if the files are not those of a killed `init`."""
     if not (folder / UNFINISHED_MARK).exists() and (leftovers := _remains(folder)):
         raise model.CorruptAuthorityError(
             f"{folder} has {leftovers}, but not the ledger: nothing can be issued or revoked without it",
@@ -138,7 +137,7 @@ def _check_leftovers(folder: Path) -> None:
 
 
 def _remains(folder: Path) -> str | None:
-    """What only an authority has, if the folder has it."""
+    """Return the files in the folder that only an authority has; None if there are none."""
     names = (model.CA, model.CRL, *model.SEALED_KEY_FILES.values())
     present_names = [name for name in names if (folder / name).exists()]
     return ", ".join(present_names) or None
@@ -155,7 +154,7 @@ def _same_names(folder: Path, names: model.ServerNames) -> None:
 
 
 def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
-    """The CA with its key. Raises NoAuthority, WrongPassphrase, SealDamaged, AuthorityDamaged."""
+    """Return the CA with its key. Raises NoAuthority, WrongPassphrase, CorruptSealError, CorruptAuthorityError."""
     require_authority(folder)
     with model.os_errors_as("the certificate authority cannot be read"):
         certificate = (folder / model.CA).read_text(encoding="ascii")
@@ -184,7 +183,10 @@ def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
 def reseal_ca(
     folder: Path, ledger_session: LedgerSession, passphrases: tuple[Secret, Secret], sealing: Sealing
 ) -> pki.Ca:
-    """Old passphrase and new; recorded, then replaced at once. Gives the CA that was opened for it."""
+    """Record the new passphrase, then replace the sealed key atomically; return the opened CA.
+
+    `passphrases`: old and new.
+    """
     old, new = passphrases
     try:
         ca = unseal_ca(folder, old)
@@ -210,7 +212,7 @@ _DAY = timedelta(days=1)
 def observe_sessions(
     state: LedgerState, sightings: Mapping[str, datetime]
 ) -> tuple[list[records.Record], model.SessionObservation]:
-    """What is new, as records, and what it means."""
+    """Return the new observations as records, and their consequences."""
     members = {state.issued[name].name: None for name in sightings if name in state.issued}
     new: list[records.Record] = []
     withdrawn: list[str] = []
@@ -247,24 +249,24 @@ def _after_its_end(certificate: identity.Certificate, last: datetime | None) -> 
 
 
 class Authority:
-    """A folder with a CA, its ledger, and what follows from it. Reading takes no lock and no passphrase."""
+    """A folder with a CA, its ledger, and derived files. Reading needs no lock and no passphrase."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     @classmethod
     def exists(cls, folder: Path) -> bool:
-        """Whether the folder has a complete authority."""
+        """Return True if the folder has a complete authority."""
         return is_complete(folder)
 
     @classmethod
     def init(
         cls, folder: Path, passphrase: Secret, server_names: model.ServerNames, who: str, sealed_by: Sealing = "age"
     ) -> Authority:
-        """Found an authority: CA, server certificate, tls-crypt keys, an empty list.
+        """Create an authority: CA, server certificate, tls-crypt keys, an empty revocation list.
 
-        Killed at any moment, the repeat begins anew; a complete one is never overwritten: it is returned if it was
-        founded with the same names, else UsageError.
+        If killed at any moment, the repeat starts anew. A complete one is never overwritten: it is returned if it was
+        created with the same names, else UsageError.
         """
         prepare_folder(folder)
         with model.Lock(folder, who):
@@ -273,39 +275,39 @@ class Authority:
 
     @classmethod
     def open(cls, folder: Path) -> Authority:
-        """The authority of a folder. Raises NoAuthority."""
+        """Return the authority of a folder. Raises NoAuthority."""
         require_authority(folder)
         return cls(folder)
 
     def membership(self) -> identity.MembershipList:
-        """Who is in the VPN. Raises LedgerDamaged."""
+        """Return the members of the VPN. Raises CorruptLedgerError."""
         return self._state().membership()
 
     def history(self) -> tuple[LedgerEntry, ...]:
-        """Every entry of the ledger, oldest first. Raises LedgerDamaged."""
+        """Return every entry of the ledger, oldest first. Raises CorruptLedgerError."""
         return ledger.read(self.folder / ledger.FILE).sound().entries
 
     def server(self) -> model.ServerNames:
-        """What the server's certificate is made out to. Raises LedgerDamaged."""
+        """Return the names in the server's certificate. Raises CorruptLedgerError."""
         server = self._state().server
         if server is None:
             raise model.CorruptAuthorityError("the ledger names no server", hint="restore the ledger from a backup")
         return names_of(server)
 
     def opening_bytes(self) -> int:
-        """Memory that opening the CA key takes; 0: none to speak of."""
+        """Return the memory needed to open the CA key; 0 if negligible."""
         with model.os_errors_as("the CA key cannot be read"):
             path = self.folder / model.SEALED_KEY_FILES["age"]
             return pki.opening_bytes(path.read_bytes()) if path.exists() else 0
 
     def handed_out(self, common_name: str) -> records.DeliveryRecord | None:
-        """What was recorded last of a certificate's file; None: it was never handed out. Raises LedgerDamaged."""
+        """Return the last delivery record of a certificate; None if never delivered. Raises CorruptLedgerError."""
         return self._state().delivered.get(common_name)
 
     def crl(self) -> bytes:
-        """The published list, PEM.
+        """Return the published revocation list, PEM.
 
-        Raises CrlRefused if no server may have it, AuthorityDamaged if it is not the one that the record names.
+        Raises InvalidCrlError if no server may use it, CorruptAuthorityError if it is not the recorded one.
         """
         with model.os_errors_as("the revocation list cannot be read"):
             pem = (self.folder / model.CRL).read_bytes()
@@ -319,17 +321,17 @@ class Authority:
         return pem
 
     def beyond(self, pem: bytes) -> str | None:
-        """What a list that a server has says beyond this record, in words; None: nothing, or it is not of this CA."""
+        """Describe what a server's list contains beyond this record; None: nothing, or it is another CA's list."""
         with model.os_errors_as("the certificate authority cannot be read"):
             ca = pki.load_cert((self.folder / model.CA).read_text(encoding="ascii"))
         return beyond_record(self.folder, self._state(), ca, pem)
 
     def check(self, now: datetime | None = None) -> list[str]:
-        """Problems, in words: ledger, certificates, list, expiries; never raises for what it finds."""
+        """Return the problems as text: ledger, certificates, list, expiries; never raises for a problem."""
         return list(problems(self.folder, ledger.utc_now() if now is None else now))
 
     def agreement(self) -> Agreement:
-        """Whether the record is as it was signed, and agrees with certificates and list. Raises LedgerDamaged."""
+        """Compare the record with its signature, the certificates and the list. Raises CorruptLedgerError."""
         return agreement(self.folder)
 
     @contextmanager
@@ -341,11 +343,11 @@ class Authority:
         waiting: Callable[[str], None] | None = None,
         trust_clock: bool = False,
     ) -> Iterator[Signer]:
-        """Sign. One process at a time: waits up to 60 s, and tells `waiting` once, in words, for whom.
+        """Open a signing session. One process at a time: waits up to 60 s, calling `waiting` once with the holder.
 
-        What a killed command left is finished or withdrawn first. `trust_clock`: sign although the clock stands before
-        the last record, because that record's was wrong. Raises WrongPassphrase, AuthorityBusy, LedgerDamaged,
-        ClockBehind, AuthorityFailed.
+        What a killed command left is completed or withdrawn first. `trust_clock`: sign although the clock is before the
+        last record, because that record's time was wrong. Raises WrongPassphrase, AuthorityBusy, CorruptLedgerError,
+        ClockBehind, AuthorityError.
         """
         # Asked and opened before the lock: nobody waits for somebody who looks for the note with the passphrase.
         ca = unseal_ca(self.folder, passphrase())
@@ -385,9 +387,9 @@ class Authority:
             yield exit_stack.enter_context(LedgerSession(self.folder, who or _me())), lock.left
 
     def record_sessions(self, sightings: Mapping[str, datetime], who: str = "") -> model.SessionObservation:
-        """Record which common names the server had sessions of, and when last; an older certificate is superseded.
+        """Record the common names with sessions on the server, and when last; older certificates are superseded.
 
-        Recorded is what was not seen before, and a later time when a day has passed: the server keeps the exact ones.
+        Recorded are new names, and a later time after a day has passed: the server keeps the exact times.
         """
         if not observe_sessions(self._state(), sightings)[0]:
             return observe_sessions(self._state(), sightings)[1]
@@ -397,7 +399,7 @@ class Authority:
         return answer
 
     def confirm_revocations(self, common_names: Iterable[str], who: str = "") -> None:
-        """Record that the server confirmed: these revoked certificates have no session and get none."""
+        """Record the server's confirmation that these revoked certificates have no session and are refused."""
         name_set = set(common_names)
         if not name_set.intersection(self.membership().queued_names):
             return
@@ -406,7 +408,7 @@ class Authority:
             ledger_session.write([records.SettlementRecord(common_name=item) for item in out], new_operation())
 
     def record_delivery(self, common_name: str, file: model.HandoutFile, who: str = "") -> None:
-        """Record that a member's file was made out or handed over once more. Raises UsageError for a revoked one."""
+        """Record that a member's file was created or delivered again. Raises UsageError for a revoked one."""
         with self._writing(who) as (ledger_session, _):
             good = {
                 certificate.common_name
@@ -422,7 +424,7 @@ class Authority:
             ledger_session.write([record], new_operation())
 
     def reseal(self, old: Secret, new: Secret, who: str, sealed_by: Sealing = "age") -> None:
-        """Put the CA key under another passphrase. Once more after it was done: nothing is left to do."""
+        """Encrypt the CA key with another passphrase. Repeating it has no effect."""
         with self._writing(who) as (ledger_session, _):
             ca = reseal_ca(self.folder, ledger_session, (old, new), sealed_by)
             sign_head(self.folder, ledger_session, ca)

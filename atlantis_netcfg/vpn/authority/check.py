@@ -1,4 +1,4 @@
-"""Problems of the folder, in words, for `status` and `audit`: each is looked for, whatever the others are."""
+"""Problems of the folder as text, for `status` and `audit`; each check runs independently of the others."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _WITHOUT_KEY = (records.SightingRecord, records.SupersedeRecord, records.Settlem
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """What was compared, and what does not agree."""
+    """Compared ledger lines, and disagreements."""
 
     lines: int
     signed_lines: int
@@ -44,7 +44,7 @@ class Agreement:
 
 
 def problems(folder: Path, now: datetime) -> Iterator[str]:
-    """What a person has to look at."""
+    """Yield the problems that the user has to look at."""
     try:
         reading, state, ca = _load_authority(folder)
     except (NetcfgError, OSError, ValueError) as error:
@@ -59,7 +59,7 @@ def problems(folder: Path, now: datetime) -> Iterator[str]:
 
 
 def agreement(folder: Path) -> Agreement:
-    """Compare the record with its signature, the certificates and the list. Raises LedgerDamaged, AuthorityFailed."""
+    """Compare record, signature, certificates and list. Raises CorruptLedgerError, AuthorityError."""
     with os_errors_as("the authority cannot be read"):
         reading, state, ca = _load_authority(folder)
     reading.sound()
@@ -81,7 +81,7 @@ def _is_of_ledger(state: LedgerState, ca: x509.Certificate) -> bool:
 def _head(
     folder: Path, reading: Reading, state: LedgerState, ca: x509.Certificate
 ) -> ledger_session.Head | NetcfgError | None:
-    """What was signed last, or what is wrong with it; None: the ledger is damaged, or nobody's key can confirm it."""
+    """Return the last signed head, or what is wrong with it; None if the ledger is damaged or of another CA."""
     if reading.damage is not None or not _is_of_ledger(state, ca):
         return None
     try:
@@ -99,7 +99,7 @@ def _disagreements(
     ca: x509.Certificate,
     head: ledger_session.Head | NetcfgError | None,
 ) -> Iterator[str]:
-    """What the ledger says that its head, the certificates, the list do not say, and the other way round."""
+    """Yield contradictions between the ledger and its head, the certificates and the list, in both directions."""
     if not _is_of_ledger(state, ca):
         yield f"{model.CA} is not the certificate authority of the ledger"
         return
@@ -120,7 +120,7 @@ def _disagreements(
 def _check_unsigned_lines(
     folder: Path, reading: Reading, state: LedgerState, head: ledger_session.Head
 ) -> Iterator[str]:
-    """Lines after the head that only a command with the CA key writes."""
+    """Yield lines after the head that only a command with the CA key can write."""
     # A command that runs, or was killed, has lines of its own there.
     if state.open or is_held(folder):
         return

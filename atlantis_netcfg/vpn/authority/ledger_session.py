@@ -1,4 +1,4 @@
-"""The ledger while it is written, its signed head, and what signing needs: server certificate, revocation list."""
+"""The ledger open for writing, its signed head, server certificate and revocation list."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SLACK = timedelta(minutes=2)
 
 
 class LedgerSession:
-    """Opened by the one who holds the lock. Raises LedgerDamaged, LedgerFailed."""
+    """The ledger open for writing, under the lock. Raises CorruptLedgerError, LedgerError."""
 
     def __init__(self, folder: Path, who: str) -> None:
         self._ledger = Ledger(folder / FILE)
@@ -47,7 +47,7 @@ class LedgerSession:
 
     @property
     def usable(self) -> bool:
-        """Whether it can still be written to."""
+        """True if it can still be written to."""
         return self._ledger.usable
 
     @property
@@ -56,12 +56,12 @@ class LedgerSession:
         return self._ledger.digests
 
     def now(self) -> datetime:
-        """The time for what is recorded and signed: this computer's, and never before the last record."""
+        """Return the time to record and sign: this computer's, but never before the last record."""
         now = utc_now()
         return now if self.state.last is None else max(now, self.state.last)
 
     def check_clock(self, *, is_trusted: bool) -> None:
-        """Raise ClockBehind if the clock stands before the last record; `is_trusted`: record that it is right."""
+        """Raise ClockBehind if the clock is before the last record; `is_trusted`: record that it is right."""
         now, last = utc_now(), self.state.last
         if last is None or now >= last - SLACK:
             return
@@ -75,11 +75,11 @@ class LedgerSession:
         self._apply([ClockTrustRecord(before=last)], new_operation(), now)
 
     def write(self, records: Sequence[Record], operation: str) -> None:
-        """Put records on disk, all or none as far as a disk can. Raises LedgerFailed."""
+        """Write records to disk, all or none as far as a disk can. Raises LedgerError."""
         self._apply(records, operation, self.now())
 
     def close(self) -> None:
-        """Nothing is pending."""
+        """Close the ledger; no write is pending."""
         self._ledger.close()
 
     def __enter__(self) -> Self:
@@ -94,7 +94,7 @@ class LedgerSession:
 
 
 def new_operation() -> str:
-    """What the records of one command have in common."""
+    """Return a new id shared by the records of one command."""
     return secrets.token_hex(6)
 
 
@@ -107,13 +107,13 @@ _WHAT = b"head of the record of an ATLANTIS VPN authority\n"
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """What was signed last.
+    """The last signed position of the ledger.
 
-    The last line of the ledger when a command last had the CA key open. The chain of the lines needs no key: whoever
-    may write the file can make a new chain, or remove its end. A head cannot be made without the key. Lines that are
-    written without a key stand after it: who was seen, who is out.
+    It is the last line of the ledger when a command last had the CA key open. The hash chain of the lines needs no key:
+    anybody who may write the file can make a new chain, or remove its end. A head cannot be made without the key. Lines
+    written without a key come after it: sightings of members, and confirmed revocations.
 
-    An authority that an older version founded has no head until a command opens its CA key. If lines are cut off before
+    An authority created by an older version has no head until a command opens its CA key. If lines are cut off before
     that, only the certificates, the list and the server show it. Whoever cuts lines off later must also remove the head
     and every line since, which restores an old copy: the server shows that.
     """
@@ -124,7 +124,7 @@ class Head:
     at: datetime
 
     def hold(self, digests: Sequence[str]) -> None:
-        """Raise AuthorityDamaged unless these lines begin with those that were signed."""
+        """Raise CorruptAuthorityError unless these lines begin with the signed ones."""
         on = f"{self.at:%Y-%m-%d %H:%M} UTC"
         if len(digests) < self.line:
             raise model.CorruptAuthorityError(
@@ -142,14 +142,14 @@ _NONE = Head(0, "", datetime.min.replace(tzinfo=UTC))
 
 
 def new_head(ca: pki.Ca, line: int, digest: str, at: datetime) -> bytes:
-    """The file of such a head."""
+    """Return the content of the head file, with signature."""
     values = {"line": line, "sha256": digest, "at": at.isoformat()}
     signature = base64.b64encode(pki.sign(ca.key, _text(values))).decode("ascii")
     return json.dumps({**values, "signature": signature}).encode() + b"\n"
 
 
 def sign_head(folder: Path, ledger_session: LedgerSession, ca: pki.Ca) -> None:
-    """Sign the last line, unless that was done. Raises AuthorityFailed."""
+    """Sign the last line, unless already signed. Raises AuthorityError."""
     line = len(ledger_session.digests)
     if read_head(folder, ca.certificate, ledger_session.state).line < line:
         with model.os_errors_as("the head of the record cannot be written"):
@@ -157,7 +157,7 @@ def sign_head(folder: Path, ledger_session: LedgerSession, ca: pki.Ca) -> None:
 
 
 def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
-    """The head of a folder; of no line where an older version founded it. Raises AuthorityDamaged, AuthorityFailed."""
+    """Read the head; line 0 for a folder of an older version. Raises CorruptAuthorityError, AuthorityError."""
     with model.os_errors_as("the head of the record cannot be read"):
         try:
             data = (folder / HEAD_FILE).read_bytes()
@@ -192,7 +192,7 @@ SOON = timedelta(days=90)
 def new_server_certificate(
     ca: pki.Ca, names: model.ServerNames, now: datetime
 ) -> tuple[dict[str, bytes], ServerIssueRecord]:
-    """A key and a certificate as files, and their record."""
+    """Create a server key and certificate; return them as files, with their record."""
     key = pki.new_key(identity.KeyType.EC)
     certificate = pki.new_server(
         ca, key.public_key(), names.common_name, names.dns, names.addresses, pki.new_serial(), now
@@ -214,17 +214,17 @@ def new_server_certificate(
 
 
 def names_of(record: ServerIssueRecord) -> model.ServerNames:
-    """The names that it is issued for."""
+    """Return the names in a server certificate."""
     return model.ServerNames(record.common_name, record.dns, record.addresses)
 
 
 def needs_another(record: ServerIssueRecord | None, names: model.ServerNames, now: datetime) -> bool:
-    """Whether the one that is recorded is for other names, or ends soon."""
+    """Return True if the server certificate is missing, is for other names, or expires soon."""
     return record is None or names_of(record) != names or record.not_after - now < SOON
 
 
 def is_sound(folder: Path, record: ServerIssueRecord) -> bool:
-    """Whether the files are the recorded certificate and its key: they are written one after the other."""
+    """Return True if the files are the recorded certificate and its key; they are written one after the other."""
     try:
         certificate = pki.load_cert((folder / model.SERVER_CERT).read_text(encoding="ascii"))
         key = pki.load_key(Secret((folder / model.SERVER_KEY).read_text(encoding="ascii")))
@@ -235,9 +235,9 @@ def is_sound(folder: Path, record: ServerIssueRecord) -> bool:
 
 @dataclass(frozen=True)
 class SigningSession:
-    """What a command that signs works with; one per command.
+    """Resources of one command that signs.
 
-    The folder, the ledger open for writing, the CA with its key; held under the lock.
+    The folder, the ledger open for writing, and the CA with its key; held under the lock.
     """
 
     folder: Path
@@ -250,17 +250,17 @@ class SigningSession:
         return pki.cert_pem(self.ca.certificate)
 
     def wrap_key(self, wrap: identity.Wrap, common_name: str) -> Secret:
-        """Key of a member's control channel."""
+        """Return the key of a member's control channel."""
         if wrap is identity.Wrap.TLS_CRYPT:
             return self._shared_key
         return pki.client_key(self._server, f"cn={common_name}".encode())
 
     def publish(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
-        """Put a list in place that says what the record says, and what a list says that is taken over."""
+        """Publish the list for the recorded state, plus the entries of `also`."""
         return publish_crl(self.folder, self.ledger, self.ca, operation, also)
 
     def serve(self, names: model.ServerNames) -> None:
-        """Make the server a new key and certificate."""
+        """Create a new key and certificate for the server."""
         operation = new_operation()
         files, record = new_server_certificate(self.ca, names, self.ledger.now())
         self.ledger.write([BeginRecord(command="serve"), record], operation)
@@ -270,9 +270,9 @@ class SigningSession:
         self.ledger.write([CommitRecord()], operation)
 
     def recover(self, *, was_killed: bool) -> None:
-        """Finish or withdraw what commands before this one left; `was_killed`: the last one was killed.
+        """Complete or withdraw what earlier commands left; `was_killed`: the last one was killed.
 
-        What is wrong is found by looking, not by remembering: this may be killed as well.
+        Problems are detected from the files, not remembered, since this command may be killed as well.
         """
         with model.os_errors_as("the authority cannot be put in order"):
             if was_killed or self.ledger.state.open:
@@ -316,7 +316,7 @@ FRESH = timedelta(days=60)
 
 
 def revoked_serials(state: LedgerState) -> list[pki.RevokedSerial]:
-    """What must be on the list."""
+    """Return the serials that must be on the revocation list."""
     ours = (
         pki.RevokedSerial(certificate.serial, certificate.revoked)
         for _, certificate in state.membership().certificates()
@@ -328,7 +328,7 @@ def revoked_serials(state: LedgerState) -> list[pki.RevokedSerial]:
 def sign_crl(
     ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datetime
 ) -> tuple[bytes, PublicationRecord]:
-    """A list with its record. Raises CrlRefused: never one that a server could not have now."""
+    """Return a signed list with its record. Raises InvalidCrlError if a server could not accept it now."""
     back = max(now - CRL_BACKDATE, ca.certificate.not_valid_before_utc)
     pem = pki.new_crl(ca, lines, number, back, pki.CRL_DAYS + CRL_BACKDATE.days)
     facts = pki.check_crl(pem, ca.certificate, above=number - 1, now=now)
@@ -339,7 +339,7 @@ def sign_crl(
 def publish_crl(
     folder: Path, ledger_session: LedgerSession, ca: pki.Ca, operation: str, also: pki.CrlFacts | None = None
 ) -> bytes:
-    """Sign the list of the record's state, record it, and put it in place; PEM. `also`: a list that is taken over."""
+    """Sign, record and store the list of the recorded state; return PEM. `also`: a list that is taken over."""
     path, membership, now = folder / model.CRL, ledger_session.state.membership(), ledger_session.now()
     before = [entry for entry in (_in_place(path, ca.certificate), also) if entry is not None]
     above = max(membership.crl_number, *(crl_facts.number for crl_facts in before), 0)
@@ -356,7 +356,7 @@ def publish_crl(
 
 
 def is_crl_due(folder: Path, ledger_session: LedgerSession, ca: pki.Ca) -> bool:
-    """Whether the list in place is not the one that the record asks for, or is getting old."""
+    """Return True if the stored list differs from the record, or is getting old."""
     membership, now = ledger_session.state.membership(), ledger_session.now()
     try:
         facts = pki.check_crl((folder / model.CRL).read_bytes(), ca.certificate, above=None, now=now)
@@ -367,7 +367,7 @@ def is_crl_due(folder: Path, ledger_session: LedgerSession, ca: pki.Ca) -> bool:
 
 
 def beyond_record(folder: Path, state: LedgerState, ca: x509.Certificate, pem: bytes) -> str | None:
-    """What a list that a server has says beyond the record, in words; None: nothing, or it is not of this CA."""
+    """Describe what a server's list contains beyond the record; None: nothing, or it is another CA's list."""
     try:
         there = pki.read_crl(pem, ca)
     except pki.InvalidCrlError:
@@ -393,7 +393,7 @@ def beyond_record(folder: Path, state: LedgerState, ca: x509.Certificate, pem: b
 
 
 def _in_place(path: Path, ca: x509.Certificate) -> pki.CrlFacts | None:
-    """The list of ours that is there, also an expired one."""
+    """Return our stored list, even if expired; None if there is none."""
     try:
         return pki.read_crl(path.read_bytes(), ca)
     except (OSError, pki.InvalidCrlError):

@@ -1,8 +1,7 @@
-"""What is requested of the authority, what it answers, and what can go wrong with its folder.
+"""Requests and results of the authority, its errors, and the files of its folder.
 
-The files of the folder: their names, their copies, and the lock. One process at a time writes.
-
-The kernel frees the lock when its process dies.
+The files: their names, their copies, and the lock. One process at a time writes. The kernel releases the lock when its
+process dies.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ CLIENT_DAYS = 397
 
 @dataclass(frozen=True, slots=True)
 class ServerNames:
-    """What the server's certificate is made out to; clients compare it with what they connect to."""
+    """Names in the server's certificate; clients compare them with the address they connect to."""
 
     common_name: str
     dns: tuple[str, ...]
@@ -68,7 +67,7 @@ class EnrolmentRequest:
 
 @dataclass(frozen=True, slots=True)
 class RenewalRequest:
-    """What a renewal changes; None: as the newest certificate has it."""
+    """Changes made by a renewal; None: as in the newest certificate."""
 
     days: int | None = None
     """How long the successor is good for; None: a year and a month."""
@@ -82,7 +81,7 @@ class RenewalRequest:
 
 @dataclass(frozen=True, slots=True)
 class HandoutFile:
-    """The one file that a member gets: it is on disk, whole, mode 0600."""
+    """The single file for a member: on disk, complete, mode 0600."""
 
     path: str
     sha256: str
@@ -103,7 +102,7 @@ class IssueResult:
 
 @dataclass(frozen=True, slots=True)
 class RevocationResult:
-    """What must be dead now."""
+    """Certificates that must no longer be accepted."""
 
     common_names: tuple[str, ...]
     """Every certificate of these members that was ever handed out: no session of any of them may live."""
@@ -116,7 +115,7 @@ class RevocationResult:
 
 @dataclass(frozen=True, slots=True)
 class SessionObservation:
-    """What the server's sessions mean for the record."""
+    """Consequences of the server's sessions for the record."""
 
     superseded_names: tuple[str, ...]
     """Common names that are admitted no more from now on, because a successor was seen."""
@@ -127,11 +126,11 @@ class SessionObservation:
 
 
 class NoAuthority(errors.UsageError):
-    """There is no authority in the folder."""
+    """The folder contains no authority."""
 
 
 class NoSuchMember(errors.UsageError, LookupError):
-    """There is no member of this name."""
+    """There is no member with this name."""
 
 
 class OtherMember(errors.UsageError):
@@ -139,7 +138,7 @@ class OtherMember(errors.UsageError):
 
 
 class AddressTaken(errors.UsageError):
-    """The address is in use, or cannot be given to a member."""
+    """The address is in use, or not allowed for a member."""
 
 
 class PoolFull(errors.UsageError):
@@ -147,32 +146,32 @@ class PoolFull(errors.UsageError):
 
 
 class AuthorityBusy(errors.NetcfgError):
-    """Somebody else works on the authority, and did not end in time. Nothing was changed."""
+    """Another process uses the authority, and did not finish in time. Nothing was changed."""
 
     exit = errors.ExitCode.FAILED
 
 
 class AuthorityError(errors.NetcfgError):
-    """A file could not be written: what is recorded stands, and the same command again goes on from there."""
+    """A file could not be written; what is recorded stays, and the same command continues from there."""
 
     exit = errors.ExitCode.FAILED
 
 
 class CorruptAuthorityError(errors.NetcfgError):
-    """The folder is not what its record says: nothing is signed before a person has looked."""
+    """The folder contradicts its record: nothing is signed until the user has checked it."""
 
     exit = errors.ExitCode.FAILED
 
 
 class ClockBehind(errors.NetcfgError):
-    """This computer's clock stands before the last record: what it would sign might not be valid, or end too early."""
+    """This computer's clock is before the last record: new signatures might be invalid, or expire too early."""
 
     exit = errors.ExitCode.FAILED
 
 
 @contextmanager
 def os_errors_as(what: str) -> Iterator[None]:
-    """Turn an OSError into AuthorityFailed, with a message for a person."""
+    """Convert an OSError to AuthorityError, with a message for the user."""
     try:
         yield
     except OSError as error:
@@ -195,19 +194,19 @@ TLS_CRYPT = f"{SERVER}/tls-crypt.key"
 
 
 def folders(folder: Path) -> None:
-    """Make those that are missing, for their owner alone."""
+    """Create missing subfolders, accessible by the owner only."""
     for name in (CERTS, SERVER, "hosts", "handouts"):
         (folder / name).mkdir(mode=0o700, exist_ok=True)
 
 
 def copy_of(record: IssueRecord) -> bytes:
-    """The certificate as `certs/` has it, PEM."""
+    """Return the certificate as stored in `certs/`, PEM."""
     rows = "\n".join(record.der[start : start + 64] for start in range(0, len(record.der), 64))
     return f"-----BEGIN CERTIFICATE-----\n{rows}\n-----END CERTIFICATE-----\n".encode()
 
 
 def restore_copies(folder: Path, records: Iterable[IssueRecord]) -> None:
-    """Write the certificates of the record that `certs/` lacks, or has otherwise."""
+    """Write recorded certificates that are missing in `certs/` or differ there."""
     for item in records:
         path = folder / CERTS / f"{item.common_name}.pem"
         data = copy_of(item)
@@ -217,14 +216,14 @@ def restore_copies(folder: Path, records: Iterable[IssueRecord]) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove what killed commands had not put in place: it may be half a file, or hold a key."""
+    """Remove temporary files of killed commands, which may be incomplete or contain a key."""
     for path in folder.rglob(".*"):
         if atomic_files.DRAFT.fullmatch(path.name) and not path.is_dir():
             path.unlink(missing_ok=True)
 
 
 def forget(path: Path) -> None:
-    """Remove a file for good."""
+    """Delete a file and sync the directory."""
     path.unlink(missing_ok=True)
     atomic_files.sync_directory(path.parent)
 
@@ -289,7 +288,7 @@ class Lock:
             time.sleep(_PAUSE_S)
 
     def _sign(self) -> None:
-        """Say who we are. The name is a courtesy to who waits: a full disk does not make the lock weaker."""
+        """Write our name into the lock file. It is for information only: on a full disk the lock still works."""
         data = json.dumps(asdict(LockHolder.me(f"as {self._who}"))).encode()
         with suppress(OSError):
             os.ftruncate(self._descriptor, 0)
@@ -303,7 +302,7 @@ class Lock:
 
 
 def is_held(folder: Path) -> bool:
-    """Whether somebody works on the authority now."""
+    """Return True if a process holds the lock of the authority."""
     try:
         descriptor = os.open(folder / LOCK_FILE, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:

@@ -1,8 +1,7 @@
-"""What is done with the CA key while its lock is held: issue, renew, revoke, publish.
+"""Operations with the CA key, under its lock: issue, renew, revoke, publish.
 
-Certificates are made, recorded, handed out, and recorded again: in that order, and in batches.
-
-What the requests result in: pure. All of them are checked before the first certificate is made.
+Certificates are created, recorded, delivered, and the delivery is recorded: in that order, and in batches. The planning
+of requests is pure; all of them are checked before the first certificate is created.
 """
 
 from __future__ import annotations
@@ -33,10 +32,10 @@ _TWO_ENDS = 30
 
 
 class AddressPool:
-    """The tunnel addresses of the members while new ones are assigned, in memory. A member keeps its address.
+    """Tunnel addresses of the members during assignment, in memory. A member keeps its address.
 
-    Those that nobody ever had come first. An address of a member that was revoked is given again when nothing else is
-    left, the one that rests longest first, and never before the server has confirmed that the member is out.
+    Addresses never used come first. The address of a revoked member is reused only if nothing else is left, the one
+    unused for the longest time first, and never before the server has confirmed that the member is disconnected.
     """
 
     def __init__(self, membership: identity.MembershipList, reserved_addresses: Collection[IPv4Address] = ()) -> None:
@@ -52,12 +51,12 @@ class AddressPool:
         self._fresh: dict[IPv4Network, Iterator[IPv4Address]] = {}
 
     def free(self, member: identity.Member) -> None:
-        """Let go of the address of a member that was never handed out: it may take the same, or another."""
+        """Release the address of a member whose certificate was never delivered: it may get the same, or another."""
         if self._used.get(member.address) == f"`{member.name}`":
             del self._used[member.address]
 
     def take(self, address: IPv4Address, pool: IPv4Network | None, name: str) -> IPv4Address:
-        """A declared address. Raises AddressTaken."""
+        """Assign an address of the inventory. Raises AddressTaken."""
         if pool is not None and not _usable(address, pool):
             raise model.AddressTaken(
                 f"{address} of `{name}` is no device's address of {pool}", hint=f"take one inside {pool}"
@@ -70,7 +69,7 @@ class AddressPool:
         return address
 
     def give(self, pool: IPv4Network, name: str) -> IPv4Address:
-        """The next one of a pool. Raises PoolFull."""
+        """Return the next address of a pool. Raises PoolFull."""
         for address in self._fresh.setdefault(pool, iter(pool.hosts())):
             if address not in self._used and address not in self._resting:
                 return self.take(address, pool, name)
@@ -89,7 +88,7 @@ def _usable(address: IPv4Address, pool: IPv4Network) -> bool:
 
 
 def _out_since(member: identity.Member, queued_names: set[str]) -> datetime | None:
-    """When the member was out, as the server confirmed; None while its address is not free."""
+    """Return when the server confirmed the revocation; None while the address is not free."""
     when = [entry.revoked for entry in member.certificates if entry.revoked is not None]
     current = len(when) < len(member.certificates) or queued_names.intersection(
         certificate.common_name for certificate in member.certificates
@@ -103,7 +102,7 @@ _TEXT = 200
 
 @dataclass(frozen=True, slots=True)
 class PlannedCertificate:
-    """One certificate that shall be made."""
+    """A certificate to be created."""
 
     member: identity.Member
     """As it will be, its new certificate aside."""
@@ -121,7 +120,7 @@ def plan_issue(
     requests: Sequence[model.EnrolmentRequest],
     reserved_addresses: Collection[IPv4Address],
 ) -> list[PlannedCertificate | identity.Member]:
-    """What to make for each request, in their order; a Member where there is nothing to make. Raises UsageError."""
+    """Plan each request, in order; an existing Member if nothing is to be created. Raises UsageError."""
     addresses = AddressPool(membership, reserved_addresses)
     members = [_find_member(membership, request) for request in requests]
     _refuse_repeated([request.name for request in requests])
@@ -143,7 +142,7 @@ def plan_issue(
 
 
 def plan_renewal(member: identity.Member, change: model.RenewalRequest) -> PlannedCertificate:
-    """The successor of a member's certificate. Raises UsageError."""
+    """Plan the successor of a member's certificate. Raises UsageError."""
     if not member.good:
         raise errors.UsageError(
             f"`{member.name}` was revoked: it gets no certificate any more",
@@ -170,7 +169,7 @@ def plan_renewal(member: identity.Member, change: model.RenewalRequest) -> Plann
 
 
 def known_member(membership: identity.MembershipList, name: str) -> identity.Member:
-    """The member of that name. Raises NoSuchMember."""
+    """Return the member with that name. Raises NoSuchMember."""
     if (member := membership.members.get(name)) is not None:
         return member
     near = errors.nearest(name, membership.members)
@@ -181,7 +180,7 @@ def known_member(membership: identity.MembershipList, name: str) -> identity.Mem
 
 
 def _find_member(membership: identity.MembershipList, request: model.EnrolmentRequest) -> identity.Member | None:
-    """The member that the request is about, if there is one."""
+    """Return the existing member for a request, if there is one."""
     _check(request)
     member = names.check_free(request.name, request.partner, request.device, membership)
     if member is None:
@@ -216,7 +215,7 @@ def _check(request: model.EnrolmentRequest) -> None:
 
 
 def _same(request: model.EnrolmentRequest, member: identity.Member) -> None:
-    """Refuse a request that differs from the existing member of that name: nothing of it is changed in passing."""
+    """Refuse a request that differs from the existing member: a repeat changes nothing."""
     newest = member.good[-1]
     pairs = (
         ("kind", member.kind, request.kind),
@@ -239,7 +238,7 @@ def _same(request: model.EnrolmentRequest, member: identity.Member) -> None:
 
 
 def _fixed_address(request: model.EnrolmentRequest, member: identity.Member | None) -> IPv4Address | None:
-    """The address that is not ours to choose: declared, or what a member got that was never handed out."""
+    """Return the predetermined address: from the inventory, or that of a member never delivered."""
     if member is None:
         return request.address
     if member.good:
@@ -277,7 +276,7 @@ def _plan_certificate(
 
 
 def _next_name(member: identity.Member) -> str:
-    """A common name is never used twice, also where the one before was never handed out."""
+    """Return the next common name; none is used twice, even if its certificate was never delivered."""
     used: tuple[identity.Certificate, ...] = member.certificates
     return member.name if not used else f"{member.name}.{len(used) + 1}"
 
@@ -289,7 +288,7 @@ def _refuse_repeated(request_names: list[str]) -> None:
 
 
 def printable_text(message: str, what: str) -> str:
-    """A person's words, as they may be printed. Raises UsageError."""
+    """Check that a user's text is printable, short and on one line. Raises UsageError."""
     if not message.isprintable() or len(message) > _TEXT:
         raise errors.UsageError(
             f"{what} is no short text in one line: {ascii(message)[:_TEXT]}", hint="write a word or two"
@@ -304,7 +303,7 @@ REPLACED_REASON = "replaced before it was seen in use"
 
 @dataclass(frozen=True, slots=True)
 class _MadeCertificate:
-    """A certificate that nobody but this process has."""
+    """A certificate known only to this process."""
 
     plan: PlannedCertificate
     record: records.IssueRecord
@@ -317,9 +316,9 @@ def hand_out(
     plans: Sequence[PlannedCertificate],
     deliver: Callable[[identity.Identity], model.HandoutFile],
 ) -> None:
-    """Make these certificates and hand them out; each is on disk in the ledger before `deliver` sees it.
+    """Create and deliver these certificates; each is in the ledger on disk before `deliver` is called.
 
-    If anything fails, what was handed out stands, the rest is withdrawn, and the error goes on.
+    If anything fails, delivered certificates stay valid, the rest is withdrawn, and the error is raised again.
     """
     operation = ledger_session.new_operation()
     try:
@@ -425,14 +424,14 @@ LOST_COPY_REASON = "revoked by the server's list, which a copy of the authority 
 
 
 class Signer:
-    """Comes from `Authority.unlocked()`; valid inside that block only."""
+    """Created by `Authority.unlock()`; valid only inside that block."""
 
     def __init__(self, session: ledger_session.SigningSession) -> None:
         self._session = session
 
     @property
     def membership(self) -> identity.MembershipList:
-        """The members after what this signer has done."""
+        """The members, including the changes of this signer."""
         return self._session.ledger.state.membership()
 
     def issue(
@@ -442,11 +441,11 @@ class Signer:
         *,
         reserved_addresses: Collection[IPv4Address] = (),
     ) -> tuple[model.IssueResult, ...]:
-        """Make members, all checked before the first is made; results are in the order of the requests.
+        """Create members, all checked before the first is created; results are in the order of the requests.
 
-        `deliver` is called when the certificate is recorded, and writes the file atomically, 0600. `reserved_addresses`
-        are not given away: the server's own, and those of declared hosts. UsageError for a name that is
-        refused or taken, for a member of this name that differs from the request, for an address in use.
+        `deliver` is called after the certificate is recorded, and writes the file atomically, 0600.
+        `reserved_addresses` are not assigned: the server's own, and those of hosts in the inventory. UsageError for a
+        name that is refused or taken, for a member of this name that differs from the request, for an address in use.
         """
         plan_items = plan_issue(self.membership, requests, reserved_addresses)
         new = [entry for entry in plan_items if isinstance(entry, PlannedCertificate)]
@@ -461,18 +460,18 @@ class Signer:
         deliver: Callable[[identity.Identity], model.HandoutFile],
         change: model.RenewalRequest | None = None,
     ) -> model.IssueResult:
-        """Give a member a successor `NAME.2`, `NAME.3` …; the certificate in use works until the new one was seen.
+        """Issue a successor `NAME.2`, `NAME.3` …; the current certificate works until the new one is seen.
 
-        Successors that were handed out before and never seen are revoked (`IssueRecord.replaced`).
+        Successors that were delivered before and never seen are revoked (`IssueRecord.replaced`).
         """
         plan = plan_renewal(known_member(self.membership, name), change or model.RenewalRequest())
         hand_out(self._session, "renew", [plan], deliver)
         return self._issue_result(name, replaced_names=plan.replaces)
 
     def revoke(self, names: Sequence[str], reason: str) -> model.RevocationResult:
-        """Revoke every certificate of these members, and publish the list. The names never return.
+        """Revoke every certificate of these members, and publish the list. Their names are never reused.
 
-        Once more for members that are revoked: nothing new is recorded, the answer is the same.
+        For members already revoked, nothing new is recorded, and the result is the same.
         """
         membership = self.membership
         members = [known_member(membership, name) for name in dict.fromkeys(names)]
@@ -501,7 +500,7 @@ class Signer:
         )
 
     def publish(self) -> bytes:
-        """Sign the list anew, superseded certificates on it as well; PEM."""
+        """Sign a new list that also contains superseded certificates; PEM."""
         old = [
             certificate
             for _, certificate in self.membership.certificates()
@@ -513,10 +512,10 @@ class Signer:
         return self._publish_list(operation)
 
     def take(self, pem: bytes) -> tuple[str, ...]:
-        """Take over the list that a server has, of a copy of this authority that is lost, and sign the next one.
+        """Take over a server's list, made by a lost copy of this authority, and sign the next one.
 
-        Gives the common names that are revoked by that; what the record has never issued stays on the list.
-        Raises CrlRefused for a list of another CA.
+        Return the common names revoked by that; serials that the record has never issued stay on the list. Raises
+        InvalidCrlError for a list of another CA.
         """
         facts = pki.read_crl(pem, self._session.ca.certificate)
         ours = [entry for _, entry in self.membership.certificates() if entry.serial in facts.serials]
@@ -532,9 +531,9 @@ class Signer:
         return tuple(certificate.common_name for certificate in revoked_certificates)
 
     def serve(self, names: model.ServerNames) -> bool:
-        """Give the server a new certificate, if the one it has is for other names, or ends within 90 days.
+        """Issue a new server certificate if the current one is for other names, or expires within 90 days.
 
-        True if there is a new one: the server's computer needs it. Members go on with what they have.
+        Return True if there is a new one, which the server's computer needs. Members are not affected.
         """
         if not ledger_session.needs_another(self._session.ledger.state.server, names, self._session.ledger.now()):
             return False
@@ -563,7 +562,7 @@ class Signer:
 
 
 def _revocable(member: identity.Member) -> list[identity.Certificate]:
-    """What a revocation of the member is about; once for one that was never handed out, so that its name is retired."""
+    """Return certificates to revoke; of a member never delivered, all of them once, to retire its name."""
     good = [item for item in member.certificates if item.standing is not identity.CertificateStatus.REVOKED]
     waits = not good and all(certificate.reason == NEVER_HANDED_OUT for certificate in member.certificates)
     return list(member.certificates) if waits else good

@@ -1,8 +1,8 @@
-"""The one file that a member gets: its profile, its page of instructions and its self-test, sealed for it alone.
+"""The enrolment package of a member: profile, instructions and self-test, sealed for this member alone.
 
-The content is a pure function of the declaration, the identity and the contact: page, profile and test cannot disagree.
-It exists in memory only until it is sealed: no step writes a secret to a disk. The same package reads it back
-(`accept`), so that a declared host takes the same path as every partner.
+The content is a pure function of inventory, identity and contact, so page, profile and test agree. It exists in memory
+only until it is sealed: no step writes a secret to a disk. This Python package also reads it back (`accept`), so that a
+host of the inventory is enrolled the same way as every partner.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ _PRIVATE = 0o600
 
 
 class NotAHandOut(UsageError):
-    """A file that is no hand-out of ours, or a damaged one."""
+    """A file is not an enrolment package of ours, or is damaged."""
 
     def __init__(self, what: str) -> None:
         super().__init__(f"this is no hand-out of the VPN: {what}", hint="ask the control centre for a new one")
 
 
 def pack(folder: str, files: Mapping[str, str], mtime: int) -> bytes:
-    """A tar with one folder; `mtime` is in seconds since 1970, for every file.
+    """Return a tar with one folder; `mtime` is in seconds since 1970, for every file.
 
-    The same bytes for the same files. It is a tar and not a zip, since a tar is unpacked as it comes out of
-    `age --decrypt`: no key touches the disk on its way, and every unpacker keeps the mode of the files.
+    Deterministic. It is a tar and not a zip, since a tar is unpacked directly from the output of `age --decrypt`: no
+    key touches the disk on its way, and every unpacker keeps the file modes.
     """
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w", format=tarfile.USTAR_FORMAT) as archive:
@@ -72,7 +72,7 @@ def pack(folder: str, files: Mapping[str, str], mtime: int) -> bytes:
 
 
 def unpack(data: bytes) -> dict[str, str]:
-    """Names and texts, in the archive's order, without the folder. Raises NotAHandOut; nothing is written anywhere."""
+    """Return names and texts in archive order, without the folder. Raises NotAHandOut; writes nothing."""
     if len(data) > _BYTES:
         raise NotAHandOut(f"it is larger than {_BYTES} bytes")
     try:
@@ -103,7 +103,7 @@ _SECRET_KEY = "AGE-SECRET-KEY-"  # noqa: S105 - how such a key begins
 
 @dataclass(frozen=True, slots=True)
 class Recipient:
-    """Whoever holds the key of this public one."""
+    """A recipient with the private key of this public key."""
 
     public: str
     """`age1…`, or the line of an `ssh-ed25519` or `ssh-rsa` key."""
@@ -111,16 +111,16 @@ class Recipient:
 
 @dataclass(frozen=True, slots=True)
 class OneTimePassphrase:
-    """Whoever is told the passphrase that is made for this one file."""
+    """A recipient who is given a passphrase generated for this one file."""
 
 
 Sealing = Recipient | OneTimePassphrase
 
 
 def seal(data: bytes, sealing: Sealing) -> tuple[bytes, Secret | None]:
-    """The sealed bytes, and the passphrase if there is one. Raises RecipientRefused.
+    """Return the sealed bytes, and the passphrase if there is one. Raises InvalidRecipientError.
 
-    For a key that the reader has, or with a passphrase that is told by telephone and stored nowhere.
+    Sealed for the recipient's key, or with a passphrase that is given by telephone and stored nowhere.
     """
     if isinstance(sealing, Recipient):
         return pki.seal_for(data, sealing.public), None
@@ -129,7 +129,7 @@ def seal(data: bytes, sealing: Sealing) -> tuple[bytes, Secret | None]:
 
 
 def unseal(data: bytes, secret: Secret) -> bytes:
-    """What was sealed; `secret` is the passphrase, or an `AGE-SECRET-KEY-1…`. Raises WrongPassphrase, NotAHandOut."""
+    """Decrypt; `secret` is the passphrase or an `AGE-SECRET-KEY-1…`. Raises WrongPassphrase, NotAHandOut."""
     by_key = secret.reveal().strip().startswith(_SECRET_KEY)
     try:
         return pki.unseal_with(data, secret) if by_key else pki.unseal(data, _as_made(secret))
@@ -140,7 +140,7 @@ def unseal(data: bytes, secret: Secret) -> bytes:
 
 
 class WrongKey(UsageError):
-    """The file is whole as far as can be seen, and what was typed does not open it."""
+    """The file seems complete, but the typed secret does not open it."""
 
     def __init__(self, *, by_key: bool) -> None:
         super().__init__(
@@ -152,13 +152,13 @@ class WrongKey(UsageError):
 
 
 def _passphrase() -> Secret:
-    """25 digits, 83 bits: digits are understood by telephone in every language of the partners."""
+    """Return a passphrase of 25 digits, 83 bits: digits are easy to dictate by telephone in every language."""
     groups = (f"{secrets.randbelow(10**_DIGITS):0{_DIGITS}}" for _ in range(_GROUPS))
     return Secret("-".join(groups))
 
 
 def _as_made(passphrase: Secret) -> Secret:
-    """Digits may be typed with spaces, without anything between them, or as they were shown."""
+    """Normalise a passphrase: digits may be typed with spaces, without separators, or as shown."""
     digits = re.sub(r"[\s-]", "", passphrase.reveal())
     if not re.fullmatch(rf"[0-9]{{{_GROUPS * _DIGITS}}}", digits):
         return passphrase
@@ -187,7 +187,7 @@ _WHAT = {
 
 @dataclass(frozen=True, slots=True)
 class HandOut:
-    """What leaves the control centre."""
+    """An enrolment package and its cover note."""
 
     file_name: str
     cover_note: str
@@ -198,14 +198,14 @@ class HandOut:
 
     @property
     def sha256(self) -> str:
-        """Of the file, hex."""
+        """SHA-256 of the file, hex."""
         return hashlib.sha256(self.data).hexdigest()
 
 
 def handout(declaration: Declaration, identity: Identity, sealing: Sealing, *, contact: str) -> HandOut:
-    """Seal a member's hand-out. `contact` is whom its owner calls; nothing is written to a disk.
+    """Create a member's sealed enrolment package. `contact` is the person to call; nothing is written to a disk.
 
-    Raises RecipientRefused for a key that is none, UsageError for a contact that does not fit on a line.
+    Raises InvalidRecipientError for an invalid key, UsageError for a contact that does not fit on a line.
     """
     name = identity.certificate.common_name
     files = contents(declaration, identity, contact=contact)
@@ -217,7 +217,7 @@ def handout(declaration: Declaration, identity: Identity, sealing: Sealing, *, c
 
 
 def open_handout(data: bytes, secret: Secret) -> dict[str, str]:
-    """The files of a hand-out, by name; `secret` is its passphrase, or the `AGE-SECRET-KEY-1…` that it is sealed for.
+    """Return the files of an enrolment package; `secret` is its passphrase, or the `AGE-SECRET-KEY-1…` for it.
 
     Raises WrongKey, NotAHandOut.
     """
@@ -225,7 +225,7 @@ def open_handout(data: bytes, secret: Secret) -> dict[str, str]:
 
 
 def contents(declaration: Declaration, identity: Identity, *, contact: str) -> dict[str, str]:
-    """The files of a hand-out before they are sealed, the one with the key first. They hold secrets."""
+    """Return the files of an enrolment package before sealing, the one with the key first. They contain secrets."""
     if not contact.strip() or not contact.isprintable() or len(contact) > _CONTACT_MAX:
         raise UsageError(
             f"whom a partner calls has to be one line of at most {_CONTACT_MAX} characters",
@@ -257,7 +257,7 @@ def _file_name(identity: Identity) -> str:
 
 
 def _key_files(declaration: Declaration, identity: Identity) -> Mapping[str, str]:
-    """The file with the key, and what a router runs to take it."""
+    """Return the file with the key, and a router's script that installs it."""
     name = identity.member.name
     if is_declared(identity.member):
         return {f"{name}.identity": identity_file(identity).reveal()}
@@ -273,7 +273,7 @@ def _what(name: str) -> str:
 
 
 def _beside(declaration: Declaration, member: Member) -> tuple[str, ...]:
-    """What else is in the hand-out of such a member; on a router and a declared computer nothing of ours is tried."""
+    """Return further files for such a member; none for a router or a computer of the inventory."""
     if member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
         return ()
     install = ("install.sh", "restart.conf") if member.kind is MemberKind.ROBOT else ()
@@ -310,7 +310,7 @@ _ENDING = ".identity"
 
 @dataclass(frozen=True, slots=True)
 class AcceptResult:
-    """What was taken."""
+    """The accepted identity and where it is stored."""
 
     identity: Identity
     path: Path
@@ -319,15 +319,15 @@ class AcceptResult:
 
 
 def host_identity(authority: Path, host: str) -> Path:
-    """Where the identity of a declared host is kept; its mode is 0600."""
+    """Return where the identity of a host of the inventory is stored, mode 0600."""
     return authority / "hosts" / f"{host}{_ENDING}"
 
 
 def accept(declaration: Declaration, data: bytes, secret: Secret, authority: Path, *, now: datetime) -> AcceptResult:
-    """Open the hand-out of a declared host, check that it is of this declaration, and keep its identity.
+    """Open a host's enrolment package, check it against this inventory, and store its identity.
 
-    Raises WrongKey, NotAHandOut, NotAnIdentity; UsageError for a host that is not declared so, for an identity that
-    has expired, and for one that is older than what is there.
+    Raises WrongKey, NotAHandOut, NotAnIdentity; UsageError if the host is not a VPN member in the inventory, and for an
+    identity that has expired or is older than the stored one.
     """
     identity = _identity(open_handout(data, secret))
     _check(declaration, identity, now)
@@ -368,14 +368,14 @@ def _check(declaration: Declaration, identity: Identity, now: datetime) -> None:
 
 
 def _tunnel_address(host: Host) -> IPv4Address | None:
-    """The address in the VPN that the inventory declares for a host."""
+    """Return the VPN address of a host in the inventory; None if it has none."""
     if isinstance(host.device, Router):
         return host.device.vpn_client.address if host.device.vpn_client is not None else None
     return getattr(host.device, "vpn_address", None)
 
 
 def _already(path: Path, identity: Identity) -> bool:
-    """Whether the same is there. Raises UsageError if what is there is newer; what cannot be read is replaced."""
+    """Return True if the same identity is stored. Raises UsageError if the stored one is newer."""
     try:
         there = read_identity(path.read_text(encoding="utf-8")).certificate
     except (FileNotFoundError, UnicodeDecodeError, NotAnIdentity):

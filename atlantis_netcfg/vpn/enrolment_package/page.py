@@ -1,10 +1,10 @@
-"""What a member reads: the page of instructions, and the cover note that goes with the sealed file.
+"""Pages for a member: the instructions, and the cover note of the sealed file.
 
-Both as text, the page also for a browser, which loads nothing from elsewhere. The templates print blocks with an empty
-line between them: a heading is underlined, a list begins with hyphens, what is to be typed is indented by four spaces,
-all else is a paragraph. Each block is translated by itself; what is to be typed is the same in every language.
+Both as text, the instructions also as HTML without external resources. The templates print blocks separated by an empty
+line: a heading is underlined, a list begins with hyphens, text to be typed is indented by four spaces, all else is a
+paragraph. Each block is translated separately; text to be typed is the same in every language.
 
-What a member may reach, and who may reach it, in words: read from the policy that the firewall is made of.
+Also here: whom a member may reach, and by whom it is reached, as text, from the policy used for the firewall.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """One kind of others."""
+    """One group of hosts that a member may reach."""
 
     who: str
     hosts: tuple[tuple[str, IPv4Address], ...]
@@ -60,7 +60,7 @@ class Reach:
 
 
 def reach(declaration: Declaration, member: Member) -> tuple[Reach, ...]:
-    """Whom the member may begin with. Other members come and go: of them only the kind is told."""
+    """Return whom the member may open connections to; other members change, so only their kind is given."""
     permissions_by_host: dict[str, list[Permission]] = {}
     for permission in _policy(declaration, member).permissions:
         if permission.source is not None and permission.source.holds(member.address):
@@ -71,18 +71,18 @@ def reach(declaration: Declaration, member: Member) -> tuple[Reach, ...]:
 
 
 def reached_by(declaration: Declaration, member: Member) -> tuple[str, ...]:
-    """Partners, by their full names, that see the robot that the member is."""
+    """Return the full names of partners that see the member's robot."""
     others = (partner for name, partner in declaration.partners.items() if name != member.partner)
     return tuple(other.full_name for other in others if member.vehicle is not None and member.vehicle in other.sees)
 
 
 def tunnel_of_server(declaration: Declaration) -> IPv4Address:
-    """The server's own address in the VPN: every member may ping it."""
+    """Return the server's VPN address, which every member may ping."""
     return tunnel_address(declaration, declaration.hosts[declaration.pilot.vpn.server])
 
 
 def dds_port(declaration: Declaration, member: Member) -> int | None:
-    """First port of the DDS that the member may send to; None where it may speak to nobody, or there is no DDS."""
+    """Return the first DDS port that the member may send to; None without DDS, or if it may reach nobody."""
     ports = [
         permission.traffic.ports.start
         for permission in _policy(declaration, member).permissions
@@ -100,7 +100,7 @@ def _policy(declaration: Declaration, member: Member) -> Policy:
 
 
 def _roll(*members: Member) -> MembershipList:
-    """A list of these members alone."""
+    """Return a membership list of only these members."""
     return MembershipList({member.name: member for member in members}, 0, "", datetime.fromtimestamp(0, UTC), ())
 
 
@@ -117,7 +117,7 @@ def _reach(declaration: Declaration, member: Member, permissions: list[Permissio
 
 
 def _who(declaration: Declaration, member: Member, zone: Zone) -> str:
-    """The others of a zone; empty where they are nobody."""
+    """Name the members of a zone for the page; empty if there are none."""
     whose = declaration.partners.get(member.partner or "")
     if whose is not None and zone.name == f"p_{member.partner}_sees":
         return "the robots " + ", ".join(declaration.vehicles[name].name for name in whose.sees)
@@ -136,7 +136,7 @@ def _hosts(declaration: Declaration, zone: Zone) -> Iterator[tuple[str, IPv4Addr
 
 
 def _words(traffic: PolicyTraffic, why: str) -> str:
-    """What passes, for people; `why` names a service."""
+    """Describe permitted traffic for the page; `why` names a service."""
     if traffic == ANYTHING:
         return "everything"
     if traffic == PING:
@@ -176,7 +176,7 @@ _STEPS = {
 
 @dataclass(frozen=True, slots=True)
 class DdsSettings:
-    """What a participant of ROS 2 needs to know, and the files that have it."""
+    """DDS settings of a ROS 2 participant, and the files that contain them."""
 
     view: ProfileView
     files: tuple[str, ...]
@@ -185,7 +185,7 @@ class DdsSettings:
 
 @dataclass(frozen=True, slots=True)
 class PageView:
-    """What the templates print."""
+    """Data of the page templates."""
 
     pilot: str
     name: str
@@ -231,7 +231,7 @@ def page_view(
     sealed_file: str,
     files: Sequence[tuple[str, str]],
 ) -> PageView:
-    """Everything that the page says of one member; `contact` is whom the partner calls, in the operator's words."""
+    """Return the page data of one member; `contact` is whom the partner calls, in the operator's words."""
     member, system = identity.member, systems.system_of(identity.member)
     targets = reach(declaration, member)
     return PageView(
@@ -264,13 +264,13 @@ def page_view(
 
 
 def page(view: PageView) -> tuple[str, ...]:
-    """The blocks of the page, in the language of the person."""
+    """Return the blocks of the page, in the current language."""
     return _blocks(environment().get_template("handout/README.txt.j2").render(page=view))
 
 
 @dataclass(frozen=True, slots=True)
 class CoverNote:
-    """What the note says of the sealed file."""
+    """Data of the cover note on the sealed file."""
 
     sha256: str
     passphrase: bool
@@ -278,12 +278,12 @@ class CoverNote:
 
     @property
     def key_words(self) -> str:
-        """What `age` is told of the key."""
+        """The key option for `age`; empty if the file has a passphrase."""
         return "" if self.passphrase else " --identity YOUR_KEY"
 
 
 def cover_note(view: PageView, note: CoverNote) -> str:
-    """What is sent along with the sealed file, as text; nothing in it is secret."""
+    """Return the text sent together with the sealed file; it contains no secret."""
     return as_text(_blocks(environment().get_template("handout/cover-note.txt.j2").render(page=view, note=note)))
 
 
@@ -292,7 +292,7 @@ def _blocks(text: str) -> tuple[str, ...]:
 
 
 def _translate_block(block: str) -> str:
-    """What is typed stays as it is; a list is translated line by line, all else whole."""
+    """Translate a block: a list line by line, others as a whole; typed text stays as it is."""
     lines = block.split("\n")
     if _is_typed(lines):
         return block
@@ -310,12 +310,12 @@ BESIDE = ("install.sh", "restart.conf")
 
 
 def beside(view: PageView, name: str) -> str:
-    """A file of a robot's hand-out."""
+    """Render a file of a robot's enrolment package."""
     return environment().get_template(f"handout/{name}.j2").render(page=view)
 
 
 def dds_files(dds: DdsSettings) -> dict[str, str]:
-    """The DDS files of a hand-out: profiles and environment as gateways have them, and what a shell reads."""
+    """Return the DDS files of an enrolment package: profiles and environment as on gateways, and shell scripts."""
     files = member_files(dds.view)
     for name in ("setup.bash", "setup.ps1"):
         files[name] = environment().get_template(f"handout/{name}.j2").render(dds=dds.view, folder=PROFILES)
@@ -323,12 +323,12 @@ def dds_files(dds: DdsSettings) -> dict[str, str]:
 
 
 def as_text(blocks: Sequence[str]) -> str:
-    """The page for every editor, in lines of 80 characters; what is to be typed is never cut."""
+    """Return the page as text, in lines of 80 characters; text to be typed is never wrapped."""
     return "\n\n".join(_wrap_block(block) for block in blocks) + "\n"
 
 
 def as_html(blocks: Sequence[str]) -> str:
-    """The same page for a browser; nothing in it is loaded from elsewhere."""
+    """Return the page as HTML; it loads no external resources."""
     title = html.escape(blocks[0].partition("\n")[0])
     body = "\n".join(_marked_up(html.escape(block, quote=False)) for block in blocks)
     return (
@@ -346,7 +346,7 @@ def _wrap_block(block: str) -> str:
 
 
 def _fill(text: str, indent: str = "") -> str:
-    """Lines of the page's width; what stands between back-ticks is typed, and stays on one line."""
+    """Wrap text to the page width; text between back-ticks stays on one line."""
     whole = re.sub(r"`[^`]*`", lambda match: match[0].replace(" ", "\0"), text)
     wrapped_text = textwrap.fill(
         whole, _WIDTH, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False
@@ -367,7 +367,7 @@ def _marked_up(block: str) -> str:
 
 
 def _code(text: str) -> str:
-    """What stands between back-ticks is shown as what is typed."""
+    """Mark text between back-ticks as code."""
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", text)
 
 
@@ -389,7 +389,7 @@ def _what(declaration: Declaration, member: Member) -> str:
 
 
 def dds_view(declaration: Declaration, member: Member) -> ProfileView | None:
-    """A member's DDS profile. Only for who speaks DDS to computers of ours, and is not configured by this toolkit."""
+    """Return a member's DDS profile; None if it does not use DDS with us, or this toolkit configures it."""
     if declaration.pilot.dds is None or member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
         return None
     release = systems.distribution(declaration, member.vehicle, member.distribution)

@@ -1,14 +1,14 @@
-"""A member's whole `.ovpn` profile, and an identity as text. Nothing in either is for another member.
+"""A member's complete `.ovpn` profile, and an identity as text. Neither contains data of other members.
 
-An identity is lines that a program reads, as comments, and OpenVPN's own inline blocks:
+An identity consists of machine-readable comment lines and OpenVPN's own inline blocks:
 
     # atlantis-identity 1
     # name: inesc-laptop1
     # …
     <ca> … </ca>   <cert> … </cert>   <key> … </key>   <tls-crypt-v2> … </tls-crypt-v2>
 
-A profile has the same lines and blocks among its options, so that it is read like an identity file. A line is never
-longer than 255 characters: OpenVPN 2.4 takes what is beyond that for another line.
+A profile has the same lines and blocks among its options, so it can be read like an identity file. A line is never
+longer than 255 characters: OpenVPN 2.4 treats the rest as another line.
 """
 
 from __future__ import annotations
@@ -54,19 +54,19 @@ _HEADER_LINE = re.compile(r"# ([a-z-]+): (\S+)")
 
 
 class NotAnIdentity(UsageError):
-    """A text that is no identity of ours, or not a whole one."""
+    """The text is not an identity of ours, or is incomplete."""
 
     def __init__(self, what: str) -> None:
         super().__init__(f"this is no identity of the VPN: {what}", hint="ask the control centre for a new hand-out")
 
 
 def identity_file(identity: Identity) -> Secret:
-    """What a declared host's client role needs of an identity, and no more; `read_identity` reads it."""
+    """Return the identity file for the client role of a host in the inventory; `read_identity` reads it."""
     return Secret(f"{header(identity)}\n{inline(identity).reveal()}\n")
 
 
 def inline(identity: Identity) -> Secret:
-    """OpenVPN's inline blocks, without a last newline."""
+    """Return OpenVPN's inline blocks, without a final newline."""
     wrap = str(identity.certificate.wrap)
     result = (("ca", identity.ca), ("cert", identity.cert), ("key", identity.key.reveal()))
     blocks = (*result, (wrap, identity.wrap_key.reveal()))
@@ -74,7 +74,7 @@ def inline(identity: Identity) -> Secret:
 
 
 def header(identity: Identity) -> str:
-    """The lines that a program reads; no secret is in them."""
+    """Return the machine-readable lines, without secrets."""
     member, certificate = identity.member, identity.certificate
     values = (
         *(member.name, member.kind, member.partner or _NONE, member.device, member.address, member.link),
@@ -84,7 +84,7 @@ def header(identity: Identity) -> str:
 
 
 def read_identity(text: str) -> Identity:
-    """Read an identity file, or a profile of ours. Raises NotAnIdentity unless everything in it fits together."""
+    """Parse an identity file or a profile. Raises NotAnIdentity unless all its parts belong together."""
     if len(text) > _MAX:
         raise NotAnIdentity(f"it has more than {_MAX} characters")
     values = _header_values(text.replace("\r\n", "\n"))
@@ -162,7 +162,7 @@ def _certificate(values: Mapping[str, str], blocks: Mapping[str, str]) -> Certif
 
 
 def _fit(certificate: x509.Certificate, values: Mapping[str, str], blocks: Mapping[str, str]) -> None:
-    """Refuse a key of another certificate, a certificate of another name or another CA."""
+    """Raise _Misfit for a key of another certificate, or a certificate of another name or CA."""
     names = [
         str(name_attribute.value)
         for name_attribute in certificate.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
@@ -186,10 +186,10 @@ _UNATTENDED_KINDS = frozenset({MemberKind.ROBOT, MemberKind.ROUTER, MemberKind.H
 
 @dataclass(frozen=True, slots=True)
 class _OvpnView:
-    """What the template prints.
+    """Data of the profile template.
 
-    `tun-mtu` is no part of it: both ends have to agree, OpenVPN below 2.6 and RouterOS do not take it from the server,
-    and DDS messages of the pilot are small enough for every link (facts 9), while `mssfix` sees to TCP.
+    `tun-mtu` is not included: both ends have to agree, OpenVPN below 2.6 and RouterOS do not accept it from the server,
+    the pilot's DDS messages are small enough for every link (facts 9), and `mssfix` handles TCP.
     """
 
     title: str
@@ -208,27 +208,27 @@ class _OvpnView:
 
 
 def profile(declaration: Declaration, identity: Identity) -> Secret:
-    """The text of a member's `.ovpn`, for OpenVPN 2.5 and later.
+    """Return a member's `.ovpn` text, for OpenVPN 2.5 and later.
 
-    A shared tls-crypt key (`certificate.wrap`) is issued to clients that know no other, OpenVPN 2.4 among them: with it
-    the profile uses words that 2.4 knows as well. Nothing else chooses between the two.
+    A shared tls-crypt key (`certificate.wrap`) is issued to clients that support nothing else, such as OpenVPN 2.4;
+    then the profile uses only options that 2.4 supports. Nothing else selects between the two.
     """
     template = environment().get_template("handout/profile.ovpn.j2")
     return Secret(template.render(view=_view(declaration, identity)))
 
 
 def server_name(declaration: Declaration) -> str:
-    """Common name of the server's certificate, which every profile insists on: the inventory's name of the host."""
+    """Return the common name of the server's certificate, required by every profile: its inventory host name."""
     return declaration.pilot.vpn.server
 
 
 def is_declared(member: Member) -> bool:
-    """Whether it is a host of the inventory: a role brings its identity there, and nobody installs it by hand."""
+    """Return True for a host of the inventory: a role installs its identity, nobody does it by hand."""
     return member.kind is MemberKind.HOST or (member.kind is MemberKind.ROUTER and member.partner is None)
 
 
 def remote(declaration: Declaration, member: Member) -> IPv4Address:
-    """Where a member reaches the server: at its public address, and a host of the server's own site in its LAN."""
+    """Return the server's address for a member: the public one, or its LAN address at the server's own site."""
     vpn = declaration.pilot.vpn
     server, host = declaration.hosts[vpn.server], declaration.hosts.get(member.name)
     beside = is_declared(member) and host is not None and host.site == server.site
@@ -236,7 +236,7 @@ def remote(declaration: Declaration, member: Member) -> IPv4Address:
 
 
 def day(identity: Identity) -> str:
-    """Last day on which the certificate is good for all of it, in UTC."""
+    """Return the certificate's last fully valid day, in UTC."""
     return f"{identity.certificate.not_after:%Y-%m-%d}"
 
 

@@ -1,7 +1,7 @@
-"""The self-test: its programs, the public facts about one member that they need, and the faults that they recognise.
+"""The self-test: its programs, the public facts about one member, and the faults that it recognises.
 
-The patterns are those of openvpn 2.4 to 2.6 (its `src/openvpn/`). A server refuses a certificate by silence (facts 7):
-where causes cannot be told apart, the text says so. Filled in: `{endpoint}`, `{proto}`, `{now}`, `{line}`.
+The patterns are those of openvpn 2.4 to 2.6 (its `src/openvpn/`). A server refuses a certificate silently (facts 7):
+the text tells which causes cannot be distinguished. Placeholders: `{endpoint}`, `{proto}`, `{now}`, `{line}`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class SelfTestFault(NamedTuple):
-    """A fault that one line tells."""
+    """A fault recognised by one log line."""
 
     pattern: str
     """What is searched for in a line, for `re`."""
@@ -114,16 +114,16 @@ _FEW = 3
 
 
 def program(name: str) -> str:
-    """A self-test, the same for all members: `self-test.py` (Python 3.8, standard library alone), or `self-test.ps1`.
+    """Return a self-test, the same for all members: `self-test.py` (Python 3.8, standard library), or `self-test.ps1`.
 
-    The second, for Windows PowerShell 5.1 and later, was never run: no Windows and no PowerShell are here. Tests read
-    its grammar, and hold it to a short list of commands and types.
+    The second, for Windows PowerShell 5.1 and later, was never run, for lack of Windows and PowerShell. Tests check its
+    syntax, and limit it to a short list of commands and types.
     """
     return (template_folder() / "handout" / name.replace("-", "_")).read_text(encoding="utf-8")
 
 
 def facts(declaration: Declaration, identity: Identity, profile: Secret, file_name: str, contact: str) -> str:
-    """What the self-test compares with, as JSON; of the profile only its hash."""
+    """Return the expected values for the self-test, as JSON; of the profile only its hash."""
     member, certificate, vpn = identity.member, identity.certificate, declaration.pilot.vpn
     values: dict[str, Any] = {
         "pilot": declaration.pilot.name,
@@ -150,7 +150,7 @@ def facts(declaration: Declaration, identity: Identity, profile: Secret, file_na
 
 
 def _find_ping_targets(declaration: Declaration, member: Member) -> list[list[str]]:
-    """Computers of ours that answer pings, the server aside: it is asked first."""
+    """Return our computers that reply to pings, except the server, which is tested first."""
     server = page.tunnel_of_server(declaration)
     name_by_address = {
         address: name

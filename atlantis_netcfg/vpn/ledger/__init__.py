@@ -1,8 +1,8 @@
-"""The append-only record of the authority.
+"""The authority's append-only ledger.
 
-Each line has its number, a checksum, and the hash of the line before: a changed, lost or inserted line is found. A last
-line without its end was being written when the process was killed; the next writer cuts it off. The list of
-members is a pure function of the entries.
+Each line has its number, a checksum, and the hash of the line before, so a changed, lost or inserted line is detected.
+An incomplete last line was being written when the process was killed; the next writer removes it. The list of members
+is a pure function of the entries.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The ledger's file: the form of a line, reading the whole file, appending to its end."""
+"""The ledger's file: line format, reading the whole file, appending to it."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 class CorruptLedgerError(NetcfgError):
-    """A line is not what was written: nothing may be signed before a person has looked."""
+    """A line was changed or damaged: nothing may be signed until the user has checked it."""
 
     exit = ExitCode.FAILED
 
 
 class LedgerError(NetcfgError):
-    """The ledger cannot be written: nothing may leave that is not recorded."""
+    """The ledger cannot be written: nothing unrecorded may be handed out."""
 
     exit = ExitCode.FAILED
 
@@ -41,7 +41,7 @@ _SEAL = len(',"crc":"00000000"}')
 
 @dataclass(frozen=True, slots=True)
 class LedgerEntry:
-    """What happened, when, by whom."""
+    """One event, with time and user."""
 
     number: int
     """From 1 on, without gaps."""
@@ -53,20 +53,20 @@ class LedgerEntry:
 
     @property
     def words(self) -> str:
-        """What happened, in plain words, one line."""
+        """One-line description of the event."""
         return describe(self.record)
 
     def facts(self) -> dict[str, Any]:
-        """The entry for `--json`: line, at, who, operation, kind, words, and the record's own fields."""
+        """Return the entry for `--json`: line, at, who, operation, kind, words, and the record's own fields."""
         return {**_head(self), "words": self.words, **_fields(self.record)}
 
 
 class Misread(ValueError):
-    """A line that is not what was written; its text says in which way."""
+    """A damaged line; the text describes the damage."""
 
 
 def encode(entry: LedgerEntry, previous: str) -> bytes:
-    """The line, its end included; `previous` is the `digest` of the line before."""
+    """Return the line, with its line end; `previous` is the `digest` of the line before."""
     data = {**_head(entry), "previous": previous, **_fields(entry.record)}
     text = json.dumps(data, ensure_ascii=True, separators=(",", ":")).encode()
     body = text[:-1]
@@ -74,12 +74,12 @@ def encode(entry: LedgerEntry, previous: str) -> bytes:
 
 
 def digest(line: bytes) -> str:
-    """Hash of a line, for the one after it; its end does not count."""
+    """Return the hash of a line, for the next one; the line end is not included."""
     return hashlib.sha256(line.removesuffix(b"\n")).hexdigest()
 
 
 def parse(line: bytes, number: int, previous: str) -> LedgerEntry:
-    """The entry of a line without its end. Raises Misread."""
+    """Parse a line without its end. Raises Misread."""
     body = line[:-_SEAL]
     if line != body + b',"crc":"%08x"}' % crc32(body):
         raise Misread("its checksum is wrong: it was changed, or the disk has lost a part of it")
@@ -120,14 +120,14 @@ _WHO = 120
 
 
 def utc_now() -> datetime:
-    """This computer's clock, as fine as the ledger keeps it."""
+    """Return the time of this computer, with the ledger's precision."""
     now = datetime.now(UTC)
     return now - timedelta(microseconds=now.microsecond % 1000)
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A ledger as it was found."""
+    """A ledger as read from disk."""
 
     path: Path
     entries: tuple[LedgerEntry, ...]
@@ -146,7 +146,7 @@ class Reading:
         return self.digests[-1] if self.digests else GENESIS
 
     def sound(self) -> Self:
-        """Itself, if nothing is damaged. Raises LedgerDamaged."""
+        """Return itself if nothing is damaged. Raises CorruptLedgerError."""
         if self.damage is not None:
             raise CorruptLedgerError(
                 f"{self.damage} ({self.path})",
@@ -156,7 +156,7 @@ class Reading:
 
 
 def read(path: Path) -> Reading:
-    """Every entry up to the first damage. Raises LedgerFailed if the file cannot be read."""
+    """Read every entry up to the first damage. Raises LedgerError if the file cannot be read."""
     try:
         lines, tail = split(path.read_bytes())
     except OSError as error:
@@ -176,18 +176,18 @@ def read(path: Path) -> Reading:
 
 
 def first_lines(records: Sequence[Record], who: str, operation: str, now: datetime) -> bytes:
-    """A whole new ledger, for a file that is not there yet."""
+    """Return the content of a new ledger file."""
     return b"".join(line for _, line in _lines(records, (0, GENESIS), (now, who, operation)))
 
 
 class Ledger(EventLog):
-    """The file open for writing, by the one process that holds the authority's lock.
+    """The ledger file open for writing, by the process that holds the authority's lock.
 
-    After a failed write it refuses every other one: what is on disk is then for the next to read.
+    After a failed write it refuses all others; the next process reads what is on disk.
     """
 
     def __init__(self, path: Path) -> None:
-        """Read it, and cut off a torn line. Raises LedgerDamaged, LedgerFailed."""
+        """Read the file, and remove an incomplete last line. Raises CorruptLedgerError, LedgerError."""
         reading = read(path).sound()
         self.entries = list(reading.entries)
         self.digests = list(reading.digests)
@@ -198,11 +198,11 @@ class Ledger(EventLog):
 
     @property
     def usable(self) -> bool:
-        """Whether nothing has gone wrong with it so far."""
+        """True if no write has failed so far."""
         return self.failure is None
 
     def write(self, records: Sequence[Record], who: str, operation: str, now: datetime) -> tuple[LedgerEntry, ...]:
-        """Put records on disk: one write, one fsync, for however many. Raises LedgerFailed, and from then on always."""
+        """Write records to disk in one write and one fsync. Raises LedgerError, and then on every later call."""
         if self.failure is not None:
             raise self.failure
         last = self.digests[-1] if self.digests else GENESIS
@@ -232,7 +232,7 @@ def _lines(
 
 
 def _one_line(who: str) -> str:
-    """A person's name as it may be printed: nobody writes to the auditor's terminal."""
+    """Return a user name made safe for the auditor's terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in who)[:_WHO]
 
 

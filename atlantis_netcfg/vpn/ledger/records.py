@@ -1,7 +1,7 @@
-"""The records of the ledger: what happened, in the order in which it became certain; and each in words, for `audit`.
+"""The records of the ledger: events in the order in which they became certain; and their descriptions for `audit`.
 
-A record that announces (`BeginRecord`, `IssueRecord`, `RevocationRecord`, `PublicationRecord`) is on disk before
-anything leaves or is put in place; `DeliveryRecord` follows the file that it names. None holds a secret.
+A record that announces a step (`BeginRecord`, `IssueRecord`, `RevocationRecord`, `PublicationRecord`) is on disk before
+anything is handed out or stored; `DeliveryRecord` follows the file that it names. None contains a secret.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Serial = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundingRecord:
-    """First record of every ledger: whose it is."""
+    """First record of every ledger: the identity of its authority."""
 
     kind: Literal["founded"] = "founded"
     ca_common_name: str
@@ -41,7 +41,7 @@ class FoundingRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServerIssueRecord:
-    """The server got this certificate; it takes the place of the one before."""
+    """The server got this certificate, which replaces the previous one."""
 
     kind: Literal["server-issued"] = "server-issued"
     common_name: str
@@ -64,7 +64,7 @@ class BeginRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IssueRecord:
-    """A certificate was made, and is in this process' memory only. Without a `DeliveryRecord` it counts as revoked."""
+    """A certificate was created, in this process' memory only. Without a `DeliveryRecord` it counts as revoked."""
 
     kind: Literal["issued"] = "issued"
     name: str
@@ -107,7 +107,7 @@ class CommitRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RolledBack:
-    """The command did not complete: these certificates were never handed out, and stay revoked."""
+    """The command did not complete: these certificates were never delivered, and stay revoked."""
 
     kind: Literal["rolled-back"] = "rolled-back"
     common_names: tuple[str, ...]
@@ -115,7 +115,7 @@ class RolledBack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RevocationRecord:
-    """No server may admit this certificate any more."""
+    """No server may accept this certificate any more."""
 
     kind: Literal["revoked"] = "revoked"
     common_name: str
@@ -124,7 +124,7 @@ class RevocationRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SightingRecord:
-    """The server had a session of this certificate; `last` is its clock's."""
+    """The server had a session with this certificate; `last` is by the server's clock."""
 
     kind: Literal["seen"] = "seen"
     common_name: str
@@ -133,7 +133,7 @@ class SightingRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SupersedeRecord:
-    """A successor was seen: the server admits this one no more, and the next list will hold it."""
+    """A successor was seen: the server refuses this certificate, and the next list will contain it."""
 
     kind: Literal["superseded"] = "superseded"
     common_name: str
@@ -150,7 +150,7 @@ class SettlementRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublicationRecord:
-    """This list was signed, and is about to be put in place."""
+    """This list was signed, and is about to be stored."""
 
     kind: Literal["published"] = "published"
     number: int
@@ -162,7 +162,7 @@ class PublicationRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeoverRecord:
-    """These are on a list that a lost copy of the authority has signed, and were not issued by this one."""
+    """Serials on a list signed by a lost copy of the authority, not issued by this one."""
 
     kind: Literal["taken"] = "taken"
     serials: tuple[Serial, ...]
@@ -170,7 +170,7 @@ class TakeoverRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResealRecord:
-    """The CA key is about to be put under another passphrase."""
+    """The CA key is about to be encrypted with another passphrase."""
 
     kind: Literal["resealed"] = "resealed"
     sealed_by: Literal["age", "vault"]
@@ -178,7 +178,7 @@ class ResealRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockTrustRecord:
-    """The clock stood before the last record, and a person said that the clock is right."""
+    """The clock was before the last record, and the user confirmed that it is right."""
 
     kind: Literal["clock-trusted"] = "clock-trusted"
     before: datetime
@@ -216,7 +216,7 @@ _MAX_NAMES = 3
 
 
 def describe(record: Record) -> str:
-    """What happened, one line."""
+    """Describe the event in one line."""
     match record:
         case BeginRecord() | CommitRecord() | RolledBack():
             return _of_command(record)

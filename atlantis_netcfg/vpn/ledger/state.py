@@ -1,4 +1,4 @@
-"""The state that follows from the entries of the ledger, one after the other."""
+"""The state that results from the ledger's entries, applied one after the other."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NEVER_HANDED_OUT = "never handed out"
 
 
 def membership(entries: Iterable[LedgerEntry]) -> identity.MembershipList:
-    """Who is in the VPN after these entries."""
+    """Return the members after these entries."""
     return LedgerState(entries).membership()
 
 
@@ -59,7 +59,7 @@ class LedgerState:
             self.apply(entry)
 
     def apply(self, entry: LedgerEntry) -> None:
-        """Go on by one entry. Raises LedgerDamaged if it speaks of what no entry before it has made."""
+        """Apply one entry. Raises CorruptLedgerError if it refers to something that no earlier entry created."""
         self.last = entry.at
         step = getattr(self, f"_{entry.record.kind.replace('-', '_')}")
         try:
@@ -71,7 +71,7 @@ class LedgerState:
             ) from None
 
     def membership(self) -> identity.MembershipList:
-        """Who is in the VPN, as a value."""
+        """Return the current members as an immutable value."""
         crl_record = self.published
         return identity.MembershipList(
             members=MappingProxyType({name: self.member(name) for name in self._holders}),
@@ -163,13 +163,13 @@ class LedgerState:
         self.taken.update(dict.fromkeys(record.serials, entry.at))
 
     def _resealed(self, _: LedgerEntry, record: records.ResealRecord) -> None:
-        """Of interest to an audit alone."""
+        """Do nothing: only relevant for an audit."""
 
     def _clock_trusted(self, _: LedgerEntry, record: records.ClockTrustRecord) -> None:
-        """Of interest to an audit alone."""
+        """Do nothing: only relevant for an audit."""
 
     def _good(self, common_name: str) -> bool:
-        """Nothing brings a revoked certificate back."""
+        """Return True if the certificate is good; a revoked one never becomes good again."""
         return self._holder(common_name).certificates[common_name].good
 
     def _close(self, operation: str) -> None:

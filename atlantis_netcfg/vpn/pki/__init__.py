@@ -1,8 +1,8 @@
-"""Keys, certificates, the revocation list, and the seals of files: all as values in memory, made by libraries.
+"""Keys, certificates, the revocation list, and file encryption: values in memory, created by libraries.
 
-Nothing here keeps anything: who calls decides what is written, after it stands in the ledger. Only a revocation list is
-also put in its place here, because OpenVPN fails open on one that is laid carelessly. What a signature must not be put
-under (a name that OpenVPN misreads, a certificate that outlives its CA) is refused here too, whoever asks.
+Nothing here is stored: the caller decides what is written, after it is in the ledger. Only a revocation list is also
+put in place here, because OpenVPN fails open on one that is replaced carelessly. Contents that must not be signed (a
+name that OpenVPN misreads, a certificate that outlives its CA) are refused here too, for every caller.
 """
 
 from __future__ import annotations

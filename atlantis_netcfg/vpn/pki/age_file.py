@@ -1,4 +1,4 @@
-"""Write age's format with a passphrase (age-encryption.org/v1) at a fixed cost; that of pyrage follows the load."""
+"""Writer of age's passphrase format (age-encryption.org/v1) at fixed cost; pyrage's cost depends on the load."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Certificates of the authority, its server and its members, and the list of revoked ones.
+"""Certificates of the authority, its server and its members, and the revocation list.
 
-No function takes a certificate request: names come from the ledger, and a request's own subject is never read.
-What a peer may be is said twice, as OpenVPN's `remote-cert-tls` reads both: key usage, and extended key usage.
+No function takes a certificate request: names come from the ledger, and a request's own subject is never read. A peer's
+role is given twice, as OpenVPN's `remote-cert-tls` reads both: key usage, and extended key usage.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ _CA_NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 .-]{0,62}[A-Za-z0-9])?")
 
 @dataclass(frozen=True, slots=True)
 class Ca:
-    """What signs."""
+    """The certificate authority: certificate and private key."""
 
     certificate: x509.Certificate
     key: keys.PrivateKey
 
 
 def new_ca(name: str, now: datetime, kind: KeyType = KeyType.EC) -> Ca:
-    """A CA for ten years, which signs certificates of devices and revocation lists, and no further CA."""
+    """Create a CA for ten years, which may sign device certificates and revocation lists, but no further CA."""
     if _CA_NAME.fullmatch(name) is None:
         raise keys.InvalidCertificateError(
             f"no name for a certificate authority: {name!r}", hint="use letters, digits and -"
@@ -74,7 +74,7 @@ def new_ca(name: str, now: datetime, kind: KeyType = KeyType.EC) -> Ca:
 
 
 def load_ca(certificate: str, key: Secret) -> Ca:
-    """The CA of two PEM texts. Raises KeyDamaged if they do not belong together."""
+    """Return the CA from two PEM texts. Raises CorruptKeyError if they do not belong together."""
     ca = Ca(load_cert(certificate), keys.load_key(key))
     if ca.certificate.public_key() != ca.key.public_key():
         raise keys.CorruptKeyError(
@@ -95,7 +95,7 @@ def new_server(  # noqa: PLR0913, PLR0917 - what a server's certificate says
     *,
     days: int = SERVER_DAYS,
 ) -> x509.Certificate:
-    """A server's. RouterOS compares its `connect-to` with the alternative names, so they hold names and addresses."""
+    """Create a server certificate. It contains names and addresses, as RouterOS compares its `connect-to` with them."""
     names = [*map(x509.DNSName, dns), *map(x509.IPAddress, addresses)]
     encipher = isinstance(public_key, rsa.RSAPublicKey)
     # OpenVPN before 2.5 wants one of the two beside the signature (its `remote-cert-ku`).
@@ -111,7 +111,7 @@ def new_server(  # noqa: PLR0913, PLR0917 - what a server's certificate says
 def new_client(  # noqa: PLR0913, PLR0917 - what a member's certificate says
     ca: Ca, public_key: keys.PublicKey, common_name: str, serial: int, days: int, now: datetime
 ) -> x509.Certificate:
-    """A member's, for some days from now on."""
+    """Create a member's certificate, valid for `days` from now."""
     builder = _builder(ca, public_key, common_name, serial, now, (CLIENT_BACKDATED, timedelta(days=days)))
     builder = builder.add_extension(_usage(digital_signature=True), critical=True)
     builder = builder.add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.CLIENT_AUTH]), critical=False)
@@ -119,17 +119,17 @@ def new_client(  # noqa: PLR0913, PLR0917 - what a member's certificate says
 
 
 def new_serial() -> int:
-    """A random number of 159 bits, never 0: unique without a counter that a killed command could give out twice."""
+    """Return a random 159-bit number, never 0: unique without a counter that a killed command could use twice."""
     return x509.random_serial_number()
 
 
 def cert_pem(certificate: x509.Certificate) -> str:
-    """Its text form."""
+    """Return the certificate as PEM."""
     return certificate.public_bytes(Encoding.PEM).decode("ascii")
 
 
 def load_cert(pem: str) -> x509.Certificate:
-    """The certificate of such a text. Raises KeyDamaged."""
+    """Parse a certificate in PEM. Raises CorruptKeyError."""
     try:
         return x509.load_pem_x509_certificate(pem.encode())
     except (ValueError, x509.InvalidVersion):
@@ -139,12 +139,12 @@ def load_cert(pem: str) -> x509.Certificate:
 
 
 def sha256(certificate: x509.Certificate) -> str:
-    """Fingerprint of the DER form, hex."""
+    """Return the fingerprint of the DER form, hex."""
     return certificate.fingerprint(SHA256()).hex()
 
 
 def issued_by(certificate: x509.Certificate, ca_certificate: x509.Certificate) -> bool:
-    """Whether that CA has signed it: by name and by signature, dates aside."""
+    """Return True if that CA has signed the certificate: checks name and signature, not dates."""
     try:
         certificate.verify_directly_issued_by(ca_certificate)
     except (ValueError, TypeError, InvalidSignature):
@@ -192,7 +192,7 @@ def _dates(ca: x509.Certificate, now: datetime, before: timedelta, after: timede
 
 
 def _whole(moment: datetime) -> datetime:
-    """As certificates hold it: UTC, whole seconds."""
+    """Return the time as in certificates: UTC, whole seconds."""
     return moment.astimezone(UTC).replace(microsecond=0)
 
 
@@ -225,7 +225,7 @@ _EXTENSIONS = {ExtensionOID.CRL_NUMBER, ExtensionOID.AUTHORITY_KEY_IDENTIFIER}
 
 @dataclass(frozen=True, slots=True)
 class RevokedSerial:
-    """One line of the list."""
+    """One entry of the revocation list."""
 
     serial: int
     date: datetime
@@ -233,7 +233,7 @@ class RevokedSerial:
 
 @dataclass(frozen=True, slots=True)
 class CrlFacts:
-    """What a checked list says."""
+    """Content of a checked revocation list."""
 
     number: int
     this_update: datetime
@@ -246,7 +246,7 @@ class CrlFacts:
 def new_crl(
     ca: Ca, revoked_serials: Iterable[RevokedSerial], number: int, now: datetime, days: int = CRL_DAYS
 ) -> bytes:
-    """Sign a list; PEM. `number` must be above that of every list before it."""
+    """Sign a revocation list; PEM. `number` must be above that of every earlier list."""
     now = now.astimezone(UTC).replace(microsecond=0)
     identifier = ca.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
     authority = x509.AuthorityKeyIdentifier.from_issuer_subject_key_identifier(identifier)
@@ -265,17 +265,17 @@ def new_crl(
 
 
 def read_crl(pem: bytes, ca_certificate: x509.Certificate) -> CrlFacts:
-    """What a list of this CA says, whatever its number and its dates. Raises CrlRefused for any other file."""
+    """Read a list of this CA, whatever its number and dates. Raises InvalidCrlError for any other file."""
     crl = _read(pem)
     _check_issuer(crl, ca_certificate)
     return _facts(crl, pem)
 
 
 def check_crl(pem: bytes, ca_certificate: x509.Certificate, *, above: int | None, now: datetime) -> CrlFacts:
-    """What a list says, if a server of this CA may have it now. Raises CrlRefused.
+    """Check that a server of this CA may use a list now, and return its content. Raises InvalidCrlError.
 
-    `above`: number of the list that it follows; None if it follows none. Where OpenSSL would read a file more
-    generously than we do, the file is refused: it must be, byte for byte, what we would write.
+    `above`: number of the list before it; None if there is none. If OpenSSL would accept a file that we would write
+    differently, the file is refused: it must be, byte for byte, what we would write.
     """
     facts = read_crl(pem, ca_certificate)
     if above is not None and facts.number <= above:
@@ -296,14 +296,13 @@ def publish(  # noqa: PLR0913 - a list, and what it is checked against
     now: datetime,
     mode: int = 0o600,
 ) -> CrlFacts:
-    """Check a list, then put it in place at once and for good. Raises CrlRefused, OSError: the old list stays.
+    """Check a list, then replace the old one atomically. Raises InvalidCrlError, OSError: the old list stays.
 
-    Its time is a second after the old one's, if the clock is not further: OpenVPN compares size and whole seconds.
-
-    OpenVPN fails open and shut here (facts 4). A list of another CA, also of one with the same name, admits the revoked
-    with a warning; a list replaced in the same second with one of the same size is not read; an expired, early or cut
-    one locks everybody out. So nothing is put in place that was not read back and found to be ours, newer, whole, in
-    force.
+    Its modification time is at least a second after the old one's: OpenVPN compares size and whole seconds. OpenVPN
+    fails open and shut here (facts 4). A list of another CA, also of one with the same name, admits revoked members
+    with a warning. A list replaced in the same second with one of the same size is not read. An expired, early or
+    truncated one locks everybody out. So a list is only put in place after it was checked to be ours, newer, complete
+    and currently valid.
     """
     facts = check_crl(pem, ca_certificate, above=above, now=now)
     mtime = int(now.timestamp())

@@ -1,7 +1,7 @@
-"""Private keys, and the keys that wrap OpenVPN's control channel: made in memory; the caller decides what is written.
+"""Private keys, and keys for OpenVPN's control channel: created in memory; the caller decides what is written.
 
 Formats of tls-crypt-v2: `doc/tls-crypt-v2.txt` of OpenVPN, accepted by 2.5 to 2.7 and by OpenVPN Connect's engine
-(facts 3); they are made here without OpenVPN. The shared key is the static key file that `openvpn --genkey secret`
+(facts 3); they are created here without OpenVPN. The shared key is the static key file that `openvpn --genkey secret`
 writes.
 """
 
@@ -35,43 +35,43 @@ from atlantis_netcfg.vpn.identity import KeyType
 
 
 class InvalidCertificateError(errors.UsageError):
-    """A certificate that would not be worth what it says; nothing was signed."""
+    """A certificate with these values would not be valid or safe; nothing was signed."""
 
 
 class InvalidCrlError(errors.NetcfgError):
-    """A revocation list that must not come before a server: it would admit the revoked, or lock everybody out."""
+    """A revocation list that no server may load: it would admit revoked members, or lock everybody out."""
 
     exit = errors.ExitCode.FAILED
 
 
 class CorruptKeyError(errors.NetcfgError):
-    """A key file that holds no such key, or not the one that belongs to the certificate beside it."""
+    """A key file without a valid key, or with one that does not match its certificate."""
 
     exit = errors.ExitCode.FAILED
 
 
 class WrongPassphrase(errors.UsageError):
-    """What was typed does not open it. No text of this error holds what was typed."""
+    """The typed secret does not open the file. No message of this error contains it."""
 
 
 class WeakPassphrase(errors.UsageError):
-    """Too easy to guess to seal anything with; nothing was written."""
+    """The passphrase is too easy to guess; nothing was written."""
 
 
 class CorruptSealError(errors.NetcfgError):
-    """A sealed file that is cut, changed, or nothing of the kind: no passphrase would open it."""
+    """A sealed file is truncated, changed, or not a sealed file: no passphrase would open it."""
 
     exit = errors.ExitCode.FAILED
 
 
 class SealTooLarge(errors.NetcfgError):
-    """Opening it takes more than this computer has; nothing is wrong with the file."""
+    """Opening the file needs more memory than this computer has; the file itself is valid."""
 
     exit = errors.ExitCode.FAILED
 
 
 class InvalidRecipientError(errors.UsageError):
-    """A text that is no key which files can be encrypted to."""
+    """The text is not a key that files can be encrypted to."""
 
 
 PrivateKey = ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey
@@ -79,26 +79,26 @@ PublicKey = ec.EllipticCurvePublicKey | rsa.RSAPublicKey
 
 
 def new_key(kind: KeyType) -> PrivateKey:
-    """EC P-256, or RSA of 2048 bits: what every client that we know of can use (facts 10)."""
+    """Create an EC P-256 or 2048-bit RSA key, which all known clients support (facts 10)."""
     if kind is KeyType.EC:
         return ec.generate_private_key(ec.SECP256R1())
     return rsa.generate_private_key(public_exponent=65537, key_size=2048)
 
 
 def key_pem(key: PrivateKey) -> Secret:
-    """PKCS #8, not encrypted: an OpenVPN that starts with the computer has nobody to ask for a passphrase."""
+    """Return PKCS #8, not encrypted: an OpenVPN started at boot cannot ask for a passphrase."""
     return Secret(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()).decode("ascii"))
 
 
 def sign(key: PrivateKey, text: bytes) -> bytes:
-    """Sign a text of ours, which must begin with words that say what it is: a CA key also signs certificates."""
+    """Sign a text of ours, which must begin with words that identify its kind: a CA key also signs certificates."""
     if isinstance(key, rsa.RSAPrivateKey):
         return key.sign(text, padding.PKCS1v15(), SHA256())
     return key.sign(text, ec.ECDSA(SHA256()))
 
 
 def is_signed(key: PublicKey, text: bytes, signature: bytes) -> bool:
-    """Whether the holder of the private half has signed that text."""
+    """Return True if the signature of the text is valid."""
     try:
         if isinstance(key, rsa.RSAPublicKey):
             key.verify(signature, text, padding.PKCS1v15(), SHA256())
@@ -110,7 +110,7 @@ def is_signed(key: PublicKey, text: bytes, signature: bytes) -> bool:
 
 
 def load_key(pem: Secret) -> PrivateKey:
-    """The key of such a text. Raises KeyDamaged; what the text held is in no message."""
+    """Parse a private key. Raises CorruptKeyError; no message contains the text."""
     try:
         key = load_pem_private_key(pem.reveal().encode(), password=None)
     except (ValueError, TypeError):
@@ -135,12 +135,12 @@ _USER = b"\x00"
 
 
 def server_key() -> Secret:
-    """A server's tls-crypt-v2 key: it opens the keys that its clients send, and makes them."""
+    """Create a server's tls-crypt-v2 key, which creates and opens the keys of its clients."""
     return _pem(_SERVER, os.urandom(128))
 
 
 def client_key(server: Secret, metadata: bytes) -> Secret:
-    """A client's tls-crypt-v2 key for that server; the server can read `metadata`, and nobody can change it."""
+    """Create a client's tls-crypt-v2 key for that server; only the server can read `metadata`, nobody can change it."""
     if len(metadata) > METADATA_MAX:
         raise ValueError(f"metadata of more than {METADATA_MAX} bytes")
     both = _server_bytes(server)
@@ -154,9 +154,10 @@ def client_key(server: Secret, metadata: bytes) -> Secret:
 
 @dataclass(frozen=True, slots=True)
 class FirstPacket:
-    """The first packet of a client's session, and the answer that only a server with the same key can give.
+    """The first packet of a client's session, and the check of the server's reply.
 
-    It opens a session and no more: no certificate is shown, and a tunnel of the same member stays up.
+    Only a server with the same key can reply. The packet opens a session and nothing more: no certificate is shown, and
+    a tunnel of the same member stays up.
     """
 
     wrap_key: Secret
@@ -165,7 +166,7 @@ class FirstPacket:
     """The answer has to name it."""
 
     def datagram(self) -> bytes:
-        """Give the packet as it is sent now."""
+        """Return the packet with the current time."""
         keys, wrapped_key = _client_bytes(self.wrap_key)
         head = bytes([_HARD_RESET_V3 if wrapped_key else _HARD_RESET_V2]) + self.session
         head += _EARLY.to_bytes(4, "big") + int(time.time()).to_bytes(4, "big")
@@ -174,7 +175,7 @@ class FirstPacket:
         return head + tag + _ctr(keys[128:160], tag, plain) + wrapped_key
 
     def is_answer(self, datagram: bytes) -> bool:
-        """Whether a server that has the key has made it, for this session."""
+        """Return True if a server with the key has sent this reply, for this session."""
         keys, _ = _client_bytes(self.wrap_key)
         head, tag, ciphertext = datagram[:17], datagram[17:49], datagram[49:]
         if not ciphertext or head[0] & 0xF8 != _HARD_RESET_OF_SERVER:
@@ -185,7 +186,7 @@ class FirstPacket:
 
 
 def shared_key() -> Secret:
-    """A static key for clients that know no tls-crypt-v2: all of them share it, so it only keeps strangers out."""
+    """Create a static key for clients without tls-crypt-v2; they share it, so it only keeps strangers out."""
     rows = textwrap.wrap(os.urandom(256).hex(), 32)
     head = ["#", "# 2048 bit OpenVPN static key", "#", "-----BEGIN OpenVPN Static key V1-----"]
     return Secret("\n".join([*head, *rows, "-----END OpenVPN Static key V1-----", ""]))
@@ -210,7 +211,7 @@ def _server_bytes(key: Secret) -> bytes:
 
 
 def _client_bytes(key: Secret) -> tuple[bytes, bytes]:
-    """Keys of both directions, the server's first; and what goes to the server with the packet."""
+    """Return the keys of both directions, the server's first, and the wrapped key sent with the packet."""
     rows = re.sub(r"^(#|-----).*$", "", key.reveal(), flags=re.MULTILINE).split()
     if "Static key" in key.reveal():
         return bytes.fromhex("".join(rows)), b""

@@ -1,8 +1,8 @@
-"""Files that only a passphrase or a recipient's key opens: age, which everybody can install, or ansible-vault.
+"""Files encrypted to a passphrase or a recipient's key: age, which everybody can install, or ansible-vault.
 
 The CA's key is sealed by age with scrypt: a guess costs 256 MiB of memory and about a second. PKCS #8's own encryption
-costs a third of a millisecond, and ansible-vault's 10 000 rounds a few (facts 12): its passphrase must be stronger. How
-strong one is, zxcvbn estimates: it knows words, names, dates and keyboards.
+costs a third of a millisecond, and ansible-vault's 10 000 rounds a few (facts 12), so its passphrase must be stronger.
+The strength is estimated by zxcvbn, which knows words, names, dates and keyboard patterns.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _X25519 = re.compile(r"age1[02-9ac-hj-np-z]{58}")
 
 
 def seal(data: bytes, passphrase: Secret) -> bytes:
-    """Encrypt; text that `age --decrypt` opens as well. Slow by intent. Raises WeakPassphrase, SealTooLarge."""
+    """Encrypt to text that `age --decrypt` also opens. Deliberately slow. Raises WeakPassphrase, SealTooLarge."""
     check_passphrase(passphrase, SEAL_GUESSES)
     needed_bytes, free = _scrypt_bytes(age_file.WORK_FACTOR), _free_bytes()
     if free is not None and free < needed_bytes:
@@ -48,7 +48,7 @@ def seal(data: bytes, passphrase: Secret) -> bytes:
 
 
 def unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
-    """What `seal` or `age --passphrase` has encrypted. Raises WrongPassphrase, SealDamaged, SealTooLarge."""
+    """Decrypt a file of `seal` or `age --passphrase`. Raises WrongPassphrase, CorruptSealError, SealTooLarge."""
     if not _binary(sealed_data).startswith(_BY_PASSPHRASE):
         raise keys.CorruptSealError("this is no file that age has sealed with a passphrase", hint=_RESTORE)
     _check_memory(opening_bytes(sealed_data))
@@ -59,28 +59,28 @@ def unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
 
 
 def check_recipient(recipient: str) -> None:
-    """Raise RecipientRefused unless files can be encrypted to that: `age1…`, or an SSH public key (ed25519, RSA)."""
+    """Raise InvalidRecipientError unless it is a public key: `age1…`, or an SSH key (ed25519, RSA)."""
     _recipient(recipient)
 
 
 def seal_for(data: bytes, recipient: str, *others: str) -> bytes:
-    """Encrypt to whoever holds one of these keys; `age --decrypt --identity` opens it. Raises RecipientRefused."""
+    """Encrypt to the holders of these keys, for `age --decrypt --identity`. Raises InvalidRecipientError."""
     return bytes(pyrage.encrypt(data, [_recipient(item) for item in (recipient, *others)], armored=True))
 
 
 def opening_bytes(sealed_data: bytes) -> int:
-    """Memory that scrypt takes to open what age has sealed by a passphrase."""
+    """Return the memory that scrypt needs to open a file sealed by age with a passphrase; 0 if there is none."""
     match = _SCRYPT.search(_binary(sealed_data))
     return _scrypt_bytes(int(match[1])) if match is not None else 0
 
 
 def _scrypt_bytes(cost: int) -> int:
-    """128 bytes, 8 times, 2^cost (RFC 7914)."""
+    """Return the memory for a cost: 128 bytes, 8 times, 2^cost (RFC 7914)."""
     return 128 * 8 << cost
 
 
 def check_passphrase(passphrase: Secret, guesses: int) -> None:
-    """Raise WeakPassphrase for one that a guesser finds with fewer."""
+    """Raise WeakPassphrase if the estimated number of guesses is smaller."""
     text = passphrase.reveal()
     if not text:
         raise keys.WeakPassphrase("the passphrase is empty", hint=_STRONGER)
@@ -94,9 +94,9 @@ def check_passphrase(passphrase: Secret, guesses: int) -> None:
 
 
 def unseal_with(sealed_data: bytes, identity: Secret) -> bytes:
-    """What was encrypted to the public half of `AGE-SECRET-KEY-1…`.
+    """Decrypt data encrypted to the public half of `AGE-SECRET-KEY-1…`.
 
-    Raises RecipientRefused, WrongPassphrase, SealDamaged.
+    Raises InvalidRecipientError, WrongPassphrase, CorruptSealError.
     """
     _binary(sealed_data)
     try:
@@ -114,13 +114,13 @@ def unseal_with(sealed_data: bytes, identity: Secret) -> bytes:
 
 
 def vault_seal(data: bytes, passphrase: Secret) -> bytes:
-    """Encrypt as ansible-vault does. Raises WeakPassphrase: its guesses are cheap, so the passphrase must be long."""
+    """Encrypt like ansible-vault. Raises WeakPassphrase: guessing is cheap here, so the passphrase must be long."""
     check_passphrase(passphrase, VAULT_GUESSES)
     return bytes(_vault(passphrase).encrypt(data, salt=os.urandom(32)))  # type: ignore[attr-defined] # no types
 
 
 def vault_unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
-    """What ansible-vault has encrypted. Raises WrongPassphrase, SealDamaged."""
+    """Decrypt an ansible-vault file. Raises WrongPassphrase, CorruptSealError."""
     if not sealed_data.startswith(b"$ANSIBLE_VAULT;"):
         raise keys.CorruptSealError("this is no file that ansible-vault has encrypted", hint=_RESTORE)
     from ansible.errors import AnsibleError  # noqa: PLC0415 - as below
@@ -142,7 +142,7 @@ _STRONGER = "take six words that a die has chosen, and keep them where the autho
 
 
 def _check_memory(needed_bytes: int) -> None:
-    """Before scrypt takes it: on a small computer the kernel would end somebody without a word."""
+    """Raise SealTooLarge before scrypt allocates too much: a small computer's kernel would silently kill a process."""
     free = _free_bytes()
     if free is not None and free < needed_bytes:
         raise keys.SealTooLarge(
@@ -152,7 +152,7 @@ def _check_memory(needed_bytes: int) -> None:
 
 
 def _free_bytes() -> int | None:
-    """What programs may still take, as the kernel estimates it; None: it does not tell."""
+    """Return the memory available to programs, as estimated by the kernel; None if unknown."""
     try:
         match = re.search(r"^MemAvailable: +([0-9]+) kB$", _MEMORY.read_text(encoding="ascii"), re.MULTILINE)
     except (OSError, ValueError):
@@ -165,7 +165,7 @@ def _power(number: float) -> str:
 
 
 def _binary(sealed_data: bytes) -> bytes:
-    """A file of age without its armour."""
+    """Return an age file without its armour."""
     match = _ARMOR.fullmatch(sealed_data)
     try:
         data = base64.b64decode(b"".join(match[1].split()), validate=True) if match else sealed_data
@@ -177,7 +177,7 @@ def _binary(sealed_data: bytes) -> bytes:
 
 
 def _opening(error: pyrage.DecryptError) -> keys.WrongPassphrase | keys.CorruptSealError | keys.SealTooLarge:
-    """The same is said by age of a wrong passphrase and of a change in the one line that it opens."""
+    """Return the error for a failed decryption; age does not distinguish a wrong passphrase from a damaged header."""
     if str(error) == "Decryption failed":
         return _wrong()
     if str(error).startswith("Excessive work"):

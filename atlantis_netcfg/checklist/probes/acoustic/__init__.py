@@ -1,17 +1,17 @@
-"""Acoustic modems of the vehicles, read without disturbing them, and never made to sound in air.
+"""Acoustic modems of the vehicles, read without disturbing them, and never made to transmit in air.
 
-Two drivers (EvoLogics S2C, Blueprint SeaTrac) read from closed lists of commands; whatever transmits is a step of its
-own that a person has to agree to, in the water. A modem that its vehicle holds is left to it: that is no failure. What
-the columns acoustic and USBL and the comparison of the fleet need of one modem is one request, sent once.
+Two drivers (EvoLogics S2C, Blueprint SeaTrac) read from closed lists of commands; every transmission is a separate step
+that needs a person's consent, in the water. A modem that is in use by its vehicle is left alone: that is no failure.
+One request, sent once, serves the columns acoustic and USBL and the fleet comparison.
 
-The fleet: settings of all modems of a site side by side show whether they can talk to each other at all.
+The fleet: comparing the settings of all modems of a site shows whether they can communicate at all.
 
-One message from modem to modem needs a person's consent, water, and a modem that is not too loud. A script cannot
-decide, but it can stop: it reads the state, then whose modem it is, then the source level, and sends the message only
-after the answers that allow it, so that nobody else's modem transmits. Those answers must come alone (notifications
-that are plain text aside): nothing inside a received message is taken for them, and what is not sure is not sent.
+A message from modem to modem needs a person's consent, water, and a modem that is not too loud. A script cannot decide,
+but it can stop: it reads the state, then the modem's address, then the source level, and sends the message only after
+responses that allow it, so that nobody else's modem transmits. Those responses must come alone (plain-text
+notifications aside): nothing inside a received message is accepted as one, and in doubt nothing is sent.
 
-How it could be fooled, and what stops it, stands in docs/probes.md.
+docs/probes.md describes how it could be deceived, and what prevents that.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _PHY = "ATI1"
 
 @dataclass(frozen=True, slots=True)
 class ModemMember:
-    """A modem of the fleet."""
+    """A modem in the fleet comparison."""
 
     name: str
     """The row in words."""
@@ -119,16 +119,16 @@ def _unique(what: str, values: Mapping[str, int]) -> Iterator[BearerFinding]:
 
 @dataclass(frozen=True, slots=True)
 class EvologicsFleet:
-    """The EvoLogics modems of the site agree in all that they must agree in."""
+    """Check that the EvoLogics modems of a site agree in all settings that must be equal."""
 
     members: tuple[ModemMember, ...]
 
     def asks(self) -> tuple[base.Question, ...]:
-        """The same scripts as the items of the modems themselves."""
+        """Return the same scripts as the items of the modems themselves."""
         return _requests(self.members)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Compare what `AT&V` told."""
+        """Compare the settings reported by `AT&V`."""
         readings = {member.name: status.AcousticReading.of(_transcript(member, results)) for member in self.members}
         result = {
             name: {key: value for key in _COMPARED_SETTINGS if (value := reading.setting(key)) is not None}
@@ -193,16 +193,16 @@ def _agree(result: Mapping[str, Mapping[str, int]]) -> BearerFinding:
 
 @dataclass(frozen=True, slots=True)
 class SeatracFleet:
-    """The SeaTrac beacons of the site have numbers of their own and count with the same sound speed."""
+    """Check that the SeaTrac beacons of a site have different numbers and use the same sound speed."""
 
     members: tuple[ModemMember, ...]
 
     def asks(self) -> tuple[base.Question, ...]:
-        """The same scripts as the items of the beacons themselves."""
+        """Return the same scripts as the items of the beacons themselves."""
         return _requests(self.members)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Compare their settings."""
+        """Compare the settings of the beacons."""
         beacons = {member.name: status.Beacon.of(_transcript(member, results)).settings for member in self.members}
         values = {name: settings for name, settings in beacons.items() if settings is not None}
         findings = [*_not_compared((name for name in beacons if name not in values), len(values))]
@@ -239,7 +239,7 @@ _DELIVERED_S = 20.0
 
 
 def message_consent(name: str, partner: int) -> base.Consent:
-    """What a person has to agree to."""
+    """Return the consent that a person must give before a message is transmitted."""
     return base.Consent(
         question=f"{name} and the modem with the acoustic address {partner} are in the water, nobody dives near them, "
         "and they may transmit one message"
@@ -248,7 +248,7 @@ def message_consent(name: str, partner: int) -> base.Consent:
 
 @dataclass(frozen=True, slots=True)
 class EvologicsMessage:
-    """A message reaches the partner's modem, which acknowledges it."""
+    """Check that a message reaches the partner's modem, which acknowledges it."""
 
     modem: AcousticModem
     name: str
@@ -261,7 +261,7 @@ class EvologicsMessage:
     """What the step asks a person; without it there is no message to be sent."""
 
     def asks(self) -> tuple[base.Question, ...]:
-        """State, address, source level, and behind them the message. Raises NeverSaid where no person is asked."""
+        """Request state, address and source level, then send the message. Raises NeverSaid if no person is prompted."""
         return (self._question(),)
 
     def _question(self) -> base.Listen:
@@ -278,7 +278,7 @@ class EvologicsMessage:
         return self.modem.listen(f"message from {self.modem.where}", say, listen_s=0.0, turn=WATER)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Judge whether it was sent, and what became of it."""
+        """Judge whether the message was sent, and what the partner reported."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self._question().name])
         if isinstance(transcript, base.ProbeResult):
             return transcript
@@ -358,7 +358,7 @@ def _is_send(piece: evologics.Piece) -> bool:
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """The modem itself, once a site and driver the fleet, and a message where a partner is declared."""
+    """Return the modem's check, the fleet check once per site and driver, and a message if there is a partner."""
     modem = modem_of(cell)
     if modem is None:
         return (_by_a_person(cell),)
@@ -380,7 +380,7 @@ def _status(cell: base.Cell, modem: AcousticModem) -> base.Step:
 
 
 def _fleet(cell: base.Cell, modem: AcousticModem) -> Iterator[base.Step]:
-    """Give the comparison of all modems of a driver to the first row that has one."""
+    """Yield the fleet comparison of a driver's modems, for the first row that has one."""
     same = [(other, its) for other, its in modems(cell, Column.ACOUSTIC) if its.driver is modem.driver]
     if len({its for _, its in same}) < 2 or same[0][0].vehicle != cell.vehicle:  # noqa: PLR2004 - a comparison
         return
@@ -418,7 +418,7 @@ def _message(cell: base.Cell, modem: AcousticModem) -> Iterator[base.Step]:
 
 
 def _sent_by_a_person(cell: base.Cell, partner: int) -> base.Step:
-    """A SeaTrac beacon pings (column USBL); this tool sends no data by it."""
+    """Return a step for a person: this tool sends no data with a SeaTrac beacon, which pings (column USBL)."""
     return base.Step(
         name="message",
         title=f"A message of {cell.name} reaches the beacon {partner}",

@@ -1,8 +1,8 @@
-"""The language of an EvoLogics S2C modem: frames, bare lines, settings, states and fixes (devices.md 5.1).
+"""Parser for an EvoLogics S2C modem: frames, bare lines, settings, states and fixes (devices.md 5.1).
 
-In data mode answers are `+++AT?S:<length>:<answer>` and notifications `+++AT:<length>:<text>`; the length counts bytes,
-and what they are does not matter: NUL, line ends, another frame. Bare lines and raw data of a connection may stand in
-between. What is not understood is passed over, and nothing here raises.
+In data mode responses are `+++AT?S:<length>:<answer>` and notifications `+++AT:<length>:<text>`; the length counts
+bytes, which may have any content: NUL, line ends, another frame. Bare lines and raw data of a connection may be in
+between. Input that is not recognised is skipped, and nothing here raises.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _NAMES = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A frame, or a bare line."""
+    """A frame or a bare line of the modem's output."""
 
     command: str | None
     """What it answers: `AT?S`; NOTIFICATION: nothing; None: a bare line."""
@@ -49,13 +49,13 @@ class Piece:
 
     @property
     def text(self) -> str:
-        """The body as text; what is none becomes question marks."""
+        """Body as text; bytes that are not ASCII become replacement characters."""
         return self.body.decode("ascii", "replace").strip()
 
 
 @dataclass(frozen=True, slots=True)
 class EvologicsSettings:
-    """What `AT&V` tells; unknown names are left out."""
+    """Settings reported by `AT&V`; unknown names are left out."""
 
     values: Mapping[str, int]
     """By the names of firmware 1.9: `IM Retry Count`, also where the modem writes `Rerty`."""
@@ -65,7 +65,7 @@ class EvologicsSettings:
 
 @dataclass(frozen=True, slots=True)
 class EvologicsFix:
-    """One USBLLONG, or one USBLANGLES (then without a position)."""
+    """A position fix: one USBLLONG, or one USBLANGLES (without a position)."""
 
     remote: int
     clock_s: float
@@ -83,7 +83,7 @@ class EvologicsFix:
 
 
 def pieces(data: bytes) -> tuple[Piece, ...]:
-    """Everything whole in a stream, in its order; what is inside a frame is never read as something else."""
+    """Return all complete pieces of a stream, in order; the content of a frame is never parsed as a piece."""
     return tuple(_pieces(data))
 
 
@@ -104,7 +104,7 @@ def _pieces(data: bytes) -> Iterator[Piece]:
 
 
 def _lines(data: bytes, begin: int, end: int) -> Iterator[Piece]:
-    """Bare lines that are whole: a cut one may read as something that it is not."""
+    """Yield complete bare lines; a truncated line could be misread."""
     while (stop := data.find(b"\n", begin, end)) >= 0:
         if line := data[begin:stop].strip(b"\r"):
             yield Piece(None, line, stop + 1)
@@ -112,13 +112,13 @@ def _lines(data: bytes, begin: int, end: int) -> Iterator[Piece]:
 
 
 def answer(replies: Sequence[Piece], command: str) -> str | None:
-    """The last framed answer to a command; None: none came, or the modem says ERROR or BUSY."""
+    """Return the last framed response to a command; None if there is none, or for ERROR or BUSY."""
     text = _last(replies, command)
     return None if text is None or text.startswith(("ERROR", "BUSY")) else text
 
 
 def trouble_words(replies: Sequence[Piece], command: str) -> str | None:
-    """`ERROR …` or `BUSY …` in answer to a command, or a bare one to any."""
+    """Return `ERROR …` or `BUSY …` in response to a command, or a bare one for any command."""
     bare = next(
         (piece.text for piece in replies if piece.command is None and piece.text.startswith(("ERROR", "BUSY"))), None
     )
@@ -132,13 +132,13 @@ def _last(replies: Sequence[Piece], command: str) -> str | None:
 
 
 def number(text: str | None) -> float | None:
-    """The number that an answer begins with, also where a change of it is pending; None: unknown."""
+    """Return the number at the start of a response, also if a change of it is pending; None if unknown."""
     match = re.match(r"(?:\[\*\])?(-?\d{1,15}(?:\.\d{1,15})?)(?:$|[\s,])", text or "")
     return float(match[1]) if match else None
 
 
 def state(replies: Sequence[Piece]) -> str | None:
-    """The state's words; None: not told. Words that nobody knows are given back as they are."""
+    """Return the state's text, also if it is unknown; None if it was not reported."""
     text = answer(replies, "AT?S")
     if text is not None:
         match = _STATES.search(text)
@@ -148,7 +148,7 @@ def state(replies: Sequence[Piece]) -> str | None:
 
 
 def settings(replies: Sequence[Piece]) -> EvologicsSettings | None:
-    """Everything known that `AT&V` told, framed or bare; None: nothing."""
+    """Return all known settings reported by `AT&V`, framed or bare; None if there are none."""
     text = answer(replies, "AT&V") or "\n".join(p.text for p in replies if p.command is None)
     matches = [_SETTING.fullmatch(line.strip()) for line in text.splitlines()]
     name_matches = [(match[2].replace("Rerty", "Retry"), match) for match in matches if match]
@@ -161,7 +161,7 @@ def settings(replies: Sequence[Piece]) -> EvologicsSettings | None:
 
 
 def fixes(replies: Sequence[Piece]) -> tuple[EvologicsFix, ...]:
-    """Every fix that was told, framed or bare, in its order."""
+    """Return every reported fix, framed or bare, in order."""
     result = (p for p in replies if p.command in {NOTIFICATION, None})
     return tuple(fix for fix in map(_fix, result) if fix)
 
@@ -191,7 +191,7 @@ def _fix(piece: Piece) -> EvologicsFix | None:
 
 
 def reply_pattern(query: str) -> bytes:
-    """Regular expression for the answer to a query, framed or bare, good or not."""
+    """Return a regular expression for the response to a query, framed or bare, also ERROR and BUSY."""
     if query == "AT&V":
         return rb"\+\+\+AT&V:\d+:(?:ERROR|BUSY)[^\n]*\n|(?:\A|\n)(?:ERROR|BUSY)[^\n]*\n|: [^\r\n]*\r?\n\r?\n"
     return rb"\+\+\+" + re.escape(query.encode()) + rb":\d+:[^\n]*\n|" + _BARE

@@ -1,15 +1,14 @@
-"""Where a modem is reached, what may be sent to it, and why it may send nothing back.
+"""Address of a modem, the messages that may be sent to it, and the reasons why it may not respond.
 
-A modem serves one client, and a vehicle's acoustic and USBL columns often mean the same one: everything that they and
-the comparison of the fleet need is one script with one listening, which is identical for all of them and therefore
-sent once.
+A modem serves one client, and a vehicle's acoustic and USBL columns often refer to the same modem. So everything that
+they and the fleet comparison need is one script with one listening period, identical for all of them and sent once.
 
-What may be sent: two tables, and the only functions that make a message for one. Sources: the makers' commands as
-public drivers name them (devices.md 5.1 and 5.2). Everything that is not on a table is refused, and so is whatever a
-table names as never to be sent; `refused_reason` reads the finished bytes, so that no message made elsewhere passes
-either. An EvoLogics modem in data mode transmits what does not begin with `+++AT`: no command is ever sent without.
+What may be sent: two tables, and the only functions that build a message from them. Sources: the makers' commands as
+used by public drivers (devices.md 5.1 and 5.2). Everything that is not in a table is rejected, and so is whatever a
+table marks as never to be sent. `refused_reason` checks the finished bytes, so that no message built elsewhere passes
+either. An EvoLogics modem in data mode transmits what does not begin with `+++AT`: every command is sent with it.
 
-A modem that its vehicle holds is not broken, and is never taken away from it.
+A modem in use by its vehicle is not broken, and is never taken away from it.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _IN_WATER = "in the water"
 
 
 class ModemUse(StrEnum):
-    """What sending a command does."""
+    """Effect of sending a command."""
 
     READ = "read"
     NEVER = "never"
@@ -45,7 +44,7 @@ class ModemUse(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ModemCommand:
-    """A line of a table."""
+    """A command in a table of allowed and forbidden commands."""
 
     use: ModemUse
     what: str
@@ -53,7 +52,7 @@ class ModemCommand:
 
 
 class NeverSaid(NetcfgError, ValueError):
-    """A command that is on no list: it has not left this computer."""
+    """The command is not in the allow-list; it was not sent."""
 
 
 EVOLOGICS: Mapping[bytes, ModemCommand] = {
@@ -109,7 +108,7 @@ _READ_S = 3.0
 
 
 def refused_reason(data: bytes, *, active: bool) -> str | None:
-    """Say why bytes must not be sent to a modem; None: they may. `active`: a person has consented to a transmission."""
+    """Return why bytes must not be sent to a modem; None if they may. `active`: a person consented to transmit."""
     if data.startswith(b"#"):
         return _refused_seatrac(data, active=active)
     if data.startswith(b"+++"):
@@ -157,35 +156,35 @@ def _unless(modem_command: ModemCommand, data: bytes, *, active: bool) -> str | 
 
 
 def _say(data: bytes, until: bytes, within_s: float, *, active: bool) -> base.Say:
-    """Make the only kind of saying that a modem gets. Raises NeverSaid."""
+    """Build a message for a modem; all messages are built here. Raises NeverSaid if it is not allowed."""
     if reason := refused_reason(data, active=active):
         raise NeverSaid(reason, hint="a probe sends what `checklist/probes/acoustic/modem.py` lists, nothing else")
     return base.Say(data, until, within_s)
 
 
 def ask_at(query: str, until: bytes, *, within_s: float = _READ_S) -> base.Say:
-    """Ask an EvoLogics modem something that only reads: `AT?S`. Raises NeverSaid."""
+    """Build a read-only query for an EvoLogics modem, such as `AT?S`. Raises NeverSaid."""
     return _say(b"+++" + query.encode() + b"\n", until, within_s, active=False)
 
 
 def ask_seatrac(number: int, until: bytes, *, within_s: float = _READ_S) -> base.Say:
-    """Ask a SeaTrac beacon something that only reads. Raises NeverSaid."""
+    """Build a read-only command for a SeaTrac beacon. Raises NeverSaid."""
     return _say(seatrac.command(bytes([number])), until, within_s, active=False)
 
 
 def message(text: str, to: int, consent: base.Consent | None, until: bytes, *, within_s: float) -> base.Say:
-    """Transmit a message by an EvoLogics modem, which only a step can that asks for consent. Raises NeverSaid."""
+    """Build a message for an EvoLogics modem to transmit; needs a step with consent. Raises NeverSaid."""
     data = f"+++AT*SENDIM,{len(text)},{to},ack,{text}\n".encode()
     return _say(data, until, within_s, active=_asks(consent))
 
 
 def ping(beacon: int, consent: base.Consent | None, until: bytes, *, within_s: float) -> base.Say:
-    """Ping another beacon by a SeaTrac one, which only a step can that asks for consent. Raises NeverSaid."""
+    """Build a ping from a SeaTrac beacon to another; needs a step with consent. Raises NeverSaid."""
     return _say(seatrac.command(bytes([_PING, beacon, _WITH_USBL])), until, within_s, active=_asks(consent))
 
 
 def _asks(consent: base.Consent | None) -> bool:
-    """Whether a person is asked, and asked whether the modem is in the water."""
+    """Return whether a person is prompted, and whether the prompt mentions that the modem is in the water."""
     return consent is not None and _IN_WATER in consent.question
 
 
@@ -201,7 +200,7 @@ _NUMBERS = (seatrac.ALIVE, seatrac.INFO, seatrac.SETTINGS, seatrac.STATUS, seatr
 
 @dataclass(frozen=True, slots=True)
 class AcousticModem:
-    """One end that a script goes to."""
+    """Connection endpoint of a modem."""
 
     driver: model.AcousticDriver
     place: base.Place
@@ -212,14 +211,14 @@ class AcousticModem:
 
     @property
     def where(self) -> str:
-        """In words: `10.64.1.21:9200`, `/dev/ttyUSB0 of the gateway`."""
+        """Description of the endpoint: `10.64.1.21:9200`, `/dev/ttyUSB0 of the gateway`."""
         computer = "this laptop" if self.place is base.Place.LAPTOP else "the gateway"
         return f"{self.device} of {computer}" if self.device else f"{self.address}:{self.port}"
 
     def listen(
         self, name: str, say: tuple[base.Say, ...], *, listen_s: float, enough: bytes = b"", turn: str = ""
     ) -> base.Listen:
-        """A script for it."""
+        """Build a listening script for this modem."""
         return base.Listen(
             name=name,
             place=self.place,
@@ -236,7 +235,7 @@ class AcousticModem:
 
 
 def modem_of(cell: base.Cell) -> AcousticModem | None:
-    """The modem of a cell in the columns acoustic and USBL; None: none is declared, or nobody says where it is."""
+    """Return the modem of a cell in the columns acoustic and USBL; None if the inventory has none, or no address."""
     endpoint = _endpoint(cell)
     if endpoint is None:
         return None
@@ -252,7 +251,7 @@ def _endpoint(cell: base.Cell) -> model.AcousticEndpoint | model.UsblEndpoint | 
 
 
 def modems(cell: base.Cell, column: model.Column) -> Iterator[tuple[base.Cell, AcousticModem]]:
-    """The modems of all rows that are tested at the site, with their cells; the site's own comes last."""
+    """Yield the modems of all rows that are tested at the site, with their cells; the site's own comes last."""
     here = cell.site_config.checklist.vehicles
     for row in (*(key for key in cell.declaration.vehicles if here is None or key in here), None):
         other = base.Cell(cell.declaration, cell.site, row, column)
@@ -261,7 +260,7 @@ def modems(cell: base.Cell, column: model.Column) -> Iterator[tuple[base.Cell, A
 
 
 def declared_address(cell: base.Cell, modem: AcousticModem) -> int | None:
-    """The acoustic address of a modem, as the acoustic column of any row declares it; None: nobody does."""
+    """Return the acoustic address of a modem from the acoustic column of any row; None if the inventory has none."""
     same = (other.endpoints.acoustic for other, its in modems(cell, model.Column.ACOUSTIC) if its == modem)
     return next(
         (
@@ -274,7 +273,7 @@ def declared_address(cell: base.Cell, modem: AcousticModem) -> int | None:
 
 
 def question(cell: base.Cell, modem: AcousticModem) -> base.Listen:
-    """What is asked of a modem, whoever wants to know: reading queries, then the longest listening that is wanted."""
+    """Build the shared request for a modem: read-only queries, then the longest listening period needed."""
     usbl = [item.endpoints.usbl for item, other in modems(cell, model.Column.USBL) if other == modem]
     endpoints = [endpoint for endpoint in usbl if endpoint is not None]
     return modem.listen(
@@ -292,7 +291,7 @@ def _script(driver: model.AcousticDriver) -> tuple[base.Say, ...]:
 
 
 def _enough(driver: model.AcousticDriver, endpoints: list[model.UsblEndpoint]) -> bytes:
-    """Some whole fixes of every address that is expected; nothing, where nobody listens for any."""
+    """Return the pattern that ends listening: several fixes of each expected address; empty if none is expected."""
     addresses = sorted({address for endpoint in endpoints for address in endpoint.hears})
     remotes: list[int | None] = list(addresses)
     if any(not endpoint.hears for endpoint in endpoints):
@@ -376,7 +375,7 @@ _WORDS: Mapping[base.Trouble | None, tuple[Verdict, str, str, str]] = {
 
 
 def trouble(modem: AcousticModem, name: str, transcript: base.Transcript) -> BearerFinding | None:
-    """Say why the modem of a row could not be read; None: it has said something."""
+    """Return why a modem could not be read; None if it sent any data."""
     if transcript.data:
         return None
     # Who serves one client only hangs up on the second, or refuses it: both mean the same here.
@@ -387,7 +386,7 @@ def trouble(modem: AcousticModem, name: str, transcript: base.Transcript) -> Bea
 
 
 def transcript_or_judgement(modem: AcousticModem, name: str, answer: base.Answer) -> base.Transcript | base.ProbeResult:
-    """Give what a modem has said, or the judgement of one that could not be read."""
+    """Return the transcript of a modem, or a result if the modem could not be read."""
     if not isinstance(answer, base.Transcript):
         raise TypeError(answer)
     finding = trouble(modem, name, answer)
@@ -395,7 +394,7 @@ def transcript_or_judgement(modem: AcousticModem, name: str, answer: base.Answer
 
 
 def not_understood(modem: AcousticModem, name: str) -> BearerFinding:
-    """Say that somebody else's language is spoken, or that noise comes."""
+    """Return the finding for data that are not the modem's protocol, or noise."""
     message = f"what answers for {name} at {modem.where} does not speak like {LANGUAGE[modem.driver]}"
     hint = (
         "compare `driver`, `port` and `baud` in the declaration with the modem; a wrong rate of a serial port is noise"
@@ -404,7 +403,7 @@ def not_understood(modem: AcousticModem, name: str) -> BearerFinding:
 
 
 def whose_unknown(modem: AcousticModem, name: str) -> BearerFinding:
-    """Say that any modem would do: nothing declared tells this one from another's."""
+    """Return the finding for a modem that cannot be identified, as the inventory has no acoustic address."""
     message = f"nothing tells whether what answers at {modem.where} is the modem of {name}"
     return BearerFinding(
         Verdict.WARN, "whose-unknown", message, "declare its `acoustic_address` under `endpoints.acoustic`"
@@ -412,7 +411,7 @@ def whose_unknown(modem: AcousticModem, name: str) -> BearerFinding:
 
 
 def two_modems(modem: AcousticModem, name: str, addresses: Collection[int]) -> BearerFinding:
-    """Say that answers contradict each other."""
+    """Return the finding for contradicting addresses, which mean more than one modem."""
     text = " and ".join(map(str, sorted(addresses)))
     message = f"what answers for {name} at {modem.where} tells the acoustic addresses {text}: it is more than one modem"
     hint = "look what is connected to this end: one line serves one modem, and a program must not mix two of them"

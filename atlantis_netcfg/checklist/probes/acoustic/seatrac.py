@@ -1,9 +1,9 @@
-"""The language of a Blueprint SeaTrac beacon: frames in ASCII-hex, and the records in them that we read.
+"""Parser and encoder for a Blueprint SeaTrac beacon: frames in ASCII-hex, and the records that we read.
 
-Commands begin with `#`, answers with `$`; then a number, its record (little-endian), and a CRC-16 (polynomial 0x8005
-reflected, start 0) over both, low byte first, all as hex digits (devices.md 5.2). Records as public drivers lay them
-out: settings and status in DUNE and Rust and Python clients, the acoustic fix in two C++ ones. What does not fit is
-passed over, and nothing here raises.
+Commands begin with `#`, responses with `$`; then a number, its record (little-endian), and a CRC-16 (polynomial 0x8005
+reflected, start 0) over both, low byte first, all as hex digits (devices.md 5.2). Record layouts are those of public
+drivers: settings and status of DUNE, Rust and Python clients, the acoustic fix of two C++ ones. Input that does not
+match is skipped, and nothing here raises.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ENVIRONMENT = 1
 
 @dataclass(frozen=True, slots=True)
 class SeatracAnswer:
-    """One frame whose sum is right."""
+    """A response frame with a correct checksum."""
 
     number: int
     record: bytes
@@ -38,7 +38,7 @@ class SeatracAnswer:
 
 @dataclass(frozen=True, slots=True)
 class SeatracSettings:
-    """What we look at of a beacon's settings."""
+    """The settings of a beacon that we use."""
 
     beacon: int
     sound_speed_mps: float
@@ -48,7 +48,7 @@ class SeatracSettings:
 
 @dataclass(frozen=True, slots=True)
 class BeaconStatus:
-    """What a beacon measures about itself; None: its settings leave it out."""
+    """Environment values measured by a beacon; None: not included by its settings."""
 
     supply_v: float | None = None
     depth_m: float | None = None
@@ -57,7 +57,7 @@ class BeaconStatus:
 
 @dataclass(frozen=True, slots=True)
 class SeatracFix:
-    """What a beacon has made of an answer that it heard."""
+    """Position computed by a beacon from a response that it received."""
 
     to: int
     """Beacon for which the answer was meant; 0: all of them."""
@@ -75,7 +75,7 @@ class SeatracFix:
 
 
 def crc16(data: bytes) -> int:
-    """The sum of a frame."""
+    """Compute the checksum of a frame."""
     value = 0
     for byte in data:
         value ^= byte
@@ -85,12 +85,12 @@ def crc16(data: bytes) -> int:
 
 
 def command(payload: bytes) -> bytes:
-    """A command as it is sent; DUNE ends it with LF and CR in this order."""
+    """Encode a command; as in DUNE, it ends with LF and CR in this order."""
     return b"#" + (payload + crc16(payload).to_bytes(2, "little")).hex().upper().encode() + b"\n\r"
 
 
 def payload_of(data: bytes) -> bytes | None:
-    """Number and record of exactly one command; None: it is none, or its sum is wrong."""
+    """Return number and record of exactly one command; None if invalid or if the checksum is wrong."""
     match = _COMMAND.fullmatch(data)
     return _check_payload(match[1]) if match else None
 
@@ -102,7 +102,7 @@ def _check_payload(digits: bytes) -> bytes | None:
 
 
 def answers(data: bytes) -> tuple[SeatracAnswer, ...]:
-    """Every whole answer in a stream, in its order."""
+    """Return every complete response in a stream, in order."""
     return tuple(_answers(data))
 
 
@@ -113,12 +113,12 @@ def _answers(data: bytes) -> Iterator[SeatracAnswer]:
 
 
 def count_damaged(data: bytes) -> int:
-    """How many answers came with a wrong sum."""
+    """Count the responses with a wrong checksum."""
     return sum(_check_payload(match[1]) is None for match in _ANSWER.finditer(data))
 
 
 def last(replies: Sequence[SeatracAnswer], number: int) -> bytes | None:
-    """The record of the last answer with a number; None: there is none."""
+    """Return the record of the last response with a number; None if there is none."""
     return next((answer.record for answer in reversed(replies) if answer.number == number), None)
 
 
@@ -141,7 +141,7 @@ def status(record: bytes) -> BeaconStatus | None:
 
 
 def info(record: bytes) -> str | None:
-    """Tell part, serial number and firmware in words: seconds up, section, hardware, boot loader, application."""
+    """Format part, serial number and firmware. Record: uptime, section, hardware, boot loader, application."""
     try:
         _, _, part, _, serial = struct.unpack_from("<IBHBI", record)
         _, _, major, minor, build = struct.unpack_from("<?HBBH", record, 4 + 1 + 11 + 11)
@@ -152,7 +152,7 @@ def info(record: bytes) -> str | None:
 
 
 def fix(record: bytes) -> SeatracFix | None:
-    """Read the acoustic fix with which the response to a ping or a NAV_QUERY begins; None: it is cut."""
+    """Parse the acoustic fix at the start of the response to a ping or NAV_QUERY; None if it is truncated."""
     try:
         return _fix(record)
     except struct.error:

@@ -1,6 +1,6 @@
-"""The acoustic column of an EvoLogics modem and of a SeaTrac beacon: what it reports, read and never changed.
+"""Acoustic column of EvoLogics modems and SeaTrac beacons: their reported state, read and never changed.
 
-Here are also the bands and words by which both are judged.
+Also the limits and texts by which both are judged.
 """
 
 from __future__ import annotations
@@ -69,12 +69,12 @@ STATES: dict[str, tuple[Verdict, str, str, str | None]] = {
 
 
 def level_words(level: int) -> str:
-    """`1 (-6 dB)`."""
+    """Format a source level: `1 (-6 dB)`."""
     return f"{level} ({LEVELS[level]})" if level in LEVELS else f"{level} (unknown)"
 
 
 def plain(value: float) -> str:
-    """A number without a tail of noughts."""
+    """Format a number without trailing zeros."""
     return f"{value:.2f}".rstrip("0").rstrip(".")
 
 
@@ -91,7 +91,7 @@ _READINGS = (
 
 @dataclass(frozen=True, slots=True)
 class AcousticReading:
-    """Everything that a modem told, in one value; None: not told."""
+    """All data reported by a modem; None: not reported."""
 
     replies: tuple[evologics.Piece, ...]
     settings: evologics.EvologicsSettings | None
@@ -104,18 +104,18 @@ class AcousticReading:
 
     @property
     def is_evologics(self) -> bool:
-        """Whether anything of it is an EvoLogics modem's."""
+        """Whether any of the data come from an EvoLogics modem."""
         has_frame = any(piece.command for piece in self.replies)
         return has_frame or self.settings is not None or evologics.state(self.replies) is not None
 
     @property
     def address(self) -> int | None:
-        """Local Address."""
+        """Local address of the modem."""
         return self.setting("Local Address", "AT?AL")
 
     @property
     def addresses(self) -> frozenset[int]:
-        """Every one that was told and is in force: more than one is two modems at one end."""
+        """All reported addresses in force; more than one means that two modems share an endpoint."""
         if self.settings is not None and "Local Address" in self.settings.pending:
             return frozenset()
         setting_replies = [evologics.settings((piece,)) for piece in self.replies if piece.command == "AT&V"]
@@ -125,24 +125,24 @@ class AcousticReading:
 
     @property
     def level(self) -> int | None:
-        """Source Level."""
+        """Source level of the modem."""
         return self.setting("Source Level", "AT?L")
 
     def setting(self, name: str, query: str | None = None) -> int | None:
-        """A setting of the listing, else of its own query."""
+        """Return a setting from the listing, otherwise from its own query."""
         if self.settings is not None and name in self.settings.values:
             return self.settings.values[name]
         result = self.number(query) if query else None
         return int(result) if result is not None else None
 
     def number(self, query: str) -> float | None:
-        """The number that a query was answered with."""
+        """Return the number in the response to a query."""
         return evologics.number(evologics.answer(self.replies, query))
 
 
 @dataclass(frozen=True, slots=True)
 class EvologicsStatus:
-    """The modem listens, with the address, level and sound speed that it should have."""
+    """Check that the modem listens, with the expected address, source level and sound speed."""
 
     modem: AcousticModem
     name: str
@@ -152,11 +152,11 @@ class EvologicsStatus:
     question: base.Listen
 
     def asks(self) -> tuple[base.Question, ...]:
-        """One script of reading queries."""
+        """Return one script of read-only queries."""
         return (self.question,)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Judge what the modem told."""
+        """Judge the data reported by the modem."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, base.ProbeResult):
             return transcript
@@ -273,7 +273,7 @@ _STOP_STATE = 0x3A
 
 @dataclass(frozen=True, slots=True)
 class Beacon:
-    """Everything that a beacon told, in one value; None: not told."""
+    """All data reported by a beacon; None: not reported."""
 
     replies: tuple[seatrac.SeatracAnswer, ...]
     settings: seatrac.SeatracSettings | None
@@ -301,7 +301,7 @@ class Beacon:
 
 
 def damage(name: str, transcript: base.Transcript) -> BearerFinding | None:
-    """Say that answers came with a wrong sum."""
+    """Return a finding if responses had a wrong checksum; otherwise None."""
     damage_count = seatrac.count_damaged(transcript.data)
     if not damage_count:
         return None
@@ -313,7 +313,7 @@ def damage(name: str, transcript: base.Transcript) -> BearerFinding | None:
 
 @dataclass(frozen=True, slots=True)
 class SeatracStatus:
-    """The beacon is alive and idle, with the number and sound speed that it should have."""
+    """Check that the beacon works and is idle, with the expected number and sound speed."""
 
     modem: AcousticModem
     name: str
@@ -323,11 +323,11 @@ class SeatracStatus:
     question: base.Listen
 
     def asks(self) -> tuple[base.Question, ...]:
-        """One script of reading commands."""
+        """Return one script of read-only commands."""
         return (self.question,)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Judge what the beacon told."""
+        """Judge the data reported by the beacon."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, base.ProbeResult):
             return transcript

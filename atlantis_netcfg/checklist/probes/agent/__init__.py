@@ -1,11 +1,11 @@
-"""The agent: a program that runs at a place, sends all requests there at once, and prints a line for each result.
+"""The agent: a program that runs on a remote host, sends all requests there at once, and prints one line per result.
 
-It is Python 3.8 and the standard library, for Ubuntu 20.04 on a gateway has no more, and it leaves nothing behind: its
-source goes in by the standard input together with the requests, as one piece of compressed bytes without docstrings. It
-asks only what it is given; what must not be disturbed (a serial port or a UDP port that a program of the vehicle holds)
-it leaves alone. One request that fails, hangs or crashes takes no other with it.
+It uses Python 3.8 and the standard library, because a gateway with Ubuntu 20.04 has no more, and it leaves no files:
+its source is sent over standard input together with the requests, compressed and without docstrings. It sends only the
+requests that it is given; it does not disturb a serial port or UDP port that a program of the vehicle holds. A request
+that fails, hangs or crashes does not affect the others.
 
-This module packs the program and its requests, and reads its results; it does not travel.
+This module packs the program and its requests, and parses its results; it is not sent itself.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ made.main(json.loads({asked!r}))
 
 
 def program(request: dict[str, Any]) -> bytes:
-    """Pack the program with what it is asked (`Batch.asked`)."""
+    """Pack the program together with its requests (`Batch.request`)."""
     words = json.dumps(request, separators=(",", ":"))
     return zlib.compress(_LOADER.format(sources=_sources(), asked=words).encode(), 9)
 
@@ -71,7 +71,7 @@ def _sources() -> tuple[tuple[str, str], ...]:
 
 
 def _bare(source: str) -> str:
-    """Take out what only people read; every line keeps its number, so that a traceback fits the file."""
+    """Blank out docstrings; lines keep their numbers, so that tracebacks match the file."""
     lines = source.splitlines()
     for node in ast.walk(ast.parse(source)):
         if not isinstance(node, ast.Expr) or not isinstance(node.value, ast.Constant) or node.end_lineno is None:
@@ -90,7 +90,7 @@ _SEGMENT_EXTRA_S = 10.0
 
 @dataclass(frozen=True)
 class Batch:
-    """What the program is asked, and how long that takes at most."""
+    """Requests for the program, and their maximum duration."""
 
     request: dict[str, Any] = field(repr=False)
     keys: tuple[str, ...]
@@ -98,9 +98,9 @@ class Batch:
 
 
 def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
-    """Make the program's questions; those that want the same end or share a turn wait for each other, in this order.
+    """Build the program's batch; requests for the same endpoint or turn run one after the other, in this order.
 
-    ValueError for a question that is none of the program's.
+    Raises ValueError for a request that the program does not support.
     """
     last: dict[object, int] = {}
     over_s: list[float] = []
@@ -117,9 +117,9 @@ def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
 
 
 def read_result(result: Mapping[str, Any], question: Question, request_time: float, now: float) -> Answer:
-    """Read one answer of the program. `asked`, `now`: when the questions left and this answer came, seconds since 1970.
+    """Parse one result. `request_time`, `now`: when the requests were sent and it arrived, seconds since 1970.
 
-    Raises RuntimeError with the words of a fault of the program's own.
+    Raises RuntimeError with the message of an internal fault of the program.
     """
     if "fault" in result:
         raise RuntimeError(f"the program that listens failed: {result['fault']}")
@@ -156,7 +156,7 @@ def _bytes(payload: str | list[str]) -> bytes:
 
 
 def _wants(question: Question) -> set[object]:
-    """What only one question at a time can have; a port that serves one client would turn the second away."""
+    """Return what only one request at a time can use; a port that serves one client would reject a second one."""
     word = question.turn if isinstance(question, Listen | RunProgram) else ""
     turn: set[object] = {("turn", word)} if word else set()
     if not isinstance(question, Listen):
@@ -167,7 +167,7 @@ def _wants(question: Question) -> set[object]:
 
 
 def _patience_s(question: Question) -> float:
-    """How long it takes at most."""
+    """Return the maximum duration of a request."""
     if isinstance(question, Listen):
         return question.connect_s + sum(say.within_s for say in question.say) + question.listen_s
     if isinstance(question, RunProgram | DdsDiscoverRequest | ReflectRequest):

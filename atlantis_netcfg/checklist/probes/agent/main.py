@@ -1,29 +1,29 @@
-"""The program: all questions at once, each answered in a line of JSON as soon as it ends.
+"""The agent program: runs all requests at once and prints each result as a line of JSON as soon as it is complete.
 
-Some wait for others, which want the same end or share a medium with them. Whatever happens to one question, the others
-are answered, and at the deadline everything ends with what was heard so far.
+Requests wait for earlier ones that use the same endpoint or medium. Whatever happens to one request, the others get a
+result, and at the deadline everything ends with the data received so far.
 
-Requests of the agent that are no stream: a program, the DHCP servers and the IPv6 routers of a segment, the DDS
+Also the requests that are not streams: a program, the DHCP servers and the IPv6 routers of a segment, the DDS
 participants of a host, and messages that another computer sends back.
 
-Programs only read; which ones may run is decided before the request leaves.
+Programs are read-only; which ones may run is decided before the request is sent.
 
-DHCP: DISCOVER is broadcast, every OFFER is kept, and nothing is requested. Without a REQUEST no server leases anything
-(RFC 2131, 3.1), though it may keep the address that it offers free for some seconds or minutes. A server may answer
-only cards that it knows, or only those that it does not: DISCOVER goes out in the name of the interface, of one card
-that nobody has, the same each time, and of those that are named; transaction numbers are random, so that nobody takes
-an answer for its own. Frames come from this very card, which is all that switches learn, and from 0.0.0.0: the
-interface keeps its address, and a DHCP client of the system is not disturbed.
+DHCP: DISCOVER is broadcast, every OFFER is kept, and nothing is requested. Without a REQUEST no server grants a lease
+(RFC 2131, 3.1), though it may reserve the offered address for some seconds or minutes. A server may respond only to
+known network cards, or only to unknown ones. So DISCOVER is sent for the interface's own MAC address, for one that
+nobody has (always the same), and for those that are given. Transaction numbers are random, so that no other client
+mistakes the response for its own. Frames have this card's source address, the only one that switches learn, and come
+from 0.0.0.0: the interface keeps its address, and the system's DHCP client is not disturbed.
 
-Routers: a solicitation is multicast from the unspecified address, every advertisement is kept, and none is believed.
+Routers: a solicitation is multicast from the unspecified address, every advertisement is kept, and none is applied.
 They are read from the segment, so that neither the firewall nor the kernel of this computer hides them.
 
-A message to another computer of the pilot bears a token that is made up anew, leaves by whatever route there is, and is
-long enough for its answer. Whatever comes back is told with its sender and the interface by which it came.
+A message to another computer of the pilot has a new random token, is sent by the regular route, and is padded to the
+length of its response. Whatever returns is reported with its sender and the interface on which it arrived.
 
-DDS: a participant without topics announces itself at the declared ports, and leaves (DDSI-RTPS 8.5.3). Whoever takes it
-in announces itself to the port that it names, and speaks to its identity, which is made up anew each time: nobody who
-has only bound a port can know that.
+DDS: a participant without topics announces itself at the ports in the inventory, and leaves (DDSI-RTPS 8.5.3). A
+participant that accepts it announces itself to the port given, and addresses its identity, which is random each time: a
+program that has only bound a port cannot know that identity.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _RUNNING: list[subprocess.Popen[bytes]] = []
 
 
 def run(question: dict[str, Any]) -> dict[str, Any]:
-    """Run it without a shell, and give the fields of `CommandResult`. Raises ProbeError: missing, denied."""
+    """Run a program without a shell; return the fields of `CommandResult`. Raises ProbeError: missing, denied."""
     began = time.time()
     try:
         program = subprocess.Popen(  # noqa: S603 - of the closed list, and without a shell
@@ -91,19 +91,19 @@ def run(question: dict[str, Any]) -> dict[str, Any]:
 
 
 def end_all() -> None:
-    """End what still runs."""
+    """Kill the programs that still run."""
     for program in tuple(_RUNNING):
         _end(program)
 
 
 def _end(program: subprocess.Popen[bytes]) -> None:
-    """The program and what it has started."""
+    """Kill a program and its child processes."""
     with suppress(OSError):
         os.killpg(program.pid, signal.SIGKILL)
 
 
 def _drain(pipe: IO[bytes], output: bytearray) -> None:
-    """Keep the beginning of what a program prints, and let it go on."""
+    """Keep the beginning of a program's output, and discard the rest without blocking it."""
     with pipe:
         for chunk in iter(lambda: pipe.read(_LONGEST), b""):
             output += chunk[: _LONGEST - len(output)]
@@ -125,7 +125,7 @@ _MOST_OFFERS = 200
 
 
 def probing(question: dict[str, Any]) -> dict[str, Any]:
-    """Ask for servers, and give the fields of `DhcpOffers`. Raises ProbeError: missing, denied, unreachable."""
+    """Discover DHCP servers; return the fields of `DhcpOffers`. Raises ProbeError: missing, denied, unreachable."""
     with _segment(question["interface"], _IPV4, "DHCP servers") as (wire, _, mac):
         number = os.urandom(4)
         extra_cards = [bytes.fromhex(card.replace(":", "")) for card in question.get("cards", ())]
@@ -139,7 +139,7 @@ def probing(question: dict[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def _segment(word: str, protocol: int, what: str) -> Iterator[tuple[socket.socket, str, bytes]]:
-    """Give a socket for frames of a protocol, name and card of the interface. Raises ProbeError, also within."""
+    """Open a raw socket for a protocol; yield it with the interface's name and MAC. Raises ProbeError, also within."""
     name = _interface(word)
     try:
         # With a protocol it would hear all interfaces until it is bound.
@@ -156,7 +156,7 @@ def _segment(word: str, protocol: int, what: str) -> Iterator[tuple[socket.socke
 
 
 def _interface(word: str) -> str:
-    """The interface of this name, or the one that has this address."""
+    """Return the interface with this name or address."""
     if word in [name for _, name in socket.if_nameindex()]:
         return word
     result = run({"argv": ["ip", "-j", "-4", "addr"], "within_s": 10})["out"]
@@ -167,12 +167,12 @@ def _interface(word: str) -> str:
 
 
 def _nobody(mac: bytes) -> bytes:
-    """A card of local administration (IEEE 802) that is no other computer's."""
+    """Return a locally administered MAC address (IEEE 802) that no other computer has."""
     return bytes([mac[0] & 0xFC | 2, *mac[1:5], mac[5] ^ 0x55])
 
 
 def _frame(mac: bytes, card: bytes, number: bytes) -> bytes:
-    """Ethernet, IP, UDP without a checksum, BOOTP with its options (RFC 2131, 2; RFC 2132, 9.6 and 9.8)."""
+    """Build a DISCOVER frame: Ethernet, IP, UDP without checksum, BOOTP (RFC 2131, 2; RFC 2132, 9.6 and 9.8)."""
     # The broadcast flag: the answer comes to everybody, since nobody has the offered address.
     bootp = struct.pack("!4B4sHH16x6s10x192x", 1, 1, 6, 0, number, 0, 0x8000, card)
     options = bytes([_TYPE, 1, _DISCOVER, _PARAMETERS, 3, 1, _ROUTER, 51, 255])
@@ -197,7 +197,7 @@ def _answers(
     within_s: float,
     most: int,
 ) -> list[dict[str, Any]]:
-    """Send the requests, and keep each different answer, until the time is over or there are so many."""
+    """Send the requests, and collect each different response, until the timeout or the maximum number."""
     result: list[dict[str, Any]] = []
     for _ in range(_ROUNDS):  # a frame may be lost
         for request in requests:
@@ -216,7 +216,7 @@ def _answers(
 
 
 def _offer(frame: bytes, cards: list[bytes], number: bytes) -> dict[str, str | None] | None:
-    """Read a frame; None if it is no offer to our question."""
+    """Parse a frame; None if it is not an offer for our request."""
     head = 14 + (frame[14] & 15) * 4 if len(frame) > 14 else 0  # noqa: PLR2004 - Ethernet's header
     bootp = frame[head + 8 :]
     to_client = frame[23:24] == bytes([_UDP]) and frame[head + 2 : head + 4] == b"\0\x44"
@@ -261,7 +261,7 @@ _OPTIONS = 70
 
 
 def solicit(question: dict[str, Any]) -> dict[str, Any]:
-    """Ask for routers, and give the fields of `RouterAdvertisements`. Raises ProbeError as `probing` does."""
+    """Discover IPv6 routers; return the fields of `RouterAdvertisements`. Raises ProbeError like `probing`."""
     with _segment(question["interface"], _IPV6, "routers") as (wire, name, mac):
         group = struct.pack("=iHH8s", socket.if_nametoindex(name), 0, len(_ALL_NODES), _ALL_NODES)
         wire.setsockopt(_SOL_PACKET, _ADD_MEMBERSHIP, group)
@@ -270,14 +270,14 @@ def solicit(question: dict[str, Any]) -> dict[str, Any]:
 
 
 def _solicitation(mac: bytes) -> bytes:
-    """Ethernet, IPv6 from the unspecified address, ICMPv6 without options (RFC 4861, 4.1)."""
+    """Build a solicitation: Ethernet, IPv6 from the unspecified address, ICMPv6 without options (RFC 4861, 4.1)."""
     routers = socket.inet_pton(socket.AF_INET6, "ff02::2")
     ip = bytes.fromhex("86dd60000000 0008 3aff") + bytes(16) + routers
     return b"\x33\x33" + routers[-4:] + mac + ip + bytes.fromhex("8500 7bb8 00000000")  # with its checksum
 
 
 def _advertisement(frame: bytes) -> dict[str, Any] | None:
-    """Read a frame; None if it is no router advertisement of this segment (RFC 4861, 6.1.2)."""
+    """Parse a frame; None if it is not a router advertisement of this segment (RFC 4861, 6.1.2)."""
     end = 54 + int.from_bytes(frame[18:20], "big")
     if frame[20:22] + frame[54:56] != _ADVERTISEMENT or not _OPTIONS <= end <= len(frame):
         return None
@@ -306,7 +306,7 @@ _ENDPOINTS = 0x3F
 
 
 def discover(question: dict[str, Any]) -> dict[str, Any]:
-    """Announce a participant, and give the fields of `DdsDiscoverResult`. Raises ProbeError."""
+    """Announce a DDS participant; return the fields of `DdsDiscoverResult`. Raises ProbeError."""
     prefix, where = os.urandom(12), question["address"]
     datagrams: dict[tuple[bytes, bool], list[Any]] = {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
@@ -344,7 +344,7 @@ def _send(wire: socket.socket, question: dict[str, Any], message: bytes) -> None
 
 
 def _hello(prefix: bytes, address: str, port: int, domain: int) -> bytes:
-    """SPDP's DATA with the parameters of a participant, of which no number is longer than it must be (9.6.2.2)."""
+    """Build SPDP's DATA with the parameters of a participant, with numbers in their shortest form (9.6.2.2)."""
     there = struct.pack("<iI12x", 1, port) + socket.inet_aton(address)
     result = (
         (0x15, b"\x02\x01\0\0"),
@@ -360,13 +360,13 @@ def _hello(prefix: bytes, address: str, port: int, domain: int) -> bytes:
 
 
 def _bye(prefix: bytes) -> bytes:
-    """The participant is no more: key and status stand in the inline QoS, and the key follows (9.6.3.8, 9.6.3.9)."""
+    """Build the message that disposes of the participant; key and status in the inline QoS (9.6.3.8, 9.6.3.9)."""
     guid = prefix + b"\x00\x00\x01\xc1"
     return _message(prefix, 0x0B, 2, _pack_parameters(((0x70, guid), (0x71, b"\0\0\0\x03"))), ((0x50, guid),))
 
 
 def _pack_parameters(result: tuple[tuple[int, bytes], ...]) -> bytes:
-    """Parameters by their numbers, and what ends them (9.4.2.11)."""
+    """Encode parameters by their numbers, with the end marker (9.4.2.11)."""
     return b"".join(struct.pack("<HH", name, len(value)) + value for name, value in result) + struct.pack("<HH", 1, 0)
 
 
@@ -384,7 +384,7 @@ _PKTINFO, _RECVERR = 8, 11
 
 
 def reflect(question: dict[str, Any]) -> dict[str, Any]:
-    """Send the messages, and give the fields of `ReflectResult`. Raises ProbeError."""
+    """Send the messages; return the fields of `ReflectResult`. Raises ProbeError."""
     tokens = [os.urandom(16).hex() for _ in range(question["count"])]
     send_times: dict[str, float] = {}
     answers: list[list[Any]] = []
@@ -412,7 +412,7 @@ def reflect(question: dict[str, Any]) -> dict[str, Any]:
 def _collect(
     wire: socket.socket, ends: float, send_times: dict[str, float], answers: list[list[Any]], enough: int
 ) -> None:
-    """Keep what comes until then, or until there are enough answers."""
+    """Collect datagrams until the deadline, or until there are enough responses."""
     while len(answers) < enough:
         remaining_s = ends - time.monotonic()
         if remaining_s <= 0:
@@ -450,7 +450,7 @@ _OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
 
 
 class _AgentRequest(threading.Thread):
-    """A question, from its turn to its answer."""
+    """A request and its thread, from its turn to its response."""
 
     def __init__(
         self, row: dict[str, Any], before: list[_AgentRequest], tell: Callable[[str, dict[str, Any]], None]
@@ -463,7 +463,7 @@ class _AgentRequest(threading.Thread):
         self._lock = threading.Lock()
 
     def run(self) -> None:
-        """Wait for its turn, and ask."""
+        """Wait for the requests before it, then send it."""
         for other in self._before:
             other.over.wait()
         if self.over.is_set():  # given up meanwhile
@@ -471,7 +471,7 @@ class _AgentRequest(threading.Thread):
         self._say(self._same_end() or self._ask(), {})
 
     def give_up(self) -> None:
-        """Tell what was heard so far, if it has not ended."""
+        """Report the data received so far, if the request has not ended."""
         sound = self._sound
         self._say({} if sound is None else sound.as_answer(), {"trouble": "silent", "words": "timed out"})
 
@@ -483,7 +483,7 @@ class _AgentRequest(threading.Thread):
                 self.over.set()
 
     def _same_end(self) -> dict[str, Any] | None:
-        """The answer of an end that was not there a moment ago: nobody knocks a second time."""
+        """Return the response of an endpoint that was just unreachable, so that it is not tried a second time."""
         for other in self._before:
             same = all(self._row.get(name) == other._row.get(name) for name in ("kind", "address", "port"))  # noqa: SLF001 - its like
             if same and self._row["kind"] == "tcp" and other.answer.get("trouble") in _UNREACHABLE_TROUBLES:
@@ -507,9 +507,9 @@ class _AgentRequest(threading.Thread):
 
 
 def answer_all(batch: dict[str, Any], tell: Callable[[str, dict[str, Any]], None]) -> None:
-    """Ask all `questions`, each `after` some before it, and tell the answers by their keys.
+    """Run all requests in `questions`, each `after` some earlier ones; report the responses by their keys.
 
-    After `deadline_s` what is missing is told as silent, with what was heard so far.
+    After `deadline_s`, requests without a response are reported as silent, with the data received so far.
     """
     ends = time.monotonic() + batch["deadline_s"]
     work: list[_AgentRequest] = []
@@ -525,7 +525,7 @@ def answer_all(batch: dict[str, Any], tell: Callable[[str, dict[str, Any]], None
 
 
 def main(batch: dict[str, Any]) -> None:
-    """Answer on the standard output; when nobody reads it any more, all is over."""
+    """Print responses to standard output; stop when nobody reads it any more."""
     lock = threading.Lock()
 
     def tell(key: str, result: dict[str, Any]) -> None:

@@ -1,8 +1,8 @@
-"""Streams that the agent listens to: TCP, UDP datagrams and serial ports, and what all its requests share.
+"""Streams that the agent reads: TCP, UDP datagrams and serial ports, and code shared by all its requests.
 
-UDP: nothing is sent, and no port is taken from anybody. A serial port that another program holds is never opened:
-opening alone may reset what hangs on the port, and two readers steal each other's bytes. /proc shows who holds it;
-where that may not be read, and the port is not our own, nothing is opened either.
+UDP: nothing is sent, and no port is taken from another program. A serial port that another program holds is never
+opened: opening alone may reset the attached device, and two readers steal each other's bytes. /proc shows who holds it.
+If that may not be read, and the port is not our own, it is not opened either.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _PLAIN = frozenset(range(0x20, 0x7F)) - {*b'"\\'}
 
 
 class ProbeError(Exception):
-    """There is no answer; `trouble` is a value of `Trouble`."""
+    """There is no response; `trouble` is a value of `Trouble`."""
 
     def __init__(self, trouble: str, words: str) -> None:
         super().__init__(words)
@@ -53,20 +53,20 @@ class ProbeError(Exception):
 
 
 def no_answer(error: OSError, what: str) -> ProbeError:
-    """Put the system's error into a trouble; what nobody foresaw proves nothing: unreachable."""
+    """Translate an OS error into a `ProbeError`; an unknown error proves nothing and counts as unreachable."""
     words = error.strerror or str(error) or type(error).__name__
     return ProbeError(_BY_NUMBER.get(error.errno or 0, "unreachable"), f"{what}: {words}")
 
 
 def encode_bytes(data: bytes) -> Any:  # noqa: ANN401 - JSON: a text, or a list of one
-    """Bytes for JSON in the shorter of two ways: text in Latin-1, which SSH compresses best, or `[base64]`."""
+    """Encode bytes for JSON, the shorter form: text in Latin-1, which SSH compresses best, or `[base64]`."""
     text = data.decode("latin-1")
     escape_count = sum(byte not in _PLAIN for byte in data)
     return text if escape_count * 4 <= len(data) else [b64encode(data).decode()]
 
 
 class ReceiveBuffer:
-    """What was heard on a stream, also by whoever has to stop before its end."""
+    """Data received on a stream, available even if the request is stopped before its end."""
 
     def __init__(self, max_bytes: int) -> None:
         self.began = time.time()
@@ -81,16 +81,16 @@ class ReceiveBuffer:
 
     @property
     def seconds(self) -> float:
-        """Since it began."""
+        """Seconds since the start."""
         return time.monotonic() - self._zero
 
     @property
     def full(self) -> bool:
-        """Whether no more is kept."""
+        """Whether the buffer is full."""
         return self._left <= 0
 
     def add(self, data: bytes, sender: str = "") -> None:
-        """Keep what came now, as far as there is room; `sender`: address that a datagram came from."""
+        """Store received data, as far as there is room; `sender`: source address of a datagram."""
         chunk = data[: self._left]
         self._left -= len(chunk)
         if chunk:
@@ -101,7 +101,7 @@ class ReceiveBuffer:
             self.words = f"cut after {len(self.data)} bytes"
 
     def as_answer(self) -> dict[str, Any]:
-        """The fields of `Transcript`."""
+        """Return the fields of `Transcript`."""
         return {
             "trouble": self.trouble,
             "words": self.words,
@@ -116,13 +116,13 @@ _AT_MOST = 65536
 
 
 class _SerialStream:
-    """A stream with two ends, by what reads and writes it; it is closed by whoever opened it."""
+    """A bidirectional stream over a file descriptor, read and written by given functions; its opener closes it."""
 
     def __init__(self, number: int, read: Callable[[int], bytes], write: Callable[[bytes], int]) -> None:
         self._number, self._read, self._write = number, read, write
 
     def receive(self, wait_s: float) -> bytes | None:
-        """What comes within the time: None is nothing, b"" that the other end has hung up."""
+        """Return received data; None after the timeout, b"" if the other end has closed."""
         if not select.select([self._number], [], [], max(wait_s, 0.0))[0]:
             return None
         try:
@@ -133,7 +133,7 @@ class _SerialStream:
             return b""
 
     def send(self, data: bytes, wait_s: float) -> None:
-        """Send all of it; OSError where that takes longer than the time."""
+        """Send all data; raises OSError on timeout."""
         ends, rest = time.monotonic() + wait_s, data
         while rest:
             if not select.select([], [self._number], [], max(ends - time.monotonic(), 0.0))[1]:
@@ -142,7 +142,7 @@ class _SerialStream:
 
 
 def tcp(question: dict[str, Any], sound: ReceiveBuffer) -> None:
-    """Speak over TCP with a server. Raises ProbeError."""
+    """Connect to a TCP server, send, and listen. Raises ProbeError."""
     where = f"{question['address']} port {question['port']}"
     try:
         wire = socket.create_connection((question["address"], question["port"]), timeout=question["connect_s"])
@@ -164,7 +164,7 @@ def converse(
     read: Callable[[int], bytes],
     write: Callable[[bytes], int],
 ) -> None:
-    """Say what there is to be said, then listen; what is heard, and how it ended, is in `sound`."""
+    """Send the messages, then listen; `sound` gets the received data, and how the stream ended."""
     line = _SerialStream(number, read, write)
     is_answered = _say(question["say"], line, sound)
     ends = time.monotonic() + question["listen_s"]
@@ -177,7 +177,7 @@ def converse(
 
 
 def _say(says: list[list[Any]], line: _SerialStream, sound: ReceiveBuffer) -> bool:
-    """Say one thing after the other until one is not answered; whether any was."""
+    """Send the messages in order until one gets no response; return whether any got one."""
     is_answered = False
     for reply, until, within_s in says:
         mark, pattern = len(sound.data), re.compile(until.encode("latin-1"))
@@ -194,7 +194,7 @@ def _say(says: list[list[Any]], line: _SerialStream, sound: ReceiveBuffer) -> bo
 
 
 def _listen(line: _SerialStream, sound: ReceiveBuffer, ends: float, enough: Callable[[], bool]) -> bool:
-    """Listen until it is enough; False if the time, the room or the stream ended before."""
+    """Listen until there is enough; return False if the time, the buffer or the stream ended before."""
     while not sound.closed and not sound.full:
         if enough():
             return True
@@ -212,7 +212,7 @@ _LONGEST = 65535
 
 
 def udp(question: dict[str, Any], sound: ReceiveBuffer) -> None:
-    """Take what arrives at a port. Raises ProbeError, busy where another program has the port."""
+    """Receive datagrams at a port. Raises ProbeError: busy if another program has the port."""
     ends = time.monotonic() + question["listen_s"]
     enough = re.compile(question["enough"].encode("latin-1")) if question["enough"] else None
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
@@ -241,7 +241,7 @@ _LOCKS = ("/run/lock", "/var/lock", "/var/spool/lock")
 
 
 def serial(question: dict[str, Any], sound: ReceiveBuffer) -> None:
-    """Speak over a serial port, 8N1. Raises ProbeError: busy, missing, denied."""
+    """Send and listen on a serial port, 8N1. Raises ProbeError: busy, missing, denied."""
     path = question["device"]
     speed = getattr(termios, f"B{question['baud']}", None)
     if speed is None:
@@ -288,7 +288,7 @@ def _open_port(path: str) -> int:
 
 
 def _refuse_held(path: str, there: os.stat_result) -> None:
-    """Raise NoAnswer if another process has it, or if nobody can tell."""
+    """Raise ProbeError if another process holds the port, or if this cannot be determined."""
     for holder in (*_lock_files(path), *_kernel_locks(there)):
         raise ProbeError("busy", f"{path} is locked by process {holder}")
     has_hidden = False
@@ -307,7 +307,7 @@ def _refuse_held(path: str, there: os.stat_result) -> None:
 
 
 def _holds(process: Path, there: os.stat_result) -> bool:
-    """Whether a process has the device open; who has the other end of a pseudo-terminal is the device itself."""
+    """Return whether a process has the device open; the master side of a pseudo-terminal does not count."""
     devices = dict(_devices(process))
     if not any(_same(item, there) for item in devices.values()):
         return False
@@ -316,7 +316,7 @@ def _holds(process: Path, there: os.stat_result) -> bool:
 
 
 def _same(item: os.stat_result, there: os.stat_result) -> bool:
-    """A pseudo-terminal's number says which it is in its own instance of devpts only: containers have others."""
+    """Compare devices; a pseudo-terminal's number is unique only within its devpts: containers have others."""
     pseudo = os.major(there.st_rdev) in _PTS
     return item.st_rdev == there.st_rdev and (item.st_dev == there.st_dev or not pseudo)
 
@@ -328,7 +328,7 @@ def _devices(process: Path) -> Iterator[tuple[str, os.stat_result]]:
 
 
 def _leads_to(master: Path, number: int) -> bool:
-    """Whether this end of a pseudo-terminal is that of /dev/pts/<number> (proc(5), fdinfo: `tty-index`)."""
+    """Return whether this pseudo-terminal master belongs to /dev/pts/<number> (proc(5), fdinfo: `tty-index`)."""
     with suppress(FileNotFoundError):
         return re.search(rf"^tty-index:\s*{number}$", master.read_text(), re.MULTILINE) is not None
     return False
@@ -364,7 +364,7 @@ def _kernel_locks(there: os.stat_result) -> Iterator[str]:
 
 
 def _raw(before: list[Any], speed: int) -> list[Any]:
-    """Eight bits, no parity, nothing translated, no line but the data needed (termios(3), cfmakeraw)."""
+    """Return raw settings: 8 bits, no parity, no translation, only the data lines (termios(3), cfmakeraw)."""
     cc = list(before[6])
     cc[termios.VMIN], cc[termios.VTIME] = b"\x01", b"\x00"
     return [0, 0, termios.CS8 | termios.CREAD | termios.CLOCAL, 0, speed, speed, cc]

@@ -1,16 +1,16 @@
-"""GPS: whether a vehicle or a location knows where it is, now, and in the place of the test.
+"""GPS: whether a vehicle or a location has a current position, in the area of the test.
 
-A reader for each source (gpsd, NMEA 0183 over TCP or a serial port, a RouterOS device) makes the same record of what it
-receives, and one judge looks at it: no data, data without a fix, a stale fix and a fix are four states and stay apart.
-A passing receiver reports several times in a row from inside the site's geofence, with the time of the listening clock
-and, where the vehicle flies, in three dimensions. Where no endpoint is declared, a person looks.
+A reader for each source (gpsd, NMEA 0183 over TCP or a serial port, a RouterOS device) builds the same record from the
+received data, and one judge checks it: no data, data without a fix, a stale fix and a fix are four separate states. A
+passing receiver reports several times in a row from inside the site's geofence, with the time of the listening clock
+and, for a flying vehicle, in three dimensions. If the inventory has no endpoint, a person checks.
 
-RouterOS: `/system/gps/monitor once` gives its latest position, and none before it. Names of fields: Manual, GPS
-(package `gps`). `data-age` exists from 7.1 on. Coordinates come in the form of `coordinate-format`: decimal degrees, or
-a letter with degrees, minutes and seconds; `none` is no position. The manual does not say in which time zone
-`date-and-time` is: UTC and that of the device's clock are taken.
+RouterOS: `/system/gps/monitor once` returns the latest position; there is none before it. Field names: Manual, GPS
+(package `gps`). `data-age` exists from 7.1 on. Coordinates have the form of `coordinate-format`: decimal degrees, or a
+letter with degrees, minutes and seconds; `none` is no position. The manual does not give the time zone of
+`date-and-time`: UTC and that of the device's clock are accepted.
 
-How it could be fooled, and what stops it, stands in docs/probes.md.
+docs/probes.md describes how it could be deceived, and what prevents that.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ _PART = r"(\d+(?:\.\d+)?)(ms|[wdhms])"
 
 
 def is_enabled(settings: base.Rows) -> bool | None:
-    """Whether the receiver is switched on; None: nobody says."""
+    """Return whether the receiver is switched on; None if unknown."""
     return _YES.get(settings.rows[0].get("enabled", "")) if settings.rows else None
 
 
 def read_monitor(monitor: base.Rows, clock: base.Rows | None = None) -> Reception:
-    """Understand the one row; `clock`: the device's own, for its time zone. Raises nothing."""
+    """Parse the monitor's row; `clock`: the device's own, for its time zone. Raises nothing."""
     row = monitor.rows[0] if monitor.rows else {}
     age_s = _age(row.get("data-age", ""))
     count = re.fullmatch(r"\d{1,3}", row.get("satellites", ""))
@@ -118,7 +118,7 @@ def _time(text: str) -> float | None:
 
 
 def _age(text: str) -> float:
-    """Of `2s`, `1m4s`, or bare seconds; what is not told counts as now, for older versions do not tell it."""
+    """Parse `2s`, `1m4s`, or bare seconds; older versions do not report the age, which then counts as 0."""
     if re.fullmatch(r"\d{1,9}(\.\d+)?", text):
         return float(text)
     if not re.fullmatch(f"(?:{_PART})+", text):
@@ -127,7 +127,7 @@ def _age(text: str) -> float:
 
 
 def _zone_s(clock: base.Rows | None) -> float:
-    """How far the device's clock is ahead of UTC: `gmt-offset` is `+01:00`."""
+    """Return the device clock's offset from UTC in seconds, from a `gmt-offset` such as `+01:00`."""
     text = clock.rows[0].get("gmt-offset", "") if clock is not None and clock.rows else ""
     match = re.fullmatch(r"([+-])(\d\d):(\d\d)", text)
     return 0.0 if match is None else (-1 if match[1] == "-" else 1) * (int(match[2]) * 3600.0 + int(match[3]) * 60.0)
@@ -135,7 +135,7 @@ def _zone_s(clock: base.Rows | None) -> float:
 
 @dataclass(frozen=True, slots=True)
 class StreamGps:
-    """The receiver has a fresh fix in the right place, and keeps it."""
+    """Check that the receiver has a fresh fix in the right place, and keeps it."""
 
     expectation: GpsExpectation
     place: base.Place
@@ -145,7 +145,7 @@ class StreamGps:
     baud: int = 0
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Listen to the stream: gpsd is asked to speak, all others do by themselves."""
+        """Listen to the stream; gpsd needs a request before it reports, the others do not."""
         speaks_json = self.expectation.driver is model.GpsDriver.GPSD
         count = self.expectation.reports
         return (
@@ -181,18 +181,18 @@ class StreamGps:
 
 @dataclass(frozen=True, slots=True)
 class RouterosGps:
-    """The router's receiver has a fresh fix in the right place."""
+    """Check that the router's receiver has a fresh fix in the right place."""
 
     expectation: GpsExpectation
     host: str
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Ask for the latest position, whether the receiver is switched on, and for the zone of its time."""
+        """Query the latest position, whether the receiver is switched on, and the time zone of its clock."""
         queries = {"monitor": GPS_MONITOR, "settings": GPS_SETTINGS, "clock": CLOCK_QUERY}
         return tuple(base.RouterOsQuery(name, self.host, query) for name, query in queries.items())
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Judge the one position."""
+        """Judge the router's latest position."""
         monitor, settings, clock = results["monitor"], results["settings"], results["clock"]
         assert isinstance(monitor, base.Rows)  # noqa: S101 - what Ask gives
         assert isinstance(settings, base.Rows)  # noqa: S101 - what Ask gives
@@ -219,16 +219,16 @@ class RouterosGps:
 
 @dataclass(frozen=True, slots=True)
 class Nowhere:
-    """Nobody has declared where the receiver is."""
+    """Probe of a receiver whose address is not in the inventory."""
 
     name: str
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Ask nothing."""
+        """Return no requests."""
         return ()
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        """Say what is missing."""
+        """Return the finding that the address is missing."""
         del results
         message = f"nobody has declared the address of {self.name}'s receiver"
         hint = f"declare `address:` under its `endpoints.gps`, or a DHCP reservation with the name of {self.name}'s key"
@@ -246,7 +246,7 @@ NMEA_PORT = 10110
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """Give the one step of a cell: a probe where an endpoint is declared, else a person's."""
+    """Return the step of a cell: a probe if the inventory has an endpoint, otherwise a check by a person."""
     endpoint = cell.endpoints.gps
     if endpoint is None:
         return (_by_a_person(cell),)

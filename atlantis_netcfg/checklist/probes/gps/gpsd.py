@@ -1,8 +1,8 @@
-"""gpsd's JSON (protocol 3, gpsd_json(5)): one object a line, of which TPV, SKY, DEVICES, VERSION and ERROR are read.
+"""gpsd's JSON (protocol 3, gpsd_json(5)): one object per line, of which TPV, SKY, DEVICES, VERSION and ERROR are read.
 
 A TPV without a fix has neither time nor position; after a lone GGA it has a position and no time, and after a lone GSA,
-where the listening begins in the middle of an epoch, a mode and neither of them; `status` is left out for a plain fix,
-so its absence means nothing (all seen with gpsd 3.22).
+when listening begins in the middle of an epoch, a mode and neither of them; `status` is omitted for a plain fix, so its
+absence means nothing (all observed with gpsd 3.22).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _OTHERS = rb'(?:(?!\{"class":"TPV")[^\n]*\n)*'
 
 
 def enough(reports: int) -> bytes:
-    """What ends the listening early: so many fixes in a row whose time goes on, or twice as many reports."""
+    """Return the pattern that ends listening: so many fixes in a row with advancing time, or twice as many reports."""
     fix = _TPV + rb'(?=[^\n]*"mode":[23])(?=[^\n]*"time":"%s")[^\n]*\n'
     first, same, later = fix % rb'(?P<first>[^"\n]*)', fix % rb'[^"\n]*', fix % rb'(?!(?P=first)")[^"\n]*'
     fixes = first + (_OTHERS + same) * (reports - 2) + _OTHERS + later
@@ -98,7 +98,7 @@ _CLASSES = frozenset({"VERSION", "DEVICES", "DEVICE", "TPV", "SKY", "ERROR"})
 
 
 def read(transcript: Transcript) -> record.Reception:
-    """Understand what gpsd said; of several receivers the one that has most fixes. Raises nothing."""
+    """Parse gpsd's output; of several receivers, use the one with the most fixes. Raises nothing."""
     reading = _GpsdReading()
     for at_s, line in record.lines(transcript):
         if line.strip():
@@ -126,7 +126,7 @@ def read(transcript: Transcript) -> record.Reception:
 
 
 def _complete(reports: Sequence[record.Report]) -> tuple[record.Report, ...]:
-    """Leave out those that are not whole yet, unless there are no others."""
+    """Remove incomplete reports, unless there are no others."""
     whole = tuple(item for item in reports if not item.has_fix or item.latitude is not None or item.time is not None)
     return whole if any(report.has_fix for report in whole) else tuple(reports)
 
@@ -154,7 +154,7 @@ def _report(at_s: float, values: Mapping[str, Any]) -> record.Report:
 
 
 def _words(values: Mapping[str, Any], name: str) -> str:
-    """A text that is to be shown: of what a foreign program may send, so much and nothing that a terminal obeys."""
+    """Return a text safe for printing: truncated, and without terminal control characters."""
     value = values.get(name)
     return "".join(item if item.isprintable() else "?" for item in value[:_LONGEST]) if isinstance(value, str) else ""
 

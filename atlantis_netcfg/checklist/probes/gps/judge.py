@@ -1,4 +1,4 @@
-"""Whether positions are good enough to begin a test: there, current, in the right place, measured; with evidence."""
+"""Judge whether positions are good enough to start a test: present, current, in the right place, measured."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RADIUS_M = 6_371_008.8
 
 
 def distance_m(latitude: float, longitude: float, other_latitude: float, other_longitude: float) -> float:
-    """Along the great circle, by the haversine formula: within 0.5 % of the ellipsoid."""
+    """Return the great-circle distance by the haversine formula: within 0.5 % of the ellipsoid."""
     north, east = math.radians(other_latitude - latitude), math.radians(other_longitude - longitude)
     both = math.cos(math.radians(latitude)) * math.cos(math.radians(other_latitude))
     half = math.sin(north / 2) ** 2 + both * math.sin(east / 2) ** 2
@@ -29,17 +29,17 @@ def distance_m(latitude: float, longitude: float, other_latitude: float, other_l
 
 
 def from_middle_m(fence: Geofence, latitude: float, longitude: float) -> float:
-    """How far a position is from the middle of a geofence."""
+    """Return the distance of a position from the centre of a geofence."""
     return distance_m(fence.latitude, fence.longitude, latitude, longitude)
 
 
 def place(latitude: float | None, longitude: float | None) -> str:
-    """A position to five decimals: about a metre."""
+    """Format a position to five decimals: about a metre."""
     return "nowhere" if latitude is None or longitude is None else f"{latitude:.5f}, {longitude:.5f}"
 
 
 def meters(value: float) -> str:
-    """A distance for people."""
+    """Format a distance."""
     return f"{value:.0f} m" if value < 10_000 else f"{value / 1000:.0f} km"  # noqa: PLR2004 - from 10 km on in km
 
 
@@ -79,7 +79,7 @@ _Positions = list[tuple[float, float]]
 
 
 def judge(reception: record.Reception, expectation: record.GpsExpectation) -> tuple[BearerFinding, ...]:
-    """Give all findings; a source that is well in every respect has one, which passes."""
+    """Return all findings; for a source without problems, a single one that passes."""
     silent = record.speechless(reception, expectation)
     if silent is not None:
         return (silent,)
@@ -104,7 +104,7 @@ def _find_problems(reception: record.Reception, expectation: record.GpsExpectati
 
 
 def _fix_findings(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
-    """Whether there is a fix, and whether it stays."""
+    """Yield findings about whether there is a fix, and whether it persists."""
     sky = Verdict.FAIL if expectation.clear_sky else Verdict.INCONCLUSIVE
     roof = "" if expectation.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
     count, required_count = len(reception.fixes), expectation.reports
@@ -143,7 +143,7 @@ def _dimensions(reception: record.Reception, expectation: record.GpsExpectation)
 
 
 def _check_position(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
-    """Judge where the fixes are; one that is impossible says so and nothing else."""
+    """Judge the positions of the fixes; an impossible one yields a single finding."""
     impossible = [report for report in reception.fixes if not report.possible]
     if impossible:
         where = place(impossible[0].latitude, impossible[0].longitude)
@@ -190,7 +190,7 @@ def _jumps(
 def _frozen(
     fixes: Sequence[record.Report], positions: _Positions, expectation: record.GpsExpectation
 ) -> Iterator[BearerFinding]:
-    """A driver that repeats a position while time and speed go on."""
+    """Yield a finding for a driver that repeats a position while time and speed change."""
     speeds = [fix.speed_m_s for fix in fixes]
     lasted_s = fixes[-1].at_s - fixes[0].at_s
     if lasted_s < MOVES_S or len(set(positions)) > 1 or any(item is None or item < MOVES_M_S for item in speeds):
@@ -205,7 +205,7 @@ def _frozen(
 def _rivals(
     reception: record.Reception, position: tuple[float, float], expectation: record.GpsExpectation
 ) -> Iterator[BearerFinding]:
-    """Another receiver at the same end that has a fix somewhere else: nobody knows which one the vehicle uses."""
+    """Yield a finding if another receiver at the same endpoint reports a different position."""
     apart = [distance_m(*position, *_position(rival)) for rival in reception.rivals if rival.possible]
     if apart and max(apart) > RIVAL_M:
         message = (
@@ -248,7 +248,7 @@ def _sign(fence: Geofence, latitude: float, longitude: float) -> str:
 
 
 def _check_time(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
-    """Judge whether the fixes are of now; a position that stands still says so, and nothing of the clock."""
+    """Judge whether the fixes are current; a stalled position yields a single finding, without a clock check."""
     stale = _check_stall(reception, expectation)
     if stale is not None:
         yield stale
@@ -279,7 +279,7 @@ def _back_s(report: record.Report, then: record.Report) -> float:
 
 
 def _check_stall(reception: record.Reception, expectation: record.GpsExpectation) -> BearerFinding | None:
-    """Say that the last fix is old, because no more came or the same is told again and again."""
+    """Return a finding if the last fix is old: no more arrived, or the same is repeated."""
     fixes = reception.fixes
     gaps = [then.at_s - report.at_s for report, then in pairwise(fixes)]
     age_s = reception.ended_s - fixes[-1].at_s
@@ -302,7 +302,7 @@ def _check_stall(reception: record.Reception, expectation: record.GpsExpectation
 
 
 def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
-    """Compare the receiver's time with the listening clock: what is old is wrong, the rest a person may know better."""
+    """Compare the receiver's time with the listening clock: an old time fails, other differences only warn."""
     ahead_s, uneven_s = reception.clock_ahead_s, reception.clock_uneven_s
     whose = clock_of(reception, expectation)
     if ahead_s is None:
@@ -337,7 +337,7 @@ def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> I
 
 
 def clock_of(reception: record.Reception, expectation: record.GpsExpectation) -> str:
-    """Whose clock the receiver's time was compared with: a router is asked, and the time of its answer is ours."""
+    """Return the clock used for comparison: for a router, the time of its response on this computer."""
     return "this computer" if reception.single else expectation.place
 
 
@@ -357,12 +357,12 @@ def _span(seconds: float) -> str:
 
 
 def clock_words(ahead_s: float) -> str:
-    """`3.2 s behind`, `2 h ahead of`."""
+    """Format a clock difference: `3.2 s behind`, `2 h ahead of`."""
     return f"{_span(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
 
 
 def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
-    """How the positions came about: one that is not measured is enough to say so."""
+    """Yield a finding if any position was not measured but, for example, dead-reckoned or simulated."""
     natures = {fix.nature for fix in reception.fixes}
     nature = next((item for item in _NATURES if item in natures), None)
     if nature is not None:
@@ -420,7 +420,7 @@ _READ, _MEASUREMENT, _DECLARATION = EvidenceType.READ, EvidenceType.MEASURED, Ev
 
 
 def evidence(reception: record.Reception, expectation: record.GpsExpectation) -> tuple[Evidence, ...]:
-    """Give source, position, fix, age, clock, number of reports, and the geofence."""
+    """Return source, position, fix, age, clock, number of reports, and the geofence."""
     version = f" {reception.version}" if reception.version else ""
     device = f", {reception.device}" if reception.device else ""
     source = expectation.source.replace("gpsd", f"gpsd{version}", 1) + device

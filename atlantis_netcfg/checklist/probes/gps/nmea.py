@@ -1,9 +1,9 @@
-"""NMEA 0183 sentences of any talker (GP, GN, GL …): GGA, GNS, RMC, GLL, GSA and ZDA, those of one epoch put together.
+"""NMEA 0183 sentences of any talker (GP, GN, GL …): GGA, GNS, RMC, GLL, GSA and ZDA, combined per epoch.
 
-GGA, GNS and GLL have a time of day and no date; RMC and GLL do not tell whether a fix has three dimensions, which GSA
+GGA, GNS and GLL have a time of day and no date; RMC and GLL do not report whether a fix has three dimensions, which GSA
 does, and so does an altitude in GGA. A receiver of several systems sends a GSA for each: the best of an epoch counts,
-as it does for gpsd. A sentence counts when its checksum is right and not otherwise. Ship multiplexers put a TAG block
-in front (NMEA 0183 4.00): its source tells receivers apart.
+as in gpsd. A sentence counts only if its checksum is correct. Ship multiplexers put a TAG block in front (NMEA 0183
+4.00): its source identifies the receiver.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _KNOT_M_S = 1852 / 3600
 
 
 def checksum(body: bytes) -> int:
-    """All bytes between `$` and `*`, exclusive or."""
+    """Compute the exclusive or of all bytes between `$` and `*`."""
     result = 0
     for byte in body:
         result ^= byte
@@ -39,7 +39,7 @@ def checksum(body: bytes) -> int:
 
 
 def sentence(line: bytes) -> list[str] | None:
-    """The fields of a sentence, its address field first; None: it is none, or its checksum is wrong."""
+    """Return the fields of a sentence, its address field first; None if invalid or if the checksum is wrong."""
     frame = _FRAME.fullmatch(line)
     if frame is None or checksum(frame[1]) != int(frame[2], 16):
         return None
@@ -47,7 +47,7 @@ def sentence(line: bytes) -> list[str] | None:
 
 
 def _strip_tag(line: bytes, before: str) -> tuple[bytes, str] | None:
-    r"""Take `\s:source*hh\` off; `before`: the source before, for lines of a group. None: its checksum is wrong."""
+    r"""Strip a TAG block; `before`: previous source, for lines of a group. None if the checksum is wrong."""
     if not line.startswith(b"\\"):
         return line, ""
     tag = _TAG.match(line)
@@ -58,7 +58,7 @@ def _strip_tag(line: bytes, before: str) -> tuple[bytes, str] | None:
 
 
 def enough(reports: int) -> bytes:
-    """What ends the listening early: so many RMC with a fix in a row whose time goes on, or twice as many."""
+    """Return the pattern that ends listening: `reports` consecutive RMC fixes with advancing time, or twice as many."""
     tag = rb"(?:\\[^\\\n]*\\)?"
     rmc, others = tag + rb"\$..RMC,%s[^\n]*\n", rb"(?:(?!" + tag + rb"\$..RMC,)[^\n]*\n)*"
     first, same, later = rmc % rb"(?P<first>[^,\n]*),A", rmc % rb"[^,\n]*,A", rmc % rb"(?!(?P=first),)[^,\n]*,A"
@@ -70,7 +70,7 @@ def enough(reports: int) -> bytes:
 
 @dataclass
 class _Epochs:
-    """Sentences of one time go together until another time comes, or the same kind of sentence again."""
+    """Groups sentences into epochs: a new one starts with another time, or a repeated type of sentence."""
 
     reports: list[record.Report] = field(default_factory=list)
     open: record.Report | None = None
@@ -124,7 +124,7 @@ class _Epochs:
         )
 
     def _gns(self, report: record.Report, fields: Sequence[str]) -> None:
-        """One mode indicator for each system; `N`: it is not used."""
+        """Process GNS, which has one mode indicator per system; `N`: not used."""
         used = fields[6].replace("N", "")
         if not used:
             self.void = self.void or bool(fields[6])
@@ -136,7 +136,7 @@ class _Epochs:
         self.open = replace(self._with_position(report, fields[2:6]), mode=three, nature=nature)
 
     def _used(self, fields: Sequence[str]) -> None:
-        """How many satellites, and how they stand."""
+        """Process the number of satellites used, and their dilution of precision."""
         used = _number(fields[0])
         self.satellites = int(used) if used is not None else self.satellites
         self.hdop = _number(fields[1]) or self.hdop
@@ -151,7 +151,7 @@ class _Epochs:
         self._take_status(report, fields[6], fields[7], fields[1:5])
 
     def _take_status(self, report: record.Report, status: str, indicator: str, place: Sequence[str]) -> None:
-        """Take in a sentence that says `A` or `V`, and perhaps how the position came about."""
+        """Process a sentence with status `A` or `V`, and perhaps the origin of the position."""
         self.void = self.void or status == "V" or indicator == "N"
         if status != "A":
             self.open = report
@@ -166,7 +166,7 @@ class _Epochs:
         return new_report
 
     def close(self) -> None:
-        """Take the epoch that is open as whole."""
+        """Complete the epoch that is open."""
         if self.open is not None:
             self.reports.append(self._whole(self.open))
         self.open, self.kinds, self.void, self.fresh = None, set(), False, False
@@ -187,7 +187,7 @@ _POSITIONS = frozenset({"GGA", "GNS", "RMC", "GLL"})
 
 
 def read(transcript: Transcript) -> record.Reception:
-    """Understand a stream of sentences, from wherever in one it begins; of several sources the one with most fixes."""
+    """Parse a stream of sentences, from any starting point; of several sources, use the one with the most fixes."""
     sources: dict[str, _Epochs] = {}
     good = bad = 0
     source = ""

@@ -1,6 +1,6 @@
-"""The record that every source of positions is reduced to, what is expected of it, and findings for a silent source.
+"""The common record of every source of positions, its expected values, and findings for a silent source.
 
-A source that is missing, not started, in use, or not reached: four different things, with their own words.
+A source that is missing, not started, in use, or not reachable: four different cases, with separate messages.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ DAY_S = 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class GpsExpectation:
-    """What is expected of one endpoint, and how it is called in sentences."""
+    """Expected state of one endpoint, and its description in messages."""
 
     name: str
     """Of the row: `Sparus`."""
@@ -44,7 +44,7 @@ class GpsExpectation:
 
 
 class Nature(StrEnum):
-    """How a position came about, as far as it is told."""
+    """Origin of a position, as far as reported."""
 
     MEASURED = "measured"
     DEAD_RECKONING = "dead reckoning"
@@ -57,7 +57,7 @@ class Nature(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """One position, or the word that there is none."""
+    """One position report, or a report that there is none."""
 
     at_s: float
     """When it came, seconds since the listening began."""
@@ -83,7 +83,7 @@ class Report:
 
     @property
     def possible(self) -> bool:
-        """Whether the position is one on this planet."""
+        """Whether the position is valid: latitude and longitude within their ranges."""
         return (
             self.latitude is not None
             and self.longitude is not None
@@ -95,13 +95,13 @@ class Report:
 
     @property
     def stamp(self) -> float | None:
-        """What of its time is told, to see whether it goes on."""
+        """Time stamp, or time of day if there is no date, to check that time advances."""
         return self.time if self.time is not None else self.of_day
 
 
 @dataclass(frozen=True, slots=True)
 class Reception:
-    """All that was understood of what a source said."""
+    """All data parsed from a source."""
 
     reports: tuple[Report, ...] = ()
     """Of one receiver, in the order in which they came."""
@@ -137,7 +137,7 @@ class Reception:
     """The fixes at the end that nothing interrupts."""
 
     def __post_init__(self) -> None:
-        """Find them."""
+        """Find the trailing run of fixes."""
         start = len(self.reports)
         while start and self.reports[start - 1].has_fix:
             start -= 1
@@ -145,19 +145,19 @@ class Reception:
 
     @property
     def losses(self) -> int:
-        """How often a fix was followed by none."""
+        """Number of times that a fix was lost."""
         return sum(
             report.has_fix and not then.has_fix for report, then in zip(self.reports, self.reports[1:], strict=False)
         )
 
     @property
     def clock_ahead_s(self) -> float | None:
-        """How far the receiver's time is ahead of the listening clock; None: nobody knows."""
+        """Seconds by which the receiver's time is ahead of the listening clock; None if unknown."""
         return median(ahead) if (ahead := self._ahead_s()) else None
 
     @property
     def clock_uneven_s(self) -> float:
-        """By how much that changes while we listen."""
+        """Variation of the clock difference while listening, in seconds."""
         return max(ahead) - min(ahead) if (ahead := self._ahead_s()) else 0.0
 
     def _ahead_s(self) -> list[float]:
@@ -169,17 +169,17 @@ class Reception:
 
 
 def at_day(seconds: float) -> float:
-    """A difference of two times of day: at most twelve hours, either way."""
+    """Normalise a difference between two times of day to at most twelve hours, in either direction."""
     return (seconds + DAY_S / 2) % DAY_S - DAY_S / 2
 
 
 def median(values: list[float]) -> float:
-    """The middle one, of an even number the upper of the two."""
+    """Return the median; of an even number of values, the upper of the two in the middle."""
     return sorted(values)[len(values) // 2]
 
 
 def lines(transcript: Transcript) -> Iterator[tuple[float, bytes]]:
-    r"""Give whole lines without their end (`\n`, `\r\n`), each with the time at which it came; a cut one is not."""
+    r"""Yield complete lines without line ends (LF or CR LF), with their arrival times; skip a truncated one."""
     pieces: list[bytes] = []
     for at_s, data in transcript.chunks:
         first, *others = data.split(b"\n")
@@ -194,7 +194,7 @@ _STREAM = "read what the program that has it passes on: declare `driver: gpsd` o
 
 
 def describe_trouble(trouble: Trouble, words: str, expectation: GpsExpectation) -> BearerFinding:
-    """Say why nothing could be heard."""
+    """Return the finding for a stream that could not be read."""
     text = f": {words}" if words else ""
     return {
         Trouble.NO_PLACE: lambda: BearerFinding(
@@ -260,7 +260,7 @@ def _refusal_finding(expectation: GpsExpectation) -> BearerFinding:
 
 
 def speechless(reception: Reception, expectation: GpsExpectation) -> BearerFinding | None:
-    """Say what is wrong with a source that is there and tells no position at all; None: it tells."""
+    """Return the finding for a source that is reachable but reports no position; None if it reports any."""
     if reception.reports:
         return None
     if not reception.is_recognized and reception.heard_bytes:

@@ -1,10 +1,10 @@
 """RC RF: whether a pilot's remote control reaches the vehicle.
 
-Where the autopilot speaks MAVLink, the probes listen to its stream and never send: the heartbeat of the expected
-system, channels that come and, when the pilot is asked to move the sticks, change; an armed vehicle ends it at once.
-What no stream can tell (the link fails safe, it reaches far enough) a person tries, for every vehicle.
+If the autopilot uses MAVLink, the probes listen to its stream and never send: the heartbeat of the expected system,
+channels that arrive and, when the pilot is asked to move the sticks, change; an armed vehicle ends the probe at once.
+What no stream shows (failsafe works, range is sufficient) a person tests, for every vehicle.
 
-How it could be fooled, and what stops it, stands in docs/probes.md.
+docs/probes.md describes how it could be deceived, and what prevents that.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _READ, _MEASUREMENT = report.EvidenceType.READ, report.EvidenceType.MEASURED
 
 
 def evidence(stream: Stream, expectation: RcExpectation) -> tuple[report.Evidence, ...]:
-    """Give the stream, the systems in it, and what the expected one says."""
+    """Return the stream, the systems in it, and the data of the expected system."""
     return tuple(_find_evidence(stream, expectation)) if stream.heard_bytes else ()
 
 
@@ -67,7 +67,7 @@ def _find_evidence(source: Stream, expectation: RcExpectation) -> Iterator[repor
 
 
 def movement(stream: Stream, expectation: RcExpectation) -> Iterator[report.Evidence]:
-    """Give the way of each channel that moved."""
+    """Yield the range of each channel that moved."""
     for number, (low, high) in ranges(stream.systems.get(expectation.system_id, System()).channels).items():
         yield report.Evidence(type=_MEASUREMENT, what=f"channel {number}", value=f"{low} to {high} us")
 
@@ -90,13 +90,13 @@ STICKS_S = 12.0
 
 @dataclass(frozen=True, slots=True)
 class RcHeard:
-    """The autopilot hears its remote control, and is disarmed."""
+    """Check that the autopilot receives its remote control, and is disarmed."""
 
     expectation: RcExpectation
     place: base.Place
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Listen until enough of the vehicle was heard."""
+        """Listen until enough data of the vehicle were received."""
         return (_listen("stream", self.expectation, self.place, LISTEN_S, enough(self.expectation.system_id)),)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
@@ -106,13 +106,13 @@ class RcHeard:
 
 @dataclass(frozen=True, slots=True)
 class StickMovementProbe:
-    """The channels follow the pilot's sticks, and the vehicle stays disarmed."""
+    """Check that the channels follow the pilot's sticks, and that the vehicle stays disarmed."""
 
     expectation: RcExpectation
     place: base.Place
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Listen for as long as the pilot moves the sticks: it may be armed at any moment of it."""
+        """Listen for the whole time that the pilot moves the sticks: the vehicle may be armed at any moment."""
         return (_listen("sticks", self.expectation, self.place, STICKS_S, b""),)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
@@ -149,7 +149,7 @@ def _judge_answer(
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
-    """Give the steps of a cell: listening and sticks (by a person where nothing is declared), failsafe, range."""
+    """Return the steps of a cell: listening and sticks (by a person without an endpoint), failsafe, range."""
     endpoint = cell.endpoints.rc_rf
     first = (_by_a_person(cell),) if endpoint is None else _by_the_stream(cell, endpoint)
     return (*first, _failsafe(cell), _range(cell))

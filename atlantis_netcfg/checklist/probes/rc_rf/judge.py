@@ -1,7 +1,7 @@
-"""Whether the remote control reaches the autopilot, as far as the stream tells.
+"""Judge from the stream whether the remote control reaches the autopilot.
 
-Of every stream: it comes, now, from the right vehicle's autopilot, which is not armed. Of the remote control: channels
-come, and change while the pilot moves the sticks.
+For every stream: it arrives, is current, and comes from the right vehicle's autopilot, which is not armed. For the
+remote control: channels arrive, and change while the pilot moves the sticks.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BAD_SHARE = 0.05
 
 
 def judge(stream: Stream, expectation: RcExpectation) -> tuple[BearerFinding, ...]:
-    """Judge a stream in which the vehicle is heard; one that is well in every respect has one finding, which passes."""
+    """Judge a stream with the vehicle's data; without problems there is a single finding, which passes."""
     system = stream.systems[expectation.system_id]
     findings = (
         *_alive(stream, system, expectation),
@@ -79,7 +79,7 @@ def _alive(stream: Stream, system: System, expectation: RcExpectation) -> Iterat
 
 
 def no_channels(stream: Stream, expectation: RcExpectation) -> BearerFinding:
-    """Say that no RC_CHANNELS came: that is a setting as well, so nothing follows."""
+    """Return the finding for a stream without RC_CHANNELS, which may be due to a setting, so nothing follows."""
     message = f"{expectation.name} sends no RC_CHANNELS within {stream.ended_s:.0f} s"
     hint = (
         "let its people add RC_CHANNELS to the stream (ArduPilot: SRx_RC_CHAN; PX4: mavlink stream); we ask for nothing"
@@ -88,7 +88,7 @@ def no_channels(stream: Stream, expectation: RcExpectation) -> BearerFinding:
 
 
 def odd(channels: Channels) -> str:
-    """The channels whose values are out of range, in words; empty: none."""
+    """Describe the channels whose values are out of range; empty if there are none."""
     strange = [
         f"channel {number}: {value}"
         for number, value in enumerate(channels.values, 1)
@@ -171,7 +171,7 @@ APART_S = 60.0
 
 
 def check_disarmed(stream: Stream, expectation: RcExpectation) -> BearerFinding | None:
-    """Say that an autopilot is armed, whichever: nobody listens on beside propellers that may turn."""
+    """Return a finding if any autopilot is armed: nobody may stay near propellers that may start."""
     hot = [number for number, system in stream.systems.items() if system.is_armed]
     if not hot:
         return None
@@ -183,7 +183,7 @@ def check_disarmed(stream: Stream, expectation: RcExpectation) -> BearerFinding 
 
 
 def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> BearerFinding | None:
-    """Say why the stream tells nothing of the vehicle; None: it does."""
+    """Return the finding for a stream without usable data of the vehicle; None if it has data."""
     if not stream.heard_bytes:
         return _unheard(answer, expectation) if answer.trouble is not None else _silent(stream, expectation)
     if not stream.good:
@@ -198,7 +198,7 @@ def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> 
 
 
 def doubts(stream: Stream, expectation: RcExpectation) -> Iterator[BearerFinding]:
-    """Say why it may be somebody else, or of another time, that is heard; a person may know better."""
+    """Yield findings for data that may come from another sender or time; a person may know better."""
     system = stream.systems[expectation.system_id]
     if expectation.address is None:
         result = f"it came from {', '.join(system.senders)}" if any(system.senders) else "nobody has looked"
@@ -219,7 +219,7 @@ def doubts(stream: Stream, expectation: RcExpectation) -> Iterator[BearerFinding
 
 
 def _flow(system: System, stream: Stream, expectation: RcExpectation) -> Iterator[BearerFinding]:
-    """The autopilot counts the time, and that count goes on as fast as time does."""
+    """Yield findings if the autopilot's clock does not advance at the rate of real time."""
     result = system.channels
     if not result:
         return
@@ -312,7 +312,7 @@ MIN_CHANNEL_SETS = 3
 
 
 def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
-    """Channel to the lowest and highest value, of those that moved."""
+    """Return the lowest and highest value of each channel that moved."""
     result = {}
     for number in range(max((channel.count for channel in channels), default=0)):
         values = [item.values[number] for item in channels if number < item.count]
@@ -323,7 +323,7 @@ def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
 
 
 def judge_moved(stream: Stream, expectation: RcExpectation) -> BearerFinding:
-    """Judge a stream in which the vehicle is heard, disarmed."""
+    """Judge a stream with data of the vehicle, disarmed."""
     channels = stream.systems[expectation.system_id].channels
     if not channels:
         return no_channels(stream, expectation)
@@ -353,7 +353,7 @@ def judge_moved(stream: Stream, expectation: RcExpectation) -> BearerFinding:
 
 
 def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:
-    """Whether every axis follows the first, the same way or the other."""
+    """Return whether all axes move together with the first, in the same or the opposite direction."""
     rows = [[channel.values[axis - 1] for axis in axes] for channel in channels if channel.count >= max(axes)]
     whole = [values for row in rows if len(values := tuple(item for item in row if item is not None)) == len(axes)]
     ways = [*zip(*whole, strict=True)] if len(whole) >= MIN_CHANNEL_SETS else []
@@ -365,7 +365,7 @@ def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class RcExpectation:
-    """Of one vehicle."""
+    """Expected remote control stream of one vehicle."""
 
     name: str
     """`Stork`."""
@@ -379,5 +379,5 @@ class RcExpectation:
 
     @property
     def end(self) -> str:
-        """Where the stream arrives."""
+        """Endpoint at which the stream arrives."""
         return f"UDP port {self.port} of {self.place}"

@@ -1,8 +1,8 @@
-"""A MAVLink stream (version 1 or 2) as it arrives by UDP: heartbeats, remote control channels, state of the receiver.
+"""A MAVLink stream (version 1 or 2) over UDP: heartbeats, remote control channels, state of the receiver.
 
-Names of messages and fields: MAVLink common message set, as pymavlink has it. RADIO_STATUS is the telemetry radio and
-not the remote control: it is not read. Anybody may claim any system id, so that the sender's address and the component
-count as well. Frames are only received here, and nothing is ever made to be sent.
+Names of messages and fields: MAVLink common message set, as in pymavlink. RADIO_STATUS is the telemetry radio and not
+the remote control: it is not read. Any sender may use any system id, so the sender's address and the component count as
+well. Frames are only received here; no message is ever built for sending.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Channels:
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """What a SYS_STATUS says of the remote control's receiver."""
+    """State of the remote control's receiver in a SYS_STATUS."""
 
     present: bool
     is_enabled: bool
@@ -70,7 +70,7 @@ class Receiver:
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """All that the autopilot of one system id has said, from the address that is believed."""
+    """All data of the autopilot with one system id, from the trusted address."""
 
     beats: tuple[Beat, ...] = ()
     channels: tuple[Channels, ...] = ()
@@ -89,7 +89,7 @@ class System:
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """All that was understood."""
+    """All data parsed from a stream."""
 
     systems: Mapping[int, System] = field(default_factory=dict)
     good: int = 0
@@ -102,13 +102,13 @@ class Stream:
 
     @property
     def autopilots(self) -> tuple[int, ...]:
-        """System ids with an autopilot's heartbeat, wherever it came from."""
+        """System ids with an autopilot's heartbeat, from any address."""
         return tuple(sorted(number for number, system in self.systems.items() if system.senders))
 
 
 @dataclass
 class _SystemReader:
-    """One system, while the stream is read."""
+    """Parser state of one system."""
 
     beats: list[Beat] = field(default_factory=list)
     channels: list[Channels] = field(default_factory=list)
@@ -176,7 +176,7 @@ class _MavlinkReading:
 
     @staticmethod
     def _beats(item: _SystemReader, sender: str, message: Any) -> bool:  # noqa: ANN401 - as above
-        """Note whose heartbeat it is; False: no autopilot's."""
+        """Record the sender of a heartbeat; return False if it is not an autopilot's."""
         if message.type == _GROUND_STATION or message.autopilot == _NO_AUTOPILOT:
             return False
         item.is_armed = item.is_armed or bool(message.base_mode & _ARMED_FLAG)
@@ -191,9 +191,9 @@ _MAVLINK_1 = 0xFE
 
 
 def read(transcript: Transcript, address: str | None = None) -> Stream:
-    """Understand the datagrams, also where frames go over their borders. Raises nothing.
+    """Parse the datagrams, also frames that span several of them. Raises nothing.
 
-    `address`: whose datagrams are believed; what others say tells no more than that they are there, or are armed.
+    `address`: trusted sender; datagrams of others only show that these exist, or are armed.
     """
     # Takes a twentieth of a second to load, and only who has a vehicle with an autopilot needs it.
     from pymavlink.dialects.v20 import common  # noqa: PLC0415
@@ -229,12 +229,12 @@ def _receiver(message: Any) -> Receiver:  # noqa: ANN401 - as above
 
 
 def enough(system: int) -> bytes:
-    """What ends the listening early: two heartbeats, five times the channels and one state of the autopilot."""
+    """Return the pattern that ends listening: 2 heartbeats, 5 channel messages and 1 autopilot state."""
     heartbeat, status, channels = (_frame(system, number) for number in (0, 1, 65))
     return rb"(?s)\A(?=(?:.*?%s){2})(?=(?:.*?%s){5})(?=.*?%s)" % (heartbeat, channels, status)
 
 
 def _frame(system: int, message: int) -> bytes:
-    """The header of a frame: MAVLink 2 has four bytes between mark and system, MAVLink 1 two."""
+    """Return the pattern of a frame header: MAVLink 2 has four bytes between mark and system, MAVLink 1 two."""
     sender, number = re.escape(bytes([system, _AUTOPILOT])), re.escape(bytes([message]))
     return rb"(?:\xfd.{4}%s%s\x00\x00|\xfe.{2}%s%s)" % (sender, number, sender, number)

@@ -1,11 +1,11 @@
-"""The site's own checks: what other marine projects learned the hard way, looked at before every test.
+"""The site's own checks, from the experience of other marine projects, run before every test.
 
-None of them is a cell of Table 3; each is an item `<site>/site/<name>` of its own, by the tool alone where it can. They
-ask the router for rows and the gateway computer for what its programs print, and send nothing but DHCP questions, IPv6
-router solicitations, some ARP questions, the announcement of a DDS participant to the gateway computer itself, five
-pings inside the site's own networks and the VPN, and a few messages through the VPN to the control centre. What is not
-declared at a site is skipped, and says why; VPN, the messages and DDS never are. How each could be
-fooled, and what stops it, stands in docs/probes.md.
+None of them is a cell of Table 3; each is an item `<site>/site/<name>`, run by the tool alone if possible. They read
+rows from the router and program output from the gateway computer. They send only DHCP discoveries, IPv6 router
+solicitations, some ARP requests, the announcement of a DDS participant to the gateway computer itself, five pings
+inside the site's own networks and the VPN, and a few messages through the VPN to the control centre. A check whose
+subject is not in the inventory is skipped, with the reason; VPN, messages and DDS are never skipped. docs/probes.md
+describes how each could be deceived, and what prevents that.
 """
 
 from __future__ import annotations
@@ -52,9 +52,10 @@ NAMES = tuple(_CHECKS)
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:
-    """Give every check: of what no program can see here a person is asked, what does not apply is skipped by name.
+    """Return all checks; a person does those no program can do, and those that do not apply are skipped with a reason.
 
-    One more where a radio of the gateway opens a network, and one for each link where measurements are declared.
+    One more is added if a radio of the gateway opens a network, and one for each link with measurements in the
+    inventory.
     """
     site = own_site(cell)
     if site.router is None:

@@ -1,6 +1,6 @@
-"""The network that a radio of the gateway opens is there, and who has joined it.
+"""The access point on a radio of the gateway is active, and only known stations have joined it.
 
-`iw` tells what the radio does now. That stations are kept apart stands in the file of hostapd, which drift compares.
+`iw` reports the current state of the radio. Client isolation is set in hostapd's file, which drift compares.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _NO_DEVICE = "No such device"
 
 
 def access_point_check(site: parse.OwnSite) -> tuple[base.Step, ...]:
-    """One step where the gateway declares an access point of its own; most have none, and no item then."""
+    """Return one step if the gateway has an access point in the inventory; otherwise none."""
     gateway = site.gateway
     if gateway is None or not isinstance(gateway.device, model.Gateway) or gateway.device.access_point is None:
         return ()
@@ -33,7 +33,7 @@ def access_point_check(site: parse.OwnSite) -> tuple[base.Step, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _OpenNetwork:
-    """The gateway's own network is open, to declared vehicles alone."""
+    """Check that the gateway's access point is active, for vehicles in the inventory only."""
 
     site: parse.OwnSite
     gateway: str
@@ -66,7 +66,7 @@ class _OpenNetwork:
         return base.ProbeResult(tuple(findings), (parse.read(f"joined {self.radio.ssid}", count),))
 
     def _network(self, text: str) -> Iterator[BearerFinding]:
-        """A running hostapd turns the radio into an access point; while it listens for radar that has no name yet."""
+        """Yield findings on the radio: hostapd makes it an access point; during radar detection it has no name yet."""
         network, name = read_opened(text), f"{self.radio.interface} of {self.gateway}"
         hint = f"on it: systemctl status atlantis-access-point@{self.radio.interface}"
         if network.type is None:
@@ -88,7 +88,7 @@ class _OpenNetwork:
                 yield parse.warn("other-channel", message, "a radar may have driven it away: choose another channel")
 
     def _strangers(self, dump: str) -> Iterator[BearerFinding]:
-        """Who has joined and is no declared vehicle has the key."""
+        """Yield findings for stations that are not in the inventory and so have the key."""
         station_names, strangers = (
             self._station_names,
             [mac for mac in read_stations(dump) if mac not in self._station_names],
@@ -105,7 +105,7 @@ class _OpenNetwork:
 
     @property
     def _station_names(self) -> Mapping[str, str]:
-        """MAC address to the vehicle that is a station."""
+        """MAC address of each vehicle that is a station, to its name."""
         reserved_macs = {row.name: row.mac for row in self.site.site_config.lan.reservations}
         result = {}
         for key, vehicle in self.site.declaration.vehicles.items():

@@ -1,9 +1,9 @@
-"""Addresses of the LAN: they are as declared, no two hosts share one, and nobody else hands them out.
+"""Addresses of the LAN: as in the inventory, without duplicates, and from a single DHCP server.
 
-Static addresses are there, have the declared mask, and will be there after a restart (BlueOS 3370, 3432). No interface
-has two addresses of one subnet: a lease that ends takes the shared route along (BlueOS 4054). One card answers for an
-address, and the reserved card for a reserved one. Nobody but the router runs a DHCP server (a vehicle's own server
-stole leases: BlueOS 3143, 4328).
+Static addresses are present, have the right mask, and will be present after a restart (BlueOS 3370, 3432). No interface
+has two addresses of one subnet: a lease that ends removes the shared route (BlueOS 4054). One card responds for an
+address, and the reserved card for a reserved one. Only the router runs a DHCP server (a vehicle's own server stole
+leases: BlueOS 3143, 4328).
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ _RUN = "run the site, which puts the declared address back"
 
 
 def static_addresses_check(site: parse.OwnSite) -> base.Step:
-    """The addresses that run beside the files that are read at the next start."""
+    """Return the step that compares current addresses with the files read at the next start."""
     return parse.step("static-addresses", "Static addresses survive a restart", _Static(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Static:
-    """Static addresses survive a restart."""
+    """Check that static addresses survive a restart."""
 
     site: parse.OwnSite
 
@@ -66,7 +66,7 @@ class _Static:
         return base.ProbeResult(tuple(findings), tuple(evidence))
 
     def _declared_addresses(self) -> Iterator[tuple[str, str]]:
-        """Interface and address of everything that the router has by declaration."""
+        """Yield interface and address of everything that the router has in the inventory."""
         view = self.site.view
         assert view is not None  # noqa: S101 - the check is made for sites with a router
         yield view.bridge, view.lan.address
@@ -99,7 +99,7 @@ class _Static:
     def _in_files(
         self, gateway: parse.ComputerReadings, interface: IPv4Interface, results: Mapping[str, base.Answer]
     ) -> BearerFinding | None:
-        """What is wrong with the files that the next start reads; None: they say what runs."""
+        """Return what is wrong with the files read at the next start; None if they match the running state."""
         texts = {path: results[path] for path in FILES}
         trouble = next(
             (
@@ -132,7 +132,7 @@ class _Static:
 
 
 def _on_sockets(results: Mapping[str, base.Answer], router: str) -> tuple[parse.InterfaceAddress, ...] | BearerFinding:
-    """The router's addresses, each on the factory name of its port: what a port is called proves nothing."""
+    """Return the router's addresses by the factory name of their port, because port names can be changed."""
     current = parse.addresses(results["router"], router)
     ports = parse.rows(results["sockets"], router, "the names of its ports", "default-name")
     if isinstance(current, BearerFinding):
@@ -144,7 +144,7 @@ def _on_sockets(results: Mapping[str, base.Answer], router: str) -> tuple[parse.
 
 
 def _says(text: str, interface: IPv4Interface) -> bool:
-    """A comment does not configure anything."""
+    """Return whether a file sets an address, ignoring comments."""
     lines = (line for line in text.splitlines() if not line.lstrip().startswith("#"))
     return any(str(interface) in line for line in lines)
 
@@ -212,7 +212,7 @@ _SUBNET_HINT = "take one of them away: when a lease ends, it takes the route of 
 
 
 def one_subnet_twice_check(site: parse.OwnSite) -> base.Step:
-    """The router's and the gateway computer's own addresses."""
+    """Return the step on the addresses of the router and the gateway computer."""
     return parse.step(
         "one-subnet-twice", "No two addresses of one subnet on one interface", _OneSubnet(site), site.hosts
     )
@@ -220,7 +220,7 @@ def one_subnet_twice_check(site: parse.OwnSite) -> base.Step:
 
 @dataclass(frozen=True, slots=True)
 class _OneSubnet:
-    """No two addresses of one subnet on one interface."""
+    """Check that no interface has two addresses of one subnet."""
 
     site: parse.OwnSite
 
@@ -268,13 +268,13 @@ _DUPLICATE_HINT = "switch one of them off, and give it another address or a rese
 
 
 def duplicate_addresses_check(site: parse.OwnSite) -> base.Step:
-    """The router's ARP and leases, and what the gateway computer has seen."""
+    """Return the step on the router's ARP table and leases, and the gateway computer's neighbours."""
     return parse.step("duplicate-addresses", "No address of the LAN twice", _Duplicates(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Duplicates:
-    """No address of the LAN twice."""
+    """Check that no address of the LAN is used twice."""
 
     site: parse.OwnSite
 
@@ -346,7 +346,7 @@ class _Duplicates:
                 yield parse.fail("wrong-address", message, hint)
 
     def _busy(self, leases: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
-        """RouterOS' `busy`: somebody answered at an address that was to be handed out (Manual, DHCP)."""
+        """Yield findings for `busy` leases: another host responded at an address to be leased (Manual, DHCP)."""
         for row in leases:
             if row.get("status") == "busy":
                 message = f"the router does not hand out {row.get('address', '?')}: somebody else answers there"
@@ -365,7 +365,7 @@ _DHCP_HINT = "unplug it, or switch its DHCP server off: a robot that takes its l
 
 
 def rogue_dhcp_check(site: parse.OwnSite) -> base.Step:
-    """The router is asked for alerts, and the LAN for offers."""
+    """Return the step that reads alerts from the router, and discovers servers on the LAN."""
     title = "No other DHCP server on the LAN"
     if site.gateway is None:
         return parse.by_hand(
@@ -381,7 +381,7 @@ def rogue_dhcp_check(site: parse.OwnSite) -> base.Step:
 
 @dataclass(frozen=True, slots=True)
 class _RogueDhcp:
-    """No other DHCP server on the LAN."""
+    """Check that there is no other DHCP server on the LAN."""
 
     site: parse.OwnSite
 
@@ -410,7 +410,7 @@ class _RogueDhcp:
         return base.ProbeResult((*alerts, *findings), evidence)
 
     def _alerts(self, results: Mapping[str, base.Answer]) -> Iterator[BearerFinding]:
-        """Rows are there only where somebody has made some; that a router does not tell is no finding then."""
+        """Yield findings for DHCP alerts; alerts exist only if configured, so a missing menu is no finding."""
         if self.site.router is None or "alerts" not in results:
             return
         result = parse.rows(results["alerts"], self.site.router.name, "its DHCP alerts", "interface")
@@ -423,7 +423,7 @@ class _RogueDhcp:
                 )
 
     def _card(self, results: Mapping[str, base.Answer]) -> str | None:
-        """Which card the gateway computer knows the router by; that it has not spoken to it lately proves nothing."""
+        """Return the router's MAC address in the gateway's neighbour table; None, if it is missing, proves nothing."""
         result = parse.neighbours(results["router"], "")
         local = str(self.site.site_config.lan.gateway)
         return (
@@ -466,7 +466,7 @@ class _RogueDhcp:
 
 
 def _sender(site: parse.OwnSite, address: str, mac: str | None) -> str:
-    """An address, with the card and whose it is by the reservations."""
+    """Describe a sender: its address, MAC address, and owner by the DHCP reservations."""
     cards = {card.mac.lower(): card.name for card in site.site_config.lan.reservations}
     whose = cards.get((mac or "").lower())
     return f"{address} ({mac or 'card unknown'}{f', the card of {whose}' if whose else ''})"
@@ -481,7 +481,7 @@ _SOLICIT_S = 8.0
 
 
 def rogue_router_check(site: parse.OwnSite) -> base.Step:
-    """The LAN is asked for IPv6 routers: the declared one sends no advertisement."""
+    """Return the step that discovers IPv6 routers on the LAN: the site's own sends no advertisement."""
     title = "No other router on the LAN"
     if site.gateway is None:
         return parse.by_hand(
@@ -497,7 +497,7 @@ def rogue_router_check(site: parse.OwnSite) -> base.Step:
 
 @dataclass(frozen=True, slots=True)
 class _RogueRouter:
-    """No other router on the LAN."""
+    """Check that there is no other router on the LAN."""
 
     site: parse.OwnSite
 

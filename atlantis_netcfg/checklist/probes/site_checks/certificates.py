@@ -1,4 +1,4 @@
-"""Certificates of the site are valid, and will be for some weeks."""
+"""Check that the site's certificates are valid, and will be for some weeks."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ class _SiteCertificate:
 
 
 def certificates_check(site: parse.OwnSite) -> base.Step:
-    """Those on the router, and those in the gateway computer's identity; keys are not read."""
+    """Return the step on certificates of the router and the gateway computer's identity; keys are not read."""
     return parse.step("certificates", "Certificates are valid", _Certificates(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Certificates:
-    """Certificates are valid."""
+    """Check that certificates are valid."""
 
     site: parse.OwnSite
 
@@ -102,7 +102,7 @@ class _Certificates:
 
     @property
     def _reason_by_name(self) -> Mapping[str, str]:
-        """Name to what it is for."""
+        """Purpose of each certificate that the inventory requires, by name."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         all_of_it = prerequisites(self.site.declaration, self.site.router)
         return {
@@ -118,7 +118,7 @@ class _Certificates:
                 yield parse.fail("certificate-missing", message, self._renewal(name))
 
     def _renewal(self, name: str) -> str:
-        """The tunnel's, and its authority's, come from the VPN's desk; that of api-ssl the router makes itself."""
+        """Return how to renew: the VPN issues the tunnel's certificates, the router itself that of api-ssl."""
         tunnel = self.site.view.tunnel if self.site.view is not None else None
         of_the_vpn = name not in self._reason_by_name or (tunnel is not None and name == tunnel.certificate)
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
@@ -138,7 +138,7 @@ class _Certificates:
                 )
 
     def _unfit(self, name: str, row: Mapping[str, str]) -> str:
-        """Why a certificate is no use to the router, though it may be valid; empty: it is, as far as can be told."""
+        """Return why the router cannot use a certificate, even if it is valid; empty if no reason is known."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         tunnel = self.site.view.tunnel if self.site.view is not None else None
         host, subject = self.site.router.name, row.get("common-name")
@@ -152,7 +152,7 @@ class _Certificates:
 
 
 def _now(results: Mapping[str, base.Answer]) -> datetime:
-    """When this computer had the answers."""
+    """Return when this computer received the latest response."""
     stamps = [answer.response_time for answer in results.values() if isinstance(answer, base.CommandResult | base.Rows)]
     return datetime.fromtimestamp(max(stamps, default=0.0) or time.time(), UTC)
 
@@ -163,7 +163,7 @@ def _router_stamp(text: str) -> datetime | None:
 
 
 def _of_identity(name: str, site: str, answer: base.Answer) -> list[_SiteCertificate] | BearerFinding:
-    """Read what openssl prints of every certificate in a file; it ends with 8 where it meets a key it does not know."""
+    """Parse openssl's output on all certificates in a file; it exits with 8 for a key that it does not know."""
     if not isinstance(answer, base.CommandResult):
         return parse.unreadable(name, "its identity in the VPN")
     if answer.trouble is not None:
@@ -231,7 +231,7 @@ def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator
 
 
 def _fine(certificates: Sequence[_SiteCertificate]) -> BearerFinding:
-    """Of those that are used: a declared one that is not there has been told of."""
+    """Return the passing finding on the certificates in use; missing ones have their own finding."""
     until = [certificate.until for certificate in certificates if certificate.used and certificate.until is not None]
     if len(until) == 1:
         return parse.good("valid", f"the one certificate is valid until {until[0]:%Y-%m-%d}")

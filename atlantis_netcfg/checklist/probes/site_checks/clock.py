@@ -1,4 +1,4 @@
-"""All clocks of the site agree: certificates, leases of DDS and the reports of a test are only good while they do."""
+"""All clocks of the site agree: certificates, leases of DDS and test reports depend on it."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ _ZONE = re.compile(r"([+-])(\d\d):(\d\d)")
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """How far a clock is ahead of this computer's, as closely as the waiting for its answer lets us know."""
+    """Bounds of a clock's lead over this computer's clock; the response time limits their precision."""
 
     least_s: float
     most_s: float
 
     @property
     def wrong(self) -> bool:
-        """Whether it is surely too far apart."""
+        """Whether the clock is certainly too far off."""
         return self.least_s > APART_S or self.most_s < -APART_S
 
     @property
     def coarse(self) -> bool:
-        """Whether it may be too far apart as well as not."""
+        """Whether the bounds are too wide to decide."""
         return not self.wrong and max(self.most_s, -self.least_s) > COARSE_S
 
     @property
     def words(self) -> str:
-        """`60 min behind`."""
+        """Description, such as `60 min behind`."""
         middle = (self.least_s + self.most_s) / 2
         if self.least_s <= 0 <= self.most_s:
             return f"the same within {max(self.most_s, -self.least_s):.1f} s"
@@ -53,20 +53,20 @@ class Offset:
 
 
 def _span(seconds: float) -> str:
-    """In the unit that a person would say: 45 s, 60 min, 30 h, 690 days."""
+    """Format a duration in a unit that suits its size: 45 s, 60 min, 30 h, 690 days."""
     units = ((86_400, "days", 172_800), (3_600, "h", 7_200), (60, "min", 300), (1, "s", 0))
     length, name = next((length, name) for length, name, least in units if seconds >= least)
     return f"{seconds / length:.0f} {name}"
 
 
 def clock_check(site: parse.OwnSite) -> base.Step:
-    """The clocks of router, gateway computer and this computer, beside each other, and what sets them."""
+    """Return the step that compares the clocks of router, gateway and this computer, and their time sources."""
     return parse.step("clock", "Clocks agree, and are set by time servers", _ClockReading(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _ClockReading:
-    """Clocks agree, and are set by time servers."""
+    """Check that clocks agree, and are set by time servers."""
 
     site: parse.OwnSite
 
@@ -98,7 +98,7 @@ class _ClockReading:
         return base.ProbeResult(tuple(wrong) or (fine,), (*evidence, *self._evidence(results)))
 
     def _set(self, results: Mapping[str, base.Answer], known_offsets: Mapping[str, Offset]) -> Iterator[BearerFinding]:
-        """What sets the clocks, and the zones that they show; of those that did not answer it has been said."""
+        """Yield findings on time sources and time zones; hosts that did not respond have their own finding."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, zone = self.site.router.name, self.site.declaration.pilot.time_zone
         clock, ntp = _row(results["clock"]), parse.rows(results["ntp"], name, "what sets its clock", "enabled")
@@ -119,7 +119,7 @@ class _ClockReading:
             yield from _zone(gateway.name, result.get("Timezone", ""), zone)
 
     def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[BearerFinding]:
-        """Words of `/system/ntp/client`: synchronized, waiting, started, stopped; nothing follows from another one."""
+        """Yield findings on `/system/ntp/client`: synchronized, waiting, started, stopped; others prove nothing."""
         status, server = ntp.get("status", ""), ntp.get("synced-server", "")
         time_servers = {str(time_server.address) for time_server in self.site.declaration.pilot.time_servers}
         if ntp.get("enabled") in {"false", "no"} or status in {"stopped", "disabled"}:
@@ -149,7 +149,7 @@ _YES_NO = frozenset({"yes", "no"})
 
 
 def _judge_offsets(known_offsets: Mapping[str, Offset]) -> Iterator[BearerFinding]:
-    """Where two clocks agree with each other and not with ours, it is ours that is wrong."""
+    """Yield findings on clock differences; if two clocks agree with each other but not with ours, ours is wrong."""
     wrong = {name: offset for name, offset in known_offsets.items() if offset.wrong}
     if len(wrong) == len(known_offsets) > 1 and _together(list(wrong.values())):
         sample = next(iter(wrong.values()))
@@ -203,7 +203,7 @@ def _of_router(name: str, answer: base.Answer) -> Offset | BearerFinding:
 
 
 def router_time(row: Mapping[str, str]) -> datetime | None:
-    """Read `/system/clock`: dates before 7.10 are written `nov/22/2026`. None: it makes no sense."""
+    """Parse `/system/clock`; before 7.10 dates have the form `nov/22/2026`. None if it is not valid."""
     date, time = _DATE.fullmatch(row.get("date", "")), _TIME.fullmatch(row.get("time", ""))
     zone = _ZONE.fullmatch(row.get("gmt-offset", "+00:00"))
     if date is None or time is None or zone is None:
@@ -220,7 +220,7 @@ def router_time(row: Mapping[str, str]) -> datetime | None:
 
 
 def _of_computer(name: str, answer: base.Answer) -> Offset | BearerFinding:
-    """Whatever the program says: when it was started, its clock was read."""
+    """Return the clock offset from the start time of any program, or the finding why it is unknown."""
     if not isinstance(answer, base.CommandResult) or answer.trouble is not None or not answer.began:
         result = parse.get_output(answer, name)
         return result if isinstance(result, BearerFinding) else parse.unreadable(name, "its clock")

@@ -1,11 +1,11 @@
-"""Data reach the control centre and come back: messages over the bearer in use and the VPN, with their way and delay.
+"""Data reach the control centre and come back: messages over the active link and the VPN, with route and delay.
 
-Each message bears a token that is made up for this question, and leaves as the data of any program do, by the route
-that the computer has. A small program of ours at the other end (`gateway/reflector.py`) sends the token back, and says
-by which interface and from which address the message came to it. A gateway asks the control centres; a control centre
-asks all gateways of the pilot.
+Each message contains a new random token, and is sent like the data of any program, by the computer's regular route. A
+small program of ours at the other end (`computers/reflector.py`) returns the token, and reports on which interface and
+from which address the message arrived. A gateway probes the control centres; a control centre probes all gateways of
+the pilot.
 
-What it does not show: that a program of a partner works there, and that large data arrive.
+It does not show that a partner's program works there, or that large data arrive.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NAME = "data-reaches-scc"
 
 @dataclass(frozen=True, slots=True)
 class FarComputer:
-    """A computer at the other end of the way."""
+    """A computer at the remote end."""
 
     name: str
     address: str
@@ -40,7 +40,7 @@ class FarComputer:
 
 
 def far_computers(declaration: Declaration, asking: model.ServerComputer) -> tuple[FarComputer, ...]:
-    """Give those that a computer asks: of a control centre the gateways, of all others the control centres."""
+    """Return a computer's targets: for a control centre the gateways, for all others the control centres."""
     kind = model.Gateway if isinstance(asking, model.ControlCentre) else model.ControlCentre
     return tuple(
         FarComputer(name, str(host.device.vpn_address), host.site)
@@ -50,7 +50,7 @@ def far_computers(declaration: Declaration, asking: model.ServerComputer) -> tup
 
 
 def data_reaches_check(site: parse.OwnSite) -> base.Step:
-    """A person looks where a computer is not in the VPN, for it applies at every site."""
+    """Return the step; it applies at every site, so a person does it if a computer is not in the VPN."""
     computer = site.gateway
     far = () if computer is None else far_computers(site.declaration, computer.device)
     if computer is not None and computer.device.vpn_address is not None and far:
@@ -65,14 +65,14 @@ def data_reaches_check(site: parse.OwnSite) -> base.Step:
 
 @dataclass(frozen=True, slots=True)
 class _DataReaches:
-    """Data reach the control centre and come back."""
+    """Check that data reach the control centre and come back."""
 
     site: parse.OwnSite
     far: tuple[FarComputer, ...]
 
     @property
     def _asking(self) -> tuple[str, str]:
-        """Name and address in the VPN of the computer that asks."""
+        """Name and VPN address of the probing computer."""
         assert self.site.gateway is not None  # noqa: S101 - the step is a person's without one
         return self.site.gateway.name, str(self.site.gateway.device.vpn_address)
 
@@ -105,7 +105,7 @@ class _DataReaches:
         return base.ProbeResult(tuple(findings), tuple(evidence))
 
     def _of(self, far: FarComputer, results: Mapping[str, base.Answer]) -> BearerFinding:
-        """What the way there and the answers come to."""
+        """Judge the route to a computer and its responses."""
         name = self._asking[0]
         wrong = _wrong_way(name, far, results[f"way {far.name}"])
         if wrong is not None:
@@ -121,7 +121,7 @@ class _DataReaches:
         return strange or self._judge_delays(far, answer, results)
 
     def _silence(self, far: FarComputer, message_count: int, results: Mapping[str, base.Answer]) -> BearerFinding:
-        """Silence over a satellite proves nothing, nor does that of a gateway where perhaps nobody is."""
+        """Return the finding for silence; over a satellite, or from an unattended gateway, it proves nothing."""
         bearer, over = parse.active_bearer(self.site, results), self._over(results)
         if bearer is not None and bearer.kind.traits.allow_list:
             return parse.unknown(
@@ -160,7 +160,7 @@ class _DataReaches:
         return parse.good("data-reaches", text)
 
     def _over(self, results: Mapping[str, base.Answer]) -> str:
-        """The way in words; which link carries the tunnel the router tells."""
+        """Describe the route; the router reports which link carries the tunnel."""
         bearer = parse.active_bearer(self.site, results)
         over = "a link that the router does not tell" if bearer is None else bearer.name
         return f"through the VPN over {over}"
@@ -180,7 +180,7 @@ class _DataReaches:
 
 
 def _wrong_way(name: str, far: FarComputer, answer: base.Answer) -> BearerFinding | None:
-    """Why nothing that is sent would pass the VPN; None: it would."""
+    """Return why data would not go through the VPN; None if they would."""
     if getattr(answer, "trouble", None) is None and "unreachable" in getattr(answer, "err", "").lower():
         return parse.fail(
             "no-way",
@@ -217,7 +217,7 @@ def _not_sent(name: str, far: FarComputer, answer: base.ReflectResult) -> Bearer
 
 
 def _row(item: base.ReflectReply) -> dict[str, Any]:
-    """What an answer says; nothing where it is none."""
+    """Return the content of a response; empty if it is invalid."""
     try:
         row = json.loads(item.data)
     except (ValueError, RecursionError):
@@ -228,7 +228,7 @@ def _row(item: base.ReflectReply) -> dict[str, Any]:
 def _strange(
     far: FarComputer, asking: str, item: base.ReflectReply, result: base.ReflectResult
 ) -> BearerFinding | None:
-    """Why an answer does not count; None: the very token came back, from there and through the VPN both ways."""
+    """Return why a response does not count; None if the same token came back, through the VPN both ways."""
     row = _row(item)
     if row.get("token") not in result.tokens:
         return parse.fail(

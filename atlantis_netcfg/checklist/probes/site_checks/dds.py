@@ -1,15 +1,15 @@
-"""A participant of the declared DDS domain answers on the gateway computer, at the address where others look for it.
+"""A participant of the pilot's DDS domain responds on the gateway computer, at the address where others look for it.
 
-One without topics announces itself there from this very computer, by unicast, and leaves again (`agent/main.py`):
-who takes it in announces itself in turn, and says at which addresses it is reached. Nobody else receives it. Beside it
-stands which ports are bound. A participant hears announcements at 7410 + 250 d + 2 i, i below the declared number, and
-data one port above (DDSI-RTPS 9.6.2.3). With the site's profile it does not listen at the ports for multicast, 7400 +
-250 d and one above. Without it Fast DDS listens at the first of them besides, is found by who has the profile, and by
-nobody else; Cyclone DDS listens at both, at no port that peers know, and is found by nobody (seen of 2.9.1 and 11.0.1,
-between two networks).
+A participant without topics announces itself there from the same computer, by unicast, and leaves again
+(`agent/main.py`): a participant that accepts it announces itself in turn, with the addresses at which it is reached. No
+other computer receives it. In addition, the bound ports are listed. A participant listens for announcements at 7410 +
+250 d + 2 i, with i below the number in the inventory, and for data one port above (DDSI-RTPS 9.6.2.3). With the site's
+profile it does not listen at the ports for multicast, 7400 + 250 d and one above. Without it Fast DDS also listens at
+the first of them, and is found only by those with the profile; Cyclone DDS listens at both, at no port that peers know,
+and is found by nobody (observed with 2.9.1 and 11.0.1, between two networks).
 
-What stops a false answer stands in docs/probes.md. What it does not see is whether the way from a robot to that address
-is open: the gateway's firewall is for `pytest checks/`, the tunnel for the item `vpn`.
+docs/probes.md describes what prevents a false response. The check does not see whether the route from a robot to that
+address is open: `pytest checks/` tests the gateway's firewall, the item `vpn` the tunnel.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _DOMAIN_ID, _REACHED_AT = 0x0F, 0x32
 
 @dataclass(frozen=True, slots=True)
 class _Participant:
-    """One that has announced itself to the question, and spoken to it."""
+    """A participant that announced itself in response to ours, and addressed it."""
 
     domain: int | None
     """None: it does not say; the port that it was asked at does."""
@@ -72,14 +72,14 @@ class _Socket:
 
     @property
     def participant(self) -> int | None:
-        """Its number, if this is the port on which it hears announcements."""
+        """Number of the participant, if this is the port on which it listens for announcements."""
         offset = self.offset - _UNICAST
         return offset // _EACH if offset >= 0 and offset % _EACH == 0 else None
 
 
 @dataclass(frozen=True, slots=True)
 class _BoundPorts:
-    """What is bound of the ports of one domain. Other programs have ports in that range, too."""
+    """Bound ports of one domain. Other programs may also have ports in that range."""
 
     domain: int
     sockets: tuple[_Socket, ...]
@@ -87,22 +87,22 @@ class _BoundPorts:
 
     @property
     def participants(self) -> tuple[_Socket, ...]:
-        """Where announcements are heard."""
+        """Sockets that listen for announcements."""
         return tuple({item.port: item for item in self.sockets if item.participant is not None}.values())
 
     @property
     def strangers(self) -> int:
-        """How many participants run without the profile."""
+        """Number of participants without the profile."""
         return self._bound(_MULTICAST)
 
     @property
     def is_dds(self) -> bool:
-        """Whether two ports are bound that belong to each other; one alone may be anybody's."""
+        """Whether a pair of related ports is bound; a single one may belong to another program."""
         return any(self._bound(item) and self._bound(item + 1) for item in (_MULTICAST, _UNICAST))
 
     @property
     def ports(self) -> str:
-        """Where it listens for announcements."""
+        """Ports that listen for announcements."""
         known_ports = {item.port for item in self.sockets if item.participant is not None or item.offset == _MULTICAST}
         return ", ".join(map(str, sorted(known_ports)))
 
@@ -111,7 +111,7 @@ class _BoundPorts:
 
 
 def dds_check(site: parse.OwnSite) -> base.Step:
-    """The gateway computer's participants; a person looks where no program can, for it applies at every site."""
+    """Return the step on the gateway's participants; if no program can check, it is a step for a person."""
     dds = site.declaration.pilot.dds
     if dds is None:
         do = "The pilot declares no DDS, so that no program looks: see which robots speak ROS 2 here, and how."
@@ -130,7 +130,7 @@ def dds_check(site: parse.OwnSite) -> base.Step:
 
 @dataclass(frozen=True, slots=True)
 class _SeenParticipant:
-    """DDS answers on the gateway computer."""
+    """Check that a DDS participant responds on the gateway computer."""
 
     site: parse.OwnSite
 
@@ -141,7 +141,7 @@ class _SeenParticipant:
 
     @property
     def _address(self) -> str:
-        """Where the others of the pilot look for it."""
+        """Address at which the pilot's other participants look for this one."""
         assert self.site.gateway is not None  # noqa: S101 - the step is a person's without one
         return self._dds.address_of(self.site.gateway.device)
 
@@ -205,12 +205,12 @@ class _SeenParticipant:
 
 
 def _list_addresses(there: Sequence[_Participant]) -> str:
-    """Where they say that they are reached."""
+    """Format the addresses that participants announce."""
     return parse.join_words(sorted({address for participant in there for address in participant.addresses})) or "none"
 
 
 def _read_participants(answer: base.Answer, name: str, address: str) -> tuple[_Participant, ...] | BearerFinding:
-    """Who has announced itself to the question, and has spoken to the one that asked and to nobody else."""
+    """Return the participants that announced themselves and addressed only our request."""
     if not isinstance(answer, base.DdsDiscoverResult):
         return parse.unreadable(name, "its DDS participants")
     if answer.trouble is base.Trouble.UNREACHABLE:
@@ -237,7 +237,7 @@ def _read_participants(answer: base.Answer, name: str, address: str) -> tuple[_P
 
 
 def _message(message: bytes, asked_by: bytes) -> tuple[bool, _Participant | None]:
-    """Whether a message speaks to who asked, and whom it announces. Raises struct.error, ValueError, IndexError."""
+    """Return whether a message addresses us, and its new participant. Raises struct.error, ValueError, IndexError."""
     at, to_us, is_for_us, new_participant = _HEADER, False, False, None
     while at + 4 <= len(message):
         kind, flags = message[at], message[at + 1]
@@ -256,7 +256,7 @@ def _message(message: bytes, asked_by: bytes) -> tuple[bool, _Participant | None
 
 
 def _parse_announcement(body: bytes, flags: int, order: str) -> _Participant | None:
-    """Read SPDP's DATA (9.4.5.4): None for one that leaves, which has a key and a status, and no data."""
+    """Parse SPDP's DATA (9.4.5.4); None for a leaving participant, which has key and status, and no data."""
     if not flags & 4:
         return None
     (ahead,) = struct.unpack_from(f"{order}H", body, 2)
@@ -272,7 +272,7 @@ def _parse_announcement(body: bytes, flags: int, order: str) -> _Participant | N
 
 
 def _parameters(data: bytes, at: int, order: str) -> tuple[list[tuple[str, int, bytes]], int]:
-    """Byte order, name and value of each, and where they end (9.4.2.11). Raises struct.error without an end."""
+    """Return byte order, name and value of each parameter, and their end (9.4.2.11). Raises struct.error if missing."""
     parameters: list[tuple[str, int, bytes]] = []
     while True:
         name, length = struct.unpack_from(f"{order}HH", data, at)

@@ -1,4 +1,4 @@
-"""Nobody answers at an address, or under a name, that only a factory gives (BlueBoats all ship with 192.168.2.2)."""
+"""No host uses a factory address or factory name (BlueBoats all ship with 192.168.2.2)."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _NAME = "MikroTik"
 
 
 def factory_defaults_check(site: parse.OwnSite) -> base.Step:
-    """Who has answered for such an address, and who answers one question by ARP, which stays on the LAN's segment."""
+    """Return the step: hosts seen at such addresses, and those that respond to one ARP request on the LAN."""
     return parse.step("factory-defaults", "Nobody is left on factory settings", _Factory(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Factory:
-    """Nobody is left on factory settings."""
+    """Check that no device is left on factory settings."""
 
     site: parse.OwnSite
 
@@ -49,7 +49,7 @@ class _Factory:
         )
 
     def _ping(self, address: str) -> base.RouterOsQuery:
-        """ARP needs no route: it finds who sits on the LAN with an address of another network, and disturbs nobody."""
+        """Return an ARP ping: it needs no route, finds hosts with an address of another network, and disturbs none."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         assert self.site.view is not None  # noqa: S101 - the same
         words = (("address", address), ("arp-ping", "yes"), ("interface", self.site.view.bridge), ("count", "2"))
@@ -57,7 +57,7 @@ class _Factory:
 
     @property
     def _addresses(self) -> tuple[str, ...]:
-        """Those that the declaration gives to nobody, and that lie in no declared network."""
+        """Factory addresses that the inventory does not use, and that lie in none of its networks."""
         site = self.site.site_config
         networks = [site.lan.network, site.management.network, *(bearer.network for bearer in site.bearers)]
         return tuple(item for item in FACTORY if not any(IPv4Address(item) in network for network in networks))
@@ -124,7 +124,7 @@ def _has_answers(result: Sequence[Mapping[str, str]]) -> bool:
 
 
 def _was_sent(result: Sequence[Mapping[str, str]] | BearerFinding) -> bool:
-    """A ping that was not carried out says nothing; of who was not asked at all it is said elsewhere."""
+    """Return whether a ping was sent; a failed request counts as sent, as it has its own finding."""
     return isinstance(result, BearerFinding) or any(row.get("sent", "0") not in {"", "0"} for row in result)
 
 

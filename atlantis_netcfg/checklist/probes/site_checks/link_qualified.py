@@ -1,7 +1,7 @@
-"""Each link of the site was measured not long ago, and carries what it has to.
+"""Each link of the site was measured recently, and has the required quality.
 
-Nothing is measured here: the newest measurement that this computer keeps (`provision qualify`) is judged anew, from its
-samples. Without one, or with an old one, nothing is known of the link as it is now, and that never passes.
+Nothing is measured here: the newest stored measurement (`provision qualify`) is judged again, from its samples. Without
+one, or with an old one, the present state of the link is unknown, and that never passes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _AHEAD = timedelta(minutes=5)
 
 
 def link_qualified_checks(site: parse.OwnSite) -> tuple[base.Step, ...]:
-    """One step for each link, where the pilot declares who answers measurements; else none."""
+    """Return one step per link, if the inventory has a measurement server; otherwise none."""
     if site.declaration.pilot.qualify is None:
         return ()
     return tuple(
@@ -46,7 +46,7 @@ def link_qualified_checks(site: parse.OwnSite) -> tuple[base.Step, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _LinkQualificationCheck:
-    """The link was measured not long ago, and carries what it has to."""
+    """Check that the link was measured recently, and has the required quality."""
 
     site: parse.OwnSite
     bearer: Bearer
@@ -76,7 +76,7 @@ class _LinkQualificationCheck:
         return base.ProbeResult(wrong or (self._fine(record, answer.now),), tuple(_evidence(record)))
 
     def _wrong(self, record: QualifyRecord, now: datetime, *, is_rehearsal: bool) -> Iterator[BearerFinding]:
-        """Everything that keeps it from passing, what failed first. What a rehearsal makes up is kept nowhere."""
+        """Yield everything that prevents passing, failures first. Simulated rehearsal results are not stored."""
         run, name = record.run, self.bearer.name
         again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
         failed_criteria = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]

@@ -1,6 +1,6 @@
-"""What the site checks share: the site, their requests, the rows and addresses of results, and findings.
+"""Common code of the site checks: the site, their requests, the rows and addresses of results, and findings.
 
-A result that is not complete becomes the finding that says so.
+An incomplete result becomes a finding that reports it.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ if TYPE_CHECKING:
 
 
 def good(code: str, message: str) -> BearerFinding:
-    """It was seen to hold."""
+    """Return a passing finding."""
     return BearerFinding(Verdict.PASS, code, message)
 
 
 def warn(code: str, message: str, hint: str) -> BearerFinding:
-    """It works, and somebody should look at it."""
+    """Return a warning: it works, but a person should check it."""
     return BearerFinding(Verdict.WARN, code, message, hint)
 
 
 def fail(code: str, message: str, hint: str) -> BearerFinding:
-    """It was seen not to hold."""
+    """Return a failing finding."""
     return BearerFinding(Verdict.FAIL, code, message, hint)
 
 
 def unknown(code: str, message: str, hint: str) -> BearerFinding:
-    """It could not be seen."""
+    """Return an inconclusive finding."""
     return BearerFinding(Verdict.INCONCLUSIVE, code, message, hint)
 
 
 def silent(who: str, trouble: base.Trouble, words: str) -> BearerFinding:
-    """Somebody was asked and gave no whole answer: nothing is known of it."""
+    """Return the finding for an incomplete response, from which nothing follows."""
     code, message, hint = _SILENT.get(trouble, _SILENT[base.Trouble.SILENT])
     text = f": {words}" if words else ""
     return unknown(code, message.format(who=who) + text, hint.format(who=who))
@@ -81,7 +81,7 @@ _SILENT = {
 
 
 def unreadable(who: str, what: str) -> BearerFinding:
-    """It answered with something else than it should."""
+    """Return the finding for a response that cannot be parsed."""
     return unknown(
         "unreadable",
         f"what {who} says of {what} makes no sense",
@@ -90,22 +90,22 @@ def unreadable(who: str, what: str) -> BearerFinding:
 
 
 def read(what: str, value: str) -> report.Evidence:
-    """From the device, in its own words."""
+    """Return evidence read from the device, verbatim."""
     return report.Evidence(type=report.EvidenceType.READ, what=what, value=value)
 
 
 def measured_evidence(what: str, value: str) -> report.Evidence:
-    """By this tool."""
+    """Return evidence measured by this tool."""
     return report.Evidence(type=report.EvidenceType.MEASURED, what=what, value=value)
 
 
 def declared_evidence(what: str, value: str) -> report.Evidence:
-    """In the inventory."""
+    """Return evidence from the inventory."""
     return report.Evidence(type=report.EvidenceType.DECLARED, what=what, value=value)
 
 
 def join_words(words: Iterable[str]) -> str:
-    """Read `a`, `a and b`, `a, b and c`."""
+    """Join words: `a`, `a and b`, `a, b and c`."""
     every = list(words)
     return " and ".join(filter(None, (", ".join(every[:-1]), *every[-1:])))
 
@@ -118,7 +118,7 @@ _STALE = "STALE"
 
 @dataclass(frozen=True, slots=True)
 class InterfaceAddress:
-    """An address that an interface has."""
+    """An address of an interface."""
 
     interface: str
     address: IPv4Interface
@@ -132,7 +132,7 @@ class InterfaceAddress:
 
 @dataclass(frozen=True, slots=True)
 class Neighbour:
-    """Who has answered for an address."""
+    """The MAC address that responded for an address."""
 
     address: str
     mac: str
@@ -144,12 +144,12 @@ class Neighbour:
 
 
 def yes(row: Mapping[str, str], flag: str) -> bool:
-    """Whether a row says so."""
+    """Return whether a flag of a row is set."""
     return row.get(flag) in _TRUE
 
 
 def is_address(text: str) -> bool:
-    """Whether it is an IPv4 address."""
+    """Return whether a text is an IPv4 address."""
     try:
         IPv4Address(text)
     except ValueError:
@@ -158,7 +158,7 @@ def is_address(text: str) -> bool:
 
 
 def rows(answer: base.Answer, who: str, what: str, key: str) -> tuple[Mapping[str, str], ...] | BearerFinding:
-    """Rows of a RouterOS menu; rows none of which has its `key` are not of that menu."""
+    """Return the rows of a RouterOS menu; rows of which none has the `key` are not of that menu."""
     if not isinstance(answer, base.Rows):
         return unreadable(who, what)
     if answer.trouble is not None:
@@ -173,7 +173,7 @@ def rows(answer: base.Answer, who: str, what: str, key: str) -> tuple[Mapping[st
 
 
 def get_output(answer: base.Answer, who: str) -> str | BearerFinding:
-    """What a program printed that has ended well."""
+    """Return the output of a program that succeeded, otherwise a finding."""
     if not isinstance(answer, base.CommandResult):
         return unreadable(who, "itself")
     if answer.trouble is not None:
@@ -199,7 +199,7 @@ def parse_json_list(answer: base.Answer, who: str, what: str) -> list[dict[str, 
 
 
 def addresses(answer: base.Answer, who: str) -> tuple[InterfaceAddress, ...] | BearerFinding:
-    """Addresses of a computer (`ip -j addr show`), or of a router (`/ip/address`); whoever answers has one at least."""
+    """Return addresses of a computer (`ip -j addr show`) or router (`/ip/address`); at least one is expected."""
     result: Iterable[Mapping[str, Any]] | BearerFinding
     if isinstance(answer, base.Rows):
         result = rows(answer, who, "its addresses", "address")
@@ -218,7 +218,7 @@ def addresses(answer: base.Answer, who: str) -> tuple[InterfaceAddress, ...] | B
 
 
 def _of_router(router_rows: Iterable[Mapping[str, str]]) -> Iterable[InterfaceAddress | None]:
-    """None: a row that is not understood."""
+    """Parse rows of a router; yield None for a row that cannot be parsed."""
     for row in router_rows:
         address = _interface(row.get("address"))
         if address is None:
@@ -250,7 +250,7 @@ def _interface(text: str | None) -> IPv4Interface | None:
 
 
 def neighbours(answer: base.Answer, who: str) -> tuple[Neighbour, ...] | BearerFinding:
-    """Who has answered: of a computer `ip -j neigh show`, of a router `/ip/arp`."""
+    """Return neighbours: of a computer from `ip -j neigh show`, of a router from `/ip/arp`."""
     if isinstance(answer, base.Rows):
         arp_rows = rows(answer, who, "its table of ARP", "address")
         return arp_rows if isinstance(arp_rows, BearerFinding) else tuple(_arp(arp_rows, who))
@@ -280,7 +280,7 @@ def _neigh(result: list[dict[str, Any]], who: str) -> Iterable[Neighbour]:
 
 
 def offers(answer: base.Answer, who: str) -> tuple[base.DhcpOffer, ...] | BearerFinding:
-    """Who hands out addresses."""
+    """Return the offers of DHCP servers, or a finding."""
     if not isinstance(answer, base.DhcpOffers):
         return unreadable(who, "DHCP servers")
     if answer.trouble is not None:
@@ -289,7 +289,7 @@ def offers(answer: base.Answer, who: str) -> tuple[base.DhcpOffer, ...] | Bearer
 
 
 def routers(answer: base.Answer, who: str) -> tuple[base.RouterAdvertisement, ...] | BearerFinding:
-    """Who announces itself as an IPv6 router."""
+    """Return the advertised IPv6 routers, or a finding."""
     if not isinstance(answer, base.RouterAdvertisements):
         return unreadable(who, "IPv6 routers")
     if answer.trouble is not None:
@@ -298,7 +298,7 @@ def routers(answer: base.Answer, who: str) -> tuple[base.RouterAdvertisement, ..
 
 
 def bearer_status(answer: base.Answer, who: str) -> Mapping[str, Any] | BearerFinding:
-    """How a bearer is."""
+    """Return the status of a link, or a finding."""
     if not isinstance(answer, base.LinkStatusResult):
         return unreadable(who, "its links")
     if answer.trouble is not None:
@@ -309,7 +309,7 @@ def bearer_status(answer: base.Answer, who: str) -> Mapping[str, Any] | BearerFi
 
 
 def active_bearer(site: OwnSite, results: Mapping[str, base.Answer]) -> model.Bearer | None:
-    """Which link carries the site's traffic, of several the least preferred; None: the router does not tell."""
+    """Return the active link, of several the least preferred one; None if the router does not report it."""
     for bearer in reversed(site.site_config.bearers):
         answer = results.get(f"look {bearer.name}")
         if isinstance(answer, base.LinkStatusResult) and answer.bearer is not None and answer.bearer.get("active"):
@@ -319,19 +319,19 @@ def active_bearer(site: OwnSite, results: Mapping[str, base.Answer]) -> model.Be
 
 @dataclass(frozen=True, slots=True)
 class ComputerReadings:
-    """The gateway computer, or the control centre, as it is declared."""
+    """The gateway computer, or the control centre, as in the inventory."""
 
     name: str
     device: model.ServerComputer
 
     @property
     def kind(self) -> str:
-        """What it is, in the words of a title."""
+        """Type of the computer, for titles."""
         return "control centre" if isinstance(self.device, model.ControlCentre) else "gateway computer"
 
     @property
     def interface(self) -> str:
-        """Of the LAN: its name where it is declared, else the address that it has."""
+        """LAN interface: its name if the inventory has it, otherwise its address."""
         interface_name = self.device.network.interface if self.device.network is not None else None
         if interface_name is None and self.device.image is not None:
             interface_name = self.device.image.interface
@@ -339,7 +339,7 @@ class ComputerReadings:
 
     @property
     def is_leased(self) -> bool:
-        """Whether a reservation of the LAN gives it its address."""
+        """Whether the computer gets its address from a DHCP reservation."""
         return self.device.image is not None and self.device.image.address_by is model.AddressBy.DHCP
 
 
@@ -357,13 +357,13 @@ class OwnSite:
 
     @property
     def device(self) -> model.Router:
-        """The router, where there is one."""
+        """Router model of the inventory; only for a site with a router."""
         assert self.router is not None  # noqa: S101 - steps are made for sites with a router
         return cast("model.Router", self.router.device)
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """Whom the checks speak of."""
+        """Names of the hosts that the checks concern."""
         return tuple(item.name for item in (self.router, self.gateway) if item is not None)
 
 
@@ -385,7 +385,7 @@ def own_site(cell: base.Cell) -> OwnSite:
 def step(
     name: str, title: str, probe: base.Probe | None, concerns: tuple[str, ...] = (), unless: str = ""
 ) -> base.Step:
-    """Make the step of a check by the tool; `unless` says that there is nothing to check at this site."""
+    """Return the step of an automatic check; `unless` is the reason why there is nothing to check at this site."""
     return base.Step(
         name=name,
         title=title,
@@ -398,7 +398,7 @@ def step(
 
 
 def by_hand(name: str, title: str, do: str, look_for: str, concerns: tuple[str, ...]) -> base.Step:
-    """Make the step of a check that no program can make at this site: it applies, so a person looks."""
+    """Return the step of a check that applies but that no program can do at this site: a person does it."""
     return base.Step(
         name=name,
         title=title,
@@ -411,14 +411,14 @@ def by_hand(name: str, title: str, do: str, look_for: str, concerns: tuple[str, 
 
 
 def ask(name: str, site: OwnSite, menu: str, *properties: str) -> tuple[base.RouterOsQuery, ...]:
-    """Ask the router for rows of a menu; nothing where the site has none."""
+    """Request rows of a menu from the router; empty if the site has no router."""
     if site.router is None:
         return ()
     return (base.RouterOsQuery(name, site.router.name, Query(menu, "print", proplist=properties)),)
 
 
 def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple[base.RunProgram, ...]:
-    """Run a program on the gateway computer; nothing where the site has none."""
+    """Run a program on the gateway computer; empty if the site has no gateway."""
     return (
         (base.RunProgram(name, base.Place.GATEWAY, tuple(command.split()), within_s),)
         if site.gateway is not None
@@ -427,7 +427,7 @@ def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple
 
 
 def bearer_requests(site: OwnSite) -> tuple[base.LinkStatusRequest, ...]:
-    """How every bearer of the site is; `look` and its name are the question's."""
+    """Return status requests for all links of the site, named `look` and the link's name."""
     return (
         tuple(base.LinkStatusRequest(f"look {bearer.name}", bearer.name) for bearer in site.site_config.bearers)
         if site.router

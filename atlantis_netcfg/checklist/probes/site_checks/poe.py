@@ -1,4 +1,4 @@
-"""The router feeds by PoE whom it is declared to feed, and they draw power."""
+"""The router's PoE ports supply the devices in the inventory, and these draw power."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _FAULTS: Mapping[str, str] = {
 
 
 def poe_check(site: parse.OwnSite) -> base.Step:
-    """One look at all ports that feed."""
+    """Return one step for all PoE ports."""
     ports = _ports(site)
     unless = "" if ports else "no port of the router is declared to feed power"
     fed = tuple(_fed(site).values())
@@ -44,7 +44,7 @@ def _ports(site: parse.OwnSite) -> tuple[str, ...]:
 
 
 def _fed(site: parse.OwnSite) -> dict[str, str]:
-    """Port to the box that says it is fed by it."""
+    """Return, for each port, the device that it powers according to the inventory."""
     result = {}
     for host in site.declaration.site_hosts(site.name):
         source = host.device.powered_by
@@ -55,12 +55,12 @@ def _fed(site: parse.OwnSite) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class _PoeCheck:
-    """Boxes are fed by PoE."""
+    """Check that devices are powered by PoE."""
 
     site: parse.OwnSite
 
     def asks(self) -> tuple[base.Question, ...]:
-        """Each port by itself: one that cannot feed would take the answer for all others along."""
+        """Request each port separately: a port without PoE would make a joint request fail."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
         names = base.RouterOsQuery(_NAMES, name, Query("/interface/ethernet", "print", (), ("name", "default-name")))
@@ -104,7 +104,7 @@ class _PoeCheck:
 
 
 def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[BearerFinding]:
-    """What was told under the name of a port is about another socket, or none."""
+    """Yield findings for renamed ports, whose readings belong to another socket, or none."""
     name_by_port = {row.get("default-name", ""): row.get("name", "") for row in names}
     for port in ports:
         if name_by_port.get(port, port) != port:
@@ -113,7 +113,7 @@ def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[s
 
 
 def _board(name: str, values: Mapping[str, object]) -> BearerFinding | None:
-    """A board without PoE knows neither the menu nor the ports."""
+    """Return a finding if the board has no PoE, and so neither the menu nor the ports."""
     if any(not isinstance(item, BearerFinding) or item.code != "refused" for item in values.values()):
         return None
     message = (
@@ -163,7 +163,7 @@ def _judge_port(
 
 
 def _value(row: Mapping[str, str], name: str) -> float | None:
-    """`2.8W`, `120mA`; None: not told."""
+    """Parse `2.8W`, `120mA`; None if missing."""
     match = _NUMBER.match(row.get(name, ""))
     return None if match is None else float(match[0])
 

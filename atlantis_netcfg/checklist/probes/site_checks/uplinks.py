@@ -1,8 +1,8 @@
-"""Traffic leaves the site by the declared bearer, and over the satellite only what is allowed.
+"""Traffic leaves the site by the desired link, and over the satellite only allowed traffic.
 
-The default route never uses a paid bearer by mistake (BlueOS 1539, 4387). The router's own allow-list for the satellite
-is complete: declared targets are allowed, and the rest is dropped. Whether it also works is proved by sending
-(`satellite/allow-list`), which costs; this only reads the rules.
+The default route never uses a metered link by mistake (BlueOS 1539, 4387). The router's own allow-list for the
+satellite is complete: targets in the inventory are allowed, and the rest is dropped. Sending tests whether it works
+(`satellite/allow-list`), which costs; this check only reads the rules.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ _BROAD = 8
 
 
 def default_route_check(site: parse.OwnSite) -> base.Step:
-    """The router's routes beside the state of the bearers, and the gateway computer's own default route."""
+    """Return the step comparing the router's routes, the state of its links, and the gateway's default route."""
     return parse.step("default-route", "Traffic leaves by the bearer that is meant", _DefaultRoute(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _DefaultRoute:
-    """Traffic leaves by the bearer that is meant."""
+    """Check that traffic leaves by the desired link."""
 
     site: parse.OwnSite
 
@@ -132,7 +132,7 @@ class _DefaultRoute:
 
 
 def _in_use(look: base.Answer, active: str) -> Mapping[str, str] | None:
-    """What was found of a link that is in use for a time instead of the declared order."""
+    """Return the finding about a link that is temporarily used instead of the inventory's order."""
     status = parse.bearer_status(look, active)
     findings = () if isinstance(status, BearerFinding) else status.get("findings") or ()
     return next((finding for finding in findings if finding.get("code") == IN_USE), None)
@@ -151,7 +151,7 @@ def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> BearerFinding:
 
 
 def _is_broad(text: str) -> bool:
-    """Whether it is half of a default route, as VPN clients set two to go before it (openvpn(8), redirect-gateway)."""
+    """Return whether a network is half a default route: VPN clients set two (openvpn(8), redirect-gateway)."""
     try:
         return 0 < IPv4Network(text).prefixlen < _BROAD
     except ValueError:
@@ -166,7 +166,7 @@ def _broad(rows: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
 
 
 def _in_force(row: Mapping[str, str]) -> bool:
-    """Of the main table: those of the bearers' own tables are there at all times."""
+    """Return whether a route is active in the main table; routes in the links' own tables are always active."""
     return row.get("active") in {"true", "yes"} and row.get("routing-table", "main") == "main"
 
 
@@ -175,7 +175,7 @@ def _route_text(row: Mapping[str, str]) -> str:
 
 
 def _state(status: Mapping[str, Any]) -> LinkState | None:
-    """None: nobody can tell."""
+    """Return the link's state; None if unknown."""
     state = status.get("state")
     return None if state in {None, LinkState.UNKNOWN.value} else LinkState(state) if state in set(LinkState) else None
 
@@ -186,7 +186,7 @@ def _metric(row: Mapping[str, Any]) -> int:
 
 
 def _is_dead(row: Mapping[str, Any]) -> bool:
-    """Words of the kernel for a route whose interface has no link."""
+    """Return whether the kernel flags a route's interface as having no link."""
     flags = row.get("flags")
     return isinstance(flags, list) and not _DEAD.isdisjoint(map(str, flags))
 
@@ -233,7 +233,7 @@ _RUN = "run the site before anything else: every byte that slips through is paid
 
 
 def satellite_filter_check(site: parse.OwnSite) -> base.Step:
-    """The rules of the router, and how many packets they have kept off."""
+    """Return the step on the router's filter rules, and their counts of dropped packets."""
     satellites = site.view.satellites if site.view is not None else ()
     unless = "" if satellites else "the site has no satellite"
     boxes = tuple(
@@ -252,7 +252,7 @@ def satellite_filter_check(site: parse.OwnSite) -> base.Step:
 
 @dataclass(frozen=True, slots=True)
 class _Filter:
-    """The satellite's allow-list stands in the router."""
+    """Check that the satellite's allow-list is in the router."""
 
     site: parse.OwnSite
 
@@ -290,7 +290,7 @@ class _Filter:
         return base.ProbeResult(tuple(wrong or fine), tuple(evidence))
 
     def _success_finding(self, satellite: Uplink, results: Mapping[str, base.Answer]) -> BearerFinding:
-        """Counters that cannot be read take nothing away: the rules were seen."""
+        """Return the passing finding; it does not need the counters, because the rules were read."""
         values = parse.bearer_status(results[f"look {satellite.name}"], satellite.name)
         quality = {} if isinstance(values, BearerFinding) else values.get("quality") or {}
         count = quality.get("kept_off_packets")
@@ -325,7 +325,7 @@ def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Itera
 
 
 def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[BearerFinding]:
-    """Whether everything that leaves comes to the list, before anybody else accepts it."""
+    """Yield findings unless all outgoing traffic reaches the allow-list before another rule accepts it."""
     place = next((place for place, row in enumerate(rules) if _jumps(row, satellite)), None)
     if place is None:
         message = f"what leaves over {satellite.name} is not asked: chain {chain} has no rule that leads to"
@@ -336,7 +336,7 @@ def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain:
 
 
 def _accepts(row: Mapping[str, str], satellite: Uplink) -> bool:
-    """A rule for another port, or for the terminal itself, which costs no airtime, takes nothing past the list."""
+    """Return whether a rule lets traffic bypass the list; traffic to the terminal itself costs no airtime."""
     elsewhere = row.get("out-interface", satellite.port) != satellite.port
     terminal = _inside(row.get("dst-address", ""), satellite.network)
     return row.get("action") in {"accept", "fasttrack-connection"} and not elsewhere and not terminal
@@ -372,5 +372,5 @@ def _jumps(row: Mapping[str, str], satellite: Uplink) -> bool:
 
 
 def _narrow(row: Mapping[str, str], but: tuple[str, ...] = ()) -> bool:
-    """Whether a rule catches only some of what comes to it, by anything `but` these."""
+    """Return whether a rule matches only part of the traffic, by a matcher other than `but`."""
     return any(row.get(name) for name in _MATCHERS if name not in but)

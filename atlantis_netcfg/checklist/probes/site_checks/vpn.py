@@ -1,4 +1,4 @@
-"""The site is in the VPN: its router and its gateway computer have their tunnels, and the server answers in them."""
+"""The site is in the VPN: its router and its gateway computer have tunnels, through which the server responds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _REVOKED_HINT = "`provision vpn status` tells whether its identity is known; loo
 
 
 def vpn_check(site: parse.OwnSite) -> base.Step:
-    """Both tunnels, and five pings of the server from the gateway computer."""
+    """Return the step on both tunnels, with five pings of the server from the gateway computer."""
     router = site.router is not None and site.device.vpn_client is not None
     gateway = site.gateway is not None and site.gateway.device.vpn_address is not None
     title = "The VPN is up"
@@ -51,13 +51,13 @@ def vpn_check(site: parse.OwnSite) -> base.Step:
 
 @dataclass(frozen=True, slots=True)
 class _VpnCheck:
-    """The VPN is up."""
+    """Check that the VPN is up."""
 
     site: parse.OwnSite
 
     @property
     def _server(self) -> str | None:
-        """Address of the server in the tunnel."""
+        """Address of the server in the tunnel; None if it has none."""
         host = self.site.declaration.hosts.get(self.site.declaration.pilot.vpn.server)
         address = getattr(host.device, "vpn_address", None) if host is not None else None
         return None if address is None else str(address)

@@ -1,7 +1,8 @@
-"""The checklist as PDF, A4: the same as the page, for whoever files paper.
+"""The checklist as PDF, A4: the same content as the page, for paper files.
 
-fpdf2 writes it, which needs no library of the system; the fonts are ours, so that a note in Greek or Cyrillic is not
-lost, and what they lack is written as `U+4E2D`. Its time is the document's, so the same document gives the same bytes.
+fpdf2 writes it, which needs no system library; the fonts are included, so that a note in Greek or Cyrillic is not lost,
+and characters that they lack are written as `U+4E2D`. Its timestamp is the document's, so the same document gives the
+same bytes.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ __all__ = ["pdf"]
 
 
 def pdf(document: Document, files: Mapping[str, bytes]) -> bytes:
-    """The file, the same for the same document and files."""
+    """Return the file; the same document and files always give the same bytes."""
     sheet = Sheet(document)
     sheet.add_page()
     _items.top(sheet, document)

@@ -1,4 +1,4 @@
-"""The report on paper: its first and last lines, Table 3, the drawing, and all items with what they stand on."""
+"""Parts of the PDF report: first and last lines, Table 3, the drawing, and all items with their evidence."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def first(sheet: _sheet.Sheet, document: Document) -> None:
-    """What somebody has to look at, the worst first, with what to do."""
+    """Print the items that need attention, the worst first, with what to do."""
     what, every = words.to_look_at(document)
     if every:
         sheet.head(translate(what))
@@ -35,7 +35,7 @@ def first(sheet: _sheet.Sheet, document: Document) -> None:
 
 
 def overridden(sheet: _sheet.Sheet, document: Document) -> None:
-    """What a person has taken the responsibility for."""
+    """Print the items that a person has overridden."""
     every = [item for item in document.items if item.override is not None]
     if every:
         sheet.head(translate(_texts.PageText.OVERRIDDEN))
@@ -48,13 +48,13 @@ def overridden(sheet: _sheet.Sheet, document: Document) -> None:
 
 
 def responsible(sheet: _sheet.Sheet, override: Override, zone: str) -> None:
-    """Who has overridden an item, and why."""
+    """Print who has overridden an item, and why."""
     sheet.tell(translate(_texts.overridden_by(override, zone)), bold=True, indent=_INDENT)
     sheet.tell(override.reason, indent=_INDENT)
 
 
 def since_green(sheet: _sheet.Sheet, document: Document) -> None:
-    """What has changed."""
+    """Print the changes since the last green checklist."""
     green = document.since_green
     if green is None:
         return
@@ -71,7 +71,7 @@ def since_green(sheet: _sheet.Sheet, document: Document) -> None:
 
 
 def not_checked(sheet: _sheet.Sheet, document: Document) -> None:
-    """What was not checked, and why."""
+    """Print what was not checked, and why."""
     sheet.head(translate(_texts.PageText.NOT_CHECKED))
     open_items = [
         item
@@ -90,12 +90,12 @@ def not_checked(sheet: _sheet.Sheet, document: Document) -> None:
 
 
 def notes(sheet: _sheet.Sheet, document: Document) -> None:
-    """What holds at the site and is of no verdict."""
+    """Print the notes on the site, which affect no verdict."""
     _plain(sheet, _texts.PageText.NOTES, document.notes)
 
 
 def not_rehearsed(sheet: _sheet.Sheet, document: Document) -> None:
-    """What no emulated device stands for."""
+    """Print what no emulator covers."""
     _plain(sheet, _texts.PageText.NOT_REHEARSED, document.not_rehearsed)
 
 
@@ -113,7 +113,7 @@ _AttachmentMap = dict[tuple[str, str | None], "_photos.Attachment"]
 
 
 def items(sheet: _sheet.Sheet, document: Document, files: Mapping[str, bytes]) -> None:
-    """Write all of them."""
+    """Print all items."""
     sheet.head(translate(_texts.PageText.ITEMS), room=56)
     attachments = _photos.find_attachments(document, files)
     for row in _shapes.grid(document).rows:
@@ -191,7 +191,7 @@ def top(sheet: _sheet.Sheet, document: Document) -> None:
 
 
 def _rehearsal_banner(sheet: _sheet.Sheet, document: Document) -> None:
-    """A banner between two thick bars, without a colour of its own: a verdict stands in a filled box."""
+    """Print a banner between two thick bars, without colour: only verdicts have a coloured box."""
     _bar(sheet)
     sheet.tell(translate(_texts.PageText.REHEARSAL), size=13, bold=True)
     sheet.tell(translate(_texts.PageText.EMULATION_NOTE))
@@ -226,7 +226,7 @@ def _verdict(sheet: _sheet.Sheet, document: Document) -> None:
 
 
 def provenance(sheet: _sheet.Sheet, document: Document) -> None:
-    """Write what it was made from and by."""
+    """Print the versions, run and times from which the report was made."""
     sheet.head(translate(_texts.PageText.MADE_FROM))
     zone, end = document.time_zone, document.ended
     for label, value in (
@@ -249,7 +249,7 @@ _THICK = frozenset(
 
 
 def table(sheet: _sheet.Sheet, document: Document) -> None:
-    """Draw the grid, its signs, and why a row differs from the report's."""
+    """Print the grid, its legend, and why a row differs from the report's table."""
     sheet.head(translate(_texts.PageText.TABLE))
     grid_layout = _shapes.grid(document)
     if grid_layout.rows:
@@ -327,7 +327,7 @@ def _cell(sheet: _sheet.Sheet, cell: _shapes.GridCell, x: float, y: float, width
 
 
 def _fit_text(sheet: _sheet.Sheet, text: str, at: Sequence[float], size: Sequence[float], align: str) -> None:
-    """One line in a box; letters are made smaller until it has room."""
+    """Print one line in a box, with the font size reduced until it fits."""
     points = sheet.font_size_pt
     width = sheet.get_string_width(text)
     if width > size[0] - 0.4 > 0:
@@ -350,7 +350,7 @@ _POINTS = 72 / 25.4
 
 
 def draw(sheet: _sheet.Sheet, document: Document) -> None:
-    """Draw it, as wide as the paper where it is not too high."""
+    """Print the drawing, as wide as the page if its height allows."""
     if not document.drawing.nodes:
         return
     shapes = layout(document, wide=True)
@@ -361,7 +361,7 @@ def draw(sheet: _sheet.Sheet, document: Document) -> None:
 
 
 class _Pen:
-    """Pixels of the drawing to millimetres of the paper."""
+    """Converts pixels of the drawing to millimetres on paper."""
 
     def __init__(self, sheet: _sheet.Sheet, scale: float) -> None:
         self._sheet, self._scale = sheet, scale

@@ -1,4 +1,4 @@
-"""Paper: fonts, margins, head and foot of each page, and the few ways in which words get onto it."""
+"""PDF page: fonts, margins, header and footer, and the functions that print text."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _with_fonts(paper: FPDF) -> None:
 
 @cache
 def _all_glyphs() -> tuple[frozenset[int], frozenset[int]]:
-    """What both fonts of text can print, and what the font of code can."""
+    """Return the characters of the two text fonts, and those of the code font."""
     paper = FPDF()
     _with_fonts(paper)
     *text, code = [frozenset(font.cmap) for font in _fonts(paper)]
@@ -69,20 +69,20 @@ def _fonts(paper: FPDF) -> list[TTFFont]:
 
 
 def printable(text: str) -> str:
-    """Text as the fonts can print it: a character that they lack is written as `U+1F600`, none is dropped."""
+    """Make text printable: a character missing in the fonts becomes `U+1F600`; none is dropped."""
     glyphs = _glyphs()
     visible_text = visible(text).replace("\t", " ")
     return "".join(item if ord(item) in glyphs or item == "\n" else f"U+{ord(item):04X}" for item in visible_text)
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """`#0a5226` in numbers."""
+    """Parse a colour such as `#0a5226`."""
     red, green, blue = bytes.fromhex(colour[1:])
     return red, green, blue
 
 
 class Paper(FPDF):
-    """A4 in our fonts; lengths are millimetres, sizes of letters points."""
+    """A4 pages with our fonts; lengths are in millimetres, font sizes in points."""
 
     def __init__(self, title: str, tool: str, creation_time: datetime) -> None:
         super().__init__(format="A4")
@@ -99,7 +99,7 @@ class Paper(FPDF):
         self.plain()
 
     def to_bytes(self) -> bytes:
-        """All pages; the paper is used up then."""
+        """Return all pages as bytes; the object cannot be used afterwards."""
         try:
             return bytes(self.output())
         finally:
@@ -107,7 +107,7 @@ class Paper(FPDF):
                 font.close()
 
     def header(self) -> None:
-        """The first line of a page, above a rule."""
+        """Print the first line of a page, above a rule."""
         # It may stand on top of a paragraph that is indented.
         left_margin, self.l_margin = self.l_margin, _MARGIN
         self.plain(6.5, faint=True)
@@ -118,7 +118,7 @@ class Paper(FPDF):
         self.l_margin = left_margin
 
     def footer(self) -> None:
-        """The number of the page."""
+        """Print the page number."""
         self.set_y(-12)
         self.plain(7, faint=True)
         self.set_x(_MARGIN)
@@ -127,12 +127,12 @@ class Paper(FPDF):
         self.cell(0, 4, translate(f"page {self.page_no()} of {_PAGES}"), align="R")
 
     def plain(self, size: float = BODY, *, bold: bool = False, faint: bool = False) -> None:
-        """Letters from here on."""
+        """Set the font of the following text."""
         self.set_font(FAMILY, "B" if bold else "", size)
         self.set_text_color(*(_FAINT if faint else (0, 0, 0)))
 
     def say(self, text: str, *, indent: float = 0.0) -> None:
-        """A paragraph, broken where the paper ends."""
+        """Print a paragraph with line breaks at the margin."""
         self.set_x(self.l_margin + indent)
         height = self.font_size * 1.35
         pieces = _texts.split_code(printable(text))
@@ -142,7 +142,7 @@ class Paper(FPDF):
             self.multi_cell(0, height, printable(text), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
 
     def _with_code(self, pieces: list[tuple[str, bool]], height: float, indent: float) -> None:
-        """A paragraph in which code has letters of its own."""
+        """Print a paragraph with code in its own font."""
         margin, style, size = self.l_margin, self.font_style, self.font_size_pt
         self.set_left_margin(margin + indent)
         for piece, is_code in pieces:
@@ -156,12 +156,12 @@ class Paper(FPDF):
     def tell(
         self, text: str, *, size: float = BODY, bold: bool = False, faint: bool = False, indent: float = 0
     ) -> None:
-        """A paragraph in letters of its own."""
+        """Set the font and print a paragraph."""
         self.plain(size, bold=bold, faint=faint)
         self.say(text, indent=indent)
 
     def head(self, text: str, *, size: float = 13.0, room: float = 40.0) -> None:
-        """A heading; it does not stand alone at the end of a page."""
+        """Print a heading; never as the last line of a page."""
         self.room(room)
         self.set_y(self.y + 4)
         self.tell(text, size=size, bold=True)
@@ -170,7 +170,7 @@ class Paper(FPDF):
         self.set_y(self.y + 2)
 
     def room(self, height: float) -> None:
-        """Begin a new page unless there is so much room."""
+        """Start a new page unless so much height is left."""
         if self.will_page_break(height):
             self.add_page()
 
@@ -189,14 +189,14 @@ class Sheet(Paper):
         self.foot_line = translate(signature_line(document))
 
     def tint(self, state: _shapes.ShownState | None) -> None:
-        """The colours of a state, and an edge that tells it on black and white paper."""
+        """Set the colours of a state, with an edge that identifies it in black and white."""
         tint = _shapes.TINTS[state]
         self.set_text_color(*rgb(tint.ink))
         self.set_fill_color(*rgb(tint.paper))
         self.set_draw_color(*rgb(tint.edge))
 
     def badge(self, state: _shapes.ShownState, words: str, *, link: int | None = None) -> None:
-        """A state in a box; what follows stands beside it."""
+        """Print a state in a box; the following text is placed beside it."""
         self.plain(SMALL, bold=True)
         self.tint(state)
         text = printable(f"{_shapes.SYMBOLS[state]} {words}")
@@ -205,12 +205,12 @@ class Sheet(Paper):
         self.set_x(self.x + 2)
 
     def badge_line(self, state: _shapes.ShownState, words: str, text: str, *, link: int | None = None) -> None:
-        """A badge, and beside it the words that it is about."""
+        """Print a badge with its text beside it."""
         self.badge(state, words, link=link)
         self.plain(BODY, bold=True)
         self.multi_cell(0, 5, printable(_texts.strip_code(text)), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
         self.set_y(self.y + 0.7)
 
     def link_of(self, item: Item) -> int:
-        """Where an item stands."""
+        """Return the link to an item's place."""
         return self._links_to[id(item)]

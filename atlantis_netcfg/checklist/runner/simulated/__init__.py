@@ -1,9 +1,9 @@
-"""A site that is all twins, for the checklist: what a technician rehearses, and what a trainer breaks on purpose.
+"""An emulated site for the checklist, for rehearsals by technicians and faults set by trainers.
 
-The routers are the emulated ones of every rehearsal; vehicles get receivers, modems and autopilots of their own, which
-speak their real protocols on ports of this computer, and the gateway computer is what its programs would print. All of
-it is a specification that follows from the declaration and is healthy; a fault changes one thing in it, and says which
-items of the checklist have to notice.
+The routers are the emulated ones of every rehearsal. Vehicles have emulated receivers, modems and autopilots, which use
+their real protocols on ports of this computer. Program output of the gateway computer is simulated. All of this is a
+specification derived from the inventory, without faults; a fault changes one thing in it, and lists the checklist items
+that have to detect it.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""What can be broken in a rehearsal, by name: one thing each, and the items of the checklist that have to notice.
+"""Faults for a rehearsal, by name: each breaks one thing, and lists the checklist items that have to detect it.
 
-The things are those of the shipped inventory's coastal testbed; of another declaration only what it has is offered.
+They are made for the shipped inventory's coastal testbed; with another inventory, only those that apply are offered.
 
-First what a fault is, then those of the RouterOS devices, of vehicles (receivers, acoustic modems, an autopilot), and:
-
-Faults that the gateway computer sees: its radios, its addresses, its clock, who else is in the LAN.
+First the class of a fault, then faults of the RouterOS devices, of vehicles (receivers, acoustic modems, an autopilot),
+and those visible to the gateway computer: its radios, its addresses, its clock, other hosts in the LAN.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RehearsedFault:
-    """One thing that is broken on purpose."""
+    """A fault set on purpose in a rehearsal."""
 
     words: str
     """What is so, for whoever trains with it."""
@@ -95,7 +94,7 @@ def _neighbour(address: str, mac: str) -> Callable[[_world.World], None]:
 
 
 def _without_server(computer: linux.ComputerSpec) -> dict[str, Any]:
-    """All that goes through the VPN passes its server."""
+    """Return the changes for an unreachable VPN server, through which all VPN traffic passes."""
     return {"echoes": {**computer.echoes, "10.80.0.1": linux.EchoSpec(loss_percent=100.0)}, "reflectors": {}}
 
 

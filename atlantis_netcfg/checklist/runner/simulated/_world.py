@@ -1,8 +1,8 @@
-"""What stands for a site in a rehearsal, as specifications: healthy as declared, until a fault changes them.
+"""Specifications that simulate a site in a rehearsal: as in the inventory, until a fault changes them.
 
-The gateway of a rehearsal when all is well: what its programs would print, from the declaration.
+The simulated gateway without faults: the output of its programs, derived from the inventory.
 
-What stands around the RouterOS twins of a rehearsal when all is well, and what a fault does to them.
+The surroundings of the emulated RouterOS devices without faults, and the changes that faults make.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
 
 
 def _network(declaration: Declaration, host: Host) -> dict[str, str]:
-    """Give the file from which the computer gets its address at the next start: that of the role, or of its image."""
+    """Return the file with the computer's address for the next start: that of the role, or of its image."""
     network_file = computer_network(declaration, host)
     if network_file is not None:
         return {network_file.path: network_file.content}
@@ -88,14 +88,14 @@ def _network(declaration: Declaration, host: Host) -> dict[str, str]:
 
 
 def _participants(declaration: Declaration) -> Iterator[linux.UdpSpec]:
-    """One ROS process with its profile: the two ports of its domain and of its number in it (DDSI-RTPS 9.6.2.3)."""
+    """Yield the ports of one ROS process with its profile: its domain and its number (DDSI-RTPS 9.6.2.3)."""
     if declaration.pilot.dds is not None:
         first = 7400 + 250 * declaration.pilot.dds.domain
         yield from (linux.UdpSpec(port=first + offset) for offset in (10, 11))
 
 
 def _answering(declaration: Declaration, device: model.ServerComputer) -> Iterator[linux.DdsSpec]:
-    """The same process, which says that it is reached where the others of the pilot look for it."""
+    """Yield the same process as DDS participant, which announces the address at which others look for it."""
     dds = declaration.pilot.dds
     if dds is not None:
         yield linux.DdsSpec(domain=dds.domain, addresses=(dds.address_of(device),))
@@ -121,7 +121,7 @@ def _behind(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[str
 
 
 def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[linux.InterfaceSpec]:
-    """One radio for each access point, each in the network of its robot."""
+    """Yield one radio per access point, each in the network of its robot."""
     seen_interfaces: set[str] = set()
     for number, wifi in enumerate(_access_points(declaration, vehicles), start=1):
         if wifi.interface in seen_interfaces:
@@ -142,7 +142,7 @@ def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[lin
 
 
 def _open_network(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> Iterator[linux.InterfaceSpec]:
-    """The radio of the gateway's own network; stations join it where the site has no other access point for them."""
+    """Yield the radio of the gateway's own network, with the stations that have no other access point."""
     radio = host.device.access_point if isinstance(host.device, model.Gateway) else None
     if radio is None:
         return
@@ -172,7 +172,7 @@ Act = Callable[[Do], Callable[[], object]]
 
 
 def change_modem(twin: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> Act:
-    """Change card or network of a 4G unit; `before` is what it has when all is well."""
+    """Change card or network of a 4G unit; `before` is the state without faults."""
 
     def act(do: Do) -> Callable[[], object]:
         do(twin, "modem", **after)
@@ -182,7 +182,7 @@ def change_modem(twin: str, before: Mapping[str, Any], after: Mapping[str, Any])
 
 
 def silence_addresses(twin: str, addresses: list[str]) -> Act:
-    """Let these addresses answer nothing that the router asks."""
+    """Make these addresses ignore all requests of the router."""
 
     def act(do: Do) -> Callable[[], object]:
         do(twin, "silence", addresses=addresses)
@@ -192,7 +192,7 @@ def silence_addresses(twin: str, addresses: list[str]) -> Act:
 
 
 def add_row(twin: str, menu: str, **row: str) -> Act:
-    """Add a row, as somebody does who means well."""
+    """Add a row, as if somebody had changed the configuration by hand."""
 
     def act(do: Do) -> Callable[[], object]:
         number = _get_return_value(do(twin, "console", words=[f"{menu}/add", *_words(row)]))
@@ -202,7 +202,7 @@ def add_row(twin: str, menu: str, **row: str) -> Act:
 
 
 def change_rows(twin: str, menu: str, where: Mapping[str, str], **values: str) -> Act:
-    """Set values of the rows that have these values now."""
+    """Set values of all rows that match `where`."""
 
     def act(do: Do) -> Callable[[], object]:
         rows = [row for row in _rows(do(twin, "console", words=[f"{menu}/print"])) if where.items() <= row.items()]
@@ -217,7 +217,7 @@ def change_rows(twin: str, menu: str, where: Mapping[str, str], **values: str) -
 
 
 def apart(near: str, *, before: Mapping[str, float], after: Mapping[str, float]) -> Act:
-    """Put other air between the ends of a bridge, which find each other again before anything is asked."""
+    """Change the radio conditions of a bridge, and wait until its ends reconnect."""
 
     def put(do: Do, air: Mapping[str, float]) -> None:
         do(near, "air", **air)
@@ -231,7 +231,7 @@ def apart(near: str, *, before: Mapping[str, float], after: Mapping[str, float])
 
 
 def _wait_for_registration(do: Do, near: str) -> None:
-    """Wait until an end of a bridge has registered the other. Raises LookupError if it does not in half a minute."""
+    """Wait until an end of a bridge has registered the other. Raises LookupError after half a minute."""
     until = time.monotonic() + 30
     while not _rows(do(near, "console", words=["/interface/wireless/registration-table/print"])):
         if time.monotonic() > until:
@@ -240,7 +240,7 @@ def _wait_for_registration(do: Do, near: str) -> None:
 
 
 def set_clock(twin: str, moment: datetime) -> Act:
-    """Set a router's clock, by its own time zone; it is set right when a world is made around it."""
+    """Set a router's clock, in its time zone; setting up the surroundings corrects it again."""
 
     def act(do: Do) -> Callable[[], object]:
         _raise_on_trap(do(twin, "console", words=clock_words(moment)))
@@ -250,7 +250,7 @@ def set_clock(twin: str, moment: datetime) -> Act:
 
 
 def clock_words(moment: datetime) -> list[str]:
-    """The sentence that sets a router's clock."""
+    """Return the command that sets a router's clock."""
     return ["/system/clock/set", f"=date={moment:%Y-%m-%d}", f"=time={moment:%H:%M:%S}"]
 
 
@@ -263,7 +263,7 @@ def _rows(answers: list[list[str]]) -> list[dict[str, str]]:
 
 
 def _raise_on_trap(answers: list[list[str]]) -> list[list[str]]:
-    """Raise LookupError for what the twin did not take: a fault that breaks nothing would be no fault."""
+    """Raise LookupError if the emulator rejected a command: the fault would have no effect."""
     for kind, *words in answers:
         if kind == "!trap":
             raise LookupError(" ".join(words))
@@ -276,7 +276,7 @@ def _get_return_value(answers: list[list[str]]) -> str:
 
 
 def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
-    """Describe what stands around a router, its LAN, tunnel and time server among it; around a switch, its stations."""
+    """Describe a router's surroundings, such as LAN, tunnel and time server; for a switch, its stations."""
     if isinstance(host.device, model.Switch):
         return {"stations": list(_stations(declaration, host, host.device))}
     assert isinstance(host.device, model.Router)  # noqa: S101 - the caller has looked
@@ -305,7 +305,7 @@ def _cards(declaration: Declaration, site: str) -> dict[str, str]:
 
 
 def _stations(declaration: Declaration, host: Host, device: model.Router | model.Switch) -> Iterator[dict[str, str]]:
-    """The vehicles that are stations of the device's access point, near it with its name and key."""
+    """Yield the vehicles that are stations of the device's access point, in range and with the right key."""
     radio, here = device.access_point, declaration.sites[host.site].checklist.vehicles
     for key in declaration.vehicles if here is None else here:
         cell = Cell(declaration, host.site, key, model.Column.WIFI)
@@ -318,14 +318,14 @@ def _stations(declaration: Declaration, host: Host, device: model.Router | model
 
 
 def _fed(declaration: Declaration, router: str) -> list[str]:
-    """Ports on which a box hangs that the router feeds."""
+    """Return the ports that power a device."""
     sources = (getattr(host.device, "powered_by", None) for host in declaration.hosts.values())
     return [source.port for source in sources if source is not None and source.device == router]
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedReceiver:
-    """A GNSS receiver at the end that is declared for it."""
+    """An emulated GNSS receiver at the endpoint in the inventory."""
 
     spec: GnssSpec
     gpsd: bool
@@ -336,7 +336,7 @@ class SimulatedReceiver:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedModem:
-    """An acoustic modem at the end that is declared for it; `acoustic` and `usbl` of a vehicle may be one."""
+    """An emulated acoustic modem at the endpoint in the inventory, for a vehicle's `acoustic`, `usbl` or both."""
 
     spec: EvologicsSpec | SeatracSpec
     address: str = ""
@@ -346,7 +346,7 @@ class SimulatedModem:
 
 @dataclass(frozen=True, slots=True)
 class Autopilot:
-    """An autopilot whose stream arrives at a UDP port of the gateway, from the address that is declared."""
+    """An emulated autopilot; its stream comes from the address in the inventory to a UDP port of the gateway."""
 
     spec: AutopilotSpec
     port: int
@@ -355,7 +355,7 @@ class Autopilot:
 
 @dataclass(slots=True)
 class World:
-    """A site of twins; the keys are vehicles, and the routers' names."""
+    """An emulated site; keys are vehicles and router names."""
 
     site: str
     computer: linux.ComputerSpec | None
@@ -386,17 +386,17 @@ class World:
         self.autopilots[vehicle] = replace(item, spec=item.spec.model_copy(update=changes))
 
     def link(self, name: str, **changes: Any) -> None:  # noqa: ANN401 - fields of MeasuredLink
-        """Change what was measured of a link."""
+        """Change the measured values of a link."""
         self.links[name] = replace(self.links[name], **changes)
 
     def gateway(self, change: Callable[[linux.ComputerSpec], dict[str, Any]]) -> None:
-        """Change the gateway computer: `change` gives the fields that are otherwise."""
+        """Change the gateway computer; `change` returns the changed fields."""
         assert self.computer is not None  # noqa: S101 - faults of the gateway are offered where there is one
         self.computer = self.computer.model_copy(update=change(self.computer))
 
 
 def healthy(declaration: Declaration, site: str) -> World:
-    """Describe a site at which every check is as good as it can be."""
+    """Describe a site without faults, at which every check has the best possible result."""
     here = declaration.sites[site].checklist.vehicles
     vehicles = tuple(key for key in declaration.vehicles if here is None or key in here)
     gateway = Cell(declaration, site, None, "site").gateway
@@ -430,7 +430,7 @@ def _receiver(cell: Cell) -> Iterator[tuple[str, SimulatedReceiver]]:
 
 
 def _modem(cell: Cell) -> Iterator[tuple[str, SimulatedModem]]:
-    """One twin serves both columns, where they are declared to be at one end."""
+    """Yield the emulated modem; one serves both columns if they share an endpoint."""
     ends = [end for end in (cell.endpoints.acoustic, cell.endpoints.usbl) if end is not None]
     if not ends:
         return

@@ -1,8 +1,8 @@
-"""A rehearsal's ears, with everything behind them started and, if asked for, broken.
+"""Environment of a rehearsed checklist: starts all emulated devices and, if requested, sets faults.
 
-The ears of a rehearsal: the same questions, asked of what stands for the site's devices on this computer.
+It runs the same requests as at the real site, with the emulated devices on this computer.
 
-Where the twin of a declared endpoint really is: a port of this computer in place of a vehicle's address.
+It maps each endpoint in the inventory to its emulator: a port of this computer instead of a vehicle's address.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _NOBODY = "nothing stands for it in a rehearsal"
 
 @dataclass(frozen=True, slots=True)
 class RehearsedEars:
-    """Streams are listened to by the real program; what programs of a gateway would print is emulated."""
+    """Runs requests in a rehearsal: real agent program for streams, simulated program output of a gateway."""
 
     routers: _real.Ears
     """The real site's, whose devices are the twins."""
@@ -57,7 +57,7 @@ class RehearsedEars:
     async def ask(
         self, place: probes.Place, host: str | None, questions: Questions, result: OnAnswer
     ) -> Mapping[str, probes.Answer]:
-        """Ask all questions of one place in one turn; see `Ears.ask`."""
+        """Run all requests of one place in one turn; see `Ears.ask`."""
         if place is probes.Place.ROUTER:
             return await self.routers.ask(place, host, questions, result)
         streams = [(key, stream) for key, request in questions if (stream := self._relocate(request)) is not None]
@@ -78,14 +78,14 @@ class RehearsedEars:
         return answers
 
     def _with_sender(self, question: probes.Question, answer: probes.Answer) -> probes.Answer:
-        """A datagram comes from where the thing would be that its twin stands for."""
+        """Replace the senders of datagrams by the address of the emulated device in the inventory."""
         if not isinstance(answer, probes.Transcript) or not isinstance(question, probes.Listen) or not answer.senders:
             return answer
         stand = next(item for item in self.stands if item.means(question))
         return replace(answer, senders=(stand.address,) * len(answer.senders))
 
     def _relocate(self, question: probes.Question) -> probes.Listen | None:
-        """Give a stream at the place where its twin really is; None: it is no stream, or nothing stands for it."""
+        """Return the stream request with the emulator's endpoint; None if it is no stream, or has no emulator."""
         if not isinstance(question, probes.Listen):
             return None
         stand = next((item for item in self.stands if item.means(question)), None)
@@ -114,7 +114,7 @@ class RehearsedEars:
         return trouble_answer(question, _NOBODY)
 
     def _link_record(self, question: probes.LinkRecordRequest) -> probes.LinkRecordResult:
-        """Made up, and the record says that its link is emulated."""
+        """Return a simulated record, marked as a rehearsal."""
         now, link = datetime.now(UTC), self.links.get(question.bearer)
         return probes.LinkRecordResult(
             None, "", None if link is None else link.record(self.site, now), now, is_rehearsal=True
@@ -141,7 +141,7 @@ class RehearsedEars:
 
     @staticmethod
     def _reflect(question: probes.ReflectRequest, computer: Computer) -> probes.ReflectResult:
-        """Emulated, and each answer says so."""
+        """Return simulated replies, marked as such."""
         tokens = tuple(os.urandom(16).hex() for _ in range(question.count))
         replies = computer.reflect(question.source, question.address, tokens)
         if replies is None:
@@ -154,7 +154,7 @@ class RehearsedEars:
     def _of_segment(
         question: probes.DhcpDiscoverRequest | probes.RouterSolicitRequest, computer: Computer
     ) -> probes.Answer:
-        """What answers a question that goes to everybody on the segment of an interface."""
+        """Return the simulated result of a discovery on the segment of an interface."""
         absent = f"this computer has no interface {question.interface}"
         if isinstance(question, probes.RouterSolicitRequest):
             routers = computer.routers(question.interface)
@@ -171,7 +171,7 @@ class RehearsedEars:
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """One end of a stream: as it is declared, and as it is here."""
+    """Endpoint of a stream: as in the inventory, and its emulator."""
 
     transport: str
     address: str = ""
@@ -183,7 +183,7 @@ class Stand:
     here_device: str = ""
 
     def means(self, question: probes.Listen) -> bool:
-        """Whether a question goes to this end."""
+        """Return whether a request is for this endpoint."""
         if self.transport != question.transport:
             return False
         if self.transport == "serial":
@@ -191,7 +191,7 @@ class Stand:
         return self.port == question.port and (self.transport == "udp" or self.address == question.address)
 
     def place(self) -> dict[str, Any]:
-        """The fields of the question that are otherwise here."""
+        """Return the request's fields that differ for the emulator."""
         if self.transport == "serial":
             return {"device": self.here_device}
         return {"address": "" if self.transport == "udp" else "127.0.0.1", "port": self.here_port}
@@ -199,7 +199,7 @@ class Stand:
 
 @contextmanager
 def standing(world: _world.World) -> Iterator[tuple[Stand, ...]]:
-    """Start every twin that the world describes; they end with the context."""
+    """Start every emulator in a world's description; they end with the context."""
     with ExitStack() as stack:
         stands = [_receiver(stack, receiver) for receiver in world.receivers.values()]
         stands += [_modem(stack, modem) for modem in world.modems.values()]
@@ -229,7 +229,7 @@ def _modem(stack: ExitStack, modem: _world.SimulatedModem) -> Stand:
 
 
 def _autopilot(stack: ExitStack, autopilot: _world.Autopilot) -> Stand:
-    """The stream goes to a port that was free a moment ago: the declared one may be in use on this computer."""
+    """Start an autopilot; it sends to a free port, because the inventory's port may be in use on this computer."""
     twin = stack.enter_context(RunningAutopilot(autopilot.spec))
     return Stand("udp", autopilot.address, autopilot.port, here_port=twin.port)
 
@@ -238,7 +238,7 @@ def _autopilot(stack: ExitStack, autopilot: _world.Autopilot) -> Stand:
 def rehearsed_ears(
     declaration: Declaration, site: str, rehearsal: Rehearsal, broken: Sequence[str] = ()
 ) -> Iterator[RehearsedEars]:
-    """Give ears whose site is well but for what is `broken` (names of `FAULTS`); its routers are configured already."""
+    """Provide the `Ears` of a site whose only faults are `broken` (names of `FAULTS`), with configured routers."""
     world = _world.healthy(declaration, site)
     for name in broken:
         FAULTS[name].spoil(world)
@@ -252,7 +252,7 @@ def rehearsed_ears(
 
 @contextmanager
 def _routers(declaration: Declaration, world: _world.World, rehearsal: Rehearsal) -> Iterator[None]:
-    """Put the routers into their place, and do to them what faults ask for; taken back at the end."""
+    """Set up the routers' surroundings, and apply the faults; all of it is undone at the end."""
     zone = ZoneInfo(declaration.pilot.time_zone)
     emulated_routers = [name for name in world.routers if name in rehearsal.targets]
     for name in emulated_routers:

@@ -1,4 +1,4 @@
-"""A made-up measurement of a link, with which a rehearsed checklist shows what a fault of the link looks like.
+"""A simulated measurement of a link, which shows the effect of a fault of the link in a rehearsed checklist.
 
 No packet was sent for it: it never passes. `provision qualify --rehearse` measures an emulated link.
 """
@@ -42,7 +42,7 @@ _THRESHOLDS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class MeasuredLink:
-    """A link that holds its thresholds, until a fault changes it."""
+    """A simulated link that meets its thresholds, until a fault changes it."""
 
     name: str
     kind: BearerKind
@@ -52,7 +52,7 @@ class MeasuredLink:
     way: Verdict = Verdict.PASS
 
     def record(self, site: str, now: datetime) -> QualifyRecord:
-        """Give its measurement as it would be at this time."""
+        """Return its measurement as of this time."""
         name = _THRESHOLDS[self.kind]
         limits = profile(name)
         start = now - self.age
@@ -78,7 +78,7 @@ class MeasuredLink:
         return make_record(run, self.samples(now))
 
     def samples(self, now: datetime) -> Iterator[Sample]:
-        """Yield a train without load, and a longer round trip in one beside a load that fills the link."""
+        """Yield a train without load, and one with a longer round trip during a load that fills the link."""
         limits, start = profile(_THRESHOLDS[self.kind]), now - self.age
         rtt_s = self.slower * limits.ftd_s
         yield from _train("idle", limits.min_samples, rtt_s, start)

@@ -1,4 +1,4 @@
-"""Robots of a rehearsal: what honest ones would be heard to publish by their files, until a fault changes it."""
+"""Simulated robots of a rehearsal: they publish as in their files, until a fault changes it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BYTES: Final = 100
 
 @dataclass(slots=True)
 class SimulatedRobots:
-    """What is heard at each place, and who is in the VPN; robots by their vehicles."""
+    """Observations at each place, and the VPN members; robots by vehicle."""
 
     here: RobotObservation = field(default_factory=lambda: RobotObservation(_SECONDS))
     centre: RobotObservation = field(default_factory=lambda: RobotObservation(_SECONDS))
@@ -36,7 +36,7 @@ class SimulatedRobots:
 
     @classmethod
     def honest(cls, declaration: Declaration, site: str) -> SimulatedRobots:
-        """Those that are tested at a site, each as its file says; none where there is no file."""
+        """Simulate the robots tested at a site, each as in its file; none if there are no files."""
         files = RobotFiles.read(declaration, site)
         if files is None:
             return cls()
@@ -48,7 +48,7 @@ class SimulatedRobots:
         return cls(here, deepcopy(here), members)
 
     def answer(self, question: probes.RobotsHeardRequest | probes.VpnMembersRequest) -> probes.Answer:
-        """Answer as the real site would."""
+        """Return the result that the real site would give."""
         if isinstance(question, probes.VpnMembersRequest):
             return probes.VpnMembersResult(None, "", tuple(self.members.values()))
         return probes.RobotsHeardResult(None, "", self.centre if question.host else self.here)
@@ -62,7 +62,7 @@ class SimulatedRobots:
 
 
 def honest_observation(files: RobotFiles, seconds: float = _SECONDS) -> RobotObservation:
-    """What is heard of robots that do as their files say; a participant is called as its vehicle."""
+    """Return the observation of robots that publish as in their files; participants are named by vehicle."""
     observation = RobotObservation(seconds)
     for key in files.tested_vehicles:
         if key not in files.sources:
@@ -86,14 +86,14 @@ def _writer(key: str, topic: str, kind: str, rate_hz: float, seconds: float) -> 
 
 
 def away(observation: RobotObservation, vehicle: str) -> None:
-    """Nothing of it is heard."""
+    """Remove all data of a robot."""
     observation.participants.pop(vehicle, None)
     observation.writers = [row for row in observation.writers if row.participant != vehicle]
     observation.configurations = [row for row in observation.configurations if row.writer.participant != vehicle]
 
 
 def without(ending: str) -> Change:
-    """Let a robot not publish the topic that ends so."""
+    """Remove a robot's topic with this ending."""
 
     def change(observation: RobotObservation, vehicle: str) -> None:
         rows = observation.writers
@@ -103,7 +103,7 @@ def without(ending: str) -> Change:
 
 
 def topic(ending: str, change: Callable[[HeardWriter], None]) -> Change:
-    """Change the topic of a robot that ends so."""
+    """Change a robot's topic with this ending."""
 
     def change_all(observation: RobotObservation, vehicle: str) -> None:
         for row in observation.writers:
@@ -114,7 +114,7 @@ def topic(ending: str, change: Callable[[HeardWriter], None]) -> Change:
 
 
 def says(old: str, new: str) -> Change:
-    """Let a robot publish another configuration than that of its file."""
+    """Make a robot publish a configuration that differs from its file."""
 
     def change(observation: RobotObservation, vehicle: str) -> None:
         for row in observation.configurations:
@@ -125,7 +125,7 @@ def says(old: str, new: str) -> Change:
 
 
 def another(namespace: str = "") -> Change:
-    """Let another participant introduce itself by the same file; `namespace`: before its name."""
+    """Add another participant with the same file; `namespace`: prefix of its name."""
 
     def change(observation: RobotObservation, vehicle: str) -> None:
         row = next(each for each in observation.configurations if each.writer.participant == vehicle)

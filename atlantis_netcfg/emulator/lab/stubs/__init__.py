@@ -1,4 +1,4 @@
-"""What stands in for things that cannot be had without the internet, so that the way to them is walked all the same."""
+"""Stubs for things that need the internet, so that their installation can be rehearsed."""
 
 from atlantis_netcfg.emulator.lab.stubs.archive import (
     NOT_REHEARSED,

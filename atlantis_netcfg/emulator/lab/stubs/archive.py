@@ -1,8 +1,8 @@
-"""A signed archive of stand-in packages, laid out like those of Debian and Ubuntu, with a key of its own.
+"""A signed archive of stub packages, laid out like those of Debian and Ubuntu, with its own key.
 
-Stand-ins for the packages of ROS 2: enough of them that a talker and a listener really talk, over the loopback.
+The ROS 2 stubs are complete enough for a talker and a listener that exchange messages over the loopback.
 
-Debian packages that stand in for others: of the same name, and saying of themselves that they are not those.
+Stub Debian packages have the name of the original, and say in their description that they are stubs.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ __all__ = [
 
 
 class StubError(MachineError):
-    """Something that should stand in for the real thing could not be made."""
+    """A stub could not be made."""
 
 
 @dataclass(frozen=True, slots=True)
 class StubPackage:
-    """A package. `files` maps an absolute path to its text; programs are those below a `bin` or `lib` folder."""
+    """A stub package. `files`: absolute path to text; files below a `bin` or `lib` folder are programs."""
 
     name: str
     version: str
@@ -55,7 +55,7 @@ class StubPackage:
 
     @property
     def file(self) -> str:
-        """The name of its file."""
+        """File name of the package."""
         return f"{self.name}_{self.version}_{self.architecture}.deb"
 
     @property
@@ -73,7 +73,7 @@ class StubPackage:
 
 
 def build(package: StubPackage, folder: Path) -> Path:
-    """Make the .deb in `folder`. Raises StandInFailed."""
+    """Build the .deb in `folder`. Raises StubError."""
     result = folder / package.file
     with temporary.folder("stand-in") as root:
         root.chmod(0o755)
@@ -97,7 +97,7 @@ def build(package: StubPackage, folder: Path) -> Path:
 
 
 def _put(root: Path, path: str, content: bytes) -> str:
-    """Write a file; give its line of md5sums (deb-md5sums(5))."""
+    """Write a file; return its md5sums line (deb-md5sums(5))."""
     place = root / path.lstrip("/")
     place.parent.mkdir(parents=True, exist_ok=True, mode=0o755)
     place.write_bytes(content)
@@ -116,7 +116,7 @@ _KEY_IS_OLDER = timedelta(hours=1)
 
 @dataclass(frozen=True, slots=True)
 class StubArchive:
-    """A folder to be served by HTTP, and the public key that has signed it."""
+    """A folder to serve by HTTP, and its public signing key."""
 
     folder: Path
     codename: str
@@ -126,7 +126,7 @@ class StubArchive:
 
 
 def why_no_archive() -> str | None:
-    """Why no archive can be made here; None: it can."""
+    """Return why no archive can be made here, or None."""
     missing = [program for program in _PROGRAMS if shutil.which(program) is None]
     return f"not on this computer: {', '.join(missing)} (packages dpkg, gnupg)" if missing else None
 
@@ -141,10 +141,10 @@ def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a tes
     expires: datetime | None = None,
     release_date: datetime | None = None,
 ) -> StubArchive:
-    """Build the packages and sign the archive, all below `folder`. Raises StandInFailed.
+    """Build the packages and sign the archive, all below `folder`. Raises StubError.
 
-    `signed_at`: when the archive was signed, now if left out; the key is an hour older. `expires`: of the key, a year
-    later if left out; `release_date`: what the archive says of its own age.
+    `signed_at`: date of the signature, by default now; the key is an hour older. `expires`: of the key, by default a
+    year later; `release_date`: the archive's own date.
     """
     if why := why_no_archive():
         raise StubError(f"no archive of stand-ins can be made: {why}", hint="sudo apt-get install dpkg gnupg")
@@ -172,7 +172,7 @@ def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a tes
 
 
 def _entry(deb: Path, package: StubPackage) -> str:
-    """Its stanza of `Packages`."""
+    """Return the package's stanza of `Packages`."""
     content = deb.read_bytes()
     head = package.control.rstrip("\n")
     digest = hashlib.sha256(content).hexdigest()
@@ -180,10 +180,10 @@ def _entry(deb: Path, package: StubPackage) -> str:
 
 
 def _sign(dist: Path, signed_at: datetime, expires: datetime) -> tuple[bytes, str]:
-    """Make a key that ends at `expires`, sign with it as if it were `signed_at`; give it and its fingerprint.
+    """Make a key that ends at `expires`, and sign as of `signed_at`; return key and fingerprint.
 
-    gpg's frozen clock (`!`) runs after all where it is set to the very second in which gpg starts: a key made at such a
-    time may be a second or more younger than declared. So the key is made as if it were an hour before.
+    gpg's frozen clock (`!`) runs nevertheless if it is set to the second in which gpg starts: such a key may be a
+    second or more younger than requested. So the key is made as if it were an hour earlier.
     """
     # The path of gpg's sockets may have 108 characters: none below a folder of the caller.
     with temporary.folder("gpg", Path("/tmp")) as home:  # noqa: S108 - it is private
@@ -201,7 +201,7 @@ def _sign(dist: Path, signed_at: datetime, expires: datetime) -> tuple[bytes, st
 
 
 def _at(moment: datetime) -> str:
-    """Tell gpg what time it is."""
+    """Return gpg's option for a fixed time."""
     return f"--faked-system-time={moment.strftime(_TIME)}!"
 
 
@@ -233,14 +233,14 @@ def _source(name: str) -> str:
 
 
 def service_program(kind: str, port: int) -> str:
-    """A program for a declared service, which listens at its port; `kind` is tcp or udp, port 0 is none."""
+    """Return a stub program for a service, listening on its port; `kind` is tcp or udp, port 0 is none."""
     return _source("service") + f"\n\nserve({kind!r}, {port})\n"
 
 
 def ros_packages(
     distribution: str, version: str = "0.9.2-1stand.in", more: Iterable[str] = ()
 ) -> tuple[StubPackage, ...]:
-    """The packages that a gateway asks for, of a release such as foxy; `more`: names that are declared besides."""
+    """Return the stub packages of a release such as foxy; `more`: further packages of the inventory."""
     home = f"/opt/ros/{distribution}"
     setup = _SETUP.format(home=home, distribution=distribution)
 

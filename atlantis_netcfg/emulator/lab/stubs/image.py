@@ -1,6 +1,6 @@
-"""A stand-in for an image of a container: Python of the machine's own Debian, and the stand-in of a service in it.
+"""A stub container image: the machine's own Python, with the stub of a service.
 
-What podman lacks in a machine of the lab is set here as well, and is no part of what a real computer gets.
+The module also sets what podman lacks in a lab machine, which real computers do not get.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _END = "import os, signal\nsignal.signal(signal.SIGTERM, lambda *_: os._exit(0))
 
 
 def service_image(root: Path, kind: str, port: int) -> bytes:
-    """An archive as `docker save` writes it; of the same Debian below `root` always the same. Raises StandInFailed."""
+    """Return an archive as `docker save` writes it; same Debian in `root`, same bytes. Raises StubError."""
     python = next((path for path in sorted(root.glob("usr/bin/python3.*")) if path.name[8:].isdigit()), None)
     if python is None:
         raise StubError(f"{root} has no Python for the stand-in of an image")
@@ -59,7 +59,7 @@ def service_image(root: Path, kind: str, port: int) -> bytes:
 
 
 def _of_python(root: Path, python: Path) -> Iterator[str]:
-    """Paths below the root of what it needs to open a socket."""
+    """Yield the paths that Python needs to open a socket."""
     files = {python}
     home = root / "usr/lib" / python.name
     files |= set(home.glob("*.py"))
@@ -72,7 +72,7 @@ def _of_python(root: Path, python: Path) -> Iterator[str]:
 
 
 def _tar(files: Mapping[str, bytes]) -> bytes:
-    """Without times and owners: the same files are the same archive. `/lib` leads to `/usr/lib`, as in Debian."""
+    """Pack files reproducibly, without times and owners. `/lib` is a link to `/usr/lib`, as in Debian."""
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w", format=tarfile.USTAR_FORMAT) as archive:
         if "stand-in.py" in files:

@@ -1,4 +1,4 @@
-"""A stand-in for the partners' interoperability library and examples, which are not public, and a git server."""
+"""A stub of the partners' interoperability library and examples, which are not public, and a git server."""
 
 from __future__ import annotations
 
@@ -116,19 +116,19 @@ Stamped telemetry(double value) {{ return {{0.0, value}}; }}
 
 @dataclass(frozen=True)
 class InteropProjects:
-    """The repositories in a folder that a git server may serve, by the partners' own names.
+    """Repositories in a folder for a git server, with the partners' own names.
 
-    They have what the toolkit has to deal with: a colcon workspace of two packages, one of them a submodule with the
-    message definitions, and examples by cmake that find the library and yaml-cpp. They exchange nothing with anybody:
-    what the partners' library does on a network is not rehearsed by them.
+    They have the structure that the toolkit must handle: a colcon workspace of two packages, one of them a submodule
+    with the message definitions, and cmake examples that find the library and yaml-cpp. They exchange no data: the
+    network behaviour of the partners' library is not rehearsed.
     """
 
     folder: Path
 
     def release(self, tag: str, words: str | None = None, *, submodule_at: str = "../c4i-asset-msgs.git") -> str:
-        """Commit a release of the library under `tag`, moving it where it is there; gives the commit.
+        """Commit a release of the library under `tag`, moving an existing tag; return the commit.
 
-        `words` stand in the library and are said by its programs: another text is another commit.
+        The library's programs print `words`: another text gives another commit.
         """
         messages = self._commit(MESSAGES, _MESSAGES, None)
         modules = f'[submodule "c4i-asset-msgs"]\n\tpath = c4i-asset-msgs\n\turl = {submodule_at}\n'
@@ -136,17 +136,17 @@ class InteropProjects:
         return self._commit(LIBRARY, files, tag, {"c4i-asset-msgs": messages})
 
     def release_examples(self, tag: str, files: Mapping[str, str] | None = None) -> str:
-        """Commit a release of the examples under `tag`; `files` replace or join theirs, `more.cmake` is included."""
+        """Commit a release of the examples; `files` add to or replace the default files, `more.cmake` is included."""
         return self._commit(EXAMPLES, {**_EXAMPLES, **(files or {})}, tag)
 
     def branch(self, name: str) -> None:
-        """Let a branch of the library lead to its last release."""
+        """Point a branch of the library at its last release."""
         self._git(LIBRARY, "branch", "--force", name, "main")
 
     def _commit(
         self, name: str, files: Mapping[str, str], tag: str | None, submodules: Mapping[str, str] | None = None
     ) -> str:
-        """Write objects into the bare repository directly, as a push would; the same files are the same commit."""
+        """Write objects directly into the bare repository; the same files give the same commit."""
         repository = self.folder / f"{name}.git"
         if not repository.is_dir():
             repository.mkdir(parents=True)
@@ -198,10 +198,10 @@ _BACKEND = ("git", "http-backend")
 
 @dataclass
 class GitServer:
-    """What it serves; `token` may be changed while it runs, None lets everybody read.
+    """A git server's settings; `token` may be changed while it runs, None allows anonymous reading.
 
-    It gives what a forge gives: smart HTTP, shallow fetches, commits by their name, and one word for a token that is
-    wrong and for a repository that is not there.
+    It behaves like a public forge: smart HTTP, shallow fetches, commits by hash, and the same error for a wrong token
+    and a missing repository.
     """
 
     folder: Path
@@ -213,7 +213,7 @@ class GitServer:
     """Bytes of answers, without their headers."""
 
     def admits(self, authorization: str) -> bool:
-        """Whether what was told (RFC 7617) holds the token."""
+        """Return whether the Authorization header (RFC 7617) has the token."""
         if self.token is None:
             return True
         text = base64.b64decode(authorization.partition(" ")[2] or "", validate=False).decode(errors="replace")
@@ -224,7 +224,7 @@ class GitServer:
 def serve_git(
     folder: Path, listener: socket.socket, token: str | None = None, tls: ssl.SSLContext | None = None
 ) -> Iterator[GitServer]:
-    """Serve the bare repositories below `folder` on a listening socket, by HTTPS with `tls`, until the block ends."""
+    """Serve the bare repositories below `folder` on a socket until the block ends; HTTPS if `tls` is given."""
     git_server = GitServer(folder, token)
     host, port = listener.getsockname()[:2]
     git_server.url = f"{'http' if tls is None else 'https'}://{host}:{port}"
@@ -252,7 +252,7 @@ class _GitHandler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
     def do_GET(self) -> None:
-        """Tell references."""
+        """Return references."""
         self._answer(b"")
 
     def do_POST(self) -> None:
@@ -260,14 +260,14 @@ class _GitHandler(BaseHTTPRequestHandler):
         self._answer(self.rfile.read(int(self.headers.get("Content-Length", "0"))))
 
     def handle_one_request(self) -> None:
-        """Read a request; who leaves in the middle, or does not trust the certificate, is no error of ours."""
+        """Handle a request; a client that disconnects or rejects the certificate is no error."""
         try:
             super().handle_one_request()
         except OSError:
             self.close_connection = True
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - as the class above has it
-        """Requests are kept by `GitServer`."""
+        """Ignore log messages: `GitServer` keeps the requests."""
 
     def _answer(self, body: bytes) -> None:
         authorization = self.headers.get("Authorization", "")

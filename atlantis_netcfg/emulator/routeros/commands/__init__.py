@@ -1,1 +1,1 @@
-"""What the router's commands do. A handler takes the core and a call, and returns rows, a value or console text."""
+"""Command handlers of the router: each takes the core and a call, and returns rows, a value or console text."""

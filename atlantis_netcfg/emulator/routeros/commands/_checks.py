@@ -1,6 +1,6 @@
-"""What RouterOS refuses although every single value is fine, and what it fills in itself when a row is added or set.
+"""Validation and defaults of rows in RouterOS: rules across several values, and values that it fills in.
 
-Where no source has its words, the text is ours in its manner; the tests mark those.
+If no source has the original text, ours imitates it; the tests mark those.
 Assumption: refusal-words
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class MissingArgument(Trap):
-    """A mandatory argument was not given; API and console have different words for it."""
+    """A mandatory argument is missing; API and console have different texts for it."""
 
     def __init__(self, name: str, *others: str) -> None:
         super().__init__(f"missing ={name}=", Category.MISSING)
@@ -34,19 +34,19 @@ class MissingArgument(Trap):
 
 
 def no_such_item() -> Trap:
-    """Say that no row has this id or name."""
+    """Build the error for an unknown id or name."""
     return Trap("no such item", Category.MISSING)
 
 
 def check_known(core: Core, menu: str) -> None:
-    """Say of rows that come with the board that the twin does not know them. Raises Trap."""
+    """Raise Trap for rows that come with the board and that the emulator does not know."""
     table = core.store.table(menu)
     if table.menu.of_the_board and not table.items:
         raise Trap(f"not rehearsed by the twin: rows of {menu}")
 
 
 def unknown(name: str) -> Trap:
-    """Say that the command has no such argument."""
+    """Build the error for an unknown argument."""
     return Trap(f"unknown parameter {name}")
 
 
@@ -60,7 +60,7 @@ _SRCNAT_IN = {"in-interface-list": "7.18", "in-interface": "7.21"}
 
 
 def check(core: Core, menu: str, values: Mapping[str, str], item: StoredItem | None) -> None:
-    """Refuse a row's new content. `item` is the row that gets it, None for a new one. Raises Trap."""
+    """Validate the new content of a row; `item` is None for a new one. Raises Trap."""
     table = core.store.table(menu)
     for unique in table.menu.unique:
         _check_unique(core, table, unique, values, item)
@@ -91,7 +91,7 @@ def _key(table: Table, unique: menus.Unique, values: Mapping[str, str]) -> list[
 
 
 def _check_words(core: Core, menu: str, values: Mapping[str, str]) -> None:
-    """Refuse a word that this version does not have any more, or not yet."""
+    """Refuse a keyword that this version has removed or not yet added."""
     for name, words in menus.OLD_WORDS.get(menu, {}).items():
         given_words = set(values.get(name, "").split(",")) - {""}
         is_renamed = core.schema.at_least(words.until)
@@ -140,7 +140,7 @@ def _bridge_port(core: Core, values: Mapping[str, str], _item: StoredItem | None
 
 
 def _rule(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
-    """Matchers that a chain or protocol cannot have, and targets that an action needs."""
+    """Refuse matchers invalid for a chain or protocol, and actions without their target."""
     chain, action = values["chain"], values.get("action", "accept")
     if any(name in values for name in _PORTS) and values.get("protocol", "") not in _WITH_PORTS:
         raise Trap("failure: ports can be specified if proto is tcp,udp,udp-lite,dccp,sctp")
@@ -204,7 +204,7 @@ def _ethernet(core: Core, values: Mapping[str, str], item: StoredItem | None) ->
 
 
 def _modem(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
-    """A modem is not held to bands that it does not have. Assumption: lte-pin-once."""
+    """Refuse LTE bands that the modem does not have. Assumption: lte-pin-once."""
     modem = core.spec.modem
     bands = [int(word) for word in values.get("band", "").split(",") if word]
     if modem is not None and not set(bands) <= set(modem.bands):
@@ -212,13 +212,13 @@ def _modem(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> N
 
 
 def _route(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
-    """Only a black hole goes nowhere: an export of 7.19.1 has `blackhole ... gateway=""`."""
+    """Refuse an empty gateway except for a black hole: an export of 7.19.1 has `blackhole ... gateway=""`."""
     if values.get("gateway") == "" and "blackhole" not in values:
         raise Trap("input does not match any value of gateway")
 
 
 def _virtual(_core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
-    """A row beside the radios of the board is a virtual one on top of one of them, or the radio of an access point."""
+    """Refuse a new radio row without `master-interface` (virtual radio) or `radio-mac` (access point's radio)."""
     if item is None and not {"master-interface", "radio-mac"} & values.keys():
         raise Trap("failure: master interface not specified")
 
@@ -277,7 +277,7 @@ _MORE: dict[str, Callable[[Core, Mapping[str, str], StoredItem | None], None]] =
 
 
 def check_removal(core: Core, menu: str, item: StoredItem) -> None:
-    """Refuse the removal of a row that the router cannot do without. Raises Trap."""
+    """Refuse to remove a row that the router needs. Raises Trap."""
     if menu == "/user" and not _someone_left(core, item, None):
         raise Trap("failure: there should be at least one user with full access")
 
@@ -291,7 +291,7 @@ def record_addition(core: Core, call: Call, item: StoredItem) -> None:
 
 
 def record_change(core: Core, call: Call, item: StoredItem, before: Mapping[str, str]) -> None:
-    """Record that a row was set."""
+    """Record that a row was changed."""
     table = core.store.table(call.menu)
     names = sorted(name for name in {*before, *item.values} if before.get(name) != item.values.get(name))
     target = None if table.menu.shape is menus.Shape.SETTINGS else id_text(item.id)
@@ -330,7 +330,7 @@ def _add(core: Core, call: Call, item: StoredItem) -> Statement:
 
 
 def _move(core: Core, call: Call, item: StoredItem) -> Statement:
-    """Where the row stands now, as a command that puts it there."""
+    """Return the command that moves a row to its current position."""
     items = core.store.table(call.menu).items
     after = items[items.index(item) + 1 :]
     destination: Values = (("destination", id_text(after[0].id)),) if after else ()
@@ -342,7 +342,7 @@ def _values(core: Core, table: Table, names: Iterable[str], values: Mapping[str,
 
 
 def _value(core: Core, table: Table, name: str, values: Mapping[str, str]) -> str | None:
-    """Spell a value; None is "unset". Secrets do not stand in the history."""
+    """Format a value; None is "unset". Secrets are hidden in the history."""
     arg = table.args.get(name)
     value = spell(values[name], core.store) if name in values else arg.default if arg is not None else None
     return HIDDEN_TEXT if value and arg is not None and (arg.secret or arg.never) else value
@@ -362,7 +362,7 @@ _NAMES = {
 
 
 def complete(core: Core, menu: str, values: dict[str, str], changed_names: frozenset[str] | None = None) -> None:
-    """Fill in what was left out; `record_change` are the arguments of a set, None means that the row is new."""
+    """Fill in defaults; `changed_names`: arguments of a set, None for a new row."""
     if changed_names is None and menu in _NAMES and "name" not in values:
         values["name"] = _free_name(core, menu)
     extra = _COMPLETE.get(menu)
@@ -380,13 +380,13 @@ def _free_name(core: Core, menu: str) -> str:
 
 
 def mac_of(name: str, number: int) -> str:
-    """Make a MAC address of MikroTik's for a router's interface, the same in every run."""
+    """Return a MikroTik MAC address for a router's interface, the same in every run."""
     digest = hashlib.sha256(name.encode()).digest()
     return ":".join(f"{byte:02X}" for byte in (0x48, 0xA9, 0x8A, digest[0], digest[1], number & 0xFF))
 
 
 def _fill_address(_core: Core, values: dict[str, str], changed_names: frozenset[str] | None) -> None:
-    """The network follows from the address, unless it was given too; `netmask` stands for the prefix length."""
+    """Derive the network from the address unless given; `netmask` may replace the prefix length."""
     if mask := values.pop("netmask", None):
         host = values["address"].partition("/")[0]
         try:
@@ -408,7 +408,7 @@ def _tunnel(core: Core, values: dict[str, str], _changed_names: frozenset[str] |
 
 
 def _clock(core: Core, values: dict[str, str], _changed_names: frozenset[str] | None) -> None:
-    """Date and time are the clock's, not the configuration's; without them it goes on as it went."""
+    """Set the router's clock from date and time, which are not stored as configuration."""
     if not {"date", "time"} & values.keys():
         return
     now = core.time()
@@ -430,7 +430,7 @@ def _reads(text: str, form: str) -> bool:
 
 
 def _schedule(core: Core, values: dict[str, str], _changed_names: frozenset[str] | None) -> None:
-    """A job without a start starts now."""
+    """Start a job without start time now."""
     values.setdefault("start-time", core.time().strftime("%H:%M:%S"))
     if values["start-time"] != "startup":
         values.setdefault("start-date", core.stamp().split()[0])

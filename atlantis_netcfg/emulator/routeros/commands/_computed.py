@@ -1,4 +1,4 @@
-"""Menus without a table: what the router knows about itself, and `/interface`, which shows rows of other menus."""
+"""Menus without a table: the router's own state, and `/interface`, which shows rows of other menus."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _interface(core: Core, table: Table, item: StoredItem, interface: Interface)
 
 
 def _update(core: Core, _call: Call) -> Rows:
-    """Nobody has asked the vendor yet: channel and what runs (Manual, Upgrading and installation)."""
+    """Return channel and installed version; no update check was made (Manual, Upgrading and installation)."""
     return [{"channel": "stable", "installed-version": core.spec.version}]
 
 
@@ -191,7 +191,7 @@ _FILE_TYPES = {".rsc": "script", ".backup": "backup", ".npk": "package"}
 
 
 def _contents(name: str, contents: str) -> dict[str, str]:
-    """Return the text; of a package what its header says, of a broken one nothing (Manual, Files)."""
+    """Return a file's text; for a package its header, for a damaged one nothing (Manual, Files)."""
     if not name.endswith(".npk"):
         return {"contents": contents}
     package = package_file(contents)
@@ -223,7 +223,7 @@ def _poe(core: Core, _call: Call) -> Rows:
 
 
 def _arp(core: Core, _call: Call) -> Rows:
-    """Who is there: the neighbours of the spec that are in a network of ours and not silent.
+    """Return the ARP entries: neighbours of the spec in a local network that respond.
 
     Names of fields: Manual, ARP. A real entry ages when nothing is sent. Assumption: arp-entry
     """
@@ -254,7 +254,7 @@ def _arp(core: Core, _call: Call) -> Rows:
 
 
 def _bridge_hosts(core: Core, _call: Call) -> Rows:
-    """What bridges have heard on their ports, and the ports' own addresses, which are `local` (Manual, Bridge)."""
+    """Return hosts learned on bridge ports, and the ports' own addresses, which are `local` (Manual, Bridge)."""
     bridge_ports, ethernet = core.store.table("/interface/bridge/port"), core.store.table("/interface/ethernet")
     cards = {item.id: item for item in ethernet.items}
     hosts = []

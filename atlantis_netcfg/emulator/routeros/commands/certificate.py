@@ -1,6 +1,6 @@
 """`/certificate` and `/interface/ovpn-client`: sign, import a certificate, import a profile (Manual, Certificates).
 
-No public source has the words of the refusals, but of the unsupported option of a profile.
+No public source has the error texts, except for the unsupported option of a profile.
 
 Assumption: refusal-words
 Assumption: certificate-import
@@ -29,9 +29,9 @@ _SELECTORS = ("numbers", "number", ".id")
 
 
 def sign(core: Core, call: Call) -> CallResult:
-    """Make the key of a template and sign it, by itself or by `ca=`.
+    """Make the key of a template and sign it, self-signed or by `ca=`.
 
-    Keys stay with their row.
+    Keys are stored with their row.
     """
     _check_arguments(core, call)
     selector = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
@@ -58,9 +58,9 @@ def sign(core: Core, call: Call) -> CallResult:
 
 
 def import_certificate(core: Core, call: Call) -> CallResult:
-    """Take certificates and keys from a PEM file; a key joins the certificate that it belongs to.
+    """Import certificates and keys from a PEM file; a key is stored with its certificate.
 
-    A certificate that is there already is not taken a second time, and a key without its certificate not at all.
+    An existing certificate is not imported again, and a key without its certificate not at all.
     """
     _check_arguments(core, call)
     name = call.arguments.get("file-name")
@@ -81,9 +81,9 @@ def import_certificate(core: Core, call: Call) -> CallResult:
 
 
 def take(core: Core, text: str, name: Callable[[bool, int], str], trust: str = "yes") -> tuple[list[StoredItem], int]:
-    """Make rows of the certificates in a PEM text, and let keys join theirs; rows made, and keys taken.
+    """Add certificates of a PEM text as rows and attach keys; return new rows and the number of keys.
 
-    `name` is given whether a certificate is an authority's, and its number in the text. Raises ValueError.
+    `name` receives whether a certificate is an authority's, and its number in the text. Raises ValueError.
     """
     pems, keys = certificates.split(text)
     there = {certificates.read_certificate(core.keys[number]).fingerprint for number in _certificate_ids(core)}
@@ -100,7 +100,7 @@ def take(core: Core, text: str, name: Callable[[bool, int], str], trust: str = "
 
 
 def _join(core: Core, key: str) -> bool:
-    """Put a key to the certificate that it belongs to."""
+    """Attach a key to its certificate."""
     for number in _certificate_ids(core):
         pem = core.keys[number]
         if "PRIVATE KEY" not in pem and certificates.belongs(key, pem):
@@ -110,7 +110,7 @@ def _join(core: Core, key: str) -> bool:
 
 
 def _certificate_ids(core: Core) -> list[int]:
-    """The rows that are more than templates; what is kept of removed ones, an undo may need."""
+    """Return the ids of issued certificates (no templates); removed ones are kept for undo."""
     return [item.id for item in core.store.table(_MENU).items if item.id in core.keys]
 
 
@@ -133,9 +133,9 @@ _TRUE = ("", "yes", "true")
 
 
 def import_profile(core: Core, call: Call) -> CallResult:
-    """Make what the file says; nothing is made where any of it is refused.
+    """Import a profile; nothing is created if any part is refused.
 
-    An interface, its certificates and its hidden key; what the file may hold stands in `read_ovpn`.
+    It creates an interface, its certificates and its hidden key; `read_ovpn` defines what the file may contain.
     """
     name = call.arguments.get("file-name")
     if name is None:
@@ -165,7 +165,7 @@ def import_profile(core: Core, call: Call) -> CallResult:
 
 
 def _stem(core: Core) -> str:
-    """`ovpn-import` and the second of the router's clock; the next one where two are made in a second."""
+    """Return `ovpn-import` with the second of the router's clock; the next second if it is taken."""
     second = int(core.time().timestamp())
     while core.store.id_of("interface", f"ovpn-import{second}") is not None:
         second += 1

@@ -1,4 +1,4 @@
-"""From a command's path to its handler, and whether the session may use it.
+"""Map a command's path to its handler, and check the session's rights.
 
 Assumption: api-ping-path
 """
@@ -78,7 +78,7 @@ _READ_ONLY = ("export", "find", "get", "getall", "print")
 
 
 def dispatch(core: Core, call: Call) -> CallResult:
-    """Run one command. Raises Trap in the router's words."""
+    """Run one command. Raises Trap with the router's text."""
     if not core.schema.has_menu(call.menu):
         raise Trap("no such command prefix", Category.MISSING)
     is_missing = call.path == "/tool/ping" and core.deviates(Deviation.NO_PING)
@@ -109,7 +109,7 @@ def _handler(core: Core, call: Call) -> tuple[Handler, str]:
 
 
 def _check_names(core: Core, call: Call) -> None:
-    """Refuse arguments that the command does not take, before anything else is said of it."""
+    """Refuse unknown arguments, before any other check."""
     argument_names = core.schema.arguments(call.menu, call.command)
     api = {".id", ".proplist"} if {"number", "numbers"} & argument_names else {".proplist"}
     for name in call.arguments:

@@ -31,7 +31,7 @@ def _require_argument(call: Call, name: str) -> str:
 
 
 def _find_file_name(core: Core, text: str) -> str:
-    """Return the name of a file, given by name or id."""
+    """Return the name of a file, given its name or id."""
     for name, file in core.files.items():
         if text in (name, id_text(file.number)):
             return name
@@ -47,7 +47,7 @@ def _write(core: Core, name: str, contents: str) -> FlashFile:
 
 
 def add(core: Core, call: Call) -> CallResult:
-    """Make a file; contents come in one argument and are limited (Manual, Files: 60 kB)."""
+    """Create a file; contents come in one argument of limited size (Manual, Files: 60 kB)."""
     _arguments(core, call)
     name = _require_argument(call, "name")
     if name in core.files:
@@ -70,7 +70,7 @@ def _targets(core: Core, call: Call) -> list[str]:
 
 
 def set_(core: Core, call: Call) -> CallResult:
-    """Write a file anew, or rename it."""
+    """Overwrite or rename a file."""
     _arguments(core, call)
     for name in _targets(core, call):
         if "contents" in call.arguments:
@@ -89,7 +89,7 @@ def remove(core: Core, call: Call) -> CallResult:
 
 
 def read(core: Core, call: Call) -> CallResult:
-    """Return a piece of a file, `chunk-size` bytes from `offset`."""
+    """Return `chunk-size` bytes of a file from `offset`."""
     _arguments(core, call)
     data = core.files[_find_file_name(core, _require_argument(call, "file"))].contents.encode(errors="surrogateescape")
     offset, size = _number(call, "offset", 0), _number(call, "chunk-size", _MOST_CHUNK)
@@ -106,9 +106,9 @@ def _number(call: Call, name: str, default: int) -> int:
 
 
 def export(core: Core, call: Call) -> CallResult:
-    """Print the configuration to a file or, on the console, as text; over the API without `file` nothing comes back.
+    """Export the configuration to a file or, on the console, as text; by API without `file`, return nothing.
 
-    Version 6 shows secrets unless told otherwise, version 7 hides them (Manual, Configuration Management).
+    Version 6 shows secrets by default, version 7 hides them (Manual, Configuration Management).
     """
     _arguments(core, call)
     if "where" in call.arguments:
@@ -130,7 +130,7 @@ def export(core: Core, call: Call) -> CallResult:
 
 
 def import_(core: Core, call: Call) -> CallResult:
-    """Run a file of commands; with `dry-run` only look for syntax errors."""
+    """Run a file of commands; with `dry-run` only check the syntax."""
     _arguments(core, call)
     text = core.files[_find_file_name(core, _require_argument(call, "file-name"))].contents
     first = _number(call, "from-line", 1)
@@ -145,7 +145,7 @@ def import_(core: Core, call: Call) -> CallResult:
 
 
 def execute(core: Core, call: Call) -> CallResult:
-    """Run a script; with `as-string` wait for it and return what it printed, else return its job's id."""
+    """Run a script; with `as-string` wait and return its output, else return its job's id."""
     _arguments(core, call)
     if core.spec.execute is Execute.NONE:
         raise answers.Trap("no such command", answers.Category.MISSING)
@@ -170,7 +170,7 @@ def execute(core: Core, call: Call) -> CallResult:
 
 
 def save(core: Core, call: Call) -> CallResult:
-    """Keep a backup of the configuration in a file."""
+    """Save a backup of the configuration to a file."""
     _arguments(core, call)
     name = call.arguments.get("name", core.spec.name)
     _write(core, f"{name.removesuffix('.backup')}.backup", json.dumps(core.store.dump()))
@@ -178,7 +178,7 @@ def save(core: Core, call: Call) -> CallResult:
 
 
 def load(core: Core, call: Call) -> CallResult:
-    """Load a backup, which reboots the router; the ending of its name may be left out, as `save` lets one."""
+    """Load a backup, which reboots the router; the extension may be omitted, as with `save`."""
     _arguments(core, call)
     name = _require_argument(call, "name")
     contents = core.files[_find_file_name(core, name if name in core.files else f"{name}.backup")].contents

@@ -1,7 +1,7 @@
-"""What the modem shows: `monitor once` and `show-capabilities`.
+"""Modem status: `monitor once` and `show-capabilities`.
 
-Fields and their units: Manual, LTE/5G; the names of all are among those that the console of 7.21.5 offers for
-`monitor proplist`. The identities are of no device: IMEI of the test range, SIM of network 001-01.
+Fields and their units: Manual, LTE/5G; all names are among those that the console of 7.21.5 offers for
+`monitor proplist`. The identities belong to no real device: IMEI of the test range, SIM of network 001-01.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _ANY = (".id", "number", "numbers")
 
 
 def monitor(core: Core, call: Call) -> CallResult:
-    """`monitor <interface> once`."""
+    """Emulate `monitor <interface> once`."""
     mine = _find_modem(core, call, "numbers")
     if "once" not in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} without once")
@@ -33,7 +33,7 @@ def monitor(core: Core, call: Call) -> CallResult:
 
 
 def capabilities(core: Core, call: Call) -> CallResult:
-    """`show-capabilities <interface>`: which features the modem has. Assumption: lte-pin-once."""
+    """Emulate `show-capabilities <interface>`: the modem's features. Assumption: lte-pin-once."""
     _find_modem(core, call, "number")
     return CallResult(rows=[{"cell-scan": "yes", "passthrough": "yes", "roaming-barring": "yes"}])
 

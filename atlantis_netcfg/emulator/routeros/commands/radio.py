@@ -1,7 +1,7 @@
-"""What radios show: `monitor once`, the registration tables, and rows with what they inherit.
+"""Radio status: `monitor once`, the registration tables, and rows with inherited values.
 
 Names of fields: Manual, Wireless Interface (monitor, registration table); Manual, WiFi. Rates, CCQ and counters are
-those of a link that is well; only the levels are computed (radio/_link.py).
+those of a good link; only the levels are computed (radio/_link.py).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _SELECTORS = (".id", "numbers")
 
 
 def monitor(core: Core, call: Call) -> CallResult:
-    """`monitor <radio> once`."""
+    """Emulate `monitor <radio> once`."""
     for name in call.arguments:
         if name not in (*_SELECTORS, "once", "proplist", ".proplist"):
             raise _checks.unknown(name)
@@ -54,7 +54,7 @@ def _names(core: Core, menu: str, item: StoredItem) -> tuple[str, ...]:
 
 
 def _state(core: Core, item: StoredItem, mine: _settings.RadioSettings) -> _settings.RadioState:
-    """Return what a radio sees; where nobody emulates the air, it is alone."""
+    """Return the state of a radio; without an emulated peer it is alone."""
     name = (item.factory or {})["name"]
     alone = _settings.RadioState("running-ap") if mine.is_ap else _ALONE
     return core.radios.get(name, alone) if mine.is_enabled else _settings.RadioState("disabled")
@@ -107,7 +107,7 @@ _MONITORS = {_read.LEGACY: _legacy, _read.WIFI: _wifi}
 
 
 def registrations(core: Core, call: Call) -> list[_Row]:
-    """The rows of `registration-table`: whom each radio is connected to."""
+    """Return the rows of `registration-table`: the peers of each radio."""
     menu = call.menu.removesuffix("/registration-table")
     rows: list[_Row] = []
     for item, mine in _radios(core, menu):
@@ -118,7 +118,7 @@ def registrations(core: Core, call: Call) -> list[_Row]:
 
 
 def _stations(core: Core, mine: _settings.RadioSettings) -> list[NearbyStation]:
-    """Clients around the router that a radio serves. How long it listens for radar before is not emulated for them."""
+    """Return nearby clients that a radio serves; their wait for the radar check is not emulated."""
     if not (mine.is_enabled and mine.is_ap and mine.speaks == "802.11") or why_silent(mine, _settings.Air()):
         return []
     keys = {part.partition("=")[2] if mine.driver is _settings.Driver.WIRELESS else part for part in _passphrases(mine)}
@@ -132,7 +132,7 @@ def _stations(core: Core, mine: _settings.RadioSettings) -> list[NearbyStation]:
 
 
 def _passphrases(mine: _settings.RadioSettings) -> list[str]:
-    """By the older driver one for each way of authentication; a passphrase may have a comma in it."""
+    """Return the passphrases; the older driver has one per authentication type, and they may contain commas."""
     if mine.driver is _settings.Driver.WIFI or not mine.authentication:
         return [mine.passphrase] if mine.authentication else [""]
     kinds = "|".join(map(re.escape, sorted(mine.authentication)))
@@ -211,7 +211,7 @@ _REGISTRATIONS = {_read.LEGACY: _legacy_registration, _read.WIFI: _wifi_registra
 
 
 def amounting(core: Core, menu: str, rows: list[_Row]) -> list[_Row]:
-    """Add what rows of the newer driver inherit: plain `print` shows it, `print config` does not (Manual, WiFi)."""
+    """Add inherited values to rows of the newer driver, as `print` does (`print config` does not; Manual, WiFi)."""
     if menu not in (_read.WIFI, f"{_read.WIFI}/configuration"):
         return rows
     table = core.store.table(menu)

@@ -1,6 +1,6 @@
-"""print, getall, get, find: what a menu shows (Manual, API; Manual, Console).
+"""Commands print, getall, get and find (Manual, API; Manual, Console).
 
-Conditions of `find` and `print where`: which rows they mean (Manual, Console: Expressions in where).
+Also the conditions of `find` and `print where` (Manual, Console: Expressions in where).
 
 A bare value with `/` or `:` has another type than the property: it matches nothing (seen on a CHR 7.23.2, tik4net,
 Docs/findings-cli.md).
@@ -31,9 +31,9 @@ _OPERATIONS = re.compile(r"[!&|.]|\d+")
 
 
 def matches(queries: Sequence[str], row: Mapping[str, str], *, orders_texts: bool = True) -> bool:
-    """Run the query words (without their `?`) on one item; any false left on the stack rejects it.
+    """Evaluate the query words (without `?`) on one item; any false value left on the stack rejects it.
 
-    Raises Trap on a word that is none.
+    Raises Trap on an invalid word.
     """
     stack: list[bool] = []
     for query in queries:
@@ -70,7 +70,7 @@ def _operate(text: str, stack: list[bool]) -> None:
 
 
 def _apply(operation: str, stack: list[bool]) -> None:
-    """Below its bottom the stack holds an endless supply of true values."""
+    """Apply an operator; below its bottom the stack has an endless supply of true values."""
     if operation == "!":
         stack.append(not _pop(stack))
     elif operation == "&":
@@ -108,7 +108,7 @@ _ANY = {
 
 
 def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
-    """Return the rows of the call's menu, as this session may see them."""
+    """Return the rows of the call's menu that this session may see."""
     if call.menu in COMPUTED_MENUS:
         return COMPUTED_MENUS[call.menu](core, call)
     menu_rows = rows(core, call.menu, sensitive="sensitive" in core.policies(call.caller))
@@ -122,7 +122,7 @@ def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
 
 
 def print_(core: Core, call: Call) -> CallResult:
-    """Show the rows that the queries let through."""
+    """Return the rows that match the queries."""
     argument_names = core.schema.arguments(call.menu, "print") | {".proplist"}
     for name in (*call.arguments, *call.unset):
         if name not in argument_names and not (name in ("stats", "detail") and call.menu in COMPUTED_MENUS):
@@ -154,7 +154,7 @@ def _proplist(call: Call) -> list[str] | None:
 
 
 def select(core: Core, call: Call, where: Where) -> list[str]:
-    """Return the ids of the rows that `[find ...]` means."""
+    """Return the ids of the rows that match `[find ...]`."""
     return [row[".id"] for row in all_rows(core, call) if ".id" in row and fits(row, where)]
 
 
@@ -201,7 +201,7 @@ def _is_settings(core: Core, menu: str) -> bool:
 
 
 def inspect(core: Core, call: Call) -> CallResult:
-    """`/console/inspect`: what is below a path (`child`), and which values are offered for an argument (`completion`).
+    """Emulate `/console/inspect`: children of a path (`child`), or values for an argument (`completion`).
 
     Paths are words with commas between them; slashes find nothing (tikoci/centrs, commands/api/AGENTS.md: CHR 7.23.1).
     """
@@ -236,7 +236,7 @@ def _children(core: Core, call: Call) -> list[dict[str, str]]:
 
 
 def _offers(core: Core, call: Call) -> list[dict[str, str]]:
-    """Values for the argument that the path names, or that the input ends with: `add action=`."""
+    """Return the values offered for the argument at the path, or at the end of the input (`add action=`)."""
     input_text = call.arguments.get("input", "")
     words = [
         *_path_words(call),
@@ -260,7 +260,7 @@ _BOOLS = {"yes": "true", "no": "false"}
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """`name=value`, `name!=value`, `name~value`, `name<value`, `name>value`; `name` alone has the sign `?`."""
+    """A condition `name=value`, `!=`, `~`, `<` or `>`; `name` alone has the sign `?`."""
 
     name: str
     sign: str = "?"
@@ -270,7 +270,7 @@ class Condition:
     """The value has the type of a property."""
 
     def fits(self, row: Mapping[str, str]) -> bool:
-        """Tell whether a row is meant."""
+        """Return whether a row matches."""
         return self.is_negated is not self._fits(row.get(self.name, ""))
 
     def _fits(self, text: str) -> bool:
@@ -292,7 +292,7 @@ Where = tuple[tuple[Condition, ...], ...]
 
 
 def fits(row: Mapping[str, str], where: Where) -> bool:
-    """Tell whether a row is meant."""
+    """Return whether a row matches any group of conditions."""
     return not where or any(all(condition.fits(row) for condition in item) for item in where)
 
 
@@ -305,9 +305,9 @@ def _rows(core: Core, call: Call) -> dict[str, dict[str, str]]:
 
 
 def emit(core: Core) -> None:
-    """Let the modem act on what was changed, and tell every listener what is new.
+    """Update the modem after changes, and send news to every listener.
 
-    A row that has gone is `.dead=true`, where the Manual says `yes` (7.23.1: tikoci/centrs, commands/api/AGENTS.md).
+    A removed row is `.dead=true`, where the Manual says `yes` (7.23.1: tikoci/centrs, commands/api/AGENTS.md).
     """
     settle(core)
     for listener in core.listeners:

@@ -1,7 +1,7 @@
-"""Commands without a menu of rows: reboot, ping, log, device-mode, rows of `/interface`, safe mode, undo and redo.
+"""Commands without rows: reboot, ping, log, device-mode, `/interface`, safe mode, undo and redo.
 
-Manual, Ethernet; Manual, PoE-Out; Manual, Configuration Management: Safe Mode. What a second taker is told over the API
-nobody has published; the text is the console's question as a refusal.
+Manual, Ethernet; Manual, PoE-Out; Manual, Configuration Management: Safe Mode. The API's response to a second session
+that takes safe mode is not published; the text is the console's question as an error.
 
 Assumption: safe-mode-second-taker
 """
@@ -31,14 +31,14 @@ _PING_SIZE = "56"
 
 
 def reboot(core: Core, _call: Call) -> CallResult:
-    """Restart, as soon as whoever owns the sockets lets the router."""
+    """Request a reboot, carried out by the owner of the sockets."""
     core.wants_reboot = True
     core.note("system,info", "router rebooted")
     return CallResult()
 
 
 def ping(core: Core, call: Call) -> CallResult:
-    """Send echo requests; who answers is in the spec, whether they get there is in the configuration."""
+    """Send echo requests; the spec lists the responding addresses, the configuration decides reachability."""
     argument_names = core.schema.arguments(call.menu, call.command)
     for name in call.arguments:
         if name not in argument_names:
@@ -87,7 +87,7 @@ def log(core: Core, call: Call) -> CallResult:
 
 
 def logout(core: Core, call: Call) -> CallResult:
-    """`/user/active/request-logout`, `remove` from 7.20: end another session, as if its client had closed it."""
+    """End another session as if its client had closed it: `/user/active/request-logout`, `remove` from 7.20."""
     numbers = {f"*{number:X}": number for number in core.sessions}
     selector = call.arguments.get(".id") or call.arguments.get("numbers") or ""
     if selector not in numbers:
@@ -97,7 +97,7 @@ def logout(core: Core, call: Call) -> CallResult:
 
 
 def update_mode(core: Core, call: Call) -> CallResult:
-    """Ask for a button press that no twin can give: nothing changes (Manual, Device-mode)."""
+    """Request a button press, which cannot be emulated: nothing changes (Manual, Device-mode)."""
     argument_names = core.schema.arguments(call.menu, call.command)
     for name in call.arguments:
         if name not in argument_names:
@@ -114,7 +114,7 @@ def update_mode(core: Core, call: Call) -> CallResult:
 
 
 def interface(core: Core, call: Call) -> CallResult:
-    """Change rows of `/interface` in the menu where they live."""
+    """Change rows of `/interface` in the menu that defines them."""
     selector = call.arguments.get(".id") or call.arguments.get("numbers")
     if selector is None:
         raise _checks.MissingArgument(".id" if not call.console else "numbers")
@@ -146,7 +146,7 @@ _ROW_COMMANDS = {
 
 
 def poe(core: Core, call: Call) -> CallResult:
-    """`/interface/ethernet/poe` sets what `/interface/ethernet` has too."""
+    """Set PoE values through `/interface/ethernet/poe`; they are stored in `/interface/ethernet`."""
     argument_names = core.schema.arguments(call.menu, "set") | {".id"}
     for name in call.arguments:
         if name not in argument_names:
@@ -158,19 +158,19 @@ _SELECTORS = ("numbers", ".id")
 
 
 def monitor(core: Core, call: Call) -> CallResult:
-    """`poe/monitor <ports> once`: the ports that can feed."""
+    """Emulate `poe/monitor <ports> once` for PoE ports."""
     return CallResult(
         rows=[_row(core, _port(core, part, core.spec.poe_ports)) for part in _monitored_ports(core, call)]
     )
 
 
 def ethernet(core: Core, call: Call) -> CallResult:
-    """`monitor <ports> once`; a port without a link says no rate. Every link of an emulated board is 1 Gbit/s."""
+    """Emulate `monitor <ports> once`; without link there is no rate. All links have 1 Gbit/s."""
     return CallResult(rows=[_link(core, _port(core, part, core.spec.ports)) for part in _monitored_ports(core, call)])
 
 
 def _monitored_ports(core: Core, call: Call) -> list[str]:
-    """The ports that a monitor is for; without `once` it would not end."""
+    """Return the ports to monitor; `once` is required, because the command would not end."""
     argument_names = core.schema.arguments(call.menu, call.command) | {*_SELECTORS, ".proplist"}
     for name in call.arguments:
         if name not in argument_names:
@@ -184,7 +184,7 @@ def _monitored_ports(core: Core, call: Call) -> list[str]:
 
 
 def _port(core: Core, selector: str, ports: Collection[str]) -> StoredItem:
-    """The port of that name or id, if it is among these (factory names)."""
+    """Return the port with that name or id, if its factory name is among `ports`."""
     table = core.store.table("/interface/ethernet")
     for item in table.items:
         there = (item.factory or {}).get("name") in ports
@@ -194,7 +194,7 @@ def _port(core: Core, selector: str, ports: Collection[str]) -> StoredItem:
 
 
 def _link(core: Core, item: StoredItem) -> dict[str, str]:
-    """Names and words of fields: a monitor that was posted in MikroTik's forum (thread 103445)."""
+    """Return a port's status; fields are from a monitor posted in MikroTik's forum (thread 103445)."""
     name = core.store.text(core.store.table("/interface/ethernet"), item, "name") or ""
     if not core.topology.interfaces[item.id].running:
         return {"name": name, "status": "no-link", "auto-negotiation": "incomplete"}
@@ -232,7 +232,7 @@ def take(core: Core, call: Call) -> CallResult:
 
 
 def release(core: Core, call: Call) -> CallResult:
-    """Keep everything; any session may do that."""
+    """Release safe mode and keep its changes; any session may do that."""
     _arguments(core, call)
     if core.history.holder is not None:
         notify_holder_lost(core, call.caller)
@@ -242,7 +242,7 @@ def release(core: Core, call: Call) -> CallResult:
 
 
 def unroll(core: Core, call: Call) -> CallResult:
-    """Undo everything and leave safe mode; the session goes on."""
+    """Undo all changes and leave safe mode; the session continues."""
     _arguments(core, call)
     if core.history.holder is not None:
         notify_holder_lost(core, call.caller)
@@ -252,19 +252,19 @@ def unroll(core: Core, call: Call) -> CallResult:
 
 
 def toggle(core: Core, call: Call) -> CallResult:
-    """Take or release."""
+    """Toggle safe mode."""
     return take(core, call) if core.history.holder is None else release(core, call)
 
 
 def undo(core: Core, _call: Call) -> CallResult:
-    """Undo the latest action."""
+    """Undo the last action."""
     if not core.history.undo(core.store):
         raise Trap("failure: nothing to undo")
     return CallResult()
 
 
 def redo(core: Core, _call: Call) -> CallResult:
-    """Do the action undone last again."""
+    """Redo the action that was undone last."""
     if not core.history.redo(core.store):
         raise Trap("failure: nothing to redo")
     return CallResult()

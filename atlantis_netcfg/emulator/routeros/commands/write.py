@@ -1,4 +1,4 @@
-"""add, set, remove and their kin: every row changed is one action of the history; refusals in the router's words."""
+"""Write commands (add, set, remove, …): each changed row is one history action; errors have the router's text."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def add(core: Core, call: Call) -> CallResult:
 
 
 def check_needed(core: Core, call: Call, values: Mapping[str, str]) -> None:
-    """Refuse a row that lacks what it must have: by the record of its menu, or by its model where there is none."""
+    """Refuse a row without its required arguments, from the recorded list or else from the menu's model."""
     table = core.store.table(call.menu)
     names = required_arguments(core.schema.version, call.menu)
     if isinstance(names, str) and not values:
@@ -68,14 +68,14 @@ def _index(core: Core, call: Call, table: Table, selector: str) -> int:
 
 
 def _expire(core: Core, menu: str, item: StoredItem) -> None:
-    """An address-list entry with a timeout is dynamic: it goes by itself and no export shows it."""
+    """Make an address-list entry with a timeout dynamic: it expires, and is not exported."""
     if menu == "/ip/firewall/address-list" and "timeout" in item.values:
         item.dynamic = True
         core.expires[item.id] = core.now() + (seconds(item.values["timeout"]) or 0)
 
 
 def set_(core: Core, call: Call) -> CallResult:
-    """Give rows new values; several rows at once are several actions."""
+    """Set values of rows; several rows are several actions."""
     table = core.store.table(call.menu)
     argument_names = core.schema.arguments(call.menu, "set") & {*table.args}
     change = _parse_arguments(core, table, call, argument_names)
@@ -102,7 +102,7 @@ def _set_one(core: Core, call: Call, item: StoredItem, change: Mapping[str, str]
 
 
 def unset(core: Core, call: Call) -> CallResult:
-    """Take properties away from rows (`value-name=a,b`)."""
+    """Remove properties from rows (`value-name=a,b`)."""
     _only(core, call, {"value-name"})
     table = core.store.table(call.menu)
     if "value-name" not in call.arguments:
@@ -137,7 +137,7 @@ def _able(core: Core, call: Call, disabled_value: str) -> CallResult:
 
 
 def comment(core: Core, call: Call) -> CallResult:
-    """Set a row's comment; an empty one takes it away."""
+    """Set a row's comment; an empty one removes it."""
     _only(core, call, {"comment"})
     if "comment" not in call.arguments:
         raise _checks.MissingArgument("comment")
@@ -165,7 +165,7 @@ def remove(core: Core, call: Call) -> CallResult:
 
 
 def move(core: Core, call: Call) -> CallResult:
-    """Put rows before the row `destination`, or at the end."""
+    """Move rows before the row `destination`, or to the end."""
     _only(core, call, {"destination"})
     table = core.store.table(call.menu)
     items = _selected_items(core, call, table)
@@ -183,7 +183,7 @@ def move(core: Core, call: Call) -> CallResult:
 
 
 def check_rows(core: Core, call: Call) -> None:
-    """Refuse a command that names rows which are not there."""
+    """Raise Trap if a command names rows that do not exist."""
     table = core.store.table(call.menu)
     if table.menu.shape is not Shape.SETTINGS and not set(_SELECTORS).isdisjoint(call.arguments):
         _selected_items(core, call, table)
@@ -200,7 +200,7 @@ def _only(core: Core, call: Call, names: set[str]) -> None:
 
 
 def _selected_items(core: Core, call: Call, table: Table) -> list[StoredItem]:
-    """Return the rows that the call names; the one row of a settings menu needs no name."""
+    """Return the selected rows; the single row of a settings menu needs no selector."""
     if table.menu.shape is Shape.SETTINGS:
         if not table.items:
             core.store.insert(call.menu, {})
@@ -224,7 +224,7 @@ def _item(core: Core, call: Call, table: Table, selector: str) -> StoredItem:
 
 
 def queue_row(core: Core, table: Table, interface: str) -> StoredItem | None:
-    """Return the row of `/queue/interface` that belongs to an interface: each has one since it exists."""
+    """Return an interface's row of `/queue/interface`, adding it: every interface has one from the start."""
     number = core.store.id_of("interface", interface) if table.menu.path == QUEUES else None
     if number is None:
         return None
@@ -235,7 +235,7 @@ def queue_row(core: Core, table: Table, interface: str) -> StoredItem | None:
 
 
 def find_item(core: Core, table: Table, selector: str, *, console: bool = False) -> StoredItem | None:
-    """Find a row by `*ID` or by what it is called; on the console also by number, as exports name builtin rows."""
+    """Find a row by `*ID` or name; on the console also by number, as exports refer to built-in rows."""
     if match := re.fullmatch(r"\*([0-9A-Fa-f]+)", selector):
         return table.find(int(match[1], 16))
     if console and selector.isdecimal() and any(item.factory is not None for item in table.items):
@@ -274,12 +274,12 @@ def _parse_arguments(core: Core, table: Table, call: Call, argument_names: Itera
 
 
 def _selects(table: Table, name: str) -> bool:
-    """Settings are one row, which nobody has to name; `.id` is let through as for any row."""
+    """Return whether an argument selects rows; settings have one row without selector, but `.id` is accepted."""
     return name == ".id" or (name in _SELECTORS and table.menu.shape is not Shape.SETTINGS)
 
 
 def _fixed_name(table: Table, name: str) -> bool:
-    """Names of services are not for setting, although rows are called by them."""
+    """Return whether a name cannot be set: services are selected by their names."""
     return table.menu.path == "/ip/service" and name == "name"
 
 
@@ -291,7 +291,7 @@ def _parse_value(core: Core, table: Table, name: str, text: str) -> str:
 
 
 def _check_unset(table: Table, name: str) -> None:
-    """Only what may be absent can be unset; in the menus of the routing process that is everything but the name."""
+    """Refuse to unset a required property; menus of the routing process allow everything except the name."""
     arg = table.args.get(name)
     if arg is None:
         raise _checks.unknown(name)

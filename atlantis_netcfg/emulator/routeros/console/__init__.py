@@ -1,1 +1,1 @@
-"""The console's language, as far as the twin rehearses it; everything outside that subset is a `syntax error`."""
+"""The console language, as far as it is emulated; everything else is a `syntax error`."""

@@ -1,7 +1,7 @@
-r"""Statements of the subset: `:put`, `:error`, `:do { ... } on-error={ ... }`, `:if`, and commands of menus.
+r"""Statements of the supported subset: `:put`, `:error`, `:do { ... } on-error={ ... }`, `:if`, and menu commands.
 
-Besides, what hands texts to the device's own parser: `:put [:parse "..."]`, `:foreach` over texts, and `:local` with
-what a command returns, `[:execute script=(...) as-string]`.
+Also statements that pass texts to the device's own parser: `:put [:parse "..."]`, `:foreach` over texts, and `:local`
+with the result of a command, `[:execute script=(...) as-string]`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """What a script or whoever runs it has put in: `$"response-count"`."""
+    """A variable set by the script or its caller: `$"response-count"`."""
 
     name: str
 
@@ -36,7 +36,7 @@ Template = tuple[str | Variable, ...]
 
 @dataclass(frozen=True, slots=True)
 class Find:
-    """`[find name=value ...]`."""
+    """The expression `[find name=value ...]`."""
 
     menu: str
     where: Where
@@ -45,7 +45,7 @@ class Find:
 
 @dataclass(slots=True)
 class MenuCommand:
-    """A command with its arguments."""
+    """A menu command with its arguments."""
 
     menu: str
     name: str
@@ -58,14 +58,14 @@ class MenuCommand:
 
 @dataclass(frozen=True, slots=True)
 class Parse:
-    """`[:parse text]`."""
+    """The expression `[:parse text]`."""
 
     text: Template
 
 
 @dataclass(frozen=True, slots=True)
 class Put:
-    """`:put` with a text, or with a command or the code of a text, whose value it prints."""
+    """`:put` with a text, or with a command or parsed code whose value it prints."""
 
     what: Template | MenuCommand | Find | Parse
 
@@ -80,7 +80,7 @@ class LocalVariable:
 
 @dataclass(frozen=True, slots=True)
 class Each:
-    """`:foreach index,value in={"text";"text"} do={ ... }`; of other loops nothing is rehearsed."""
+    """`:foreach index,value in={"text";"text"} do={ ... }`; other loops are not emulated."""
 
     index: str
     value: str
@@ -98,7 +98,7 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class DoOnError:
-    """`:do { ... } on-error={ ... }`: the second block runs where a command of the first one fails."""
+    """`:do { ... } on-error={ ... }`: the second block runs if a command of the first fails."""
 
     body: tuple[Statement, ...]
     rescue: tuple[Statement, ...]
@@ -106,11 +106,11 @@ class DoOnError:
 
 @dataclass(frozen=True, slots=True)
 class IfStatement:
-    """`:if (left sign right) do={ ... } else={ ... }`; right of `~` stands a regular expression.
+    """`:if (left sign right) do={ ... } else={ ... }`; right of `~` is a regular expression.
 
-    On the left of a time in seconds (`90s`) stands a command that returns a time: `[/system resource get uptime]`.
+    Left of a time in seconds (`90s`) is a command that returns a time: `[/system resource get uptime]`.
 
-    A number is compared with a variable or with how many rows a `find` means: `($"response-count" = 0)`,
+    A number is compared with a variable or with the row count of a `find`: `($"response-count" = 0)`,
     `([:len [/ip route find disabled=no]] > 0)`; or a variable with a regular expression: `($v ~ "^ok")`.
     """
 
@@ -147,9 +147,9 @@ _INDENT = " \t"
 
 
 class ConsoleError(Exception):
-    """The console does not understand the text; `str()` is its message, with line and column.
+    """Syntax error of the console; `str()` is its message, with line and column.
 
-    `verdict` is what `:parse` returns for it, where that is another text.
+    `verdict` is the result of `:parse`, if that is another text.
     """
 
     def __init__(self, message: str, verdict: str = "") -> None:
@@ -176,33 +176,33 @@ class TextPart:
         self._starts = [0, *(match.end() for match in re.finditer("\n", self.source))]
 
     def error(self, words: str, at: int | None = None) -> ConsoleError:
-        """Make the error for a position, by default the present one."""
+        """Build the error for a position, by default the current one."""
         return ConsoleError(self.add_position(words, self.at if at is None else at))
 
     def add_position(self, words: str, at: int) -> str:
-        """Return the words with line and column of a position; columns count bytes."""
+        """Append line and column of a position to a message; columns count bytes."""
         line = bisect_right(self._starts, at) - 1
         before = self.source[self._starts[line] : at]
         return f"{words} (line {line + 1} column {len(before.encode(errors='surrogateescape')) + 1})"
 
     @property
     def line(self) -> int:
-        """The number of the present line, from 1."""
+        """Number of the current line, from 1."""
         return bisect_right(self._starts, self.at)
 
     def peek(self) -> str:
-        """Return the next character, "" at the end."""
+        """Return the next character, or "" at the end."""
         return self.source[self.at : self.at + 1]
 
     def take(self, text: str) -> bool:
-        """Step over `text` if it comes next."""
+        """Skip `text` if it comes next; return whether it did."""
         if not self.source.startswith(text, self.at):
             return False
         self.at += len(text)
         return True
 
     def match(self, pattern: re.Pattern[str]) -> str | None:
-        """Step over what fits the pattern."""
+        """Skip and return a match of the pattern, or None."""
         match = pattern.match(self.source, self.at)
         if match is None:
             return None
@@ -210,7 +210,7 @@ class TextPart:
         return match[0]
 
     def space(self) -> None:
-        """Step over white space and joined line ends, not over line ends."""
+        """Skip white space and joined line ends, but not line ends."""
         while self.at < self.end:
             if self.peek() in _INDENT:
                 self.at += 1
@@ -220,7 +220,7 @@ class TextPart:
                 self._notes()
 
     def _notes(self) -> None:
-        """Step over comments between joined lines (read so by 7.23.3)."""
+        """Skip comments between joined lines (as 7.23.3 does)."""
         while self.peek() == "#":
             self.skip_line()
             self.take("\n")
@@ -237,12 +237,12 @@ class TextPart:
             self.at += 1
 
     def skip_line(self) -> None:
-        """Step to the end of the line."""
+        """Skip to the end of the line."""
         while self.peek() not in ("\n", ""):
             self.at += 1
 
     def value(self) -> str:
-        """Read a quoted or bare value. Raises ConsoleError if none comes."""
+        """Parse a quoted or bare value. Raises ConsoleError if there is none."""
         while self._join():
             pass
         if self.peek() == '"':
@@ -258,7 +258,7 @@ class TextPart:
         return "".join(parts)
 
     def template(self) -> Template:
-        """Read a text in quotes: its pieces, with the variables between them. Raises ConsoleError."""
+        """Parse a quoted text: pieces and variables. Raises ConsoleError."""
         start = self.at
         self.at += 1
         pieces = list(self._pieces(start))
@@ -279,7 +279,7 @@ class TextPart:
         yield _decode(pieces)
 
     def variable(self) -> Variable:
-        """Read `$name` or `$"name"`. Raises ConsoleError."""
+        """Parse `$name` or `$"name"`. Raises ConsoleError."""
         start = self.at
         self.at += 1
         is_quoted = self.take('"')
@@ -354,9 +354,9 @@ _POSITIONAL = {
 
 @dataclass(slots=True)
 class Parser:
-    """Reads statement after statement; a menu on a line of its own is the starting point of the lines below.
+    """Parses one statement after another; a menu on its own line is the starting point of the lines below.
 
-    Names are looked up while parsing, as RouterOS does: a script with a misspelt word does not start.
+    Names are checked while parsing, as in RouterOS: a script with a misspelt word does not start.
     """
 
     core: Core
@@ -376,7 +376,7 @@ class Parser:
                 raise self.text.error("expected end of command")
 
     def _next(self) -> bool:
-        """Step to the next statement, over empty lines and comments."""
+        """Skip to the next statement, over empty lines and comments."""
         while True:
             self.text.space()
             if self.text.peek() == "#":
@@ -399,7 +399,7 @@ class Parser:
         return None
 
     def _scripting(self) -> Statement | None:
-        """Read a statement that is no command of a menu, if one comes."""
+        """Parse a statement other than a menu command, if there is one."""
         if self.text.match(_PUT) is not None:
             self.text.space()
             return Put(self._put())
@@ -513,7 +513,7 @@ class Parser:
         return self._bracket() if self.text.peek() == "[" else self._template()
 
     def _template(self) -> Template:
-        """Read a text in quotes, a variable, or several of them in parentheses, joined by dots."""
+        """Parse a quoted text, a variable, or several of them in parentheses, joined by dots."""
         if self.text.peek() == '"':
             return self.text.template()
         if self.text.peek() == "$":
@@ -535,7 +535,7 @@ class Parser:
     # --- commands --------------------------------------------------------------------------------------------------
 
     def _command(self) -> MenuCommand:
-        """Read path, command and arguments; a command without name is a path alone."""
+        """Parse path, command and arguments; a command without name is only a path."""
         place, line = self.text.at, self.text.line
         menu = "/" if self.text.take("/") or self.text.match(_ROOT) is not None else self.menu
         schema = self.core.schema
@@ -559,7 +559,7 @@ class Parser:
                 raise unseen if self._unseen(below) else error
 
     def _unseen(self, path: str) -> bool:
-        """Tell whether a device may have a menu of which no command tree is known."""
+        """Return whether a device may have a menu that no recorded command tree has."""
         schema = self.core.schema
         on_board = path in (UNSEEN if "routerboard" in schema.features else ())
         # What only reads is refused as a word that nobody has, as adoption asks older devices for newer menus.
@@ -568,19 +568,19 @@ class Parser:
         return on_board or not (reads or schema.at_least(UNSEEN_UNTIL.get(path, OLDEST_TREE)))
 
     def _whole(self, word: str, candidates: Collection[str]) -> str:
-        """Return the word that is meant: a name may be cut short while only one begins like it.
+        """Expand an abbreviated name, if it is unique.
 
-        Of menus and commands recorded on 7.23.3, of arguments told by the manual (Command Line Interface, Quick
-        Typing). One that several begin like is refused as one that nobody has. Assumption: console-ambiguous
+        Menus and commands as recorded on 7.23.3, arguments as in the manual (Command Line Interface, Quick Typing). An
+        ambiguous name is refused like an unknown one. Assumption: console-ambiguous
         """
         longer = [name for name in candidates if name.startswith(word)] if word not in candidates else []
         guesses = self.core.deviates(Deviation.AMBIGUOUS)
         return longer[0] if len(longer) == 1 or (longer and guesses) else word
 
     def _step(self) -> None:
-        """Go on to the next word of a path: `ip/address` and `ip address` are the same from version 7.
+        """Skip to the next word of a path: `ip/address` and `ip address` are the same from version 7.
 
-        Version 7 made them so (Manual, Changelog). Assumption: slash-words-6
+        Changed in version 7 (Manual, Changelog). Assumption: slash-words-6
         """
         if self.text.peek() == "/" and not self.core.schema.at_least("7.0"):
             raise self.text.error("expected command name")
@@ -588,14 +588,14 @@ class Parser:
             self.text.space()
 
     def _bad_command(self, word: str, start: int) -> ConsoleError:
-        """`:parse` returns code that holds the mistake, with the words from there on."""
+        """Build the error for an unknown command; `:parse` returns code with the error and the words after it."""
         # On every version. Assumption: parse-words
         words = self.text.add_position(f"bad command name {word}", start)
         rest = _REST.match(self.text.source, start)
         return ConsoleError(words, f"(<%% {words} {';'.join(re.split(r'[/ ]+', rest[0].strip() if rest else word))})")
 
     def _bad_parameter(self, command: MenuCommand, name: str, start: int) -> ConsoleError:
-        """From 7.23 the argument is named, and the column of a run is the one behind it."""
+        """Build the error for an unknown argument; from 7.23 it names the argument and the column after it."""
         # Recorded on 7.22.1 and on 7.23rc1 to 7.23.3; others answer as the next of these. Assumption: parse-words
         if not self.core.schema.at_least("7.23beta1"):
             return self.text.error("expected end of command", start)
@@ -607,7 +607,7 @@ class Parser:
         return ConsoleError(words, f"(evl {self.text.add_position(f'bad parameter {name}', column)} {path})")
 
     def _arguments(self, command: MenuCommand) -> None:
-        """Read the rest of the command; brackets in it begin in the command's own menu."""
+        """Parse the rest of the command; brackets in it start in the command's own menu."""
         outer, self.menu = self.menu, command.menu
         self.text.space()
         if command.name == "find" and not self._where(command):
@@ -653,7 +653,7 @@ class Parser:
             raise self._bad_parameter(command, name, start)
 
     def _argument_value(self, command: MenuCommand, name: str) -> str | Template | Find | MenuCommand:
-        """Read `=value` behind a name. A flag takes none, which only a run says, not `:parse` (7.22.1, 7.23)."""
+        """Parse `=value` after a name; a flag takes none, which only running reports, not `:parse` (7.22.1, 7.23)."""
         arg = self._arg(command, name)
         if arg is not None and isinstance(arg.kind, FlagValue) and not self.only_code:
             raise self.text.error("expected end of command")
@@ -713,7 +713,7 @@ class Parser:
         return Find(command.menu, command.where, place)
 
     def _where(self, command: MenuCommand) -> bool:
-        """Read `where name=value ...`; `find` does not need the word."""
+        """Parse `where name=value ...`; `find` does not need the keyword."""
         start = self.text.at
         if self.text.match(_SEGMENT) != "where":
             self.text.at = start

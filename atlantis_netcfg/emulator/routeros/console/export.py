@@ -1,4 +1,4 @@
-"""`/export`: the configuration as text (grammar and wrapping are those of `routeros.rsc`)."""
+"""`/export`: the configuration as text (grammar and wrapping as in `routeros.rsc`)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Values = tuple[tuple[str, str | None], ...]
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """How an export is wanted: compact (what differs from the defaults) unless `verbose`."""
+    """Options of an export: compact (differences from the defaults) unless `verbose`."""
 
     verbose: bool = False
     terse: bool = False
@@ -32,7 +32,7 @@ class Form:
 
 
 def export_text(core: Core, menu: str, form: Form) -> str:
-    """Print a menu and everything below it."""
+    """Export a menu and everything below it."""
     statements = tuple(
         statement
         for path in _paths(core, menu)
@@ -68,7 +68,7 @@ def _paths(core: Core, menu: str) -> list[str]:
 
 
 def _after_what_they_name(core: Core, usual: list[str]) -> list[str]:
-    """Put each menu behind those whose rows it names, so that an import finds them; else the usual order stays.
+    """Sort menus after those whose rows they reference, so that an import finds them; else keep the order.
 
     Exports of 7.15 have `/interface pppoe-client` behind the `/interface vlan` that it runs over.
     """
@@ -87,7 +87,7 @@ def _after_what_they_name(core: Core, usual: list[str]) -> list[str]:
 
 
 def _referenced_menus(core: Core, table: Table) -> set[str]:
-    """Return the menus whose rows the exported rows of a table name."""
+    """Return the menus that the exported rows of a table reference."""
     rows = {
         row
         for item in table.items
@@ -104,7 +104,7 @@ def _referenced_menus(core: Core, table: Table) -> set[str]:
 
 
 def _place(core: Core, path: str) -> int:
-    """Place a menu that the table does not model: interfaces before what names them, all others last."""
+    """Return the position of an unmodelled menu: interfaces before menus that reference them, others last."""
     interfaces = core.store.table(path).menu.space == "interface"
     return menus.EXPORT_ORDER.index("/ip/pool") if interfaces else len(menus.EXPORT_ORDER)
 

@@ -1,8 +1,8 @@
-"""`print` as people read it: values under each other, a table, `detail`, `terse` (Manual, Console: General commands).
+"""`print` for people: lists of values, tables, `detail`, `terse` (Manual, Console: General commands).
 
-Layouts follow public transcripts (networktocode/ntc-templates, ytti/oxidized): version 7 names the flags and columns
-that occur and puts remarks above their row, version 6 names all flags and puts remarks behind the number. Columns are
-those of the transcripts where there is one; a menu without a line here shows its first arguments.
+Layouts follow public transcripts (networktocode/ntc-templates, ytti/oxidized): version 7 shows only used flags and
+columns, with comments above their row; version 6 shows all flags, with comments behind the number. Columns are those of
+the transcripts if there is one; a menu without an entry here shows its first arguments.
 
 Assumption: console-columns
 """
@@ -128,7 +128,7 @@ QUOTED_NAMES = frozenset(
 
 
 def flag_letters(row: dict[str, str], flags: tuple[str, ...]) -> str:
-    """The marks before a row."""
+    """Return the flag letters of a row."""
     return "".join(FLAGS[name] for name in flags if row.get(name) in ("true", "yes"))
 
 
@@ -143,7 +143,7 @@ _WIDE = 10_000
 
 @dataclass(frozen=True, slots=True)
 class PrintView:
-    """What was asked for: the menu, the words after `print`, the properties named by `proplist`."""
+    """Options of a `print`: menu, words after `print`, and properties of `proplist`."""
 
     menu: str
     words: frozenset[str]
@@ -152,7 +152,7 @@ class PrintView:
 
 
 def render_print(core: Core, view: PrintView, rows: Sequence[Row]) -> list[str]:
-    """The lines of a print."""
+    """Render the output of a `print`."""
     v7 = core.schema.at_least("7.0")
     if _single(core, view.menu):
         return _values(rows[0] if rows else {}, view, is_padded=core.schema.at_least("7.18"))
@@ -168,7 +168,7 @@ def render_print(core: Core, view: PrintView, rows: Sequence[Row]) -> list[str]:
 
 
 def as_value_rows(core: Core, view: PrintView, rows: Sequence[Row]) -> list[Row]:
-    """The properties that `as-value` returns: those named, or with `detail` all, or what a table shows."""
+    """Return the properties for `as-value`: those named, with `detail` all, else those of the table."""
     if view.columns:
         return [{name: value for name, value in row.items() if name in (".id", *view.columns)} for row in rows]
     if view.words & {"detail", "stats"} or _single(core, view.menu):
@@ -178,7 +178,7 @@ def as_value_rows(core: Core, view: PrintView, rows: Sequence[Row]) -> list[Row]
 
 
 def render_report(command: str, rows: Sequence[Row]) -> list[str]:
-    """What a command that is no print shows of its rows: a line for each echo, else values under each other."""
+    """Render the rows of other commands: one line per ping reply, else a list of values."""
     if command == "ping" and rows:
         return _echoes(rows)
     view = PrintView("", frozenset())
@@ -197,7 +197,7 @@ def _echoes(rows: Sequence[Row]) -> list[str]:
 
 
 def columns_of(core: Core, menu: str) -> tuple[str, ...]:
-    """What a table shows without being asked for more."""
+    """Return the default columns of a table."""
     if menu in COLUMNS:
         return COLUMNS[menu]
     names = list(core.store.table(menu).args) if menu in core.store.tables else []
@@ -217,7 +217,7 @@ def _single(core: Core, menu: str) -> bool:
 
 
 def _render_value(name: str, value: str) -> str:
-    """A value as a person reads it."""
+    """Format a value for people."""
     if value in ("true", "false"):
         return "yes" if value == "true" else "no"
     if name in _SIZES and value.isdecimal():
@@ -234,7 +234,7 @@ def _size(number: float) -> str:
 
 
 def _values(row: Row, view: PrintView, *, is_padded: bool) -> list[str]:
-    """Settings: names flush right, and from 7.18 values of one width and an empty line below."""
+    """Render settings: names right-aligned; from 7.18 values are padded, with an empty line below."""
     pairs = [
         (name, _render_value(name, value)) for name, value in row.items() if not view.columns or name in view.columns
     ]
@@ -269,7 +269,7 @@ def _terse(number: int, row: Row, flags: tuple[str, ...], view: PrintView) -> st
 
 
 def _details(rows: Sequence[Row], flags: tuple[str, ...], view: PrintView) -> list[str]:
-    """A paragraph for each row; its marks have as many columns as the menu has kinds of them."""
+    """Render one paragraph for each row; the flags column is as wide as the menu's kinds of flags."""
     most = 0 if not flags else 2 if set(flags) <= {"disabled", "dynamic", "invalid"} else 3
     lines: list[str] = []
     for number, row in enumerate(rows):
@@ -304,7 +304,7 @@ def _cells(rows: Sequence[Row], names: Sequence[str]) -> list[list[str]]:
 
 
 def _table7(rows: Sequence[Row], flags: tuple[str, ...], view: PrintView, columns: Sequence[str]) -> list[str]:
-    """Only flags and columns that occur."""
+    """Render a table of version 7: only flags and columns that occur."""
     del view
     names = [name for name in columns if any(row.get(name) for row in rows) and name not in flags]
     marks = [flag_letters(row, flags) for row in rows]
@@ -327,7 +327,7 @@ def _table7(rows: Sequence[Row], flags: tuple[str, ...], view: PrintView, column
 
 
 def _table6(rows: Sequence[Row], flags: tuple[str, ...], view: PrintView, columns: Sequence[str]) -> list[str]:
-    """All flags and columns, remarks behind the number."""
+    """Render a table of version 6: all flags and columns, comments after the number."""
     del view
     names = [name for name in columns if name not in flags]
     lines = [f"{line} " for line in _legend(rows, flags, upper=False, all_flags=True)]

@@ -1,7 +1,7 @@
-"""Scripts of `/execute`, files of `/import`, events of the scheduler.
+"""Run scripts of `/execute`, files of `/import`, and scheduler events.
 
-A script is parsed as a whole before its first command runs, a file statement by statement: that is why an import with
-a mistake in its last line has changed the router by then. Both stop at the first error and undo nothing.
+A script is parsed completely before its first command runs, a file statement by statement: an import with an error in
+its last line has already changed the router. Both stop at the first error and undo nothing.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _NUMBERS = frozenset({"destination", "number", "numbers"})
 
 @dataclass(slots=True)
 class ScriptOutcome:
-    """What a script printed, and the words at which it stopped."""
+    """Output of a script, and the error that stopped it."""
 
     lines: list[str] = field(default_factory=list)
     error: str | None = None
@@ -63,17 +63,17 @@ class ScriptOutcome:
 
     @property
     def output(self) -> str:
-        """Everything a person would see, the error last."""
+        """Complete output for people, the error last."""
         return "\n".join(self.lines if self.error is None else [*self.lines, self.error])
 
     @property
     def as_string(self) -> str:
-        """What `/execute as-string` returns."""
+        """Return value of `/execute as-string`."""
         return self.output if self.return_text is None else "\n".join([*self.lines, self.return_text])
 
 
 def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, str] | None = None) -> ScriptOutcome:
-    """Parse all of it, then run it; `variables` are what the script may read as `$name`."""
+    """Parse a whole script, then run it; `variables` are available as `$name`."""
     outcome = ScriptOutcome()
     try:
         statements = core.script_cache.get(script) or list(_parse.Parser(core, _parse.TextPart(script)).statements())
@@ -90,7 +90,7 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
 
 
 def _add_position(core: Core, words: str, command: _parse.MenuCommand) -> str:
-    """Add what a script's error says beside its words: command and line; before 7.22 not where a value is missing."""
+    """Add command and line to a script's error; before 7.22 not for a missing value."""
     missing = words.startswith("missing value(s)")
     place = f" ({command.menu.rstrip('/')}/{command.name}; line {command.line})"
     return f"{'Script Error: ' if missing else ''}{words}{place if core.schema.at_least('7.22') or not missing else ''}"
@@ -99,9 +99,9 @@ def _add_position(core: Core, words: str, command: _parse.MenuCommand) -> str:
 def run_line(
     core: Core, caller: Caller, line: str, menu: str, *, width: int | None = None
 ) -> tuple[ScriptOutcome, str]:
-    """Run what was typed while the prompt stood at `menu`; the second value is where it stands now.
+    """Run a line typed at the prompt of `menu`; also return the prompt's new menu.
 
-    `width` is the screen's, in columns; None has no end.
+    `width`: screen width in columns; None: unlimited.
     """
     outcome = ScriptOutcome()
     parser = _parse.Parser(core, _parse.TextPart(line), menu)
@@ -115,7 +115,7 @@ def run_line(
 
 
 def run_file(core: Core, caller: Caller, text: str) -> ScriptOutcome:
-    """Run each statement as soon as it is parsed."""
+    """Run a file: each statement runs as soon as it is parsed."""
     outcome = ScriptOutcome()
     source = _parse.TextPart(text)
     try:
@@ -129,16 +129,16 @@ def run_file(core: Core, caller: Caller, text: str) -> ScriptOutcome:
 
 
 def _refusal_words(core: Core, words: str, command: _parse.MenuCommand | None = None) -> str:
-    """Return the words of a refusal; of RouterOS 6 only those that adoption may meet are known.
+    """Return the error text; of RouterOS 6 only errors that adoption may cause are known.
 
-    No command tree of it is published, so that a name or value which the oldest tree lacks may be one that it has.
+    No command tree of version 6 is published: a name or value missing in the oldest tree may exist there.
     """
     is_known = core.schema.at_least("7.0") or (command is not None and command.menu in _ADOPTION_MENUS)
     return words if is_known or not words.startswith(_REFUSALS) else f"not rehearsed by the twin: RouterOS 6: {words}"
 
 
 def check_syntax(core: Core, text: str) -> str | None:
-    """Return the first mistake that `import dry-run` finds."""
+    """Return the first error that `import dry-run` finds, or None."""
     try:
         list(_parse.Parser(core, _parse.TextPart(text)).statements())
     except _parse.ConsoleError as error:
@@ -211,13 +211,13 @@ class _Runner:
         return lines
 
     def _fill(self, text: _parse.Template) -> str:
-        """Put in the variables; one that nobody has set is nothing."""
+        """Substitute variables; an unset one is empty."""
         return "".join(
             self.variables.get(part.name, "") if isinstance(part, _parse.Variable) else part for part in text
         )
 
     def _attempt(self, attempt: _parse.DoOnError) -> list[str]:
-        """Run a block until a command fails, then the other one; what was done before the failure stays."""
+        """Run a block; if a command fails, keep its effects and run the other block."""
         lines: list[str] = []
         try:
             for statement in attempt.body:
@@ -228,7 +228,7 @@ class _Runner:
         return lines
 
     def _holds(self, choice: _parse.IfStatement) -> bool:
-        """Compare numbers and times; a variable that nobody has set is no number, and nothing holds of it.
+        """Evaluate a condition on numbers or times; with an unset variable it is false.
 
         Assumption: use-uptime-compares
         """
@@ -243,7 +243,7 @@ class _Runner:
         return value.isdecimal() and _COMPARE[choice.sign](int(value), choice.right)
 
     def _evaluate(self, what: _parse.MenuCommand | _parse.Find) -> str:
-        """Return what stands for `[...]`: ids of rows, a property, a count."""
+        """Return the value of `[...]`: row ids, a property, or a count."""
         if isinstance(what, _parse.Find):
             return ";".join(self._find_ids(what))
         return self._command(what)[0]
@@ -273,7 +273,7 @@ class _Runner:
         return result.ret or "", [*result.text.splitlines(), *people.render_report(call.command, result.rows)]
 
     def _resolve_numbers(self, menu: str, value: str) -> str:
-        """Ids for the row numbers that this session has seen; scripts know none (Manual, Console: Item numbers)."""
+        """Replace row numbers that this session has seen by ids; scripts have none (Manual, Console: Item numbers)."""
         row_ids = self.core.numbered.get((self.caller.number, menu), [])
         parts = value.split(",")
         if not all(part.isdecimal() and int(part) < len(row_ids) for part in parts):
@@ -294,10 +294,9 @@ class _Runner:
         return ",".join(ids)
 
     def _print(self, call: Call, where: read.Where) -> tuple[str, list[str]]:
-        """What it returns within brackets, and what people see of it.
+        """Return the value within brackets, and the output for people.
 
-        `as-value` shows nothing to people, and without `detail` it returns what a table shows (tik4net,
-        Docs/findings-cli.md).
+        `as-value` prints nothing, and without `detail` it returns the table's columns (tik4net, Docs/findings-cli.md).
         """
         matching_rows = [row for row in read.all_rows(self.core, call) if read.fits(row, where)]
         words = frozenset(call.arguments)
@@ -320,10 +319,10 @@ def _as_value(rows: list[dict[str, str]]) -> str:
 
 
 def _code(core: Core, text: str) -> str:
-    """Return what `:put [:parse "..."]` prints: the code of the text, or why it is none; nothing of it is executed.
+    """Return the output of `:put [:parse "..."]`: the code of the text or its error; nothing is executed.
 
     Recorded on 7.20.8 to 7.23.3 (tikoci/lsp-routeros-ts, docs/parseil-format.md; tikoci/centrs,
-    test/fixtures/parse-oracle.json). Unknown commands and, from 7.23, arguments stand within the code.
+    test/fixtures/parse-oracle.json). Unknown commands and, from 7.23, arguments are reported within the code.
     """
     parser = _parse.Parser(core, _parse.TextPart(text), only_code=True)
     codes: list[str] = []

@@ -1,4 +1,4 @@
-"""A console session of an emulated router: prompts, lines, Ctrl+X, safe mode, what other sessions notice.
+"""A console session of an emulated router: prompts, lines, Ctrl+X, safe mode, messages to other sessions.
 
 Sources: Manual, Command Line Interface; Manual, Configuration Management: Safe Mode.
 """
@@ -30,7 +30,7 @@ _QUITS = ("quit", "/quit")
 
 @dataclass(frozen=True, slots=True)
 class ConsoleReply:
-    """What the console answers: lines, whether the line failed, and how it goes on."""
+    """Response of the console: text, success, and how the session continues."""
 
     text: str = ""
     has_failed: bool = False
@@ -47,7 +47,7 @@ class ConsoleReply:
 def handle_line(
     core: Core, caller: Caller, line: str, *, width: int | None = None, is_confirmed: bool = False
 ) -> ConsoleReply:
-    """Run a line where the caller's prompt stands, and move the prompt if the line was a path."""
+    """Run a line at the caller's prompt; a path moves the prompt to its menu."""
     command = line.strip()
     if width is not None and not is_confirmed and _REBOOT.fullmatch(command):
         return ConsoleReply(asks=REBOOT)
@@ -65,7 +65,7 @@ def handle_line(
 
 
 def prompt(core: Core, caller: Caller) -> str:
-    """`[user@identity] /menu> `; version 6 writes the menu with spaces."""
+    """Return the prompt `[user@identity] /menu> `; version 6 writes the menu with spaces."""
     identity = core.store.table("/system/identity")
     name = core.store.text(identity, identity.items[0], "name") or ""
     menu = core.menus.get(caller.number, "/")
@@ -76,12 +76,12 @@ def prompt(core: Core, caller: Caller) -> str:
 
 
 def holds(core: Core, caller: Caller) -> bool:
-    """Tell whether this session holds safe mode."""
+    """Return whether this session holds safe mode."""
     return core.history.holder is not None and core.history.holder.number == caller.number
 
 
 def safe_key(core: Core, caller: Caller, choice: str) -> ConsoleReply:
-    """Take safe mode, release it, or ask what to do about somebody else's."""
+    """Take or release safe mode, or ask what to do about another session's."""
     history = core.history
     if holds(core, caller):
         history.release()
@@ -108,19 +108,19 @@ _DEFAULTS_OFF = """/ip dns set allow-remote-requests=no
 
 
 class ConsoleBackend:
-    """What `Device` adds for consoles."""
+    """Console functions of `Device`."""
 
     _core: Core
 
     def tick(self) -> None:
-        """Do what has become due."""
+        """Process everything that is due."""
         raise NotImplementedError
 
     def type(self, caller: Caller, line: str, *, width: int | None = None, is_confirmed: bool = False) -> ConsoleReply:
         """Run one line in the caller's console session.
 
-        `width` is his screen's, in columns; None is the exec channel's. `is_confirmed`: its question was answered with
-        yes. A line that nobody can answer (exec, scripts) asks nothing.
+        `width`: screen width in columns; None for the exec channel. `is_confirmed`: the confirmation question was
+        answered with yes. A line that cannot be confirmed (exec, scripts) asks no question.
         """
         self.tick()
         reply = handle_line(self._core, caller, line, width=width, is_confirmed=is_confirmed)
@@ -128,48 +128,48 @@ class ConsoleBackend:
         return reply
 
     def prompt(self, caller: Caller) -> str:
-        """The console's prompt, e.g. `[admin@MikroTik] /ip/address> `; `<SAFE>` ends it while he holds safe mode."""
+        """Return the prompt, e.g. `[admin@MikroTik] /ip/address> `; in safe mode it ends with `<SAFE>`."""
         return prompt(self._core, caller)
 
     def safe_key(self, caller: Caller, choice: str = "") -> ConsoleReply:
-        """Ctrl+X or F4: take or release safe mode; `choice` (u, r or d) answers the question about another's hold."""
+        """Handle Ctrl+X or F4: take or release safe mode; `choice` (u, r or d) resolves another session's hold."""
         self.tick()
         reply = safe_key(self._core, caller, choice)
         emit(self._core)
         return reply
 
     def keep(self, caller: Caller) -> None:
-        """`/quit`: the session ends, and what it did in safe mode stays (Manual, Configuration Management)."""
+        """Handle `/quit`: the session ends and keeps its safe-mode changes (Manual, Configuration Management)."""
         if holds(self._core, caller):
             self._core.history.release()
 
     def notices(self, caller: Caller) -> list[str]:
-        """What the console tells this session without being asked; each is handed out once."""
+        """Return and remove the pending messages for this session."""
         local = [text for number, text in self._core.notices if number == caller.number]
         self._core.notices = [notice for notice in self._core.notices if notice[0] != caller.number]
         return local
 
     def again(self, caller: Caller) -> Caller:
-        """Another session of the same login: SSH opens one for each of its channels."""
+        """Open another session of the same login: SSH has one for each channel."""
         another = replace(caller, number=self._core.number(), since=self._core.now())
         self._core.sessions[another.number] = another
         return another
 
     def at_least(self, version: str) -> bool:
-        """Does it run `version` or a newer one."""
+        """Return whether the router runs `version` or a newer one."""
         return self._core.schema.at_least(version)
 
     def settings(self, menu: str) -> dict[str, str]:
-        """The values of a menu without rows."""
+        """Return the values of a settings menu."""
         table = self._core.store.table(menu)
         return {name: self._core.store.text(table, table.items[0], name) or "" for name in table.args}
 
     # --- a first login ---------------------------------------------------------------------------------------------
 
     def greetings(self, caller: Caller) -> tuple[str, ...]:
-        """What the console still has to ask this one: `licence`, `default-configuration`, `password`.
+        """Return pending login questions: `licence`, `default-configuration`, `password`.
 
-        Whoever has an empty password is asked for a new one at every login (tik4net, Docs/findings-cli.md).
+        A user with an empty password is asked for a new one at every login (tik4net, Docs/findings-cli.md).
         """
         questions = self._core.greetings
         users = self._core.store.table("/user")
@@ -181,15 +181,15 @@ class ConsoleBackend:
         return (*questions, "password") if empty and "password" not in questions else questions
 
     def finish_greeting(self, question: str) -> None:
-        """The question needs not be asked again."""
+        """Mark a login question as answered."""
         self._core.greetings = tuple(greeting for greeting in self._core.greetings if greeting != question)
 
     def default_configuration(self) -> str:
-        """What the factory put on it, as text."""
+        """Return the factory configuration as text."""
         return default_configuration(self._core.spec)
 
     def remove_defaults(self, caller: Caller) -> None:
-        """Take the default configuration away (`r` at the first login)."""
+        """Remove the default configuration (`r` at the first login)."""
         self.tick()
         store = self._core.store
         for path, table in list(store.tables.items()):
@@ -201,7 +201,7 @@ class ConsoleBackend:
         run_script(self._core, caller, _DEFAULTS_OFF)
 
     def set_password(self, caller: Caller, password: str) -> str:
-        """Give the caller a new password; the console's refusal, or nothing."""
+        """Set the caller's password; return the console's error, or an empty string."""
         self.tick()
         line = f"/user set [find name={quote(caller.user)}] password={quote(password)}"
         return run_line(self._core, caller, line, "/")[0].error or ""

@@ -1,7 +1,7 @@
-"""The table of menus that the twin models in depth, and how it treats all the others.
+"""Menus modelled in depth, and the defaults for all others.
 
-A menu of the command tree that has no row here takes and prints every argument as text, yes/no arguments excepted:
-names are checked by the tree, values hardly. `EmulatedMenu.modelled` says which case it is.
+A menu of the command tree that has no row here takes and prints every argument as text, except for yes/no arguments:
+names are checked by the tree, values hardly. `EmulatedMenu.modelled` distinguishes both.
 """
 
 from __future__ import annotations

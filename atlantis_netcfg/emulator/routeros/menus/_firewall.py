@@ -89,7 +89,7 @@ _COMMON = (
 
 
 def _rules(path: str, noun: str, *further: _model.Arg) -> _model.EmulatedMenu:
-    """Make a table of rules: arguments of its own, those of every rule, and the matchers."""
+    """Build a menu of firewall rules: its own arguments, common ones, and matchers."""
     schema_arguments = schema.MENUS[path].by_name if path in schema.MENUS else {}
     action = _model.Arg("action", values.Choice(offered_values(path, "action")), "accept", always=True)
     local = (

@@ -1,7 +1,7 @@
-"""Menus that the table does not model: what the command tree says of them, and no more.
+"""Menus that are not modelled: only the knowledge of the command tree.
 
-Values: where the console of 7.21.5 offered several words for an argument, those are all it takes, but for the arguments
-of which the list itself shows that it is only a part (numbers, addresses and names of rows are never offered in full).
+Values: if the console of 7.21.5 offered several words for an argument, only those are accepted, except where the list
+is clearly incomplete (numbers, addresses and row names are never offered in full).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _NAMES_REPEAT = ("/ip/smb/shares", "/ip/smb/users", "/routing/bgp/connection", "
 
 @dataclass(frozen=True, slots=True)
 class BuiltIn:
-    """Rows that a factory-new router has in a menu which the table does not model."""
+    """Factory rows of a menu that is not modelled."""
 
     rows: tuple[dict[str, str], ...]
     since: str = "7.0"
@@ -94,7 +94,7 @@ _OF_THE_BOARD = ("/app", "/disk", "/system/console", "/system/leds")
 
 
 def generic(schema: Schema, path: str) -> _model.EmulatedMenu:
-    """Make the menu of a path that the command tree has."""
+    """Build a menu from the command tree."""
     names = schema.arguments(path, "add") | schema.arguments(path, "set")
     built_in = BUILT_IN.get(path)
     factory = built_in.rows if built_in is not None and schema.at_least(built_in.since) else ()
@@ -120,7 +120,7 @@ def generic(schema: Schema, path: str) -> _model.EmulatedMenu:
 
 
 def unmodelled_arguments(path: str, names: frozenset[str]) -> tuple[_model.Arg, ...]:
-    """Make the arguments of these names: their values are taken as they come."""
+    """Build arguments whose values are not checked."""
     return tuple(
         _EVERYWHERE.get(name)
         or _model.Arg(name, _kind(path, name), secret=name.endswith(_SECRETS), never=(path, name) in _NEVER)

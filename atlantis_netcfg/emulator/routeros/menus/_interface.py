@@ -30,7 +30,7 @@ _SPEEDS = ("10Mbps", "100Mbps", "1Gbps", "2.5Gbps", "5Gbps", "10Gbps")
 
 @dataclass(frozen=True, slots=True)
 class OldWords:
-    """Words of an argument that got other names in version `until`; `is_complete`: before that there were no others."""
+    """Keywords renamed in version `until`; `is_complete`: there were no others before."""
 
     until: str
     old: tuple[str, ...]

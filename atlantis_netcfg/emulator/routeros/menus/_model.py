@@ -1,7 +1,7 @@
-"""How a row of the table of menus looks, and how it is made of the engine's schema (routeros/menus).
+"""Model of a menu, built from the engine's schema (routeros/menus).
 
-Names, shapes and defaults stand in the schema alone, which is held against the published command trees. What is added
-here is what a device does: which values it takes, what it computes, what it refuses.
+Names, shapes and defaults are only in the schema, which is checked against the published command trees. The model adds
+the device's behaviour: accepted values, computed values, and errors.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Shape(StrEnum):
-    """Kinds of menus, as their commands tell them apart."""
+    """Kinds of menus, distinguished by their commands."""
 
     LIST = "list"
     """Rows that can be added."""
@@ -30,7 +30,7 @@ class Shape(StrEnum):
 
 
 class Select(StrEnum):
-    """How an export names a row that it cannot add."""
+    """How an export refers to a row that cannot be added."""
 
     DEFAULT_NAME = "default-name"
     """`set [ find default-name=ether1 ]`"""
@@ -66,7 +66,7 @@ class Arg:
 
 @dataclass(frozen=True, slots=True)
 class Unique:
-    """No two rows may agree in these arguments (rows that lack one of them do not count)."""
+    """Arguments that must be unique in combination; rows without one of them are ignored."""
 
     arguments: tuple[str, ...]
     words: str
@@ -76,7 +76,7 @@ class Unique:
 
 @dataclass(frozen=True, slots=True)
 class EmulatedMenu:
-    """One menu: what its rows hold, how they are told apart, and what a factory-new router has in it."""
+    """A menu: contents of its rows, their identity, and its factory rows."""
 
     path: str
     shape: Shape
@@ -151,10 +151,10 @@ def of_schema(
     without: Iterable[str] = (),
     **rest: Any,  # noqa: ANN401 - fields of Menu
 ) -> EmulatedMenu:
-    """Make a menu of the engine's schema.
+    """Build a menu from the engine's schema.
 
-    `kinds` says which values a device takes; `local` are arguments that the schema lacks or of which the emulator
-    knows more than kind and default; `without` are those of the schema that no emulated router has.
+    `kinds`: accepted values of arguments; `local`: arguments that the schema lacks, or that the emulator models in more
+    detail; `without`: arguments of the schema that no emulated router has.
     """
     menu, narrower = schema.MENUS[path], kinds or {}
     args = {

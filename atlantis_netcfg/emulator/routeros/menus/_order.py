@@ -1,4 +1,4 @@
-"""The order of sections in an export, as RouterOS 7.18 and 7.19 print them; menus that stand nowhere here come last."""
+"""Order of sections in an export of RouterOS 7.18 and 7.19; unlisted menus come last."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Arguments that name rows of other menus, as the offers of the recorded router's console tell them apart.
+"""Arguments that reference rows of other menus, derived from the recorded router's completions.
 
-Where the words offered for an argument are the names of all rows of one menu, it names rows of that menu. Where they
-are those of several menus, its own name tells which one (`profile` of `/ip/hotspot/user`: `/ip/hotspot/user/profile`).
+If the words offered for an argument are the names of all rows of one menu, it references rows of that menu. If they are
+those of several menus, its own name decides (`profile` of `/ip/hotspot/user`: `/ip/hotspot/user/profile`).
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ _SPACES = {"/routing/table": "table"}
 
 
 def references(path: str, name: str) -> Refs | None:
-    """Return what an argument takes that names one row or several, and None for every other."""
+    """Return the type of an argument that references one or more rows, else None."""
     target = reference(path, name)
     # Queues of both directions: `queue=up/down` (exports of `/queue/simple`).
     return Refs(target, between="/" if target.spaces == (_QUEUES,) else ",") if target is not None else None
 
 
 def reference(path: str, name: str) -> Ref | None:
-    """Return what an argument takes that names one row, and None for every other."""
+    """Return the type of an argument that references one row, else None."""
     words = frozenset(schema.offered_values(path, name))
     interfaces, lists = words & schema.recorded_rows()[_INTERFACE], words & schema.recorded_rows()[_LIST]
     # Addresses are offered with the interfaces that may follow them, `lo` among them.
@@ -44,7 +44,7 @@ def reference(path: str, name: str) -> Ref | None:
 
 
 def names_rows(path: str, name: str) -> bool:
-    """Tell whether rows, files or devices of the recorded router stand among the words offered for an argument."""
+    """Return whether an argument's offered values include rows, files or devices of the recorded router."""
     devices = schema.recorded_rows()[_INTERFACE].union(*(schema.recorded_rows()[menu] for menu in _DEVICES))
     return bool(schema.menus_named(path, name)) or not devices.isdisjoint(schema.offered_values(path, name))
 
@@ -60,7 +60,7 @@ def _menu(path: str, name: str) -> str | None:
 
 
 def _alike(menu: str, name: str) -> int:
-    """Count the words of a path with which a name ends: 2 of `/ip/hotspot/user/profile` for `trial-user-profile`."""
+    """Return how many path words a name ends with: 2 of `/ip/hotspot/user/profile` for `trial-user-profile`."""
     parts = menu.strip("/").split("/")
     return sum(name.removesuffix("s").endswith("-".join(parts[start:])) for start in range(len(parts)))
 

@@ -1,7 +1,7 @@
-"""`/interface/wifi`: radios of `wifi-qcom` and its kin, with the profiles from which they inherit.
+"""`/interface/wifi`: radios of `wifi-qcom` and similar packages, with the profiles from which they inherit.
 
-Words are those that the console of 7.21.5 offers. Nothing has a default in a row: what is not given is inherited
-(Manual, WiFi, Configuration profiles; see radio/_read.py). `aaa.*`, `interworking.*`, `steering.*` are texts.
+Keywords are those that the console of 7.21.5 offers. Rows have no defaults: unset values are inherited (Manual, WiFi,
+Configuration profiles; see radio/_read.py). `aaa.*`, `interworking.*`, `steering.*` are texts.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _EXISTS = _model.Unique(("name",), "failure: item with such name already exists"
 
 
 def _choices(menu: str, names: str, *, several: bool = False) -> dict[str, values.ValueType]:
-    """Map arguments to the words that the console offers for them."""
+    """Map arguments to the values that the console offers."""
     words_by_name = {
         name: tuple(word.strip('"') for word in offered_values(f"/interface/wifi/{menu}", name))
         for name in names.split()
@@ -77,7 +77,7 @@ _INHERITED_ARGS = tuple(
 
 
 def _inside(*profiles: str) -> dict[str, values.ValueType]:
-    """Name a profile's properties as rows above it do (`channel.width`), with the profile's own name before them."""
+    """Return a profile's properties with prefix, as rows use them (`channel.width`), and the profile's name."""
     profile_refs: dict[str, values.ValueType] = {profile: values.Ref((f"wifi-{profile}",)) for profile in profiles}
     return profile_refs | {f"{profile}.{name}": kind for profile in profiles for name, kind in _KINDS[profile].items()}
 

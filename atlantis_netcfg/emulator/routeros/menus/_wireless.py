@@ -1,7 +1,7 @@
 """`/interface/wireless`: radios of the package `wireless`, their security profiles, connect and access lists.
 
-Values and defaults: Manual, Wireless Interface. Properties that the twin's radios do not obey (rates, retries, WDS,
-802.11u ...) are texts. The factory's row of a radio holds what the manual leaves to the card: band, frequency, SSID.
+Values and defaults: Manual, Wireless Interface. Properties without effect on emulated radios (rates, retries, WDS,
+802.11u ...) are texts. A radio's factory row has the values that depend on the card: band, frequency, SSID.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What an emulated router does with packets: ports and addresses, routes, firewall, netwatch."""
+"""Packet handling of an emulated router: ports and addresses, routes, firewall, netwatch."""

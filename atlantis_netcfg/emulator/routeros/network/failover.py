@@ -1,20 +1,20 @@
-"""What a router watches by itself: `check-gateway` of routes, and `/tool/netwatch` with its scripts.
+"""Probes of the router: `check-gateway` of routes, and `/tool/netwatch` with its scripts.
 
 Parity. Documented (Manual, IP Routing; Manual, Netwatch; the manual of version 2, Netwatch, for `unknown`):
 
-* `check-gateway` asks every 10 s, waits 1 s, gives a next hop up after 2 misses and takes it back at the first answer;
-  from 7.21 `/routing/settings` has other numbers. It belongs to the next hop: all routes by it share its fate.
+* `check-gateway` probes every 10 s, waits 1 s, marks a next hop dead after 2 misses and alive at the first response;
+  from 7.21 `/routing/settings` has other numbers. The state belongs to the next hop and applies to all its routes.
 * Netwatch: a test begins every `interval`; `simple` sends one packet, `icmp` sends `packet-count` of them,
-  `packet-interval` apart; `timeout` bounds the waiting. A status that becomes `up` or `down`, from `unknown` too, runs
+  `packet-interval` apart; `timeout` limits the wait. A status that becomes `up` or `down`, from `unknown` too, runs
   its script; every test ends with the `test-script`. A row that was set, enabled or disabled is `unknown` and begins
   anew after `start-delay`; after a start of the router `startup-delay` comes before that. Scripts run as `*sys` with
-  the policies read, write, test and reboot; `sent-count` and `response-count` are variables of theirs.
+  the policies read, write, test and reboot; they have the variables `sent-count` and `response-count`.
 
-To be seen on a device: the rhythm counts from the beginning of a test; a test whose last packet is answered
-ends with it; the state's script runs before the test's script; `start-delay` is added to `startup-delay`; several rows
-may have one host; a disabled row stops at once; a next hop that cannot be resolved is not asked and not given up; `arp`
-keeps the same time as `ping`. Round trips take no time here, so no threshold but the loss is ever passed. Types of
-probes other than `simple` and `icmp` stay `unknown`.
+Assumed, to be checked on a device: the interval counts from the beginning of a test; a test ends with the response to
+its last packet; the state's script runs before the test's script; `start-delay` is added to `startup-delay`; several
+rows may have one host; a disabled row stops at once; an unresolvable next hop is neither probed nor marked dead; `arp`
+has the same timing as `ping`. Round trips take no time here, so that only the loss threshold is ever exceeded. Types
+of probes other than `simple` and `icmp` stay `unknown`.
 
 Assumption: netwatch-rhythm
 Assumption: failover-recursion
@@ -42,14 +42,14 @@ _TYPES = ("simple", "icmp")
 
 
 def next_watch(core: Core) -> float | None:
-    """When, on the core's `now`, something is to be sent or given up; None if nothing is watched."""
+    """Return when the next probe or timeout is due, on the core's `now`; None without probes."""
     _align(core, core.now())
     moments = [each.at for each in core.watched.rows.values()]
     return min([*moments, *(each.at for each in core.watched.gateways.values())], default=None)
 
 
 def watch(core: Core) -> None:
-    """Do everything that has become due, in its order and each at its own time, however late we look."""
+    """Process all due probes in order, each at its own time, even if called late."""
     now = core.now()
     while (due := next_watch(core)) is not None and due <= now:
         hop = next((hop for hop, each in core.watched.gateways.items() if each.at == due), None)
@@ -62,7 +62,7 @@ def watch(core: Core) -> None:
 
 
 def _align(core: Core, at: float) -> None:
-    """Begin with what is new in the configuration, forget what has gone."""
+    """Start probes that are new in the configuration, and drop removed ones."""
     watch_state = core.watched
     if watch_state.revision == core.store.revision:
         return
@@ -98,7 +98,7 @@ def _span(core: Core, table: Table, item: StoredItem, name: str) -> float:
 
 
 def _checked_hops(core: Core) -> set[IPv4Address]:
-    """Return the next hops that enabled routes have watched; those that are interfaces cannot be."""
+    """Return the next hops of enabled routes with `check-gateway`; interfaces cannot be checked."""
     table = core.store.table(_ROUTES)
     result = set()
     for item in table.items:
@@ -113,7 +113,7 @@ def _checked_hops(core: Core) -> set[IPv4Address]:
 
 
 def _check(core: Core, what: str) -> float:
-    """Return one of the numbers of `check-gateway`: of the settings where the version has them."""
+    """Return a number of `check-gateway`, from the settings if the version has them."""
     defaults = {"interval": 10.0, "timeout": 1.0, "count": 2.0}
     name = f"check-gateway-ping-{what}"
     table = core.store.table(_SETTINGS) if core.schema.has_menu(_SETTINGS) else None
@@ -151,7 +151,7 @@ def _bury(core: Core, dead: frozenset[IPv4Address]) -> None:
 
 
 def _test(core: Core, number: int, row: NetwatchState) -> None:
-    """Send the next packet, or see that the last ones are not answered any more."""
+    """Send the next packet, or finish the test after the timeout."""
     table = core.store.table(_ROWS)
     item = table.find(number)
     if item is None:
@@ -181,7 +181,7 @@ def _has_answer(core: Core, table: Table, item: StoredItem) -> bool:
 
 
 def _finish(core: Core, table: Table, item: StoredItem, row: NetwatchState) -> None:
-    """End a test: tell what it has shown, run what hangs on it, and wait for the next one."""
+    """Finish a test: update the status, run its scripts, and schedule the next one."""
     end = row.at
     loss_percent = 100 * (row.sent_count - row.answer_count) / row.sent_count
     limit = core.store.text(table, item, "thr-loss-percent") if row.sent_count > 1 else None
@@ -202,7 +202,7 @@ def _finish(core: Core, table: Table, item: StoredItem, row: NetwatchState) -> N
 
 
 def _is_ignored(core: Core, table: Table, item: StoredItem, row: NetwatchState, status: str) -> bool:
-    """From 7.17 the first status may be told not to run its script."""
+    """Return whether the script of the first status is suppressed (from 7.17)."""
     return row.test_count == 1 and core.store.text(table, item, f"ignore-initial-{status}") == "yes"
 
 

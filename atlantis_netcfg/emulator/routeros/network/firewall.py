@@ -1,7 +1,7 @@
-"""One packet through one chain (Manual, Packet Flow; Manual, Filter).
+"""Pass one packet through one chain (Manual, Packet Flow; Manual, Filter).
 
-A matcher that depends on traffic or content (`limit`, `content`, `layer7-protocol`, ...) cannot be decided here. A rule
-that has one is taken at its worst: it matches if it would drop, and does not match if it would let the packet through.
+A matcher that depends on traffic or content (`limit`, `content`, `layer7-protocol`, ...) cannot be evaluated here. Its
+rule is assumed to behave in the worst way: it matches if it would drop, and does not match if it would accept.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _NUMBERS = {"icmp": "1", "tcp": "6", "udp": "17"}
 
 
 class PacketVerdict(Enum):
-    """What a chain says of a packet; FALL: nothing, it reached the end."""
+    """Result of a chain for a packet; FALL: no rule decided."""
 
     ACCEPT = "accept"
     DROP = "drop"
@@ -35,7 +35,7 @@ class PacketVerdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A packet at the router. Interfaces are ids; a bridge and the port behind it may both be known."""
+    """A packet at the router. Interfaces are ids; both a bridge and its port may be known."""
 
     src: IPv4Address
     dst: IPv4Address
@@ -53,7 +53,7 @@ class Packet:
 def walk(  # noqa: PLR0913 - one packet, and where it is
     topology: Topology, path: str, chain: str, packet: Packet, depth: int = 0, *, matched_ids: list[int] | None = None
 ) -> PacketVerdict:
-    """Follow a chain and the chains that it jumps to; the ids of the rules that matched are added to `matched_ids`."""
+    """Evaluate a chain and its jumps; ids of matched rules are appended to `matched_ids`."""
     table = topology.store.table(path)
     for item in table.items:
         if not _in_force(topology, table, item, chain) or not _matches(topology, table, item, packet):
@@ -92,7 +92,7 @@ def _matches(topology: Topology, table: Table, item: StoredItem, packet: Packet)
 
 
 def _decide(topology: Topology, name: str, stored_value: str, packet: Packet) -> bool | None:
-    """Tell whether one matcher fits; None: that cannot be known."""
+    """Return whether a matcher applies; None: unknown."""
     is_negated, plain = stored_value.startswith("!"), stored_value.removeprefix("!")
     value = spell(plain, topology.store)
     verdict = _decide_plain(topology, name, plain, value, packet)
@@ -115,7 +115,7 @@ def _decide_plain(topology: Topology, name: str, stored_value: str, value: str, 
 
 
 def _of_packet(topology: Topology, name: str, value: str, field: IPv4Address | str) -> bool:
-    """Compare the packet's state, protocol or one of its addresses."""
+    """Compare state, protocol or an address of the packet."""
     if isinstance(field, str):
         return field in value.split(",") or _NUMBERS.get(field) == value
     if name in _ADDRESSES:
@@ -198,7 +198,7 @@ def _within(address: IPv4Address, value: str) -> bool:
 
 
 def _in_address_list(topology: Topology, name: str, address: IPv4Address) -> bool:
-    """Entries that are DNS names hold no address here: the twin resolves nothing."""
+    """Return whether an address is in a list; DNS names match nothing, because nothing is resolved."""
     store, table = topology.store, topology.store.table("/ip/firewall/address-list")
     for item in table.items:
         value = store.text(table, item, "address") or ""

@@ -1,8 +1,8 @@
-"""The management path: does a packet from the technician still arrive, and does the answer come back.
+"""The management path: whether a packet of the technician arrives, and its response returns.
 
-The walk is the router's, not the planner's: written from the packet flow of the manual (Manual, Packet Flow), so that
-what the planner believes about a plan is judged by somebody else. It is cautious: an address on a port that has become
-a bridge's slave does not answer, and NAT rules that would take the packet elsewhere close the path.
+It is written from the packet flow of the manual (Manual, Packet Flow), independently of the planner, so that it can
+check the planner's assumptions. It is cautious: an address on a bridge port does not respond, and NAT rules that
+redirect the packet close the path.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _FILTER, _RAW, _NAT = "/ip/firewall/filter", "/ip/firewall/raw", "/ip/firewall/n
 def path_open(  # noqa: PLR0913 - one packet's two ends
     core: Core, caller: str, local: str, service: str, *, is_established: bool, plug: str | None = None
 ) -> bool:
-    """Walk a packet in and its answer out; for a new session the connection's later packets have to pass as well.
+    """Return whether a packet and its response pass; for a new session also the packets that follow.
 
-    `plug`: factory name of the port that the caller's cable is in; the management port if left out.
+    `plug`: factory name of the port of the caller's cable; by default the management port.
     """
     topology = core.topology
     port = _service_port(core, service)
@@ -55,7 +55,7 @@ def path_open(  # noqa: PLR0913 - one packet's two ends
 
 
 def _port(core: Core, plug: str) -> int | None:
-    """Return the interface of a socket or radio by its factory name, however it is called now."""
+    """Return the interface with this factory name, even if renamed."""
     interface = core.topology.factory(plug)
     return None if interface is None else interface.id
 
@@ -69,14 +69,14 @@ def _service_port(core: Core, service: str) -> int | None:
 
 
 def _on(core: Core, service: str) -> bool:
-    """Tell whether the service is on: whom its `address=` turns away is told so after the packet has arrived."""
+    """Return whether the service is enabled; its `address=` is checked only after the packet has arrived."""
     table = core.store.table("/ip/service")
     item = next(item for item in table.items if core.store.text(table, item, "name") == service)
     return core.store.text(table, item, "disabled") != "yes" and core.store.target(table, item, "vrf") in (None, MAIN)
 
 
 def _receives(core: Core, entry: int, interface: int, dst: IPv4Address) -> bool:
-    """Tell whether the router has the address where the packet comes in, and answers ARP for it there."""
+    """Return whether packets from `entry` reach the address on that interface, and ARP is answered there."""
     topology = core.topology
     here = [local for local in topology.locals if local.works and local.address.ip == dst and local.on == interface]
     return bool(here) and _arp(topology, interface) and (entry == interface or _reaches_bridge(core, entry, interface))
@@ -89,7 +89,7 @@ def _arp(topology: Topology, interface: int) -> bool:
 
 
 def _reaches_bridge(core: Core, entry: int, bridge: int) -> bool:
-    """Tell whether untagged frames get from the port to the bridge itself."""
+    """Return whether untagged frames pass from the port to the bridge itself."""
     store = core.store
     bridges = store.table("/interface/bridge")
     bridge_item = bridges.find(bridge)
@@ -127,12 +127,12 @@ def _round_trip(topology: Topology, packet: firewall.Packet) -> bool:
 
 
 def _is_redirected(topology: Topology, packet: firewall.Packet) -> bool:
-    """Tell whether dstnat would send the first packet somewhere else."""
+    """Return whether dstnat redirects the first packet."""
     return firewall.walk(topology, _NAT, "dstnat", packet) is firewall.PacketVerdict.DROP
 
 
 def route_to(topology: Topology, dst: IPv4Address, src: IPv4Address | None) -> int | None:
-    """Return the interface by which the router itself sends to `dst`, by routing rules and tables; None: no way."""
+    """Return the outgoing interface for `dst`, by routing rules and tables; None: no route."""
     rules = topology.store.table("/routing/rule")
     for item in _in_order(topology, rules):
         if item is None:
@@ -154,7 +154,7 @@ def route_to(topology: Topology, dst: IPv4Address, src: IPv4Address | None) -> i
 
 
 def _in_order(topology: Topology, rules: Table) -> Iterator[StoredItem | None]:
-    """Yield rules chain by chain, as `policy-rules` has them from 7.22 on; None stands for table main."""
+    """Yield rules in the chain order of `policy-rules` (from 7.22 on); None is table main."""
     # Table main has its turn, too. Assumption: routing-rule-chains
     store = topology.store
     table = store.table("/routing/settings")
@@ -184,14 +184,14 @@ def _first_hop(topology: Topology, dst: IPv4Address, table: int, least: int) -> 
 
 
 def answers(core: Core, target: IPv4Address, source: str | None) -> bool:
-    """Tell whether an echo request of the router's reaches somebody who answers, and the answer is let in."""
+    """Return whether an echo request reaches a responding host, and the response passes."""
     if core.topology.is_local(target):
         return True
     return str(target) in core.spec.answering and receives(core, target, source)
 
 
 def receives(core: Core, target: IPv4Address, source: str | None) -> bool:
-    """Tell whether an echo request gets out and its answer in, taking it that whoever is not silent answers."""
+    """Return whether an echo request and its response pass, assuming that every non-silent host responds."""
     topology = core.topology
     if target in core.silent:
         return False

@@ -1,9 +1,9 @@
-"""What the configuration amounts to on the network: interfaces, who is whose slave, addresses, lists, active routes.
+"""Network state of a configuration: interfaces, bridge ports, addresses, lists, active routes.
 
-Links are up on every enabled Ethernet port and on radios that found another one, a bridge runs as soon as it is
-enabled, a tunnel never comes up, and every gateway that is reachable on link answers, unless it is among the `dead`, of
-which `check-gateway` has heard nothing (see failover.py). Sources: Manual, Bridging and Switching; Manual, IP Routing
-("Nexthop lookup": scope and target-scope); Manual, Interface Lists.
+Links are up on every enabled Ethernet port and on radios with a peer. A bridge runs as soon as it is enabled, and a
+tunnel only if its server accepts it. Every gateway reachable on a link responds, unless `check-gateway` has marked it
+`dead` (see failover.py). Sources: Manual, Bridging and Switching; Manual, IP Routing ("Nexthop lookup": scope and
+target-scope); Manual, Interface Lists.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _DEEPEST = 8
 
 @dataclass(slots=True)
 class Interface:
-    """An interface of any kind; `master` is the bridge whose port it is."""
+    """An interface of any kind; `master` is its bridge, if it is a bridge port."""
 
     id: int
     name: str
@@ -43,7 +43,7 @@ class Interface:
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """An address of the router; `on` is the interface as configured, `actual` where it works (the bridge of a port)."""
+    """An address of the router; `on`: the configured interface, `actual`: the effective one (a port's bridge)."""
 
     item: int
     address: IPv4Interface
@@ -55,7 +55,7 @@ class Local:
 
 @dataclass(slots=True)
 class Route:
-    """A route with what the routing decision made of it; `hops` are (gateway address or None, interface)."""
+    """A route with its routing state; `hops` are (gateway address or None, interface)."""
 
     item: int
     destination: IPv4Network
@@ -75,12 +75,12 @@ class Route:
 
 
 class Topology:
-    """Computed once per revision of the store."""
+    """Network state, computed once per revision of the store."""
 
     def __init__(
         self, store: RowStore, linked_radios: frozenset[int] = frozenset(), dead: frozenset[IPv4Address] = frozenset()
     ) -> None:
-        """`linked_radios`: radios connected to another one; `dead`: gateways that `check-gateway` gave up."""
+        """Compute the state; `linked_radios`: radios and tunnels with a peer, `dead`: gateways marked as dead."""
         self.store = store
         self._linked = linked_radios
         self._dead = dead
@@ -116,7 +116,7 @@ class Topology:
                     self.interfaces[port].master = bridge
 
     def port_members(self, item: StoredItem) -> list[int]:
-        """Return the interfaces that a bridge port row stands for: one, or those of a list."""
+        """Return the interfaces of a bridge port row: one, or those of a list."""
         targets = list(references(item.values.get("interface", "")))
         return [
             member
@@ -127,7 +127,7 @@ class Topology:
         ]
 
     def is_in_list(self, list_id: int, interface: int, depth: int = 0) -> bool:
-        """Tell whether an interface belongs to an interface list."""
+        """Return whether an interface belongs to an interface list."""
         if list_id in (_ALL, _STATIC):
             return True
         if list_id in (_NONE, _DYNAMIC) or depth > _DEEPEST:
@@ -158,12 +158,12 @@ class Topology:
         return next((interface for interface in self.interfaces.values() if interface.name == name), None)
 
     def name(self, number: int | None) -> str:
-        """Return an interface's name, `*ID` once it has gone."""
+        """Return an interface's name, or `*ID` if it was removed."""
         interface = self.interfaces.get(number or 0)
         return interface.name if interface is not None else f"*{number or 0:X}"
 
     def factory(self, name: str) -> Interface | None:
-        """Return the port or radio with that factory name, however it is called now."""
+        """Return the port or radio with that factory name, even if renamed."""
         for table in self.store.space_tables("interface"):
             for item in table.items:
                 if item.factory is not None and item.factory.get("name") == name:
@@ -171,13 +171,13 @@ class Topology:
         return None
 
     def joins(self, item: str, other: str) -> bool:
-        """Tell whether two ports (factory names) are ports of one bridge, and all three work."""
+        """Return whether two ports (factory names) belong to one bridge, and all three are up."""
         ports = (self.factory(item), self.factory(other))
         masters = {port.master for port in ports if port is not None and self.up(port.id)}
         return None not in ports and len(masters) == 1 and None not in masters
 
     def up(self, number: int | None) -> bool:
-        """Tell whether an interface is there, enabled and running, and its bridge too."""
+        """Return whether an interface exists, is enabled and running, and its bridge too."""
         interface = self.interfaces.get(number or 0)
         if interface is None or not interface.is_enabled:
             return False
@@ -198,7 +198,7 @@ class Topology:
             yield Local(item.id, address, network, on, actual, works)
 
     def is_local(self, address: IPv4Address) -> bool:
-        """Tell whether the router itself has this address."""
+        """Return whether the router itself has this address."""
         return any(local.works and local.address.ip == address for local in self.locals)
 
     # --- routes ----------------------------------------------------------------------------------------------------
@@ -249,7 +249,7 @@ class Topology:
             )
 
     def _decide(self) -> None:
-        """Resolve next hops until nothing changes: a recursive route depends on the routes that are active."""
+        """Resolve next hops repeatedly: a recursive route depends on the active routes."""
         for _ in range(len(self.routes) + 2):
             before = [(route.active, list(route.hops)) for route in self.routes]
             for route in self.routes:
@@ -298,7 +298,7 @@ class Topology:
         least_prefix: int = -1,
         besides: Route | None = None,
     ) -> list[Route]:
-        """Return the active routes of the longest prefix; a blackhole among them is an answer too, with no hops.
+        """Return the active routes of the longest prefix; a blackhole among them counts, without hops.
 
         `least_prefix`: ignore prefixes up to this length (`min-prefix` of a routing rule).
         """

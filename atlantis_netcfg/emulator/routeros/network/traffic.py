@@ -1,7 +1,7 @@
-"""What a router counts of packets: its own pings, and what somebody else has carried in its place.
+"""Packet counters of a router: its own pings, and traffic carried by others.
 
-No packet of the LAN passes through a twin. Who carries some past it (a relay of a rehearsal) says so, and the router
-sends them by its own routing rules and counts them by its own rows: where these lead them elsewhere, they count there.
+No LAN packet passes through an emulated router. Code that carries packets (a relay of a rehearsal) reports them; the
+router applies its routing rules and increases the counters of its rows, even where the rules lead elsewhere.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _FILTER, _MANGLE = "/ip/firewall/filter", "/ip/firewall/mangle"
 
 
 def count_echoes(core: Core, target: IPv4Address, source: str | None, number: int, *, has_answer: bool) -> None:
-    """Count echo requests on their way out, and their answers on their way in; one that is dropped is not sent."""
+    """Count echo requests and their responses; dropped ones are not sent."""
     topology = core.topology
     src = IPv4Address(source) if source else None
     way = route_to(topology, target, src)
@@ -49,10 +49,10 @@ def carry(  # noqa: PLR0913, PLR0917 - a flow, and what passed of it
     up: tuple[int, int],
     down: tuple[int, int],
 ) -> dict[str, Any]:
-    """Count a UDP flow of the LAN, packets and octets each way, and say by which port it went, and whether it passed.
+    """Count a UDP flow of the LAN, packets and octets each way; return its port, and whether it passed.
 
-    Mangle stands before the filter, so what that drops is counted there all the same. The filter is asked about the
-    first packet, and about an answer: whether NAT has touched a later one is not known here.
+    Mangle is before the filter, so that dropped packets are counted there too. The filter is evaluated for the first
+    packet and for a response: whether NAT applies to later ones is not known.
     """
     topology = core.topology
     src, dst = IPv4Address(source), IPv4Address(target)

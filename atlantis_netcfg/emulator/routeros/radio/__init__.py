@@ -1,8 +1,8 @@
-"""The air between two router twins: what their radios are set to, whether they find each other, how strong they hear.
+"""The radio link between two emulated routers: settings, association, and signal levels.
 
-What is modelled is what decides over a link: both radios on, one access point and one `station-bridge` of the same
-driver, protocol, network name, band and width, key, a channel that the country allows, DFS and association times, and
-the distance. Antennas that point elsewhere, rain, tide, interference and throughput are not.
+Modelled is what decides over a link: both radios on, one access point and one `station-bridge` of the same driver,
+protocol, network name, band and width, key, a channel that the country allows, DFS and association times, and the
+distance. Not modelled: antenna alignment, rain, tide, interference and throughput.
 """
 
 from __future__ import annotations

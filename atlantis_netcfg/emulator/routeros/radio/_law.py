@@ -1,9 +1,9 @@
-"""Which channels a country allows, how strong, whether an access point listens for radar, and why two do not agree.
+"""Radio regulation: allowed channels, power and radar checks of a country; and why two radios do not connect.
 
 Europe: `/interface/wifi/radio/reg-info country=Latvia` as the manual prints it (Configuring outdoor CPE to AP links);
 the countries of the CEPT share these rules (ERC/REC 70-03; EN 301 893). `no_country_set` of the older driver is "an FCC
-compliant set of channels" (Manual, Wireless Interface). Of other countries the twin knows nothing, and its radios stay
-silent there, where real ones would not.
+compliant set of channels" (Manual, Wireless Interface). Other countries are unknown: there emulated radios stay silent,
+unlike real ones.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _CEPT = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class RadioRange:
-    """Frequencies with one rule; the power is EIRP."""
+    """A frequency range with one rule; the power is EIRP."""
 
     low_mhz: int
     high_mhz: int
@@ -61,7 +61,7 @@ _UNLAWFUL = (RadioRange(2192, 2732, 40.0), RadioRange(4790, 6110, 40.0))
 def span(frequency_mhz: int, width: str) -> tuple[int, int]:
     """Return the lowest and highest frequency of a channel whose control channel is `frequency_mhz`.
 
-    `C` is the control channel, each `e` 20 MHz more on its side; without letters, or with `X`, they lie above.
+    `C` is the control channel, each `e` 20 MHz more on its side; without letters, or with `X`, they are above it.
     """
     narrow = re.fullmatch(r"(5|10|20)mhz", width)
     if narrow is not None:
@@ -75,7 +75,7 @@ def span(frequency_mhz: int, width: str) -> tuple[int, int]:
 
 
 def within(country: str, frequency_mhz: int, width: str, *, outdoor: bool, lawless: bool = False) -> RadioRange | None:
-    """Return the rule under which a channel may be used; None: it may not."""
+    """Return the rule that allows a channel, or None."""
     if lawless:
         rules: tuple[RadioRange, ...] = _UNLAWFUL
     elif country.lower() in _CEPT:
@@ -98,7 +98,7 @@ def within(country: str, frequency_mhz: int, width: str, *, outdoor: bool, lawle
 
 
 def _end(rules: tuple[RadioRange, ...], rule: RadioRange) -> int:
-    """Return where the ranges that touch this one end."""
+    """Return the end of the adjacent ranges."""
     following = next((other for other in rules if other.low_mhz == rule.high_mhz), None)
     return rule.high_mhz if following is None else _end(rules, following)
 
@@ -107,14 +107,14 @@ _LIGHT_M_S = 299_792_458.0
 
 
 def free_space_loss_db(distance_m: float, frequency_mhz: float) -> float:
-    """Return the loss between two isotropic antennas, never below none."""
+    """Return the loss between two isotropic antennas in dB, at least 0."""
     return max(0.0, 20 * math.log10(4 * math.pi * distance_m * frequency_mhz * 1e6 / _LIGHT_M_S))
 
 
 def signal_dbm(
     sender: _settings.RadioSettings, receiver: _settings.RadioSettings, frequency_mhz: int, air: _settings.Air
 ) -> float:
-    """Return what `receiver` hears of `sender`."""
+    """Return the level at which `receiver` receives `sender`."""
     rule = within(sender.country, frequency_mhz, "20mhz", outdoor=False, lawless=sender.lawless)
     eirp = sender.power_dbm + sender.gain_dbi
     if rule is not None:
@@ -123,7 +123,7 @@ def signal_dbm(
 
 
 def why_not(settings: _settings.RadioSettings, other: _settings.RadioSettings, air: _settings.Air) -> str:
-    """Return why the two are not connected; empty: they agree."""
+    """Return why two radios are not connected; empty if they can connect."""
     return next(_reasons(settings, other, air), "")
 
 
@@ -156,7 +156,7 @@ def _roles(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Ite
 
 
 def why_silent(ap: _settings.RadioSettings, air: _settings.Air) -> str:
-    """Return why an access point does not speak on its channel; empty: it does."""
+    """Return why an access point does not transmit on its channel; empty if it does."""
     low, high = span(ap.channel_mhz, ap.width or "20mhz")
     if not (air.lowest_mhz <= low and high <= air.highest_mhz) or ap.channel_mhz // 1000 != _settings.ghz_of(ap.band):
         return "the radio does not have this channel"
@@ -181,12 +181,12 @@ def _channel(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> I
 
 
 def _key(radio: _settings.RadioSettings, protocol: str) -> tuple[object, ...]:
-    """With nv2 the security profile is not used, but `nv2-security` (Manual, Nv2)."""
+    """Return the credentials; nv2 uses `nv2-security` instead of the security profile (Manual, Nv2)."""
     return (radio.nv2_key,) if protocol == "nv2" else (radio.authentication, radio.passphrase)
 
 
 def _same_secret(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> bool:
-    """One way of authentication in common is enough, with the same passphrase."""
+    """Return whether both have a common authentication type and the same passphrase."""
     if ap.speaks == "nv2":
         return False
     return bool(ap.authentication & station.authentication) and ap.passphrase == station.passphrase

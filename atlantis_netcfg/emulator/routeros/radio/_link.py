@@ -1,9 +1,9 @@
-"""The radio link between two running twins: up while both ends agree, down at once when one of them changes.
+"""The radio link between two running emulated routers: up while both ends match, down at once after a change.
 
-A radio whose settings change starts anew: an access point listens for radar first where that is the law, a station has
-to find it again. What the technician sends to the far end goes through the near end's cable, bridge and radio; while
-the link is down it vanishes, and nobody is told. A far end whose management port is a socket is reached there by a
-cable of its own while its radio is off, as a box is that has only been adopted.
+A radio with changed settings starts anew: an access point first listens for radar if required, and a station must find
+it again. The technician's packets to the far end go through the near end's cable, bridge and radio; while the link is
+down they are lost without notice. While its radio is off, a far end with a wired management port is reached by a
+separate cable, like a device that has only been adopted.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ class _RadioEnd:
         return self.router.device.core
 
     def look(self, now: float) -> None:
-        """See what it is set to now; a router that boots has no radio."""
+        """Update the end's settings; a booting router has no radio."""
         settings = None if self.router.booting else settings_of(self.core, self.radio)
         if settings != self.settings:
             self.settings, self.since = settings, now
 
 
 class RadioLink:
-    """Belongs to the event loop of its twins; both have to be running."""
+    """A radio link in the event loop of its routers; both must be running."""
 
     def __init__(self, pair: _settings.RadioPair, near: EmulatedRouter, far: EmulatedRouter) -> None:
         self.air: _settings.Air = pair.air
@@ -57,34 +57,34 @@ class RadioLink:
         self._carried = False
 
     def start(self) -> None:
-        """Be told by both ends when something changes; links of a freshly started site are up at once if they agree."""
+        """Subscribe to changes of both ends; a new site's links are up at once if the ends match."""
         for end in (self.near, self.far):
             end.router.on_radio(self.look, self._carries if end is self.far else None)
             end.look(float("-inf"))
         self.look()
 
     def stop(self) -> None:
-        """Look no more."""
+        """Stop updating the link."""
         if self._timer is not None:
             self._timer.cancel()
         for end in (self.near, self.far):
             end.router.on_radio(None, None)
 
     def change(self, air: _settings.Air) -> None:
-        """Put other air between the ends."""
+        """Change the radio path between the ends."""
         self.air = air
         self.look()
 
     @property
     def why(self) -> str:
-        """Why it is down, whatever time would bring; empty: it is up, or will be."""
+        """Why the link stays down, regardless of time; empty: it is up, or will be."""
         near, far = self.near.settings, self.far.settings
         if near is None or far is None:
             return "a radio is not there"
         return _law.why_not(near, far, self.air)
 
     def look(self) -> None:
-        """See what has become of the link; tell both ends and everybody who sends over it."""
+        """Update the link, and notify both ends and all senders."""
         now = asyncio.get_running_loop().time()
         for end in (self.near, self.far):
             end.look(now)
@@ -102,7 +102,7 @@ class RadioLink:
                 end.router.regate()
 
     def _due(self) -> float:
-        """When the station is registered: the access point has listened, then the two have met."""
+        """Return when the station is registered: after radar check and association."""
         ends = [(end, end.settings) for end in (self.near, self.far) if end.settings is not None]
         ready = max(end.since + (self._wait(settings) if settings.is_ap else 0.0) for end, settings in ends)
         return ready + self.air.association_s
@@ -122,12 +122,12 @@ class RadioLink:
             self._timer = asyncio.get_running_loop().call_at(min(moments), self.look)
 
     def _listen_ends(self) -> list[float]:
-        """When access points have listened for long enough."""
+        """Return when the access points finish their radar check."""
         ends = (self.near, self.far)
         return [end.since + self._wait(end.settings) for end in ends if end.settings is not None and end.settings.is_ap]
 
     def _carries(self) -> bool:
-        """Tell whether frames get from the technician's cable through the near end into the air and out of it."""
+        """Return whether frames pass from the technician's cable through the near end and the radio link."""
         near = self.near.router
         if self._on_a_cable():
             return True
@@ -136,14 +136,14 @@ class RadioLink:
         )
 
     def _on_a_cable(self) -> bool:
-        """Tell whether the far end, managed at a port, has its radio still off: then somebody has a cable in it."""
+        """Return whether a far end with a wired management port has its radio off, so that a cable is used."""
         far = self.far
         if far.router.spec.management.port == far.radio:
             return False
         return far.settings is None or not far.settings.is_enabled
 
     def _show(self, now: float) -> None:
-        """Let both devices show what their radios see."""
+        """Update the radio status of both devices."""
         for end, other in ((self.near, self.far), (self.far, self.near)):
             radio = radio_item(end.core, end.radio)
             if radio is None or end.settings is None:

@@ -1,4 +1,4 @@
-"""What a router's rows say about one of its radios, inheritance between the profiles of the newer driver included.
+"""Settings of a radio from the router's rows, including inheritance between the newer driver's profiles.
 
 A property's value is that of the interface, else of a profile assigned to the interface, else of its configuration
 profile, else of a profile assigned to that (Manual, WiFi, Configuration profiles).
@@ -29,7 +29,7 @@ _USUAL_REACH_KM = 2.0
 
 
 def radio_item(core: Core, name: str) -> tuple[Table, StoredItem] | None:
-    """Return the row of the radio with this factory name; None if no driver for it is installed."""
+    """Return the row of the radio with this factory name, or None without an installed driver."""
     for path in (LEGACY, WIFI):
         if not core.schema.has_menu(path):
             continue
@@ -41,12 +41,12 @@ def radio_item(core: Core, name: str) -> tuple[Table, StoredItem] | None:
 
 
 def radio_spec(core: Core, name: str) -> Radio:
-    """Return the card behind a radio."""
+    """Return the spec of a radio."""
     return next(radio for radio in core.spec.radios if radio.name == name)
 
 
 def settings_of(core: Core, name: str) -> RadioSettings | None:
-    """Return what the radio with this factory name is set to; None if nothing drives it."""
+    """Return the settings of the radio with this factory name, or None without a driver."""
     radio = radio_item(core, name)
     if radio is None:
         return None
@@ -101,7 +101,7 @@ def _rest(values: Mapping[str, str]) -> frozenset[tuple[str, str]]:
 
 
 def _keys(store: RowStore, table: Table, profile: StoredItem) -> Mapping[str, str]:
-    """Return the ways of authentication of a profile with their keys; none: an open network."""
+    """Return a profile's authentication types with their keys; empty: an open network."""
     if store.text(table, profile, "mode") != "dynamic-keys":
         return {}
     kinds = [kind for kind in (store.text(table, profile, "authentication-types") or "").split(",") if kind]
@@ -110,9 +110,9 @@ def _keys(store: RowStore, table: Table, profile: StoredItem) -> Mapping[str, st
 
 
 def _lists(core: Core, radio: StoredItem) -> tuple[frozenset[str], frozenset[str]]:
-    """Return whom access list and connect list turn away, and whom they let in; the first row that names him decides.
+    """Return the MAC addresses that access and connect list refuse and allow; the first matching row decides.
 
-    Only MAC addresses are looked at, neither signal ranges nor times.
+    Only MAC addresses are evaluated, neither signal ranges nor times.
     """
     store = core.store
     table = store.table(LEGACY)
@@ -169,7 +169,7 @@ def _wifi(core: Core, table: Table, item: StoredItem) -> RadioSettings:
 
 
 def _ranges(text: str) -> tuple[tuple[int, int], ...] | None:
-    """Read `5500,5520-5560/20`; None for `default`, and for what names channels that only the card knows."""
+    """Parse `5500,5520-5560/20`; None for `default` and for channel names that only the card knows."""
     parts = [part.partition("/")[0] for part in text.split(",")]
     if not all(part.replace("-", "").isdecimal() for part in parts):
         return None
@@ -178,7 +178,7 @@ def _ranges(text: str) -> tuple[tuple[int, int], ...] | None:
 
 
 def inherited_values(store: RowStore, table: Table, item: StoredItem) -> dict[str, str | None]:
-    """Return every property that a row amounts to, by its full name, in the spelling of exports."""
+    """Return all effective properties of a row by full name, in the format of exports."""
     result: dict[str, str | None] = {}
     for name, value in _layers(store, table, item):
         result.setdefault(name, value)
@@ -186,7 +186,7 @@ def inherited_values(store: RowStore, table: Table, item: StoredItem) -> dict[st
 
 
 def _layers(store: RowStore, table: Table, item: StoredItem) -> Iterator[tuple[str, str | None]]:
-    """Yield properties, those that win first; what belongs to a configuration profile has its name before it."""
+    """Yield properties by priority; those of a configuration profile have its name as prefix."""
     inside = table.menu.path == f"{WIFI}/{_CONFIGURATION}"
     for name in table.args:
         if name in item.values:

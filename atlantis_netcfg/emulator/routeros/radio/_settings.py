@@ -1,4 +1,4 @@
-"""What a radio is set to, in words that both driver families share, and the state of its air."""
+"""Settings of a radio, independent of the driver family, and its radio path."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 class Driver(Enum):
-    """The package that drives a radio."""
+    """Driver package of a radio."""
 
     WIRELESS = "wireless"
     WIFI = "wifi"
@@ -22,7 +22,7 @@ NEWEST = ("a", "n", "ac", "ax", "be")
 
 @dataclass(frozen=True, slots=True)
 class RadioSettings:
-    """A radio as it is configured; whatever of this changes makes the radio start anew."""
+    """Configuration of a radio; any change restarts it."""
 
     driver: Driver
     mac: str
@@ -61,19 +61,19 @@ class RadioSettings:
 
     @property
     def is_ap(self) -> bool:
-        """It opens the network."""
+        """Whether the radio is an access point."""
         return self.mode in ("ap", "ap-bridge", "bridge")
 
     @property
     def speaks(self) -> str:
-        """What an access point sends: the table of `wireless-protocol` (Manual, Wireless Interface)."""
+        """Protocol that an access point uses: table of `wireless-protocol` (Manual, Wireless Interface)."""
         if self.protocol.startswith("nv2"):
             return "nv2"
         return "802.11" if self.protocol in ("any", "unspecified") else self.protocol
 
     @property
     def understands(self) -> frozenset[str]:
-        """What a station connects to."""
+        """Protocols that a station connects to."""
         if self.protocol == "any":
             return frozenset(("802.11", "nstreme", "nv2"))
         if self.protocol == "unspecified":
@@ -84,7 +84,7 @@ class RadioSettings:
 
     @property
     def channel_mhz(self) -> int:
-        """The channel of an access point; one that may choose takes the lowest that outdoor links use."""
+        """Channel of an access point; an automatic choice takes the lowest outdoor channel."""
         if self.frequency is not None:
             return self.frequency
         return 2412 if ghz_of(self.band) == 2 else 5500  # noqa: PLR2004 (GHz)
@@ -95,12 +95,12 @@ def _both(protocol: str) -> tuple[str, ...]:
 
 
 def ghz_of(band: str) -> int:
-    """Return 2 or 5; a radio without a word about it is one of 5 GHz."""
+    """Return the band, 2 or 5 GHz; default 5."""
     return 2 if band.startswith("2ghz") else 5
 
 
 def standards_of(band: str, driver: Driver) -> frozenset[str]:
-    """Return the standards that a band allows: lists and `only` with the older driver, an upper end with the newer."""
+    """Return a band's standards: lists and `only` (older driver), or an upper limit (newer driver)."""
     name = band.partition("ghz-")[2]
     if not name:
         return frozenset((*NEWEST, "b", "g"))
@@ -112,7 +112,7 @@ def standards_of(band: str, driver: Driver) -> frozenset[str]:
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """The other end of a link that is up."""
+    """The other end of an active link."""
 
     settings: RadioSettings
     signal_dbm: float
@@ -127,14 +127,14 @@ class Peer:
 
 @dataclass(frozen=True, slots=True)
 class RadioState:
-    """One radio; `status` is a word of `/interface/wireless/monitor` (Manual, Wireless Interface)."""
+    """State of a radio; `status` is a value of `/interface/wireless/monitor` (Manual, Wireless Interface)."""
 
     status: str
     peer: Peer | None = None
 
 
 class Air(BaseModel):
-    """What lies between two radios, and how long they take; times in seconds."""
+    """Radio path between two radios, and association delays; times in seconds."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -157,7 +157,7 @@ class Air(BaseModel):
 
 
 class RadioPair(BaseModel):
-    """Two twins of a site; the way from the technician to `far` leads through `near`."""
+    """Two routers of a site with a radio link; the technician reaches `far` through `near`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

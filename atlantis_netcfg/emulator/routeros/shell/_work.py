@@ -1,4 +1,4 @@
-"""One command on a connection of an emulated router: counted, delayed, run, and spoilt by the faults armed for it."""
+"""One command on a connection of an emulated router: counted, delayed, run, and changed by scheduled faults."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class ConnectionLost(Exception):
-    """The connection under the work has ended: nothing more is to be done for it."""
+    """The connection has ended during the work, which must stop."""
 
 
 class _PipeTransport(Protocol):
@@ -31,21 +31,21 @@ class _PipeTransport(Protocol):
 
 
 class WorkItem:
-    """The gate between a channel and the device."""
+    """Runs commands of a channel on the device, with delays and faults."""
 
     def __init__(self, host: RouterHost, wire: _PipeTransport) -> None:
         self._host = host
         self._wire = wire
 
     async def run(self, line: str, action: Callable[[], ConsoleReply]) -> ConsoleReply:
-        """Run `action`, which the client asked for by `line`. Raises Gone; hangs for ever if a fault says so."""
+        """Run `action`, requested by `line`. Raises ConnectionLost; may hang for ever because of a fault."""
         faults = await self.begin(line)
         reply = action()
         await self.end(faults)
         return _spoilt(faults, reply)
 
     async def begin(self, line: str) -> list[link.LinkFault]:
-        """What comes before the work."""
+        """Count the command and apply delays and faults before it; return the faults."""
         self._wire.tally.counters.sentences += 1
         self._wire.tally.sentences.append(link.mask_words((line,)))
         faults = self._host.upon(line)
@@ -55,7 +55,7 @@ class WorkItem:
         return faults
 
     async def end(self, faults: Sequence[link.LinkFault]) -> None:
-        """What comes between the work and its answer."""
+        """Apply the changes, notify sessions, and apply faults before the response."""
         await self._host.settle()
         self._host.tell()
         await self._suffer(faults, "after")

@@ -1,8 +1,7 @@
-"""Bytes of a terminal to keys: text, control keys, escape sequences, however the bytes are cut.
+"""Terminal input: bytes to keys, the edited line, and login flags.
 
-The line under the cursor: its text, and what has to be sent so that the terminal shows it.
-
-Flags that a user name carries when it logs in to a console: `admin+ct511w4098h` (Manual, Command Line Interface).
+Keys are text, control keys and escape sequences, across chunk boundaries. The edited line knows its text and the output
+that shows it. User names may carry flags at login: `admin+ct511w4098h` (Manual, Command Line Interface).
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Key(Enum):
-    """Keys that mean something (Manual, Command Line Interface: list of keys)."""
+    """Keys with a function (Manual, Command Line Interface: list of keys)."""
 
     ENTER = auto()
     FEED = auto()
@@ -44,7 +43,7 @@ class Key(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """Where the terminal says its cursor is."""
+    """Cursor position reported by the terminal."""
 
     row: int
     column: int
@@ -90,7 +89,7 @@ _REPORT = re.compile(r"\[(\d+);(\d+)R")
 
 
 class Keyboard:
-    """Remembers half a character, half a sequence, and that the last key was Enter."""
+    """Key decoder; stores incomplete characters and sequences, and whether the last key was Enter."""
 
     def __init__(self) -> None:
         self._decoder = codecs.getincrementaldecoder("utf-8")("surrogateescape")
@@ -98,7 +97,7 @@ class Keyboard:
         self._returned = False
 
     def feed(self, data: bytes) -> Iterator[str | Key | Position]:
-        """Yield keys, and text character by character."""
+        """Yield keys, and text as single characters."""
         for char in self._decoder.decode(data):
             key = self._key(char)
             if key is not None:
@@ -137,9 +136,9 @@ _ERASE = "\x1b[K"
 
 @dataclass(slots=True)
 class EditedLine:
-    """A prompt, what was typed after it, the cursor in it; `secret` is typed without being shown.
+    """A prompt, the text after it, and the cursor; `secret` text is not shown.
 
-    A line that is longer than the screen is shown by its end, behind a `<` (community.routeros knows that sign).
+    Of a line longer than the screen, only the end is shown, after a `<` (community.routeros knows that sign).
     """
 
     screen: Screen
@@ -150,13 +149,13 @@ class EditedLine:
     _visible_width: int = field(default=0)
 
     def begin(self, prompt: str, *, secret: bool = False) -> str:
-        """Start an empty line."""
+        """Start an empty line, and return its output."""
         self.prompt, self.text, self.at, self.secret = prompt, "", 0, secret
         self._visible_width = 0
         return self.paint()
 
     def paint(self) -> str:
-        """Draw the whole line where the cursor stands."""
+        """Return the output that draws the whole line at the cursor."""
         visible = self._visible()
         padding = ""
         if self.screen.dumb:
@@ -167,16 +166,16 @@ class EditedLine:
         return visible + (padding if self.screen.dumb else _ERASE) + back
 
     def afresh(self) -> str:
-        """Draw it on a line that is empty."""
+        """Return the output that draws the line on an empty screen line."""
         self._visible_width = 0
         return self.paint()
 
     def repaint(self) -> str:
-        """Draw it again over what is there."""
+        """Return the output that redraws the line."""
         return _REPAINT + self.paint()
 
     def insert(self, char: str) -> str:
-        """Type a character."""
+        """Insert a character, and return the output."""
         self.text = self.text[: self.at] + char + self.text[self.at :]
         self.at += len(char)
         if self.secret:
@@ -187,7 +186,7 @@ class EditedLine:
         return self.repaint()
 
     def erase(self, *, ahead: bool = False) -> str:
-        """Backspace, or Delete."""
+        """Delete the character before the cursor, or after it with `ahead`; return the output."""
         start = self.at if ahead else self.at - 1
         if not 0 <= start < len(self.text):
             return ""
@@ -201,17 +200,17 @@ class EditedLine:
         return self.repaint()
 
     def replace(self, text: str) -> str:
-        """Show another text, with the cursor at its end."""
+        """Replace the text, with the cursor at its end; return the output."""
         self.text, self.at = text, len(text)
         return "" if self.secret else self.repaint()
 
     def cut(self) -> str:
-        """Drop what is behind the cursor."""
+        """Delete the text after the cursor; return the output."""
         self.text = self.text[: self.at]
         return "" if self.secret else self.repaint()
 
     def move(self, to: int) -> str:
-        """Put the cursor somewhere else in the text."""
+        """Move the cursor within the text; return the output."""
         before, self.at = self.at, min(max(to, 0), len(self.text))
         if self.secret:
             return ""
@@ -224,7 +223,7 @@ class EditedLine:
 
 
 def fold(text: str, width: int) -> list[str]:
-    """The lines of `text`, none longer than the screen; clients that parse ask for a wide one."""
+    """Split a text into lines of at most the screen width; parsing clients request a wide screen."""
     result: list[str] = []
     for line in text.split("\n"):
         result += [line[at : at + width] for at in range(0, len(line), width)] or [""]
@@ -232,7 +231,7 @@ def fold(text: str, width: int) -> list[str]:
 
 
 class Pages:
-    """What is still to be shown of one output."""
+    """Remaining pages of an output."""
 
     def __init__(self, text: str, screen: Screen) -> None:
         self._lines = fold(text, screen.width) if text else []
@@ -240,17 +239,17 @@ class Pages:
 
     @property
     def is_done(self) -> bool:
-        """Everything was shown."""
+        """Whether everything was shown."""
         return not self._lines
 
     def next(self, count: int | None = None) -> str:
-        """The next lines: a page of them, or so many."""
+        """Return the next page, or the next `count` lines."""
         count = count or self._room
         lines, self._lines = self._lines[:count], self._lines[count:]
         return "".join(f"{line}\r\n" for line in lines)
 
     def rest(self) -> str:
-        """All of it."""
+        """Return all remaining lines."""
         return self.next(len(self._lines))
 
 
@@ -260,7 +259,7 @@ _WIDTH, _HEIGHT = 80, 24
 
 @dataclass(frozen=True, slots=True)
 class Screen:
-    """What the console believes about the terminal at its other end."""
+    """Properties that the console assumes of its terminal."""
 
     colours: bool = True
     dumb: bool = False
@@ -273,16 +272,16 @@ class Screen:
     """Width and height that the flags ask for; zero where they say nothing."""
 
     def resize(self, width: int, height: int) -> Screen:
-        """The same with another size; zero is no size."""
+        """Return a copy with another size; zero keeps the old value."""
         return replace(self, width=width or self.width, height=height or self.height)
 
     def plain(self) -> Screen:
-        """The same without escape sequences, questions and colours."""
+        """Return a copy without escape sequences, queries and colours."""
         return replace(self, colours=False, dumb=True, detect=False)
 
 
 def split_login(name: str) -> tuple[str, Screen]:
-    """The user's own name, and the screen that its flags describe; unknown flags count as none.
+    """Split a login name into user and the screen described by its flags; unknown flags are ignored.
 
     Assumption: console-first-login
     """

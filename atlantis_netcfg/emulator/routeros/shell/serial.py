@@ -1,7 +1,7 @@
-"""The serial line of a twin: a pty, at whose other end a console waits for a login.
+"""The serial line of an emulated router: a pty with a console that waits for a login.
 
-Nothing that befalls the network reaches it, but a reboot does. It cannot stand for baud rates, parity, line noise or
-flow control; of the boot messages it has the outline only.
+Network faults do not affect it, but a reboot does. Not emulated: baud rates, parity, line noise and flow control; boot
+messages are only outlined.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _STARTING = "\r\nRouterBOOT booter {version}\r\n\r\n{board}\r\n\r\nloading kerne
 
 
 class SerialLine:
-    """From plug to plug; `path` is where a client opens it."""
+    """A connected serial line; clients open `path`."""
 
     def __init__(self, host: RouterHost, device: Device) -> None:
         self._host = host
@@ -47,12 +47,12 @@ class SerialLine:
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Start listening."""
         asyncio.get_running_loop().add_reader(self._master, self._receive)
         self._begin()
 
     def close(self) -> None:
-        """Pull the plug."""
+        """Disconnect the line."""
         loop = asyncio.get_running_loop()
         loop.remove_reader(self._master)
         loop.remove_writer(self._master)
@@ -61,32 +61,32 @@ class SerialLine:
         os.close(self._slave)
 
     def down(self, *, clean: bool) -> None:
-        """The router goes down."""
+        """Handle the shutdown of the router."""
         self._caller = self._session = None
         self._end()
         if clean:
             self._say(_GOING_DOWN.encode())
 
     def up(self) -> None:
-        """The router is back."""
+        """Handle the start of the router."""
         spec = self._device.spec
         self._say(_STARTING.format(version=spec.version, board=spec.board).encode())
         self._begin()
 
     def check(self) -> None:
-        """Log out if somebody has removed this session from `/user/active`."""
+        """Log out if this session was removed from `/user/active`."""
         if self._caller is not None and self._caller.number in self._device.closed_sessions:
             self._leave()
             self._end()
             self._begin()
 
     def say_pending(self) -> None:
-        """Show what the router has to say unasked."""
+        """Show pending messages of the router."""
         if self._session is not None:
             self._session.tell()
 
     def speaks(self, caller: Caller) -> bool:
-        """Is it still this session that is logged in here."""
+        """Return whether this session is logged in here."""
         return self._caller is caller
 
     # --- bytes -----------------------------------------------------------------------------------------------------
@@ -124,7 +124,7 @@ class SerialLine:
         self._tasks.clear()
 
     async def _serve(self) -> None:
-        """Login after login."""
+        """Serve one login after another."""
         while not self._typed.empty():
             self._typed.get_nowait()
         while True:
@@ -152,7 +152,7 @@ class SerialLine:
                 self._screen = split_login(name)[1]
 
     async def _line(self, *, has_echo: bool) -> str:
-        """A line typed without the console's editor."""
+        """Read a line typed without the console's editor."""
         text, keys = "", Keyboard()
         while True:
             data = await self._typed.get()
@@ -170,7 +170,7 @@ class SerialLine:
                         self._say(key.encode(errors="surrogateescape") if has_echo else b"")
 
     def _unread(self, data: bytes) -> None:
-        """Put back what was typed ahead; the line feed of a CR LF is none."""
+        """Put back input that was typed ahead, without the line feed of a CR LF."""
         rest = [data.removeprefix(b"\n")]
         while not self._typed.empty():
             rest.append(self._typed.get_nowait())
@@ -203,7 +203,7 @@ class SerialLine:
 
 
 class _SettledTalk(DirectTalk):
-    """What was done takes effect on the router's network, too."""
+    """Console access that also applies changes to the router's network."""
 
     def __init__(self, line: SerialLine, host: RouterHost, device: Device, caller: Caller) -> None:
         super().__init__(device, caller)
@@ -218,7 +218,6 @@ class _SettledTalk(DirectTalk):
         return reply
 
     async def type(self, line: str, width: int | None) -> ConsoleReply:
-        """Run a line."""
         return await self._settle(await super().type(line, width))
 
     async def safe_key(self, choice: str) -> ConsoleReply:

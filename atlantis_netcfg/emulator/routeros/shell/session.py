@@ -1,6 +1,6 @@
 """One console session: keys in, text out; greeting, prompt, command, page, question.
 
-The questions of a first login have the device's words, as netmiko and community.routeros wait for them.
+The questions of a first login have the device's text, because netmiko and community.routeros wait for it.
 
 Assumption: console-first-login
 """
@@ -36,20 +36,20 @@ MISMATCH = "Passwords do not match"
 
 
 def banner(device: Device) -> str:
-    """Who speaks."""
+    """Return the login banner."""
     name = f"  MikroTik RouterOS {device.spec.version} (c) 1999-2025       https://www.mikrotik.com/"
     return f"\n\n{name}\n\nPress F1 for help\n"
 
 
 def note(device: Device) -> str:
-    """`/system/note`, if it is to be shown at login."""
+    """Return `/system/note` if it is shown at login."""
     settings = device.settings("/system/note")
     text = settings.get("note", "")
     return text if text and settings.get("show-at-login") == "yes" else ""
 
 
 def pager(device: Device) -> str:
-    """The line below a page; version 6 has other words."""
+    """Return the line below a page; version 6 has another text."""
     return "-- [Q quit|D dump|down]" if device.at_least("7.0") else "-- [Q quit|D dump|right|down]"
 
 
@@ -57,7 +57,7 @@ _CTRL_C = "\x03"
 
 
 class Greeting:
-    """Asks what is still to be asked, then hands over to `then`."""
+    """Asks pending login questions, then calls `then`."""
 
     def __init__(self, session: ConsoleSession, then: Callable[[], Awaitable[None]]) -> None:
         self._session = session
@@ -67,7 +67,7 @@ class Greeting:
         self._expected = ""
 
     async def next(self) -> None:
-        """The next question, or the prompt."""
+        """Ask the next question, or show the prompt."""
         session = self._session
         question = self._left.pop(0) if self._left else ""
         if question == "licence":
@@ -132,11 +132,11 @@ tik4net, Docs/findings-cli.md; community.routeros answers the first.
 
 
 class ConsoleSession:
-    """From login to logout. `write` takes bytes for the terminal; `over` says that the console has closed it.
+    """A session from login to logout. `write` receives terminal bytes; `over`: the console has closed the session.
 
-    A screen of unknown size is asked for it; `give_up()` says that no answer has come. Of a terminal without any size
-    the console then believes that it has no room: commands run, and nothing of their output is drawn (seen over
-    Telnet, tik4net, Docs/findings-cli.md).
+    The terminal is queried if its size is unknown; `give_up()` ends the wait for its response. The console then assumes
+    that a terminal without size has no room: commands run, but their output is not drawn (seen over Telnet, tik4net,
+    Docs/findings-cli.md).
     """
 
     def __init__(
@@ -160,25 +160,25 @@ class ConsoleSession:
 
     @property
     def screen(self) -> keys.Screen:
-        """What the console believes about the terminal."""
+        """Properties that the console assumes of the terminal."""
         return self._line.screen
 
     # --- what happens to it ----------------------------------------------------------------------------------------
 
     async def start(self) -> None:
-        """Somebody has logged in."""
+        """Start the session after the login."""
         if self.screen.detect and not self.screen.dumb:
             self.say(_PROBE)
         else:
             await self._begin()
 
     async def give_up(self) -> None:
-        """The terminal has not said what it is."""
+        """Stop waiting for the terminal's response to the size query."""
         if not self.begun:
             await self._begin()
 
     async def feed(self, data: bytes) -> None:
-        """The terminal sends."""
+        """Process input from the terminal."""
         for key in self._keyboard.feed(data):
             if self.over:
                 return
@@ -190,11 +190,11 @@ class ConsoleSession:
                 await self._mode(key)
 
     def resize(self, width: int, height: int) -> None:
-        """The terminal has another size."""
+        """Handle a new size of the terminal."""
         self._line.screen = self.screen.resize(width, height)
 
     def tell(self) -> None:
-        """Show what the router has to say unasked."""
+        """Show pending messages of the router."""
         for notice in self.talk.device.notices(self.talk.caller):
             self.say(f"\r\n{notice}\r\n")
             if self._mode == self._at_prompt:
@@ -202,23 +202,23 @@ class ConsoleSession:
                 self.say(self._line.afresh())
 
     def say(self, text: str) -> None:
-        """Send to the terminal."""
+        """Send text to the terminal."""
         if text:
             self._write(text.encode(errors="surrogateescape"))
 
     def lines(self, text: str) -> None:
-        """Show whole lines."""
+        """Show complete lines."""
         if text and self._sized:
             self.say("".join(f"{line}\r\n" for line in keys.fold(text, self.screen.width)))
 
     def ask(self, question: str, answer: Callable[[str], Awaitable[None]]) -> None:
-        """Wait for one key after a question."""
+        """Ask a question that is answered by one key."""
         self.say(question)
         self._answer = answer
         self._mode = self._at_question
 
     def ask_secret(self, prompt: str, answer: Callable[[str], Awaitable[None]]) -> None:
-        """Wait for a line that is not shown; Ctrl+C answers with its own character."""
+        """Ask for a hidden line; Ctrl+C is passed on as its own character."""
         self.say(self._line.begin(prompt, secret=True))
         self._answer = answer
         self._mode = self._at_secret
@@ -230,7 +230,7 @@ class ConsoleSession:
         self._line.screen = self.screen.resize(corner.column, corner.row)
 
     async def _waiting(self, key: str | keys.Key) -> None:
-        """What is typed before the prompt is there is lost. Assumption: console-first-login."""
+        """Discard input before the prompt is shown. Assumption: console-first-login."""
 
     async def _begin(self) -> None:
         self.begun = True
@@ -239,7 +239,7 @@ class ConsoleSession:
         await Greeting(self, self._show_prompt).next()
 
     async def _show_prompt(self) -> None:
-        """The console waits for a command."""
+        """Show the prompt and wait for a command."""
         self._mode = self._at_prompt
         self._recall = len(self._history)
         self.say(self._line.begin(self.talk.device.prompt(self.talk.caller)))
@@ -291,7 +291,7 @@ class ConsoleSession:
         self.say(self._line.replace(text))
 
     async def _enter(self) -> None:
-        """Run the line; a terminal that can is shown it once more before its output."""
+        """Run the line; a capable terminal shows it once more before the output."""
         line = self._line.text
         ahead = self._line.move(len(line))
         again = ahead if self.screen.dumb or not line.strip() else self._line.repaint()
@@ -303,7 +303,7 @@ class ConsoleSession:
         await self._show_reply(await self.talk.type(line, self.screen.width), line)
 
     async def _show_reply(self, reply: ConsoleReply, line: str) -> None:
-        """Show what the console printed, and go on as it says."""
+        """Show the reply, and continue as it requests."""
         if reply.over:
             self.lines(reply.text)
             self.over = True
@@ -318,7 +318,7 @@ class ConsoleSession:
             await self._show_prompt()
 
     async def _decide(self, key: str, line: str) -> None:
-        """The question of a command was answered: y for a command, u or r for safe mode; anything else is no."""
+        """Handle the answer to a command's question: y for a command, u or r for safe mode; other keys mean no."""
         self.say(f"{key}\r\n" if key >= " " else "\r\n")
         if not line:
             await self._show_reply(await self.talk.safe_key(key.lower() if key >= " " else "d"), "")
@@ -368,7 +368,7 @@ class ConsoleSession:
 
 
 class ConsoleDevice(Protocol):
-    """One caller's console. A method may never return: the connection under it has gone silent."""
+    """Console access of one caller. A method may never return if its connection has gone silent."""
 
     caller: Caller
     device: Device
@@ -383,14 +383,14 @@ class ConsoleDevice(Protocol):
         """Run a line whose question was answered with yes."""
 
     async def set_password(self, password: str) -> str:
-        """Give the caller a new password; the refusal, or nothing."""
+        """Set the caller's password; return the error text, or an empty string."""
 
     async def remove_defaults(self) -> None:
-        """Take the default configuration away."""
+        """Remove the default configuration."""
 
 
 class DirectTalk:
-    """No link, no faults."""
+    """Console access without link and faults."""
 
     def __init__(self, device: Device, caller: Caller) -> None:
         self.device = device
@@ -409,9 +409,9 @@ class DirectTalk:
         return self.device.type(self.caller, line, is_confirmed=True)
 
     async def set_password(self, password: str) -> str:
-        """Give the caller a new password; the refusal, or nothing."""
+        """Set the caller's password; return the error text, or an empty string."""
         return self.device.set_password(self.caller, password)
 
     async def remove_defaults(self) -> None:
-        """Take the default configuration away."""
+        """Remove the default configuration."""
         self.device.remove_defaults(self.caller)

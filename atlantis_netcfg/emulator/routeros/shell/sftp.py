@@ -1,4 +1,4 @@
-"""Files of the router by SFTP and SCP: the same that `/file` shows; a folder is a row there, and part of names."""
+"""Files of the router by SFTP and SCP, the same as in `/file`; a folder is a row there, and part of names."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ class Sftp(asyncssh.SFTPServer):
         self._caller = self._connection.caller()
 
     def exit(self) -> None:
-        """The channel is done with."""
+        """Close the channel."""
         if not self._channel.is_closing():
             self._channel.exit(0)
         self._connection.end_channel(self._caller)
 
     async def open(self, path: bytes, pflags: int, attrs: asyncssh.SFTPAttrs) -> _Handle:
-        """Open for reading, or for writing from the start."""
+        """Open a file for reading, or for writing from its start."""
         del attrs
         name = _name(path)
         files = self._files()
@@ -75,11 +75,11 @@ class Sftp(asyncssh.SFTPServer):
         return _Handle(name, bytearray(data), faults, writing)
 
     def read(self, file_obj: object, offset: int, size: int) -> bytes:
-        """A piece of the file."""
+        """Return bytes of the file."""
         return bytes(_handle(file_obj).data[offset : offset + size])
 
     def write(self, file_obj: object, offset: int, data: bytes) -> int:
-        """Put a piece into its place, if there is room for it."""
+        """Write bytes at an offset, if the flash has room."""
         handle = _handle(file_obj)
         growth = max(0, offset + len(data) - len(handle.data))
         if growth and growth > self._device.free_space(besides=handle.name) - len(handle.data):
@@ -89,7 +89,7 @@ class Sftp(asyncssh.SFTPServer):
         return len(data)
 
     async def close(self, file_obj: object) -> None:
-        """The file is complete, as far as it came: a name that ends with `.auto.rsc` is run."""
+        """Store the file; one whose name ends with `.auto.rsc` is run."""
         handle = _handle(file_obj)
         if handle.writing:
             self._store(handle.name, bytes(handle.data))
@@ -98,7 +98,7 @@ class Sftp(asyncssh.SFTPServer):
         await self._connection.labour.end(handle.faults)
 
     def stat(self, path: bytes) -> asyncssh.SFTPAttrs:
-        """Size and time."""
+        """Return size and time."""
         name = _name(path)
         files = self._files()
         if self._is_folder(name):
@@ -110,22 +110,22 @@ class Sftp(asyncssh.SFTPServer):
     lstat = stat
 
     def fstat(self, file_obj: object) -> asyncssh.SFTPAttrs:
-        """The same for an open file."""
+        """Return size and time of an open file."""
         return _attributes(bytes(_handle(file_obj).data))
 
     def setstat(self, path: bytes, attrs: asyncssh.SFTPAttrs) -> None:
-        """Times and modes are not kept."""
+        """Ignore times and modes."""
 
     def fsetstat(self, file_obj: object, attrs: asyncssh.SFTPAttrs) -> None:
-        """Cut a file at a size; times and modes are not kept."""
+        """Truncate a file; times and modes are ignored."""
         if attrs.size is not None:
             del _handle(file_obj).data[attrs.size :]
 
     def fsync(self, file_obj: object) -> None:
-        """Flash is always in sync."""
+        """Do nothing: the flash is always in sync."""
 
     async def scandir(self, path: bytes) -> AsyncIterator[asyncssh.SFTPName]:
-        """What a folder holds; the root is one."""
+        """Yield the contents of a folder; the root is a folder."""
         folder, files = _name(path), self._files()
         if not self._is_folder(folder):
             raise asyncssh.SFTPNoSuchFile(f"no such file: {folder}")
@@ -141,7 +141,7 @@ class Sftp(asyncssh.SFTPServer):
             raise asyncssh.SFTPNoSuchFile("no such file")
 
     def rename(self, oldpath: bytes, newpath: bytes) -> None:
-        """Call a file something else."""
+        """Rename a file."""
         files = self._files()
         if _name(oldpath) not in files:
             raise asyncssh.SFTPNoSuchFile("no such file")
@@ -151,11 +151,11 @@ class Sftp(asyncssh.SFTPServer):
     posix_rename = rename
 
     def realpath(self, path: bytes) -> bytes:
-        """A session begins in the root, so relative names are names from there."""
+        """Return the absolute path; a session starts in the root."""
         return b"/" + _name(path).encode()
 
     def mkdir(self, path: bytes, attrs: asyncssh.SFTPAttrs) -> None:
-        """Make a folder in one that is there."""
+        """Create a folder in an existing folder."""
         del attrs
         name = _name(path)
         files = self._files()

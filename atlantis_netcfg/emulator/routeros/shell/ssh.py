@@ -1,7 +1,7 @@
-"""SSH to an emulated router: asyncssh behind the same pipe that carries the API.
+"""SSH to an emulated router: asyncssh on the same pipe that carries the API.
 
-Link, faults, firewall and counters act on the encrypted bytes. The host key is Ed25519, made when it is first needed
-and kept on the flash; a real device has an RSA key unless `/ip/ssh host-key-type` says otherwise.
+Link, faults, firewall and counters act on the encrypted bytes. The host key is Ed25519, generated at first use and
+stored on the flash; a real device has an RSA key unless `/ip/ssh host-key-type` is set otherwise.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _VERSION = "ROSSSH"
 
 
 class SshConnection:
-    """One connection: who has logged in on it, and its channels."""
+    """One SSH connection: its login and its channels."""
 
     def __init__(self, host: RouterHost, device: Device, *, address: str, key: Callable[[], bytes]) -> None:
         self.host = host
@@ -70,22 +70,22 @@ class SshConnection:
 
     @property
     def over(self) -> bool:
-        """Nothing is answered here any more."""
+        """Whether the connection no longer responds."""
         return self._closed or self.pipe.ended or self.pipe.lost
 
     @property
     def logged_in(self) -> bool:
-        """Somebody has proved who he is."""
+        """Whether a user is authenticated."""
         return self._caller is not None
 
     # --- what the pipe reports -------------------------------------------------------------------------------------
 
     def handle_accept(self) -> None:
-        """The connection is there."""
+        """Handle the accepted connection."""
         self._accepted.set()
 
     def handle_chunk(self, chunk: link.Chunk) -> None:
-        """The client is heard."""
+        """Handle data from the client."""
         if chunk.end is link.LineEnd.FIN and self._near is not None and not self._near.is_closing():
             self._near.write_eof()
         elif chunk.end is not None:
@@ -98,12 +98,12 @@ class SshConnection:
             self._forward(chunk.data)
 
     def handle_loss(self) -> None:
-        """The router has learnt that the client is gone."""
+        """Handle the loss of the client, once the router detects it."""
         self._abort()
         self.host.tell()
 
     async def work(self) -> None:
-        """Speak SSH for ever."""
+        """Serve SSH until the connection ends."""
         import asyncssh  # noqa: PLC0415 (slow to load, and most twins are never asked for SSH)
 
         logging.getLogger("asyncssh").setLevel(logging.CRITICAL)
@@ -154,14 +154,14 @@ class SshConnection:
             self._near.write(data)
 
     def speak(self, data: bytes) -> None:
-        """The router sends."""
+        """Send data to the client."""
         if not self.over:
             self._sent += 1
             self.tally.counters.wire_out += len(data)
             self.pipe.depart(link.Chunk(data, heard_count=self._sent))
 
     def hang_up(self) -> None:
-        """The router closes in good order, and knows that it is closed."""
+        """Close the connection in the regular way."""
         if not self._closed:
             self.pipe.depart(link.Chunk(end=link.LineEnd.FIN))
             self._closed = True
@@ -176,15 +176,15 @@ class SshConnection:
     # --- faults, and what happens to the router --------------------------------------------------------------------
 
     def drop(self) -> None:
-        """Reset under both ends at once."""
+        """Reset the connection at both ends."""
         self.pipe.stop(reset=True)
 
     def vanish(self) -> None:
-        """Silence for good, and neither end is told."""
+        """Silence the connection permanently, without notice to either end."""
         self.pipe.vanish()
 
     def handle_reboot(self, *, clean: bool) -> None:
-        """The router has lost its memory."""
+        """Handle a reboot: the router forgets its sessions."""
         self._callers.clear()
         for task in self._tasks - {asyncio.current_task()}:
             task.cancel()
@@ -194,23 +194,23 @@ class SshConnection:
             self.pipe.forget()
 
     def say_pending(self) -> None:
-        """Show what the router has to say unasked."""
+        """Show pending messages of the router."""
         for shell in self._shells:
             shell.tell()
 
     def check(self) -> None:
-        """Close if somebody has removed this session from `/user/active`."""
+        """Close the connection if this session was removed from `/user/active`."""
         if any(caller.number in self.device.closed_sessions for caller in self._callers):
             self.hang_up()
 
     # --- what asyncssh asks ----------------------------------------------------------------------------------------
 
     def start_key_exchange(self, ssh: asyncssh.SSHServerConnection) -> None:
-        """The key exchange begins."""
+        """Handle the start of the key exchange."""
         self._ssh = ssh
 
     def admit(self, name: str, proof: str | bytes) -> bool:
-        """Log in by password or public key; flags behind the name describe the terminal."""
+        """Log in by password or public key; flags after the name describe the terminal."""
         user, self.screen = split_login(name)
         try:
             if isinstance(proof, bytes):
@@ -224,7 +224,7 @@ class SshConnection:
         return True
 
     def caller(self) -> Caller:
-        """A session of its own for each channel."""
+        """Return a separate session for each channel."""
         if self._caller is None:
             raise RuntimeError("a channel before the login")
         if self._unused:
@@ -235,23 +235,23 @@ class SshConnection:
         return another
 
     def end_channel(self, caller: Caller) -> None:
-        """A channel has ended."""
+        """Handle the end of a channel."""
         if caller in self._callers:
             self._callers.remove(caller)
             self.device.logout(caller, clean=True)
             self.host.tell()
 
     def add_shell(self, shell: SshShell) -> None:
-        """A channel with a console."""
+        """Register a channel with a console."""
         self._shells.append(shell)
 
     def shut(self, shell: SshShell) -> None:
-        """That channel is closed."""
+        """Unregister a closed channel."""
         if shell in self._shells:
             self._shells.remove(shell)
 
     def go(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do something beside; it ends with the router, not with the connection."""
+        """Start a background task; it ends with the router, not with the connection."""
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -259,7 +259,7 @@ class SshConnection:
 
 
 class _Near(asyncio.Protocol):
-    """Our end of the socket pair whose other end is asyncssh's."""
+    """Our end of the socket pair; asyncssh has the other one."""
 
     def __init__(self, connection: SshConnection) -> None:
         self._connection = connection
@@ -279,7 +279,7 @@ def _server(connection: SshConnection) -> asyncssh.SSHServer:
     import asyncssh  # noqa: PLC0415
 
     class SshServer(asyncssh.SSHServer):
-        """Logins and console channels; nothing is forwarded."""
+        """SSH server with logins and console channels, without forwarding."""
 
         def __init__(self) -> None:
             self.connection = connection
@@ -318,7 +318,7 @@ _INTERRUPT = b"\x03"
 
 
 class SshShell:
-    """What serves the channel; keys that come while a command runs wait their turn in asyncssh's buffer."""
+    """Serves a console channel; keys typed while a command runs wait in asyncssh's buffer."""
 
     def __init__(
         self, connection: SshConnection, stdin: asyncssh.SSHReader[bytes], stdout: asyncssh.SSHWriter[bytes]
@@ -329,12 +329,12 @@ class SshShell:
         self._session: ConsoleSession | None = None
 
     def start(self) -> None:
-        """Begin, beside asyncssh: what was typed is done even if nobody waits for it any more."""
+        """Start in the background: typed commands are completed even if the client has gone."""
         self._connection.add_shell(self)
         self._connection.go(self._work())
 
     def tell(self) -> None:
-        """Show what the router has to say unasked."""
+        """Show pending messages of the router."""
         if self._session is not None:
             self._session.tell()
 
@@ -360,7 +360,7 @@ class SshShell:
             self._channel.exit(1 if reply.has_failed else 0)
 
     async def _converse(self, caller: Caller) -> None:
-        """Feed the session until it or the terminal has had enough."""
+        """Feed the session until it or the terminal ends."""
         kind = self._channel.get_terminal_type()
         session = ConsoleSession(
             WireTalk(self._connection, caller), self._screen(kind), self._say, has_size=kind is not None
@@ -391,7 +391,7 @@ class SshShell:
             self._channel.exit(0)
 
     def _screen(self, kind: str | None) -> Screen:
-        """The terminal's own size, unless the login's flags say another; without a terminal none of its tricks."""
+        """Return the terminal's size, unless login flags override it; without a terminal a plain screen."""
         screen = self._connection.screen
         if kind is None:
             return screen.plain()
@@ -408,7 +408,7 @@ class SshShell:
 
 
 class WireTalk:
-    """A console's talk with its device, through the faults of its connection."""
+    """Console access through the faults of its connection."""
 
     def __init__(self, connection: SshConnection, caller: Caller) -> None:
         self.caller = caller
@@ -428,11 +428,11 @@ class WireTalk:
         return await self._labour.run("y", lambda: self.device.type(self.caller, line, is_confirmed=True))
 
     async def set_password(self, password: str) -> str:
-        """Give the caller a new password; the refusal, or nothing."""
+        """Set the caller's password; return the error text, or an empty string."""
         return await self._quiet("new password", lambda: self.device.set_password(self.caller, password))
 
     async def remove_defaults(self) -> None:
-        """Take the default configuration away."""
+        """Remove the default configuration."""
         await self._quiet("remove defaults", self._remove_defaults)
 
     def _remove_defaults(self) -> str:
@@ -447,7 +447,7 @@ class WireTalk:
 
 
 def host_key(path: Path) -> bytes:
-    """The private key in OpenSSH's format."""
+    """Return the private key in OpenSSH's format, generating it if needed."""
     if not path.exists():
         key = Ed25519PrivateKey.generate()
         write_private(path, key.private_bytes(Encoding.PEM, PrivateFormat.OpenSSH, NoEncryption()))
@@ -455,7 +455,7 @@ def host_key(path: Path) -> bytes:
 
 
 def fingerprint(path: Path) -> str:
-    """`SHA256:...`, as `ssh-keygen -l` prints it."""
+    """Return the fingerprint `SHA256:...`, as `ssh-keygen -l` prints it."""
     key = load_ssh_private_key(host_key(path), None).public_key()
     blob = base64.b64decode(key.public_bytes(Encoding.OpenSSH, PublicFormat.OpenSSH).split()[1])
     return "SHA256:" + base64.b64encode(hashlib.sha256(blob).digest()).decode().rstrip("=")

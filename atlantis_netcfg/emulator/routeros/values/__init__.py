@@ -1,4 +1,4 @@
-"""Value syntaxes of arguments: what RouterOS accepts, how it normalises and prints it, and how it refuses the rest."""
+"""Value syntaxes of arguments: accepted values, their normalised and printed forms, and error texts."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Addresses, prefixes, ranges, ports.
-
-Values that name rows of other menus.
-"""
+"""Value types for addresses, prefixes, ranges, ports, and references to rows of other menus."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ _WHOLE = 32
 
 
 def expand(text: str) -> str:
-    """Return the address that the console makes of `2.2` (2.0.0.2) or `2.1.1` (2.1.0.1), in a list or range too."""
+    """Expand short IPv4 forms as the console does: `2.2` (2.0.0.2), `2.1.1` (2.1.0.1), also in lists and ranges."""
     return _SHORT.sub(lambda match: f"{match[1]}{'.0' * (2 - match[1].count('.'))}.{match[2]}", text)
 
 
@@ -39,7 +36,7 @@ def _address(text: str, *, v6: bool = True) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Address(_plain.ValueType):
-    """One IP address; `names`: or a DNS name; `v6=False`: IPv4 only; `empty`: or nothing."""
+    """An IP address; `dns`: or a DNS name; `v6=False`: only IPv4; `empty`: or nothing."""
 
     v6: bool = True
     dns: bool = False
@@ -56,48 +53,48 @@ class Address(_plain.ValueType):
         return _address(text, v6=self.v6)
 
     def normalise(self, text: str) -> str:
-        """Take short forms."""
+        """Expand short forms."""
         return expand(text)
 
 
 @dataclass(frozen=True, slots=True)
 class AddressesValue(_plain.ValueType):
-    """A list of addresses, perhaps empty."""
+    """A list of addresses, possibly empty."""
 
     element: Address = Address()
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:
-        """Normalise each."""
+        """Normalise each address."""
         return ",".join(self.element.parse(part, names) for part in text.split(",")) if text else ""
 
 
 @dataclass(frozen=True, slots=True)
 class HostPrefix(_plain.ValueType):
-    """An address with the length of its network, `10.0.0.1/24`; without a length it is a /32."""
+    """An address with prefix length, `10.0.0.1/24`; without one it is a /32."""
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
-        """Take `10.0.0.1/24` and `10.0.0.1/255.255.255.0`."""
+        """Parse `10.0.0.1/24` and `10.0.0.1/255.255.255.0`."""
         try:
             return str(IPv4Interface(text))
         except (AddressValueError, NetmaskValueError) as error:
             raise _plain.BadValue from error
 
     def code(self, text: str) -> str:
-        """Print what stands for the missing length too."""
+        """Append the placeholder for the missing length."""
         return f"{text};"
 
     def export(self, value: str) -> str:
-        """Leave a /32 out, as the exports of many routers do."""
+        """Omit a /32, as the exports of many routers do."""
         return value.removesuffix(f"/{_WHOLE}")
 
     def normalise(self, text: str) -> str:
-        """Take short forms."""
+        """Expand short forms."""
         return expand(text)
 
 
 @dataclass(frozen=True, slots=True)
 class Prefixes(_plain.ValueType):
-    """One network or (`many`) a list of them; host bits are cleared, as RouterOS does. A single address is a /32."""
+    """A network, or with `many` a list; host bits are cleared as in RouterOS. A single address is a /32."""
 
     many: bool = False
     v6: bool = True
@@ -135,22 +132,22 @@ def _range(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Matcher(_plain.ValueType):
-    """What a rule matches or an address list holds: address, network or range of IPv4; `dns`: or a DNS name."""
+    """Value of a matcher or address list: IPv4 address, network or range; `dns`: or a DNS name."""
 
     dns: bool = False
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
-        """Normalise it; a /32 is printed as its address."""
+        """Normalise the value; a /32 is printed as an address."""
         if self.dns and re.search(r"[A-Za-z]", text) and _HOST_NAME.fullmatch(text):
             return text
         return _range(text)
 
     def code(self, text: str) -> str:
-        """Print what stands for the missing sign too."""
+        """Prepend the placeholder for the missing sign."""
         return f";{text}"
 
     def normalise(self, text: str) -> str:
-        """Take short forms."""
+        """Expand short forms."""
         return expand(text)
 
 
@@ -168,7 +165,7 @@ class Mac(_plain.ValueType):
     """A MAC address, printed in capitals with colons."""
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
-        """Take `:`, `-` and `.` between the bytes."""
+        """Accept `:`, `-` and `.` between the bytes."""
         if not re.fullmatch(r"[0-9A-Fa-f]{2}(?:([:.-])[0-9A-Fa-f]{2})(?:\1[0-9A-Fa-f]{2}){4}", text):
             raise _plain.BadValue
         return re.sub(r"[.-]", ":", text).upper()
@@ -203,12 +200,12 @@ _QUAD = re.compile(r"\d+(?:\.\d+){3}(?:/\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class Plausible(_plain.ValueType):
-    """A text of which only this much is known: what looks like an IPv4 address, or with `ports` like a port, is one."""
+    """A text that is only checked where it looks like an IPv4 address, or with `ports` like a port."""
 
     ports: bool = False
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
-        """Check every part that looks like one; all else is taken as it comes."""
+        """Check every part that looks like an address or port; other parts are accepted."""
         for part in re.split("[,-]", text.removeprefix("!")):
             if self.ports and part.isdecimal() and int(part) > _LAST_PORT:
                 raise _plain.BadValue
@@ -219,10 +216,10 @@ class Plausible(_plain.ValueType):
 
 @dataclass(frozen=True, slots=True)
 class GatewayValue(_plain.ValueType):
-    """A next hop: address, interface, or both (`10.0.0.1%ether1`), perhaps looked up in a VRF (`10.0.0.1@main`)."""
+    """A next hop: address, interface, or both (`10.0.0.1%ether1`), optionally in a VRF (`10.0.0.1@main`)."""
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:
-        """Turn interfaces and VRFs into references; the hop of a black hole may be empty (`commands/_checks.py`)."""
+        """Convert interfaces and VRFs to references; a black hole's hop may be empty (`commands/_checks.py`)."""
         if not text:
             return ""
         hop, at, vrf = text.partition("@")
@@ -249,13 +246,13 @@ class GatewayValue(_plain.ValueType):
 
 @dataclass(frozen=True, slots=True)
 class Ref(_plain.ValueType):
-    """The name (or `*ID`) of a row of a space, or one of `words`."""
+    """Reference to a row of a name space by name or `*ID`, or one of `words`."""
 
     spaces: tuple[str, ...]
     words: tuple[str, ...] = ()
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:
-        """Find the row."""
+        """Return the reference to the row, or one of `words`."""
         if text in self.words:
             return text
         for space in self.spaces:
@@ -275,24 +272,24 @@ def _number(text: str, space: str, names: _plain.NamesValue) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class Refs(_plain.ValueType):
-    """A list of rows of one space, perhaps empty; `between` is what parts them."""
+    """A list of references to rows of one name space, possibly empty, separated by `between`."""
 
     element: Ref
     between: str = ","
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:
-        """Find each row."""
+        """Convert each name to a reference."""
         return self.between.join(self.element.parse(part, names) for part in text.split(self.between)) if text else ""
 
 
 @dataclass(frozen=True, slots=True)
 class Topics(_plain.ValueType):
-    """Words of a fixed set, each with an optional `!`, in the order in which they were given."""
+    """Keywords of a fixed set, each with an optional `!`, in the given order."""
 
     words: tuple[str, ...]
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
-        """Take no other word."""
+        """Accept only the fixed keywords."""
         for part in text.split(","):
             if part.removeprefix("!") not in self.words:
                 raise _plain.BadValue(_plain.NOT_OFFERED)
@@ -301,12 +298,12 @@ class Topics(_plain.ValueType):
 
 @dataclass(frozen=True, slots=True)
 class PolicySet(_plain.ValueType):
-    """A set of words that is printed whole: those in it, then those not in it with a `!` (`policy` of a user group)."""
+    """A set printed completely: members, then non-members with `!` (`policy` of a user group)."""
 
     words: tuple[str, ...]
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
-        """Take those without `!`; what is not named is not granted."""
+        """Accept the fixed keywords; unnamed ones are not granted."""
         parts = text.split(",") if text else []
         if any(part.removeprefix("!") not in self.words for part in parts):
             raise _plain.BadValue(_plain.NOT_OFFERED)

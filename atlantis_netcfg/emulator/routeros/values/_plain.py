@@ -1,9 +1,7 @@
-"""Values that mean the same on every router: yes or no, numbers, words, times.
+"""Value types without references: booleans, numbers, keywords, times; and the base class.
 
-What every kind of value does, and how a stored value points at a row instead of at its name.
-
-RouterOS keeps references by id: a rename shows everywhere, and a reference to a removed row is shown as that row's
-`*ID`. So does the twin: a stored value holds a token in place of the name.
+RouterOS stores references by id: a rename is visible everywhere, and a reference to a removed row is shown as that
+row's `*ID`. The emulator does the same: a stored value has a token instead of the name.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ _TOKEN = re.compile("\x01([a-z0-9/-]+):([0-9A-F]+)\x02")
 
 
 class BadValue(ValueError):
-    """The value is not of this kind; `words` is the device's text, `{}` stands for the argument's name."""
+    """The value does not have this type; `words` is the device's text, with `{}` for the argument's name."""
 
     def __init__(self, words: str = INVALID) -> None:
         super().__init__(words)
@@ -30,58 +28,58 @@ class BadValue(ValueError):
 
 
 class NamesValue(Protocol):
-    """Who is called what: spaces are groups of menus whose rows share their names (`interface`, `pool`, ...)."""
+    """Name lookup; a space is a group of menus whose rows share names (`interface`, `pool`, ...)."""
 
     def id_of(self, space: str, name: str) -> int | None:
-        """Return the id of the row of that name, None if there is none."""
+        """Return the id of the row with that name, or None."""
 
     def name_of(self, space: str, number: int) -> str | None:
-        """Return the name of the row, None if it has gone."""
+        """Return the name of the row, or None if it was removed."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValueType:
-    """A value syntax; the base takes anything."""
+    """A value syntax; the base class accepts anything."""
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002 - only references look names up
-        """Return `text` as it is stored. Raises BadValue."""
+        """Return the stored form of `text`. Raises BadValue."""
         return text
 
     def normalise(self, text: str) -> str:
-        """Return what the console makes of a value before the command sees it. Raises BadValue: a syntax error."""
+        """Return the console's conversion of a value before the command. Raises BadValue on a syntax error."""
         return text
 
     def code(self, text: str) -> str:
-        """Return a typed value as `:parse` prints it within the code of a command (7.23.3)."""
+        """Return a typed value as `:parse` prints it in a command's code (7.23.3)."""
         return text
 
     def export(self, value: str) -> str:
-        """Return the value as an export prints it."""
+        """Return the value in export format."""
         return value
 
     def show(self, value: str) -> str:
-        """Return the value as the API prints it; names are put in by `spell` before."""
+        """Return the value in API format; `spell` has inserted names before."""
         return value
 
 
 def id_text(number: int) -> str:
-    """Write an id as the device does: `*1F`."""
+    """Format an id as the device does: `*1F`."""
     return f"*{number:X}"
 
 
 def reference(space: str, number: int) -> str:
-    """Make the stored form of a reference."""
+    """Return the stored form of a reference."""
     return f"\x01{space}:{number:X}\x02"
 
 
 def references(value: str) -> Iterator[tuple[str, int]]:
-    """Yield the rows that a stored value points at."""
+    """Yield the rows that a stored value references."""
     for space, number in _TOKEN.findall(value):
         yield space, int(number, 16)
 
 
 def spell(value: str, names: NamesValue) -> str:
-    """Put the names in; a row that has gone is shown by its id."""
+    """Replace references by names; a removed row is shown by its id."""
     if "\x01" not in value:
         return value
 
@@ -112,7 +110,7 @@ class Text(ValueType):
     empty: bool = True
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
-        """Take the text as it is."""
+        """Return the text unchanged. Raises BadValue if it is too long or empty."""
         too_long = self.longest is not None and len(text.encode(errors="surrogateescape")) > self.longest
         if too_long or (not text and not self.empty):
             raise BadValue
@@ -121,39 +119,39 @@ class Text(ValueType):
 
 @dataclass(frozen=True, slots=True)
 class Bool(ValueType):
-    """A boolean: the console and exports say `yes`, the API says `true`."""
+    """A boolean: `yes` on the console and in exports, `true` in the API."""
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
-        """Take both spellings."""
+        """Accept both spellings."""
         if text not in _YES + _NO:
             raise BadValue("value of {} must be either yes or no")
         return "yes" if text in _YES else "no"
 
     def normalise(self, text: str) -> str:
-        """Take only the console's own words, bare or quoted (7.23.3)."""
+        """Accept only the console's keywords, bare or quoted (7.23.3)."""
         if text not in (_YES[0], _NO[0]):
             raise BadValue
         return text
 
     def show(self, value: str) -> str:
-        """Spell it as the API does."""
+        """Format the value as the API does."""
         return "true" if value == "yes" else "false"
 
 
 @dataclass(frozen=True, slots=True)
 class FlagValue(ValueType):
-    """An argument that is there or not, without value (`fib`, `blackhole`); `api_text` is what the API prints."""
+    """A flag that is present or absent, without value (`fib`, `blackhole`); `api_text`: the API's output."""
 
     api_text: str = ""
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
-        """Take the bare name, and what clients write in its place."""
+        """Accept the bare name, and the values that clients send instead."""
         if text not in ("", *_YES):
             raise BadValue
         return ""
 
     def show(self, value: str) -> str:  # noqa: ARG002 - it is there
-        """Say that it is there."""
+        """Return the API's text for a present flag."""
         return self.api_text
 
 
@@ -181,26 +179,26 @@ class Int(ValueType):
 
 @dataclass(frozen=True, slots=True)
 class Size(ValueType):
-    """A size in KiB: exports say `2048KiB`, the API says `2048`."""
+    """A size in KiB: `2048KiB` in exports, `2048` in the API."""
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
-        """Take it with and without its unit."""
+        """Accept a size with or without unit."""
         match = re.fullmatch(r"(\d+)(?:KiB)?", text)
         if match is None:
             raise BadValue
         return f"{int(match[1])}KiB"
 
     def show(self, value: str) -> str:
-        """Leave the unit out, as the API does."""
+        """Omit the unit, as the API does."""
         return value.removesuffix("KiB")
 
 
 @dataclass(frozen=True, slots=True)
 class Rate(ValueType):
-    """Bits per second: `280k` and `280000` are the same, and exports say the shorter; the API says the number."""
+    """Bits per second: `280k` equals `280000`; exports use the shorter form, the API the number."""
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
-        """Normalise it to the largest unit that leaves a whole number."""
+        """Normalise to the largest unit that leaves a whole number."""
         match = re.fullmatch(r"(\d+)([kMG]?)", text)
         if match is None:
             raise BadValue
@@ -209,18 +207,18 @@ class Rate(ValueType):
         return f"{value // _RATE_UNITS[unit]}{unit}" if value else "0"
 
     def show(self, value: str) -> str:
-        """Spell it as the API does."""
+        """Format the value as the API does."""
         return str(int(value[:-1]) * _RATE_UNITS[value[-1]]) if value[-1:].isalpha() else value
 
 
 @dataclass(frozen=True, slots=True)
 class Choice(ValueType):
-    """One of a fixed set of words."""
+    """One keyword of a fixed set."""
 
     words: tuple[str, ...]
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
-        """Take no other word."""
+        """Accept only the fixed keywords."""
         if text not in self.words:
             raise BadValue(NOT_OFFERED)
         return text
@@ -228,7 +226,7 @@ class Choice(ValueType):
 
 @dataclass(frozen=True, slots=True)
 class Choices(ValueType):
-    """Several of a fixed set of words; `is_ordered`: printed in the set's order, as RouterOS prints bits."""
+    """Several keywords of a fixed set; `is_ordered`: printed in the set's order, as RouterOS prints bits."""
 
     words: tuple[str, ...]
     is_ordered: bool = True
@@ -236,7 +234,7 @@ class Choices(ValueType):
     """Each word may have its own `!` (tcp-flags)."""
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
-        """Take a comma-separated list; empty is the empty set."""
+        """Accept a comma-separated list; an empty text is the empty set."""
         words = text.split(",") if text else []
         plain = [word.removeprefix("!") if self.has_signs else word for word in words]
         if any(word not in self.words for word in plain) or len(set(plain)) != len(plain):
@@ -253,7 +251,7 @@ class Not(ValueType):
     kind: ValueType
 
     def parse(self, text: str, names: NamesValue) -> str:
-        """Keep the sign, normalise the rest."""
+        """Keep the sign and normalise the value."""
         sign = "!" if text.startswith("!") else ""
         body = self.kind.parse(text.removeprefix("!"), names)
         if sign and not body:
@@ -278,7 +276,7 @@ class Pattern(ValueType):
     expression: str
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
-        """Take what fits."""
+        """Accept texts that match the expression."""
         if re.fullmatch(self.expression, text) is None:
             raise BadValue
         return text
@@ -304,11 +302,11 @@ class Time(ValueType):
         return interval(value)
 
     def normalise(self, text: str) -> str:
-        """Read `2.2` as seconds (7.23.3)."""
+        """Interpret `2.2` as seconds (7.23.3)."""
         return interval(float(text)) if _FRACTION.fullmatch(text) else text
 
     def code(self, text: str) -> str:
-        """Spell it as a clock: `00:00:02.200`, `1w1d00:00:00`."""
+        """Format as a clock: `00:00:02.200`, `1w1d00:00:00`."""
         value = seconds(text)
         return text if value is None else _clock(round(value * 1000))
 
@@ -320,7 +318,7 @@ class Moment(ValueType):
     words: tuple[str, ...] = ()
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
-        """Take the forms of any version; whoever uses the value knows which it is."""
+        """Accept the formats of all versions; the user of the value distinguishes them."""
         if text in self.words or re.fullmatch(r"\d{4}-\d{2}-\d{2}|[a-z]{3}/\d{2}/\d{4}", text):
             return text
         if clock := _DAYTIME.fullmatch(text):
@@ -329,7 +327,7 @@ class Moment(ValueType):
 
 
 def seconds(text: str) -> float | None:
-    """Read a time interval; None if it is none."""
+    """Parse a time interval to seconds; None if invalid."""
     if re.fullmatch(r"\d+", text):
         return float(text)
     if clock := _CLOCK.fullmatch(text):
@@ -351,7 +349,7 @@ def _clock(milliseconds: int) -> str:
 
 
 def interval(value: float) -> str:
-    """Write seconds as RouterOS prints an interval: `1w`, `10m`, `1s500ms`, `0s`."""
+    """Format seconds as a RouterOS interval: `1w`, `10m`, `1s500ms`, `0s`."""
     milliseconds = round(value * 1000)
     whole, rest = divmod(milliseconds, 1000)
     text = ""

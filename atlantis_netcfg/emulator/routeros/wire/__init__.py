@@ -1,1 +1,1 @@
-"""The wire of a router twin: RouterOS API over TCP and TLS, with the bearer and the faults in between."""
+"""Connections of an emulated router: RouterOS API over TCP and TLS, with an emulated link and faults."""

@@ -1,4 +1,4 @@
-"""The router's end of one connection: bytes to sentences, sentences to answers, and the faults among them."""
+"""The router's end of one connection: bytes to sentences, sentences to replies, with faults."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ _FIRST_RESERVED = 0xF8
 
 
 class ReservedLength(ValueError):
-    """A length began with 0xF8 or above: control bytes that nobody has defined; what follows has no meaning."""
+    """A length begins with 0xF8 or above, reserved control bytes; the rest of the stream is undefined."""
 
 
 class WordTooLong(ValueError):
-    """A word is longer than this end accepts at this moment."""
+    """A word is longer than currently accepted."""
 
 
 def encode_length(length: int) -> bytes:
-    """Shortest form of a word's length."""
+    """Encode a word's length in the shortest form."""
     for below, size, marker in _FORMS:
         if length < below:
             return (length | marker).to_bytes(size, "big")
@@ -45,20 +45,20 @@ def encode_length(length: int) -> bytes:
 
 
 def encode_word(word: str) -> bytes:
-    """One word with its length."""
+    """Encode one word with its length."""
     raw = word.encode("utf-8", "surrogateescape")
     return encode_length(len(raw)) + raw
 
 
 def encode_sentence(words: Iterable[str]) -> bytes:
-    """All words and the zero-length word that ends them."""
+    """Encode all words and the terminating empty word."""
     return b"".join(map(encode_word, words)) + b"\0"
 
 
 class Decoder:
-    """Collects bytes as they arrive and gives out sentences once they are complete; empty sentences are ignored.
+    """Decoder of incoming bytes to complete sentences; empty sentences are ignored.
 
-    `limit` is the longest word that is accepted; the server keeps it small until a login has succeeded.
+    `limit`: longest accepted word; the server keeps it small until the login.
     """
 
     def __init__(self, limit: int) -> None:
@@ -67,7 +67,7 @@ class Decoder:
         self._words: list[str] = []
 
     def feed(self, data: bytes) -> Iterator[Sentence]:
-        """Sentences completed by `data`; after them ReservedLength or WordTooLong if a length breaks it off."""
+        """Yield the sentences completed by `data`. Raises ReservedLength or WordTooLong at an invalid length."""
         self._bytes += data
         while (header := self._header()) is not None:
             size, length = header
@@ -82,7 +82,7 @@ class Decoder:
                 self._words = []
 
     def _header(self) -> tuple[int, int] | None:
-        """Bytes taken by the length of the next word, and its value; None while incomplete."""
+        """Return size and value of the next word's length field; None while incomplete."""
         if not self._bytes:
             return None
         first = self._bytes[0]
@@ -98,7 +98,7 @@ class Decoder:
 
 
 def _shape(first: int) -> tuple[int, int]:
-    """Bytes of a length by its first byte, and the mask that takes the marker off."""
+    """Return size and value mask of a length field, by its first byte."""
     for ceiling, size, mask in ((0x80, 1, 0x7F), (0xC0, 2, 0x3FFF), (0xE0, 3, 0x1F_FFFF), (0xF0, 4, 0x0FFF_FFFF)):
         if first < ceiling:
             return size, mask
@@ -110,14 +110,14 @@ _LONGEST_WORD = 64 * 1024 * 1024
 
 @dataclass(frozen=True, slots=True)
 class _InboxItem:
-    """A sentence, and how many of its client's sentences had been answered when it was sent; no words: garbage."""
+    """A sentence, and the count of sentences answered when its client sent it; no words: garbage."""
 
     words: tuple[str, ...]
     answer_count: int
 
 
 class Connection:
-    """One API session on its wire."""
+    """One API connection."""
 
     def __init__(self, host: RouterHost, service: str) -> None:
         self.tally = link.TrafficCounters(service)
@@ -144,38 +144,38 @@ class Connection:
     # What the pipe reports.
 
     def handle_accept(self) -> None:
-        """The connection is there."""
+        """Handle the accepted connection."""
         self._channel = self._host.channel(self.pipe.service)
 
     def handle_chunk(self, chunk: link.Chunk) -> None:
-        """The client is heard."""
+        """Handle data from the client."""
         if chunk.end is not None:
             self.hang_up()
         elif not self._closed:
             self._decrypt(chunk)
 
     def handle_loss(self) -> None:
-        """The router has learnt that the client is gone."""
+        """Handle the loss of the client, once the router detects it."""
         self._dialogue.leave()
         self._host.tell()
 
     def check(self) -> None:
-        """Close if somebody has removed this session from `/user/active`."""
+        """Close the connection if this session was removed from `/user/active`."""
         if self._dialogue.is_evicted:
             self.hang_up()
 
     # Faults that concern one connection only.
 
     def drop(self) -> None:
-        """Reset under both ends at once; what was under way is lost."""
+        """Reset the connection at both ends; data in transit are lost."""
         self.pipe.stop(reset=True)
 
     def vanish(self) -> None:
-        """Silence for good, and neither end is told."""
+        """Silence the connection permanently, without notice to either end."""
         self.pipe.vanish()
 
     def handle_reboot(self, *, clean: bool) -> None:
-        """The router has lost its memory; `clean` if it closed its sockets first. A SYN under way finds it later."""
+        """Handle a reboot; `clean`: sockets were closed first. A SYN in transit finds the router again later."""
         self._dialogue.forget()
         self._inbox.clear()
         if self.pipe.established and clean:
@@ -220,7 +220,7 @@ class Connection:
     # Working.
 
     async def work(self) -> None:
-        """Answer what was heard, burst by burst."""
+        """Process received sentences, burst by burst."""
         while True:
             await self._news.wait()
             self._news.clear()
@@ -229,7 +229,7 @@ class Connection:
                 self._host.tell()
 
     def _next_burst(self) -> list[_InboxItem]:
-        """The next sentence; or all tagged ones that wait in front, shuffled, if that is asked for."""
+        """Return the next sentence; with shuffling, all tagged ones at the front of the queue, in random order."""
         burst = [self._inbox.popleft()]
         chance = self._host.chance
         if chance is not None and tag_of(burst[0].words) is not None:
@@ -248,7 +248,7 @@ class Connection:
             self.say(replies)
 
     async def _answer(self, sentence: _InboxItem) -> list[Reply]:
-        """Run one sentence with the faults that were armed for it; what is left to be said."""
+        """Run one sentence with its scheduled faults; return the remaining replies."""
         if self._over:
             return []
         if not sentence.words:
@@ -293,7 +293,7 @@ class Connection:
                 self._host.strike(fault)
 
     def _spoil(self, faults: Sequence[link.LinkFault], replies: list[Reply]) -> list[Reply]:
-        """Say the answer cut off, or with garbage in it, if a fault wants it so."""
+        """Truncate or corrupt the reply if a fault requires it; return the remaining replies."""
         for fault in faults:
             if fault.do is link.FaultKind.TRUNCATE:
                 whole = _encode(replies)
@@ -309,11 +309,11 @@ class Connection:
     # Saying.
 
     def say_pending(self) -> None:
-        """Say what `/listen` has to tell."""
+        """Send pending `/listen` replies."""
         self.say(self._dialogue.pending())
 
     def say(self, replies: Sequence[Reply]) -> None:
-        """Answer; `!fatal` is the last word."""
+        """Send replies; `!fatal` ends the connection."""
         if replies:
             self._speak(_encode(replies), _count_completed(replies))
         if any(answer.kind == "!fatal" for _, answer in replies):
@@ -333,7 +333,7 @@ class Connection:
             self.pipe.depart(link.Chunk(wire, heard_count=self._sent, answer_count=self._completed))
 
     def hang_up(self) -> None:
-        """The router closes the connection in good order, and knows that it is closed."""
+        """Close the connection in the regular way."""
         if self._closed:
             return
         self._closed = True
@@ -351,7 +351,7 @@ def _encode(replies: Sequence[Reply]) -> bytes:
 
 
 def _words(tag: str | None, answer: Answer) -> tuple[str, ...]:
-    """The tag stands right after the reply word: mikronode's grammar of tagged answers has it only there.
+    """Return a reply's words, with the tag right after the reply word, as mikronode's grammar requires.
 
     The examples of the manual (API, "/cancel, simultaneous commands") put it last, and leave the order open.
     """

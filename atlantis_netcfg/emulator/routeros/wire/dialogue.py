@@ -1,4 +1,4 @@
-"""One API session in words: login first, then sentences with their tags; no bytes, no time."""
+"""One API session as sentences: login first, then sentences with tags; without bytes and time."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _INTERRUPTION = Trap("interrupted", Category.INTERRUPTION).answer()
 
 
 def tag_of(words: Sequence[str]) -> str | None:
-    """The sentence's `.tag`, if it has one."""
+    """Return the sentence's `.tag`, or None."""
     return next((word.removeprefix(".tag=") for word in words if word.startswith(".tag=")), None)
 
 
 class Dialogue:
-    """What a session knows: who has logged in, which sentences go on."""
+    """State of a session: its login, and continuing sentences."""
 
     def __init__(self, device: Device, *, via: str, address: str) -> None:
         self.caller: Caller | None = None
@@ -39,7 +39,7 @@ class Dialogue:
         self._going_on: list[str | None] = []
 
     def answer(self, words: Sequence[str], answer_count: int, knobs: WireBehaviour) -> list[Reply]:
-        """Reply to a sentence that its client sent when it had seen `answer_count` sentences completed."""
+        """Return the replies to a sentence sent after its client had seen `answer_count` completed replies."""
         self._sentences += 1
         tag = tag_of(words)
         command = words[0]
@@ -54,24 +54,24 @@ class Dialogue:
         return self._count(answers)
 
     def pending(self) -> list[Reply]:
-        """Later replies of sentences that go on."""
+        """Return later replies of continuing sentences."""
         if self.caller is None:
             return []
         return self._count(self._pending(self.caller))
 
     @property
     def is_evicted(self) -> bool:
-        """Somebody has removed this session from `/user/active`."""
+        """Whether this session was removed from `/user/active`."""
         return self.caller is not None and self.caller.number in self._device.closed_sessions
 
     def leave(self) -> None:
-        """The session has ended and the router knows it."""
+        """End the session in the regular way."""
         if self.caller is not None:
             self._device.logout(self.caller, clean=True)
             self.caller = None
 
     def forget(self) -> None:
-        """The router has lost its memory."""
+        """Forget the session after a reboot."""
         self.caller = None
 
     def _before_login(self, command: str, words: Sequence[str], knobs: WireBehaviour) -> list[Answer]:
@@ -90,7 +90,7 @@ class Dialogue:
         return [answer]
 
     def _login(self, words: Sequence[str], knobs: WireBehaviour) -> Answer:
-        """Manual, API: since 6.43 name and password at once; before, a challenge and a response."""
+        """Log in: since 6.43 with name and password, before with challenge and response (Manual, API)."""
         arguments = dict(word[1:].partition("=")[::2] for word in words[1:] if word.startswith("="))
         user = arguments.get("name", "")
         if "response" in arguments:
@@ -118,7 +118,7 @@ class Dialogue:
         return [reply for reply in later if reply[0] in self._going_on]
 
     def _cancel(self, caller: Caller, tag: str | None, words: Sequence[str]) -> list[Reply]:
-        """End what goes on; the `!done` of `/cancel` comes before the victim's (Manual, API, its own example)."""
+        """Cancel continuing sentences; the `!done` of `/cancel` precedes theirs (Manual, API, its own example)."""
         earlier = self._pending(caller)
         tags = [word.removeprefix("=tag=") for word in words if word.startswith("=tag=")]
         victims = [other for other in self._going_on if not tags or other in tags]

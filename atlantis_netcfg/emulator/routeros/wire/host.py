@@ -1,4 +1,4 @@
-"""The connections of a router twin: the client's socket, the bearer, and the router's firewall and services."""
+"""The connections of an emulated router: client sockets, link, and the router's firewall and services."""
 
 from __future__ import annotations
 
@@ -19,90 +19,90 @@ if TYPE_CHECKING:
 
 
 class LinkMember(Protocol):
-    """A connection as its router sees it."""
+    """A connection from the router's side."""
 
     tally: link.TrafficCounters
     pipe: Pipe
 
     def drop(self) -> None:
-        """Reset under both ends at once; what was under way is lost."""
+        """Reset the connection at both ends; data in transit are lost."""
 
     def vanish(self) -> None:
-        """Silence for good, and neither end is told."""
+        """Silence the connection permanently, without notice to either end."""
 
     def handle_reboot(self, *, clean: bool) -> None:
-        """The router has lost its memory; `clean` if it closed its sockets first."""
+        """Handle a reboot; `clean`: sockets were closed first."""
 
     def check(self) -> None:
-        """Close if somebody has removed this session from `/user/active`."""
+        """Close the connection if this session was removed from `/user/active`."""
 
     def say_pending(self) -> None:
-        """Say what the router has to say unasked."""
+        """Send pending messages of the router."""
 
 
 class RouterHost(Protocol):
-    """What a connection needs of its router."""
+    """Interface of the router for its connections."""
 
     @property
     def bearer(self) -> link.WireBearer:
-        """What carries the bytes."""
+        """The link that carries the bytes."""
 
     @property
     def air(self) -> asyncio.Event:
-        """Cleared while the bearer has a gap."""
+        """Cleared while the link is interrupted."""
 
     @property
     def knobs(self) -> link.WireBehaviour:
-        """The knobs of this moment."""
+        """The current adjustable behaviour."""
 
     @property
     def pace(self) -> link.WirePace:
-        """How fast the router answers."""
+        """The router's response times."""
 
     @property
     def chance(self) -> Random | None:
-        """What shuffles, or None for the order of arrival."""
+        """Random source for shuffling, or None for the order of arrival."""
 
     @property
     def booting(self) -> bool:
-        """The router is down."""
+        """Whether the router is down."""
 
     @property
     def silent_timeout_s(self) -> float:
-        """Until the router's TCP gives a silent peer up."""
+        """Seconds until the router's TCP drops a silent peer."""
 
     def dialogue(self, service: str) -> Dialogue:
-        """A session in which nobody has logged in."""
+        """Return a new session without login."""
 
     def channel(self, service: str) -> ByteChannel:
-        """TLS with the certificate of this moment, or plain."""
+        """Return a channel: TLS with the current certificate, or plain."""
 
     def admits(self, service: str, address: str | None = None) -> bool:
-        """Does the service, which has seen a packet, talk to this client; `address` is his, if not the technician's."""
+        """Return whether the service accepts this client; `address`: if not the technician's."""
 
     def reaches(self, service: str, *, is_established: bool) -> bool:
-        """Do packets get through the router's own configuration, both ways."""
+        """Return whether packets pass through the router's configuration in both directions."""
 
     def handle_open(self, pipe: Pipe) -> None:
-        """A client has connected."""
+        """Handle a new client."""
 
     def handle_close(self, pipe: Pipe) -> None:
-        """Neither end will be heard of again."""
+        """Handle the end of a connection at both ends."""
 
     def watch(self, task: asyncio.Task[None]) -> None:
-        """Stop the twin with an error if `task` fails."""
+        """Stop the emulator with an error if `task` fails."""
 
     def upon(self, command: str) -> list[link.LinkFault]:
-        """Count a sentence; the faults that strike at it."""
+        """Count a sentence; return the faults that apply to it."""
 
     def strike(self, fault: link.LinkFault) -> None:
-        """Let a fault happen that concerns more than one connection."""
+        """Apply a fault that affects more than one connection."""
 
     async def settle(self) -> None:
-        """Let what has changed in the router take effect on its wire: path, listeners, flash, reboot."""
+        """Apply changes of the router to its connections: path, listeners, flash, reboot."""
 
     def tell(self) -> None:
-        """Let all sessions say what their `/listen` has seen, and look at the clock again."""
+        """Send pending `/listen` replies of all sessions, and recompute the next due time."""
 
 
 HOST = "127.0.0.1"
@@ -110,9 +110,9 @@ SERVICES = ("api", "api-ssl", "ssh")
 
 
 class Listeners:
-    """`ports` wishes a loopback port for a service's port (8728, 8729, ...); without a wish the kernel chooses one.
+    """Listening sockets; `ports`: requested loopback port for a service's port (8728, 8729, ...), else any free one.
 
-    A service's port that comes back finds the loopback port it had before.
+    A service's port that is enabled again gets the same loopback port.
     """
 
     def __init__(self, visitor: Callable[[str], asyncio.Protocol], ports: Mapping[int, int]) -> None:
@@ -121,7 +121,7 @@ class Listeners:
         self._open: dict[tuple[str, int], asyncio.Server] = {}
 
     async def align(self, services: Mapping[str, Service]) -> None:
-        """Open and close sockets until they are as `services` says."""
+        """Open and close sockets to match `services`."""
         desired_keys = {
             (name, services[name].port) for name in SERVICES if name in services and services[name].is_enabled
         }
@@ -139,63 +139,63 @@ class Listeners:
 
     @property
     def ports(self) -> dict[str, int]:
-        """Loopback port of each service that listens."""
+        """Loopback port of each listening service."""
         return {name: self._loopback[port] for name, port in sorted(self._open)}
 
     @property
     def port_map(self) -> dict[int, int]:
-        """Loopback port by the port that `/ip/service` shows."""
+        """Loopback port for each port in `/ip/service`."""
         return {port: self._loopback[port] for _, port in sorted(self._open)}
 
     def close(self) -> None:
-        """Stop listening; connections live on."""
+        """Stop listening; connections stay open."""
         for server in self._open.values():
             server.close()
         self._open.clear()
 
 
 class MemberLine(Protocol):
-    """A way to the router that is no connection: its serial line."""
+    """Access to the router without a network connection: its serial line."""
 
     def down(self, *, clean: bool) -> None:
-        """The router goes down."""
+        """Handle the shutdown of the router."""
 
     def up(self) -> None:
-        """The router is back."""
+        """Handle the start of the router."""
 
     def check(self) -> None:
-        """Log out if somebody has removed this session from `/user/active`."""
+        """Log out if this session was removed from `/user/active`."""
 
     def say_pending(self) -> None:
-        """Say what the router has to say unasked."""
+        """Show pending messages of the router."""
 
 
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
 
 class RouterEnd(Protocol):
-    """What stands at the router's end of a pipe."""
+    """The router's end of a pipe."""
 
     async def work(self) -> None:
-        """Answer for ever."""
+        """Serve the connection until it ends."""
 
     def handle_accept(self) -> None:
-        """The connection is there."""
+        """Handle the accepted connection."""
 
     def handle_chunk(self, chunk: link.Chunk) -> None:
-        """The client is heard."""
+        """Handle data from the client."""
 
     def handle_loss(self) -> None:
-        """The router has learnt that the client is gone."""
+        """Handle the loss of the client, once the router detects it."""
 
 
 class Pipe(asyncio.Protocol):
-    """From connect until neither end exists any more.
+    """A connection from connect until both ends are gone.
 
-    The tallies `_heard` and `_answered` belong to the client's end and travel with what it says, so that round trips
-    are counted where they are paid for.
+    The counters `_heard` and `_answered` belong to the client's end and travel with its data, so that round trips are
+    counted by the side that waits for them.
 
-    What the path does not let through is held as TCP would send it again, until it is open or the router gives up.
+    Packets blocked by the path are held, as TCP would retransmit them, until the path opens or the router gives up.
     """
 
     def __init__(self, host: RouterHost, service: str) -> None:
@@ -217,7 +217,7 @@ class Pipe(asyncio.Protocol):
     # The client's end.
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client's SYN is on its way."""
+        """Handle a new client's SYN."""
         self._transport = cast("asyncio.Transport", transport)
         bearer, air = self._host.bearer, self._host.air
         self._up = link.DelayLine(bearer, link.Direction.UP, air, self._arrive)
@@ -230,22 +230,22 @@ class Pipe(asyncio.Protocol):
         self.regate()
 
     def data_received(self, data: bytes) -> None:
-        """The client speaks."""
+        """Handle data from the client."""
         self._up.put(link.Chunk(data, heard_count=self._received, answer_count=self._answered))
 
     def eof_received(self) -> bool:
-        """The client will say no more, the router may still answer."""
+        """Handle the client's EOF; the router may still respond."""
         self._up.put(link.Chunk(end=link.LineEnd.FIN))
         return True
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client's socket is gone; the router learns it if the path lets it."""
+        """Handle the client's closed socket; the router learns it if the path is open."""
         del exc
         if not self.ended:
             self._up.put(link.Chunk(end=link.LineEnd.RST))
 
     def _leave(self, chunk: link.Chunk) -> None:
-        """The router is heard."""
+        """Deliver the router's data to the client."""
         if chunk.end is not None:
             self.stop(reset=chunk.end is link.LineEnd.RST)
         elif not self._transport.is_closing():
@@ -265,7 +265,7 @@ class Pipe(asyncio.Protocol):
             self.end.handle_chunk(chunk)
 
     def depart(self, chunk: link.Chunk) -> None:
-        """The router speaks; its own firewall sees that first."""
+        """Send the router's data, or hold them while its own configuration blocks the path."""
         if self.ended or self.lost:
             return
         if self._path:
@@ -274,7 +274,7 @@ class Pipe(asyncio.Protocol):
             self._held_down.append(chunk)
 
     def regate(self) -> None:
-        """Look again whether packets get through, and let go what was held if they do."""
+        """Re-evaluate the path, and release held packets if it is open."""
         self._path = self._host.reaches(self.service, is_established=self.established)
         if self._path and not self.established:
             self._accept()
@@ -288,7 +288,7 @@ class Pipe(asyncio.Protocol):
         self.note_silence()
 
     def _accept(self) -> None:
-        """The SYN has come through: a service that does not want this client says so only now."""
+        """Accept the connection; a service that refuses this client resets it only now."""
         self.established = True
         self.lost = not self._host.admits(self.service)
         if self.lost:
@@ -297,7 +297,7 @@ class Pipe(asyncio.Protocol):
             self.end.handle_accept()
 
     def note_silence(self) -> None:
-        """Start or stop the clock of the router's TCP time-out."""
+        """Start or stop the router's TCP timeout."""
         silent = self._vanished or not self._path or not self._host.air.is_set()
         if silent and self._silence is None:
             loop = asyncio.get_running_loop()
@@ -314,25 +314,25 @@ class Pipe(asyncio.Protocol):
     # Ends.
 
     def forget(self) -> None:
-        """The router knows nothing of this connection any more, and the client is not told."""
+        """Make the router forget the connection without notifying the client."""
         self.lost = True
         self._held_down.clear()
 
     def farewell(self) -> None:
-        """The router closes its sockets before it goes down: EOF where the path lets it."""
+        """Close the connection before a shutdown: EOF if the path is open."""
         if self._path:
             self._down.put(link.Chunk(end=link.LineEnd.FIN))
         self.forget()
 
     def vanish(self) -> None:
-        """Silence for good, and neither end is told."""
+        """Silence the connection permanently, without notice to either end."""
         self._vanished = True
         for task in self._tasks[:2]:
             task.cancel()
         self.note_silence()
 
     def stop(self, *, reset: bool) -> None:
-        """Both ends are gone."""
+        """End the connection at both ends."""
         if self.ended:
             return
         self.ended = True

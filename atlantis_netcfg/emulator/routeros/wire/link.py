@@ -1,4 +1,4 @@
-"""The link between a client and an emulated router: delay, loss, rate, faults, byte counters, moods of the API service.
+"""The link between a client and an emulated router: delay, loss, rate, faults, byte counters, API behaviour.
 
 Assumption: api-tagged-order
 Assumption: api-flight-24
@@ -36,11 +36,11 @@ Assumption: port-counters
 
 
 def _ignore_count(_port: str | None, _direction: Direction, _size: int) -> None:
-    """Nobody counts."""
+    """Ignore the byte count."""
 
 
 class RouterLink(BaseModel):
-    """What the bearer does to every byte; given by the caller, all times in seconds as he wants to wait for them."""
+    """Properties of the emulated link, set by the caller; all times in real seconds."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -65,7 +65,7 @@ class RouterLink(BaseModel):
 
 
 class Direction(Enum):
-    """Of a bearer, as the client sees it."""
+    """Direction on a link, from the client's side."""
 
     UP = "up"
     DOWN = "down"
@@ -80,7 +80,7 @@ class LineEnd(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes under way; `heard_count` and `answer_count` are the sender's tally at that moment (see connection.py)."""
+    """Bytes in transit; `heard_count` and `answer_count`: the sender's counters at that time (see connection.py)."""
 
     data: bytes = b""
     end: LineEnd | None = None
@@ -88,7 +88,7 @@ class Chunk:
     answer_count: int = 0
 
     def segments(self) -> Iterator[Chunk]:
-        """The same in pieces that a link carries one after another."""
+        """Yield the chunk in segments that a link carries one after another."""
         if len(self.data) <= SEGMENT:
             yield self
             return
@@ -97,7 +97,7 @@ class Chunk:
 
 
 class WireBearer:
-    """The link's state that all connections share: when each direction is free again, and how many segments it took."""
+    """Link state shared by all connections: when each direction is free, and the segments sent."""
 
     def __init__(self, link: RouterLink) -> None:
         self._link, self._tcp = link, _tcp(link)
@@ -107,7 +107,7 @@ class WireBearer:
 
     @property
     def link(self) -> RouterLink:
-        """What it does; another one holds for everything that is sent from then on."""
+        """Current link properties; a new value applies to everything sent afterwards."""
         return self._link
 
     @link.setter
@@ -116,11 +116,11 @@ class WireBearer:
 
     @property
     def connect_s(self) -> float:
-        """What the connection itself costs."""
+        """Seconds that the TCP handshake takes."""
         return self._tcp.connect_s if self._link.tcp_connect else 0.0
 
     def arrival(self, direction: Direction, size: int, departure: float) -> float:
-        """When `size` bytes that are handed over at `departure` have arrived at the other end."""
+        """Return when `size` bytes sent at `departure` arrive at the other end."""
         if size:
             self.count(self.link.port, direction, size + HEADERS)
         arrival = self._tcp.arrival(size, departure, up=direction is Direction.UP)
@@ -141,9 +141,9 @@ def _tcp(link: RouterLink) -> TcpLink:
 
 
 class DelayLine:
-    """One direction of one connection: first in, first out, each chunk when it is due and the air is free.
+    """One direction of one connection: chunks in order, each delivered when it is due and the link is up.
 
-    Pipelined sentences share one delay. Both ends live in the server: what is handed over enters at once.
+    Pipelined sentences share one delay. Both ends are in the server process: data enter the line at once.
     """
 
     def __init__(
@@ -160,7 +160,7 @@ class DelayLine:
         """Nothing departs before: the TCP connection is not yet there."""
 
     def put(self, chunk: Chunk) -> None:
-        """Hand over at this end."""
+        """Queue a chunk at the sending end."""
         departure = max(asyncio.get_running_loop().time(), self.earliest)
         for piece in chunk.segments():
             arrival = self._bearer.arrival(self._direction, len(piece.data), departure)
@@ -169,7 +169,7 @@ class DelayLine:
         self._news.set()
 
     async def pump(self) -> None:
-        """Deliver at the other end for ever; what is due together is delivered together."""
+        """Deliver chunks at the receiving end; those due together are delivered together."""
         loop = asyncio.get_running_loop()
         while True:
             await self._news.wait()
@@ -183,7 +183,7 @@ class DelayLine:
 
 
 class FaultKind(StrEnum):
-    """What happens."""
+    """Kind of fault."""
 
     GAP = "gap"
     """The bearer carries nothing for `seconds`; TCP survives it."""
@@ -204,7 +204,7 @@ class FaultKind(StrEnum):
 
 
 class LinkFault(BaseModel):
-    """One fault, armed for the n-th matching sentence from now; it strikes once."""
+    """One fault, scheduled for the n-th matching sentence from now; it occurs once."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -226,7 +226,7 @@ class LinkFault(BaseModel):
     """Bytes in hex; the default begins with a control byte that the manual reserves."""
 
     def shorten(self, words: tuple[str, ...]) -> tuple[str, ...]:
-        """The sentence as far as it gets; a line that ends with a backslash goes on in the next."""
+        """Truncate the sentence's script; a line ending with a backslash continues in the next."""
         if self.lines is None:
             return words
         return tuple(self._first_lines(word) if word.startswith("=script=") else word for word in words)
@@ -237,35 +237,35 @@ class LinkFault(BaseModel):
 
 
 class Faults:
-    """The faults that are armed.
+    """Scheduled faults.
 
-    They strike at a chosen sentence, so that a test can cut a run at every point of it.
+    Each occurs at a chosen sentence, so that a test can interrupt a run at every point.
     """
 
     def __init__(self) -> None:
         self._armed: list[tuple[LinkFault, int]] = []
 
     def arm(self, fault: LinkFault) -> None:
-        """Let `fault` strike when its sentence comes."""
+        """Schedule a fault for its sentence."""
         self._armed.append((fault, fault.sentence))
 
     def disarm(self) -> None:
-        """Forget all."""
+        """Cancel all faults."""
         self._armed.clear()
 
     @property
     def pending(self) -> tuple[LinkFault, ...]:
-        """What has not struck yet."""
+        """Faults that have not occurred yet."""
         return tuple(fault for fault, _ in self._armed)
 
     @staticmethod
     def command(words: tuple[str, ...]) -> str:
-        """Return what patterns are held against."""
+        """Return the text that fault patterns are matched against."""
         parses = any(word.startswith("=script=:foreach ") and ":put [:parse " in word for word in words)
         return f"{words[0]} :parse" if parses else words[0]
 
     def upon(self, command: str) -> list[LinkFault]:
-        """Count the sentence that begins with `command`; the faults that strike at it."""
+        """Count a sentence that begins with `command`; return the faults that apply to it."""
         remaining_faults = [(fault, n - fnmatchcase(command, fault.match)) for fault, n in self._armed]
         self._armed = [(fault, n) for fault, n in remaining_faults if n > 0]
         return [fault for fault, n in remaining_faults if n <= 0]
@@ -297,7 +297,7 @@ class WireCounters:
     wire_out: int = 0
 
     def plus(self, other: WireCounters) -> WireCounters:
-        """Sum, field by field."""
+        """Return the sum, field by field."""
         theirs = asdict(other)
         return WireCounters(**{name: value + theirs[name] for name, value in asdict(self).items()})
 
@@ -312,12 +312,12 @@ class TrafficCounters:
 
 
 def mask_words(words: Sequence[str]) -> tuple[str, ...]:
-    """The words of a sentence without their secrets, also those inside a script."""
+    """Mask the secrets in a sentence, also inside a script."""
     return tuple(_SCRIPT.sub(rf"\1{MASK}", _WORD.sub(rf"\1{MASK}", word)) for word in words)
 
 
 class WireBehaviour(BaseModel):
-    """Behaviour of the router's API service; all times in seconds as the caller wants to wait for them."""
+    """Behaviour of the router's API service; all times in real seconds."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -363,7 +363,7 @@ class WireBehaviour(BaseModel):
 
 
 class WirePace:
-    """How long the router keeps a sentence waiting before it runs it; one for all connections."""
+    """Delay before the router runs a sentence, shared by all connections."""
 
     def __init__(self) -> None:
         self._since_idle = 0
@@ -371,7 +371,7 @@ class WirePace:
         self._free_at = 0.0
 
     def wait_s(self, knobs: WireBehaviour, now: float) -> float:
-        """Seconds until the sentence that has its turn now may run."""
+        """Return the seconds until the current sentence may run."""
         self._total += 1
         if now - self._free_at > knobs.idle_s:
             self._since_idle = 0

@@ -1,4 +1,4 @@
-"""Everything of a running twin between its device and its sockets: who is connected, what is due, what has failed."""
+"""Layer between an emulated router's device and its sockets: connections, timers and failures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class AccessPath:
-    """The router seen from another port than the management port; all else is `host`'s."""
+    """The router from another port than the management port; everything else is delegated to `host`."""
 
     def __init__(self, host: RouterHost, device: Device, path: ManagementSpec) -> None:
         self._host = host
@@ -30,92 +30,92 @@ class AccessPath:
 
     @property
     def bearer(self) -> link.WireBearer:
-        """The same cable quality for all."""
+        """The link, the same for all ports."""
         return self._host.bearer
 
     @property
     def air(self) -> asyncio.Event:
-        """Cleared while the bearer has a gap."""
+        """Cleared while the link is interrupted."""
         return self._host.air
 
     @property
     def knobs(self) -> link.WireBehaviour:
-        """The knobs of this moment."""
+        """The current adjustable behaviour."""
         return self._host.knobs
 
     @property
     def pace(self) -> link.WirePace:
-        """How fast the router answers."""
+        """The router's response times."""
         return self._host.pace
 
     @property
     def chance(self) -> Random | None:
-        """What shuffles."""
+        """Random source for shuffling."""
         return self._host.chance
 
     @property
     def silent_timeout_s(self) -> float:
-        """Until the router's TCP gives a silent peer up."""
+        """Seconds until the router's TCP drops a silent peer."""
         return self._host.silent_timeout_s
 
     @property
     def booting(self) -> bool:
-        """The router is down."""
+        """Whether the router is down."""
         return self._host.booting
 
     def dialogue(self, service: str) -> Dialogue:
-        """A session in which nobody has logged in, from this way's technician."""
+        """Return a new session without login, from this path's technician."""
         return Dialogue(self._device, via=service, address=self._path.technician)
 
     def channel(self, service: str) -> tls.ByteChannel:
-        """TLS or plain."""
+        """Return a TLS or plain channel."""
         return self._host.channel(service)
 
     def admits(self, service: str, address: str | None = None) -> bool:
-        """Does the service talk to this client."""
+        """Return whether the service accepts this client."""
         return self._host.admits(service, address or self._path.technician)
 
     def reaches(self, service: str, *, is_established: bool) -> bool:
-        """Do packets get through on this way."""
+        """Return whether packets pass on this path."""
         path = self._path
         return not self.booting and self._device.path_open(
             path.technician, path.local, service, is_established=is_established, plug=path.port
         )
 
     def handle_open(self, pipe: Pipe) -> None:
-        """A client has connected."""
+        """Handle a new client."""
         self._host.handle_open(pipe)
 
     def handle_close(self, pipe: Pipe) -> None:
-        """Neither end will be heard of again."""
+        """Handle the end of a connection at both ends."""
         self._host.handle_close(pipe)
 
     def watch(self, task: asyncio.Task[None]) -> None:
-        """Stop the twin with an error if `task` fails."""
+        """Stop the emulator with an error if `task` fails."""
         self._host.watch(task)
 
     def upon(self, command: str) -> list[link.LinkFault]:
-        """Count a sentence; the faults that strike at it."""
+        """Count a sentence; return the faults that apply to it."""
         return self._host.upon(command)
 
     def strike(self, fault: link.LinkFault) -> None:
-        """Let a fault happen that concerns more than one connection."""
+        """Apply a fault that affects more than one connection."""
         self._host.strike(fault)
 
     async def settle(self) -> None:
-        """Let what has changed in the router take effect on its wire."""
+        """Apply changes of the router to its connections."""
         await self._host.settle()
 
     def tell(self) -> None:
-        """Let all sessions say what their `/listen` has seen."""
+        """Send pending `/listen` replies of all sessions."""
         self._host.tell()
 
 
 class Switchboard:
-    """The host of all connections of one router (see host.py), from its boot until its plug is pulled.
+    """Host of all connections of one router (see host.py), from power-on to power-off.
 
-    `changed` is awaited whenever the configuration is another one; `certificate` gives the PEM file by name;
-    `others` makes the router's end of services that do not speak the API, for a client at an address.
+    `changed` is awaited after each change of the configuration; `certificate` returns a PEM file by name; `others`
+    creates the router's end of non-API services, for a client at an address.
     """
 
     def __init__(
@@ -160,13 +160,13 @@ class Switchboard:
         self._clock: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
-        """Let the router work."""
+        """Start the router."""
         await self.settle()
         self._clock = asyncio.create_task(self._run_clock())
         self.watch(self._clock)
 
     def stop(self) -> None:
-        """Pull the plug."""
+        """Power off."""
         for timer in self._timers:
             timer.cancel()
         if self._clock is not None:
@@ -177,11 +177,11 @@ class Switchboard:
 
     @property
     def connections(self) -> tuple[LinkMember, ...]:
-        """Those that are there now."""
+        """The current connections."""
         return tuple(self._connections.values())
 
     def visitor(self, service: str, way: ManagementSpec | None = None) -> Pipe:
-        """Make what serves a new client of `service`, who comes over the declared path or another `way`."""
+        """Create the server side for a new client of `service`, on the inventory's management path or on `way`."""
         host: RouterHost = self if way is None else AccessPath(self, self._device, way)
         other = self._others.get(service)
         connection = Connection(host, service) if other is None else other(host, (way or self._path).technician)
@@ -189,18 +189,18 @@ class Switchboard:
         return connection.pipe
 
     def turn(self, knobs: link.WireBehaviour) -> None:
-        """Set the knobs; the shuffling begins anew."""
+        """Set the adjustable behaviour and restart the shuffling."""
         self.chance = None if knobs.shuffle is None else random.Random(knobs.shuffle)  # noqa: S311 (repeatable, no secret)
         self.knobs = knobs
 
     def _count(self, port: str | None, direction: link.Direction, size: int) -> None:
-        """The device forgets it when it restarts, as a router does."""
+        """Count bytes; the device resets the counters at restart, as a router does."""
         self._device.core.count(port or self._path.port, is_received=direction is link.Direction.UP, size=size)
 
     # Faults.
 
     def gap(self, seconds: float) -> None:
-        """Let the bearer carry nothing for a while."""
+        """Interrupt the link for some seconds."""
         loop = asyncio.get_running_loop()
         self._gap_until = max(self._gap_until, loop.time() + seconds)
         self.air.clear()
@@ -216,7 +216,7 @@ class Switchboard:
             pipe.note_silence()
 
     def reboot(self, *, clean: bool) -> None:
-        """Go down, after closing the sockets if `clean`; back after `boot_s`."""
+        """Go down, closing sockets first if `clean`; up again after `boot_s`."""
         self.booting = True
         for connection in self.connections:
             connection.handle_reboot(clean=clean)
@@ -240,15 +240,15 @@ class Switchboard:
 
     @property
     def silent_timeout_s(self) -> float:
-        """Until the router's TCP gives a silent peer up."""
+        """Seconds until the router's TCP drops a silent peer."""
         return self._device.spec.silent_timeout_s
 
     def dialogue(self, service: str) -> Dialogue:
-        """A session in which nobody has logged in."""
+        """Return a new session without login."""
         return Dialogue(self._device, via=service, address=self._path.technician)
 
     def channel(self, service: str) -> tls.ByteChannel:
-        """TLS with the certificate of this moment, or plain."""
+        """Return a channel: TLS with the current certificate, or plain."""
         if service != "api-ssl":
             return tls.Plain()
         row = self._device.services()[service]
@@ -256,39 +256,39 @@ class Switchboard:
         return tls.Tls(tls.context(pem, newest="1.2" if row.tls_version == "only-1.2" else self.knobs.tls))
 
     def admits(self, service: str, address: str | None = None) -> bool:
-        """Does the service, which has seen a packet, talk to this client; `address` is his, if not the technician's."""
+        """Return whether the service accepts this client; `address`: if not the technician's."""
         row = self._device.services().get(service)
         busy = sum(pipe.service == service and pipe.established and not pipe.lost for pipe in self._connections)
         caller = address or self._path.technician
         return row is not None and row.is_enabled and row.admits(caller) and busy <= row.max_sessions
 
     def reaches(self, service: str, *, is_established: bool) -> bool:
-        """Do packets get through the router's own configuration, both ways."""
+        """Return whether packets pass through the router's configuration in both directions."""
         path = self._path
         here = not self.booting and (self.carried is None or self.carried())
         return here and self._device.path_open(path.technician, path.local, service, is_established=is_established)
 
     def handle_open(self, pipe: Pipe) -> None:
-        """A client has connected."""
+        """Handle a new client."""
         self._tallies.append(self._connections[pipe].tally)
 
     def handle_close(self, pipe: Pipe) -> None:
-        """Neither end will be heard of again."""
+        """Handle the end of a connection at both ends."""
         self._connections.pop(pipe, None)
 
     def upon(self, command: str) -> list[link.LinkFault]:
-        """Count a sentence; the faults that strike at it."""
+        """Count a sentence; return the faults that apply to it."""
         return self.faults.upon(command)
 
     def strike(self, fault: link.LinkFault) -> None:
-        """Let a fault happen that concerns more than one connection."""
+        """Apply a fault that affects more than one connection."""
         if fault.do is link.FaultKind.GAP:
             self.gap(fault.seconds)
         elif fault.do in (link.FaultKind.REBOOT, link.FaultKind.POWER):
             self.reboot(clean=fault.do is link.FaultKind.REBOOT)
 
     async def settle(self) -> None:
-        """Let what has changed in the router take effect on its wire: reboot, listeners and flash, path."""
+        """Apply changes of the router to its connections: reboot, listeners, flash, path."""
         async with self._settling:
             if self._device.wants_reboot:
                 self.reboot(clean=True)
@@ -304,7 +304,7 @@ class Switchboard:
             self.regate()
 
     def tell(self) -> None:
-        """Let all sessions say what their `/listen` has seen, and look at the clock again."""
+        """Send pending `/listen` replies of all sessions, and recompute the next due time."""
         for connection in self.connections:
             connection.say_pending()
         if self.line is not None:
@@ -312,7 +312,7 @@ class Switchboard:
         self._alarm.set()
 
     def watch(self, task: asyncio.Task[None]) -> None:
-        """Reset all connections if `task` fails, and keep why."""
+        """Reset all connections if `task` fails, and store the error."""
         task.add_done_callback(self._handle_finish)
 
     def _handle_finish(self, task: asyncio.Task[None]) -> None:
@@ -326,13 +326,13 @@ class Switchboard:
             self.radio()
 
     def regate(self) -> None:
-        """Look again which connections get through, and do what the router's new state makes due."""
+        """Re-evaluate the paths of all connections, and process what the new state makes due."""
         self._alarm.set()
         for pipe in tuple(self._connections):
             pipe.regate()
 
     async def _run_clock(self) -> None:
-        """Let the device do what is due, as long as it is up."""
+        """Run the device's due work while it is up."""
         while True:
             due = None if self.booting else self._device.due()
             try:

@@ -1,4 +1,4 @@
-"""TLS of api-ssl without a socket, so that its handshake travels the shaped link too; and the twin's certificates."""
+"""TLS of api-ssl without a socket, so that handshakes pass the emulated link; and the router's certificates."""
 
 from __future__ import annotations
 
@@ -22,43 +22,43 @@ if TYPE_CHECKING:
 
 
 class ByteChannel(Protocol):
-    """What lies between the bytes of TCP and the words of the API."""
+    """Converter between TCP bytes and API bytes."""
 
     def receive(self, wire: bytes) -> bytes:
-        """What the client said; raises ssl.SSLError if the conversation cannot go on, EOFError if it ended."""
+        """Return the client's data. Raises ssl.SSLError if the session is broken, EOFError if it has ended."""
 
     def send(self, plain: bytes) -> bytes:
-        """What TCP has to carry so that the client hears `plain`."""
+        """Return the TCP bytes that carry `plain`."""
 
     def flush(self) -> bytes:
-        """What TCP has to carry besides (the handshake)."""
+        """Return further TCP bytes to send (the handshake)."""
 
     def close(self) -> bytes:
-        """The farewell."""
+        """Return the closing TCP bytes."""
 
 
 class Plain:
-    """Service `api`."""
+    """Channel of the service `api`."""
 
     def receive(self, wire: bytes) -> bytes:
-        """The same bytes."""
+        """Return the same bytes."""
         return wire
 
     def send(self, plain: bytes) -> bytes:
-        """The same bytes."""
+        """Return the same bytes."""
         return plain
 
     def flush(self) -> bytes:
-        """Nothing."""
+        """Return nothing."""
         return b""
 
     def close(self) -> bytes:
-        """Nothing."""
+        """Return nothing."""
         return b""
 
 
 class Tls:
-    """Service `api-ssl`."""
+    """Channel of the service `api-ssl`."""
 
     def __init__(self, settings: ssl.SSLContext) -> None:
         self._in = ssl.MemoryBIO()
@@ -67,7 +67,7 @@ class Tls:
         self._open = False
 
     def receive(self, wire: bytes) -> bytes:
-        """Decrypt, and go on with the handshake until it is done."""
+        """Decrypt, continuing the handshake until it is complete."""
         self._in.write(wire)
         plain = bytearray()
         try:
@@ -88,11 +88,11 @@ class Tls:
         return self._out.read()
 
     def flush(self) -> bytes:
-        """Handshake messages and alerts."""
+        """Return handshake messages and alerts."""
         return self._out.read()
 
     def close(self) -> bytes:
-        """close_notify."""
+        """Return close_notify."""
         if self._open:
             with contextlib.suppress(ssl.SSLError):  # the client has not said it yet, and nobody waits for it
                 self._tls.unwrap()
@@ -100,7 +100,7 @@ class Tls:
 
 
 def context(pem: Path | None, *, newest: str) -> ssl.SSLContext:
-    """Settings of api-ssl; without a certificate no client that checks one finds a common cipher (Manual, Services)."""
+    """Return the settings of api-ssl; without a certificate, checking clients find no cipher (Manual, Services)."""
     settings = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     settings.minimum_version = ssl.TLSVersion.TLSv1_2
     settings.maximum_version = ssl.TLSVersion.TLSv1_3 if newest == "1.3" else ssl.TLSVersion.TLSv1_2
@@ -110,7 +110,7 @@ def context(pem: Path | None, *, newest: str) -> ssl.SSLContext:
 
 
 def certificate(folder: Path, name: str, *, common_name: str, address: str) -> Path:
-    """The file with key and self-signed certificate called `name`; made when it is first needed, and kept."""
+    """Return the file with key and self-signed certificate `name`, created at first use."""
     path = folder / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.pem"
     if not path.exists():
         write_private(path, _issue(common_name, address))
@@ -118,12 +118,12 @@ def certificate(folder: Path, name: str, *, common_name: str, address: str) -> P
 
 
 def fingerprint(pem: Path) -> str:
-    """SHA-256 of the DER certificate in hex: what a client pins."""
+    """Return the SHA-256 of the DER certificate in hex, which clients pin."""
     return x509.load_pem_x509_certificate(pem.read_bytes()).fingerprint(hashes.SHA256()).hex()
 
 
 def _issue(common_name: str, address: str) -> bytes:
-    """PEM text of a new key and its certificate for ten years."""
+    """Return a new key and ten-year certificate as PEM."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
     names = x509.SubjectAlternativeName([x509.DNSName(common_name), x509.IPAddress(IPv4Address(address))])

@@ -36,7 +36,7 @@ _QUEUE_S = 0.05
 
 
 def open_socket(address: str, port: int) -> socket.socket:
-    """Bind a socket that stamps what it receives, tells the TTL, and fragments nothing."""
+    """Bind a socket with receive timestamps and TTL, and without fragmentation."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     udp_socket = socket.socket(family, socket.SOCK_DGRAM)
     udp_socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
@@ -53,7 +53,7 @@ def open_socket(address: str, port: int) -> socket.socket:
 
 
 def answer_waiting(udp_socket: socket.socket, reflector: Reflector) -> None:
-    """Answer what has come up to now."""
+    """Answer the datagrams that are waiting."""
     for _ in range(_AT_ONCE):
         try:
             datagram, extra, _, source = udp_socket.recvmsg(_LONGEST, 256)
@@ -71,7 +71,7 @@ def answer_waiting(udp_socket: socket.socket, reflector: Reflector) -> None:
 
 
 def _parse_ancillary(extra: list[tuple[int, int, bytes]]) -> tuple[int, int]:
-    """When the kernel received it, and the TTL that it had."""
+    """Return the kernel's receive time and the received TTL."""
     received_ns, ttl = time.time_ns(), _UNKNOWN_TTL
     for level, kind, data in extra:
         if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS):
@@ -83,7 +83,7 @@ def _parse_ancillary(extra: list[tuple[int, int, bytes]]) -> tuple[int, int]:
 
 
 def send_requested(udp_socket: socket.socket, reflector: Reflector) -> float | None:
-    """Send what is due of requested messages; in how many seconds more is due. None: no message is under way."""
+    """Send the due chunks; return the seconds until the next one, None if no message is in transit."""
     for _ in range(_AT_ONCE):
         chunk = reflector.requested_chunk(time.time_ns)
         if chunk is None:
@@ -102,7 +102,7 @@ def send_requested(udp_socket: socket.socket, reflector: Reflector) -> float | N
 
 
 async def serve(udp_socket: socket.socket, reflector: Reflector, end: asyncio.Event) -> None:
-    """Answer until the end is set."""
+    """Answer datagrams until the event is set."""
     loop = asyncio.get_running_loop()
     timers: list[asyncio.TimerHandle] = []
 
@@ -135,7 +135,7 @@ async def _until_ended(udp_socket: socket.socket, reflector: Reflector, idle_s: 
 
 
 async def _end_when_idle(reflector: Reflector, end: asyncio.Event, idle_s: float | None) -> None:
-    """Set the end once nobody has been answered for so long; None: never."""
+    """Set the event once nothing was answered for `idle_s`; None means never."""
     answer_count = -1
     while idle_s is not None and answer_count != reflector.statistics.answered + reflector.statistics.requested:
         answer_count = reflector.statistics.answered + reflector.statistics.requested
@@ -145,12 +145,12 @@ async def _end_when_idle(reflector: Reflector, end: asyncio.Event, idle_s: float
 
 
 def _key(file: Path) -> bytes:
-    """Without the white space around it; a unit of systemd opens a file that only root may read, and hands it over."""
+    """Read the key without surrounding white space, from standard input (`-`) if systemd opened a root-only file."""
     return (sys.stdin.buffer.read() if str(file) == "-" else file.read_bytes()).strip()
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run the program; its exit code."""
+    """Run the program and return its exit code."""
     parser = argparse.ArgumentParser(prog="reflector", description=__doc__)
     parser.add_argument("--address", default="0.0.0.0", help="where it listens")  # noqa: S104 - authenticated by default
     parser.add_argument("--port", type=int, default=PORT)

@@ -1,16 +1,16 @@
-"""What a reflector answers: a stateful Session-Reflector (RFC 8762, 4.3.1), without sockets and clocks of its own.
+"""The reflector's responses: a stateful Session-Reflector (RFC 8762, 4.3.1) without sockets or clocks.
 
-An answer is never longer than its request, and no source gets more than its rate, so nobody can use it as an amplifier.
-With a key nothing is answered that is not authenticated, nothing twice, and nothing that was sent too long ago. Nothing
-is answered that a reflector has sent, so no forged packet lets two of them answer each other. A session is known by its
-identifier (RFC 8972), not by its address: a 4G provider's NAT gives a session another port after each long gap.
+A response is never longer than its request, and no source gets more than its rate, so nobody can use it as an
+amplifier. With a key, only authenticated packets are answered, none twice, and none that was sent too long ago. Packets
+from a reflector are not answered, so no forged packet makes two of them answer each other. A session is identified by
+its identifier (RFC 8972), not by its address: a 4G provider's NAT gives a session another port after each long gap.
 
-A message that is requested, to measure the way from here, is longer than its request. It goes only to who has the key,
-and only to an address that shows the token which it got from this start of the reflector. So neither a recording of an
-earlier start nor a request that comes from another address brings more than its own length.
+A requested message, which measures the way down, is longer than its request. It is sent only to a holder of the key,
+and only to an address that presents the token issued to it since this start of the reflector. So neither a recording
+from before the start nor a request from another address obtains more than its own length.
 
-What cannot be told apart: after a restart the reflector has forgotten every session, so a recording that is not yet too
-old, or any while this clock is not synchronised, is answered once more, at most at its source's rate.
+Known limit: after a restart the reflector has forgotten every session. A recording that is not yet too old, or any
+while this clock is not synchronised, is then answered once more, at most at its source's rate.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ _LAG_NS = 20_000_000
 
 @dataclass
 class Statistics:
-    """What came since the start, for the log at the end."""
+    """Counters since the start, for the log at the end."""
 
     answered: int = 0
     refused: int = 0
@@ -119,12 +119,12 @@ class _TestSession:
     """For each message that it has requested: how many chunks were sent."""
 
     def has_seen(self, sequence: int) -> bool:
-        """Whether a packet was here before, or is too old to tell."""
+        """Return whether a packet was received before, or is too old to decide."""
         behind = self.highest - sequence
         return behind >= _WINDOW or (behind >= 0 and bool(self.seen_bits >> behind & 1))
 
     def is_new(self, sequence: int) -> bool:
-        """Note a packet; False: it was here before, or is too old to tell."""
+        """Record a packet; return False if it was received before or is too old to decide."""
         if self.has_seen(sequence):
             return False
         ahead = sequence - self.highest
@@ -138,7 +138,7 @@ class _TestSession:
 
 @dataclass(frozen=True)
 class _ReceivedPacket:
-    """A packet that came."""
+    """A received packet with its decoded parts."""
 
     packet: SenderPacket
     chunk: MessageChunk | None
@@ -150,7 +150,7 @@ class _ReceivedPacket:
 
 @dataclass
 class _Sending:
-    """A requested message under way."""
+    """A requested message that is being sent."""
 
     arrival: _ReceivedPacket
     session: _TestSession
@@ -160,11 +160,11 @@ class _Sending:
 
 
 class Reflector:
-    """Answers datagrams; whoever holds the socket asks it for each.
+    """A reflector that computes the response to each datagram; the holder of the socket calls it.
 
-    `rate_bps` bounds what one source address is sent, and what one session is. `port` is its own: what comes from it,
-    or from that of STAMP, was sent by a reflector. `clock` is asked for each answer how this computer's clock is: what
-    is not known is not said to be synchronised.
+    `rate_bps` limits what is sent to one source address, and to one session. `port` is the reflector's port: packets
+    from it, or from STAMP's port, were sent by a reflector. `clock` returns this computer's clock state for each
+    response; an unknown state is not reported as synchronised.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class Reflector:
     def answer(
         self, datagram: bytes, source: Source, received_ns: int, ttl: int, now_ns: Callable[[], int]
     ) -> bytes | None:
-        """Give what goes back to the source; None: nothing does. Times are since 1970."""
+        """Return the response to a datagram; None if there is none. Times are in ns since 1970."""
         try:
             arrival = self._decode(datagram, source, received_ns, ttl)
         except BadPacket:
@@ -221,7 +221,7 @@ class Reflector:
         return reply
 
     def _is_stale(self, packet: SenderPacket, now: int) -> bool:
-        """Whether it was sent too long ago, as far as both clocks can tell."""
+        """Return whether the packet was sent too long ago, as far as both clocks allow a decision."""
         clock = self._clock()
         if self._key is None or not clock.is_synchronised:
             return False
@@ -239,7 +239,7 @@ class Reflector:
         return _ReceivedPacket(packet, chunk, next(map(MessageRequest.decode, requests), None), source, at_ns, ttl)
 
     def _extensions(self, session: _TestSession, arrival: _ReceivedPacket) -> Tlvs | None:
-        """Give what the answer holds; None: it wants none now."""
+        """Return the TLVs of the response; None if no response is due now."""
         if arrival.chunk is not None:
             asks = self._keep(session, arrival.chunk, arrival.at_ns)
             return (_acknowledgement(session, arrival.chunk),) if asks else None
@@ -248,7 +248,7 @@ class Reflector:
         return _answers(arrival.packet.tlvs, session)
 
     def _session(self, packet: SenderPacket, source: Source, now: int) -> _TestSession | None:
-        """Give the session of a packet that is to be answered; None: of another, which is counted."""
+        """Return the session of a packet to be answered; count any other packet and return None."""
         if self._is_stale(packet, now):
             self.statistics.stale += 1
             return None
@@ -283,7 +283,7 @@ class Reflector:
                 self._ended[name] = max(oldest.newest, oldest.after)
 
     def _admit(self, session: _TestSession, packet: SenderPacket) -> bool:
-        """Count it, unless it only wants to see the counters; whether it is to be answered."""
+        """Count a packet, unless it only requests counters; return whether to answer it."""
         counts = not _wants_counters(packet)
         session.received_count += counts
         session.newest = max(session.newest, packet.timestamp)
@@ -293,7 +293,7 @@ class Reflector:
         return self._key is None
 
     def _wait_ns(self, owners: tuple[str | int, ...], size: int, now: int) -> int:
-        """Take so much of what a source and a session may have; else say how long they have to wait for it."""
+        """Take `size` from the rate limits of the owners; otherwise return how long they must wait."""
         available = {}
         for owner in owners:
             tokens, since = self._tokens.pop(owner, (self._burst, now))
@@ -306,11 +306,11 @@ class Reflector:
         return int(missing / self._rate * 1e9) + 1 if missing > 0 else 0
 
     def _token(self, session_id: int, source: Source) -> bytes:
-        """Give what only somebody who receives at this address can know, and only since this start."""
+        """Return a token that only a receiver at this address can know, valid until the next start."""
         return hmac.digest(self._secret, f"{session_id} {source[0]}".encode(), "sha256")[:TOKEN_SIZE]
 
     def _request(self, session: _TestSession, arrival: _ReceivedPacket, request: MessageRequest) -> Tlvs | None:
-        """Begin to send what is requested (None), or give its status."""
+        """Start sending the requested chunks and return None, or return the message's status."""
         token = self._token(arrival.packet.session_id, arrival.source)
         is_known = hmac.compare_digest(request.token, token)
         if request.count and is_known and len(self._sendings) < _SENDINGS:
@@ -324,11 +324,11 @@ class Reflector:
         return (Tlv(REQUEST, RequestStatus(request.message, sent_chunks, rate_kbps, token).encode(), 0),)
 
     def due_ns(self) -> int | None:
-        """When the next chunk of a requested message is to be sent; None: none is."""
+        """Return when the next chunk of a requested message is due; None if there is none."""
         return min((sending.due_ns for sending in self._sendings), default=None)
 
     def requested_chunk(self, now_ns: Callable[[], int]) -> tuple[bytes, Source] | None:
-        """Give the next chunk that is due, and where it goes; None: none is due now."""
+        """Return the next due chunk and its destination; None if none is due now."""
         now = now_ns()
         sending = min(self._sendings, key=lambda each: each.due_ns, default=None)
         if sending is None or sending.due_ns > now:
@@ -354,7 +354,7 @@ class Reflector:
         return reply.encode(self._key), arrival.source
 
     def _advance(self, sending: _Sending, size: int, now: int) -> None:
-        """Go on to its next chunk. What would outlast the memory of its session is given up."""
+        """Advance to the next chunk; give the message up if it outlasts its session."""
         request = sending.request
         sending.index += 1
         step = int(size * 8 * 1_000_000 / request.pace_kbps) if request.pace_kbps else 0
@@ -366,7 +366,7 @@ class Reflector:
                 following.due_ns = max(sending.due_ns, following.arrival.at_ns)
 
     def _keep(self, session: _TestSession, chunk: MessageChunk, received_ns: int) -> bool:
-        """Note a chunk; whether it wants an answer."""
+        """Record a chunk; return whether it requests a response."""
         message = session.messages.setdefault(chunk.message, _PartialMessage(chunk.count))
         chunk_count = sum(each.count for each in session.messages.values())
         while len(session.messages) > _MESSAGES or chunk_count > _CHUNKS:
@@ -413,7 +413,7 @@ def _acknowledgement(session: _TestSession, chunk: MessageChunk) -> Tlv:
 
 
 def _answers(tlvs: Tlvs, session: _TestSession) -> Tlvs:
-    """Give them back: those that it knows with their answer, others with the flag that says so (RFC 8972, 4)."""
+    """Return the TLVs of the response: known ones with their values, others flagged unrecognised (RFC 8972, 4)."""
     return tuple(
         Tlv(COUNTERS, _build_counters(session).encode(), 0)
         if tlv.type == COUNTERS

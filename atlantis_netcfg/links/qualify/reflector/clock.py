@@ -1,8 +1,8 @@
-"""What the kernel says of this computer's clock: whether a program disciplines it, and how far it may be off.
+"""The kernel's state of this computer's clock: whether a program disciplines it, and its maximum error.
 
-It is only read. Programs of NTP and PTP tell the kernel that they discipline the clock; one that does not (chrony
-without `rtcsync`) leaves it unknown, which is not said to be synchronised. systemd-timesyncd tells the kernel no
-distance to its server, so the error has a least value of ours.
+It is only read. NTP and PTP programs tell the kernel that they discipline the clock; if one does not (chrony without
+`rtcsync`), the state is unknown, which is not reported as synchronised. systemd-timesyncd does not tell the kernel the
+distance to its server, so a minimum error is assumed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ UNKNOWN_ERROR_S = 1.0
 
 
 class ClockState(NamedTuple):
-    """As it stands in the error estimate of a test packet (RFC 4656, 4.1.2)."""
+    """The clock state for the error estimate of a test packet (RFC 4656, 4.1.2)."""
 
     is_synchronised: bool
     """To UTC, by an external source."""
@@ -35,7 +35,7 @@ class _Timeval(ctypes.Structure):
 
 
 class Timex(ctypes.Structure):
-    """`struct timex`; with `modes` 0 nothing is changed."""
+    """The C type `struct timex`; with `modes` 0 nothing is changed."""
 
     _fields_ = (
         ("modes", ctypes.c_uint),
@@ -54,14 +54,14 @@ class Timex(ctypes.Structure):
 
 
 def state_of(return_code: int, timex: Timex) -> ClockState:
-    """Judge what adjtimex(2) has told."""
+    """Convert the result of adjtimex(2) to a clock state."""
     if return_code < 0 or return_code == _TIME_ERROR or timex.status & _STA_UNSYNC:
         return UNKNOWN
     return ClockState(True, max(LEAST_ERROR_S, timex.maxerror / 1e6))
 
 
 def kernel_clock() -> ClockState:
-    """Ask the kernel; where it does not answer, nothing is known."""
+    """Read the clock state from the kernel; UNKNOWN if that fails."""
     timex = Timex()
     try:
         return_code = _LIBC.adjtimex(ctypes.byref(timex))

@@ -1,9 +1,9 @@
-"""Test packets of STAMP as bytes and back: RFC 8762 in both modes, and of RFC 8972 the session identifier and TLVs.
+"""STAMP test packets to and from bytes: RFC 8762 in both modes, session identifier and TLVs of RFC 8972.
 
 Authenticated packets carry HMAC-SHA-256, truncated to 16 octets, over their first 96 octets (RFC 8762, 4.4). TLVs
-other than padding are protected by an HMAC TLV of their own: over the sequence number and the TLVs before it (RFC
-8972, 4.8). Each direction has a key of its own, made of the shared one: what a reflector answers is a request to no
-reflector. Types 252 to 254 are for private use (RFC 8972, 5.1): only our reflector knows what they are.
+other than padding are protected by a separate HMAC TLV: over the sequence number and the TLVs before it (RFC 8972,
+4.8). Each direction has its own key, derived from the shared one: a reflector's response is not a valid request to any
+reflector. Types 252 to 254 are for private use (RFC 8972, 5.1): only this project's reflector knows them.
 """
 
 from __future__ import annotations
@@ -65,20 +65,20 @@ TOKEN_SIZE = 16
 
 
 class BadPacket(ValueError):
-    """It is no packet of STAMP, or nobody who has the key made it."""
+    """The data is no STAMP packet, or was not made with the key."""
 
 
 def ntp(unix_ns: int) -> int:
-    """Give a time since 1970 as NTP's 64 bits: seconds since 1900, and 2**-32 of them."""
+    """Convert a time since 1970 to NTP's 64 bits: seconds since 1900, and units of 2**-32 s."""
     seconds, ns = divmod(unix_ns, 1_000_000_000)
     return (seconds + _NTP_1970) % _ERA << 32 | (ns << 32) // 1_000_000_000
 
 
 def unix_ns(stamp: int, error: int = 1) -> int:
-    """Give the time since 1970 of a stamp; its error estimate says whether it is NTP's format or PTP's.
+    """Convert a timestamp to ns since 1970; its error estimate selects NTP's or PTP's format.
 
-    NTP's seconds begin again in 2036: a small number of them is after that. Rounded up, so that `ntp` gives the stamp
-    back to within 1 ns.
+    NTP's seconds restart in 2036: a small number is taken as later than that. Rounded up, so that `ntp` returns the
+    timestamp to within 1 ns.
     """
     seconds, fraction = stamp >> 32, stamp & 0xFFFF_FFFF
     if error & 0x4000:
@@ -89,7 +89,7 @@ def unix_ns(stamp: int, error: int = 1) -> int:
 
 
 def error_estimate(error_s: float, *, is_synced: bool) -> int:
-    """Give 16 bits: whether the clock is synchronised, NTP's format, and the error (RFC 4656, 4.1.2)."""
+    """Encode the error estimate in 16 bits: synchronised flag, NTP format, error (RFC 4656, 4.1.2)."""
     units = max(1, math.ceil(error_s * _ERA))
     scale = max(0, (units - 1).bit_length() - 8)
     multiplier = -(-units // (1 << scale))
@@ -99,25 +99,25 @@ def error_estimate(error_s: float, *, is_synced: bool) -> int:
 
 
 def error_s(error: int) -> float:
-    """Give the seconds of an error estimate."""
+    """Return the error in seconds from an error estimate."""
     return (error & 0xFF) * 2.0 ** ((error >> 8 & 0x3F) - 32)
 
 
 def is_synchronised(error: int) -> bool:
-    """Whether the clock that made the stamp is said to be synchronised to UTC by an external source."""
+    """Return whether the timestamp's clock is flagged as synchronised to UTC by an external source."""
     return bool(error & 0x8000)
 
 
 @dataclass(frozen=True)
 class Tlv:
-    """An extension of RFC 8972."""
+    """A TLV extension (RFC 8972)."""
 
     type: int
     value: bytes
     flags: int = FLAG_UNRECOGNISED
 
     def encode(self) -> bytes:
-        """As it stands in a packet."""
+        """Encode the TLV for a packet."""
         return _TLV.pack(self.flags, self.type, len(self.value)) + self.value
 
 
@@ -126,7 +126,7 @@ Tlvs = Tuple[Tlv, ...]
 
 @dataclass(frozen=True)
 class SenderPacket:
-    """What a sender sends; `timestamp` and `error` are the 64 and 16 bits on the wire."""
+    """A sender's test packet; `timestamp` and `error` are the 64 and 16 bits on the wire."""
 
     sequence: int
     timestamp: int
@@ -135,7 +135,7 @@ class SenderPacket:
     tlvs: Tlvs = ()
 
     def encode(self, key: bytes | None = None) -> bytes:
-        """Give its bytes, authenticated where there is a key."""
+        """Encode the packet, authenticated if there is a key."""
         form = _SENDER if key is None else _SENDER_AUTHENTICATED
         base = form.pack(self.sequence, self.timestamp, self.error, self.session_id)
         return _seal(base, self.tlvs, _derive_key(key, b"request"))
@@ -143,7 +143,7 @@ class SenderPacket:
 
 @dataclass(frozen=True)
 class ReflectorPacket:
-    """What a reflector answers; what begins with `sender_` is what it was sent."""
+    """A reflector's response; the fields `sender_…` repeat the request."""
 
     sequence: int
     timestamp: int
@@ -157,7 +157,7 @@ class ReflectorPacket:
     tlvs: Tlvs = ()
 
     def encode(self, key: bytes | None = None) -> bytes:
-        """Give its bytes, authenticated where there is a key."""
+        """Encode the packet, authenticated if there is a key."""
         form = _REFLECTOR if key is None else _REFLECTOR_AUTHENTICATED
         base = form.pack(
             self.sequence,
@@ -174,7 +174,7 @@ class ReflectorPacket:
 
 
 def decode_sender(data: bytes, key: bytes | None = None) -> SenderPacket:
-    """Read a request. BadPacket."""
+    """Decode a request; raise BadPacket."""
     key = _derive_key(key, b"request")
     form, body = _verify(data, key, _SENDER, _SENDER_AUTHENTICATED)
     sequence, timestamp, error, session_id = form.unpack_from(data)
@@ -184,14 +184,14 @@ def decode_sender(data: bytes, key: bytes | None = None) -> SenderPacket:
 
 
 def decode_reflector(data: bytes, key: bytes | None = None) -> ReflectorPacket:
-    """Read an answer. BadPacket."""
+    """Decode a response; raise BadPacket."""
     key = _derive_key(key, b"answer")
     form, body = _verify(data, key, _REFLECTOR, _REFLECTOR_AUTHENTICATED)
     return replace(ReflectorPacket(*form.unpack_from(data)), tlvs=_tlvs(data[:4], body, key))
 
 
 def padding(size: int, *, is_authenticated: bool) -> Tlvs:
-    """Give what fills a packet without other TLVs up to `size` octets of UDP payload. ValueError: it cannot be."""
+    """Return TLVs that pad a packet to `size` octets of UDP payload; raise ValueError if that is impossible."""
     missing = size - (AUTHENTICATED_SIZE if is_authenticated else BASE_SIZE)
     if missing == 0:
         return ()
@@ -203,7 +203,7 @@ def padding(size: int, *, is_authenticated: bool) -> Tlvs:
 
 @dataclass(frozen=True)
 class ReflectorCounters:
-    """What the reflector did with the packets of this session; those that ask for these counters are not among them."""
+    """The reflector's counters for this session, without the packets that request these counters."""
 
     received_count: int
     """All that came, also those that it did not answer."""
@@ -214,12 +214,12 @@ class ReflectorCounters:
     answered_count: int
 
     def encode(self) -> bytes:
-        """As the value of a TLV."""
+        """Encode as the value of a TLV."""
         return _COUNTERS.pack(self.received_count, self.duplicates, self.limited_count, self.answered_count)
 
     @classmethod
     def decode(cls, value: bytes) -> ReflectorCounters:
-        """Read the value of a TLV. BadPacket."""
+        """Decode the value of a TLV; raise BadPacket."""
         if len(value) != _COUNTERS.size:
             raise BadPacket("the counters of a reflector have 16 octets")
         return cls(*_COUNTERS.unpack(value))
@@ -227,7 +227,7 @@ class ReflectorCounters:
 
 @dataclass(frozen=True)
 class MessageChunk:
-    """A part of a message. Contents do not matter, so the receiver keeps none."""
+    """A part of a message; the receiver discards the contents."""
 
     message: int
     message_size: int
@@ -238,13 +238,13 @@ class MessageChunk:
     """Empty: only the acknowledgement is wanted."""
 
     def encode(self) -> bytes:
-        """As the value of a TLV."""
+        """Encode as the value of a TLV."""
         head = _CHUNK.pack(self.message, self.message_size, self.index, self.count, self.acknowledge, len(self.data))
         return head + self.data
 
     @classmethod
     def decode(cls, value: bytes) -> MessageChunk:
-        """Read the value of a TLV, which may be longer than its data. BadPacket."""
+        """Decode the value of a TLV, which may be longer than its data; raise BadPacket."""
         if len(value) < _CHUNK.size:
             raise BadPacket("a chunk of a message is too short")
         message, size, index, count, acknowledge, length = _CHUNK.unpack_from(value)
@@ -256,7 +256,7 @@ class MessageChunk:
 
 @dataclass(frozen=True)
 class Acknowledgement:
-    """What the receiver has of a message, by its own count and clock."""
+    """The received part of a message, by the receiver's count and clock."""
 
     message: int
     size: int
@@ -271,14 +271,14 @@ class Acknowledgement:
     """The first of the missing ones."""
 
     def encode(self) -> bytes:
-        """As the value of a TLV."""
+        """Encode as the value of a TLV."""
         named_indexes = self.indexes[:MISSING]
         head = _ACKNOWLEDGEMENT.pack(self.message, self.size, self.missing, len(named_indexes), self.first, self.last)
         return head + struct.pack(f">{len(named_indexes)}H", *named_indexes)
 
     @classmethod
     def decode(cls, value: bytes) -> Acknowledgement:
-        """Read the value of a TLV. BadPacket."""
+        """Decode the value of a TLV; raise BadPacket."""
         if len(value) < _ACKNOWLEDGEMENT.size:
             raise BadPacket("an acknowledgement is too short")
         message, size, missing, count, first, last = _ACKNOWLEDGEMENT.unpack_from(value)
@@ -289,7 +289,7 @@ class Acknowledgement:
 
 @dataclass(frozen=True)
 class MessageRequest:
-    """Asks the reflector to send a message to the one who asks, or a part of it: `count` chunks from the `first` on."""
+    """A request that the reflector sends the requester a message or a part: `count` chunks from `first` on."""
 
     message: int
     message_size: int
@@ -305,22 +305,22 @@ class MessageRequest:
 
     @property
     def chunks(self) -> int:
-        """How many the whole message has."""
+        """The number of chunks of the whole message."""
         return -(-self.message_size // chunk_room(self.packet, is_authenticated=True))
 
     def chunk_octets(self, index: int) -> int:
-        """How much of the message a chunk holds."""
+        """Return the octets of the message in a chunk."""
         room = chunk_room(self.packet, is_authenticated=True)
         return min(room, self.message_size - index * room)
 
     def encode(self) -> bytes:
-        """As the value of a TLV."""
+        """Encode as the value of a TLV."""
         numbers = (self.message, self.message_size, self.first, self.count, self.packet, self.pace_kbps)
         return _REQUEST.pack(*numbers, self.token)
 
     @classmethod
     def decode(cls, value: bytes) -> MessageRequest:
-        """Read the value of a TLV. BadPacket."""
+        """Decode the value of a TLV; raise BadPacket."""
         if len(value) != _REQUEST.size:
             raise BadPacket("a request for a message has another length")
         request = cls(*_REQUEST.unpack(value))
@@ -332,7 +332,7 @@ class MessageRequest:
 
 @dataclass(frozen=True)
 class RequestStatus:
-    """What became of the requests for a message."""
+    """The status of the requests for a message."""
 
     message: int
     sent_chunks: int
@@ -342,29 +342,29 @@ class RequestStatus:
     token: bytes
 
     def encode(self) -> bytes:
-        """As the value of a TLV."""
+        """Encode as the value of a TLV."""
         return _STATUS.pack(self.message, min(self.sent_chunks, _MOST_CHUNKS), self.rate_kbps, self.token)
 
     @classmethod
     def decode(cls, value: bytes) -> RequestStatus:
-        """Read the value of a TLV. BadPacket."""
+        """Decode the value of a TLV; raise BadPacket."""
         if len(value) != _STATUS.size:
             raise BadPacket("the answer to a request for a message has another length")
         return cls(*_STATUS.unpack(value))
 
 
 def extended_size(*, is_authenticated: bool) -> int:
-    """Give the UDP payload of a packet before its extensions, and the HMAC that protects them."""
+    """Return the UDP payload of a packet with the HMAC that protects its extensions, but without extensions."""
     return AUTHENTICATED_SIZE + HMAC_TLV_SIZE if is_authenticated else BASE_SIZE
 
 
 def chunk_room(packet: int, *, is_authenticated: bool) -> int:
-    """Give how many octets of a message a packet of this UDP payload carries; 0 or less: none."""
+    """Return the octets of a message in a packet of this UDP payload; 0 or less means none fit."""
     return packet - extended_size(is_authenticated=is_authenticated) - CHUNK_HEADER_SIZE
 
 
 def reflector_key(key: bytes, reflector: str) -> bytes:
-    """Give the key of one of the reflectors that share a secret, as text: a request to one is none to another."""
+    """Return the key (as text) of one reflector, derived from the shared secret: no other reflector accepts it."""
     return hmac.digest(key, b"STAMP reflector " + reflector.encode(), "sha256").hex().encode()
 
 
@@ -374,7 +374,7 @@ def _derive_key(key: bytes | None, direction: bytes) -> bytes | None:
 
 
 def _is_answer(data: bytes) -> bool:
-    """Whether a packet without a key is a reflector's: a request has no time of receipt shortly before its stamp."""
+    """Return whether an unauthenticated packet is a reflector's: its receive time is shortly before its timestamp."""
     timestamp: int
     receive_timestamp: int
     _, timestamp, _, _, receive_timestamp, *_ = _REFLECTOR.unpack_from(data)
@@ -397,7 +397,7 @@ def _seal(base: bytes, tlvs: Tlvs, key: bytes | None) -> bytes:
 def _verify(
     data: bytes, key: bytes | None, plain: struct.Struct, authenticated_form: struct.Struct
 ) -> tuple[struct.Struct, bytes]:
-    """Give the format of the base packet and what follows it; whoever has no key is refused here."""
+    """Return the base packet's format and the bytes after it; raise BadPacket if it was not made with the key."""
     if key is None:
         if len(data) < BASE_SIZE:
             raise BadPacket("shorter than a test packet")
@@ -410,7 +410,7 @@ def _verify(
 
 
 def _tlvs(sequence: bytes, body: bytes, key: bytes | None) -> Tlvs:
-    """Read TLVs; the HMAC TLV is verified and left out. Octets that are no TLVs (TWAMP pads so) end the list."""
+    """Parse TLVs; the HMAC TLV is verified and left out. Octets that are no TLVs (TWAMP padding) end the list."""
     tlvs: list[Tlv] = []
     place = 0
     is_protected = key is None

@@ -1,4 +1,4 @@
-"""stand-in, not ROS: prints what the talker says."""
+"""Stub, not ROS: prints the talker's messages."""
 
 # ruff: noqa: INP001 - a file of a package, no module of ours
 

@@ -1,4 +1,4 @@
-"""stand-in, not ROS: `ros2 run PACKAGE PROGRAM`, and `ros2 bag record`, which writes noise in place of messages."""
+"""Stub, not ROS: `ros2 run PACKAGE PROGRAM`, and `ros2 bag record`, which writes random data."""
 
 # ruff: noqa: INP001 - a file of a package, no module of ours
 
@@ -14,7 +14,7 @@ NOISE_BYTES, PAUSE_S = 100_000, 0.05
 
 
 def run(package: str, program: str, *words: str) -> NoReturn:
-    """A program of a package."""
+    """Run a program of a package."""
     path = str(Path("@HOME@", "lib", package, program))
     if not os.access(path, os.X_OK):
         sys.exit(f"Package '{package}' not found")
@@ -22,7 +22,7 @@ def run(package: str, program: str, *words: str) -> NoReturn:
 
 
 def record(words: "list[str]") -> None:
-    """Files of one bag, each as large as it may be, until SIGINT."""
+    """Write the files of one bag, each at its maximum size, until SIGINT."""
     options = dict(zip(words[::2], words[1::2]))  # noqa: B905 - Python 3.8 of Ubuntu 20.04 has no `strict`
     bag, size = Path(options["--output"]), int(options["--max-bag-size"])
     bag.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""stand-in, not a partner's program: listens at the port of a declared service, and says so to whoever comes."""
+"""Stub, not a partner's program: listens on a service's port, and says so to each client."""
 
 # ruff: noqa: INP001 - a file of a rehearsed computer, no module of ours
 
@@ -9,7 +9,7 @@ HELLO = b"stand-in of a rehearsal\n"
 
 
 def serve(kind: str, port: int) -> None:
-    """For ever. `kind` is tcp or udp; port 0: it only runs."""
+    """Serve for ever. `kind` is tcp or udp; port 0: only run."""
     if not port:
         while True:
             time.sleep(3600)

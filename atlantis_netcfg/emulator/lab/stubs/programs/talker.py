@@ -1,4 +1,4 @@
-"""stand-in, not ROS: says hello once a second, on a port of this computer that belongs to the ROS domain."""
+"""Stub, not ROS: sends hello once a second, to a local port that belongs to the ROS domain."""
 
 # ruff: noqa: INP001 - a file of a package, no module of ours
 

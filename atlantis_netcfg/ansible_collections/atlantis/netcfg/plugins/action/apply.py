@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class ActionModule(EngineAction):
-    """From a play to `atlantis_netcfg.operations`."""
+    """Ansible action that passes the play to `atlantis_netcfg.operations`."""
 
     @staticmethod
     def perform(task: TaskRequest) -> Mapping[str, Any]:

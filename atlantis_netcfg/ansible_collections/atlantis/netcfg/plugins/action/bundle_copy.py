@@ -1,14 +1,14 @@
-"""Action `atlantis.netcfg.bundle_copy`: copy a bundle to the host of this task; only what is missing is sent.
+"""Action `atlantis.netcfg.bundle_copy`: copy a bundle to the host of this task, sending only missing files.
 
-It opens the bundle, asks the board, and sends what is missing as one archive. When the link breaks, what has arrived
-whole is kept, and the next time the rest is sent. In check mode nothing is sent.
+It opens the bundle, queries the board, and sends the missing files as one archive. When the link breaks, files that
+arrived whole are kept, and the next run sends the rest. In check mode nothing is sent.
 
-Arguments: `bundle`, its folder on this computer; `state`, the state directory where it is not the usual one; `metered`,
-the name of the link where that is paid by the byte: nothing is sent over it unless `accept_cost` says that a person
-agrees, or Ansible's variable `atlantis_accept_cost`.
+Arguments: `bundle`, its folder on this computer; `state`, the state directory if not the default; `metered`, the name
+of the link if it is metered: nothing is sent over it without consent, given by the argument `accept_cost` or by
+Ansible's variable `atlantis_accept_cost`.
 
 Results: `path` on the board, `repository` and `sources` below it, `ready`, `carried_bytes`, `changes`; in check mode
-`ready` is false where the bundle is not there yet, and `carried_bytes` is what would be sent.
+`ready` is false if the bundle is not on the board yet, and `carried_bytes` is what would be sent.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _MEGABYTE = 1_000_000
 
 
 class ActionModule(ZipappAction):
-    """One host; a bundle that is there already costs one round trip."""
+    """Copies a bundle to one host; a bundle that is already there costs one round trip."""
 
     TRANSFERS_FILES = False
     _supports_check_mode = True
@@ -38,7 +38,7 @@ class ActionModule(ZipappAction):
     _VALID_ARGS = frozenset({"bundle", "state", "metered", "accept_cost"})
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
-        """Ask, send, and let the board put it together."""
+        """Query the board, send the missing files, and let the board assemble the bundle."""
         result: dict[str, Any] = ActionBase.run(self, tmp, task_vars)
         variables = task_vars or {}
         host = str(variables["inventory_hostname"])
@@ -69,7 +69,7 @@ class ActionModule(ZipappAction):
             raise AnsibleActionFail(f"{error}{hint}") from error
 
     def _ask(self, bundle: Bundle, host: str | None, variables: dict[str, Any]) -> dict[str, Any]:
-        """Ask the board; with `host` it is told what the bundle consists of."""
+        """Query the bundle's state on the board; with `host`, also send the board the list of the bundle's files."""
         arguments: dict[str, Any] = {"id": bundle.manifest.id}
         if host is not None:
             files = bundle.manifest.of(host).items()
@@ -77,7 +77,7 @@ class ActionModule(ZipappAction):
         return self.thin("bundle", arguments, variables)
 
     def _refuse_unpaid(self, size: int, variables: dict[str, Any]) -> None:
-        """Hold that a person pays for what goes over a metered link."""
+        """Raise an error if the transfer goes over a metered link without the user's consent."""
         from atlantis_netcfg.operations.common.costs import accepting  # noqa: PLC0415 - Ansible imports every action plugin
         from atlantis_netcfg.operations.common.request import PLAIN_ANSIBLE, of_variables  # noqa: PLC0415 - as above
 
@@ -93,7 +93,7 @@ class ActionModule(ZipappAction):
     def _send(
         self, bundle: Bundle, host: str, values: dict[str, Any], variables: dict[str, Any]
     ) -> tuple[int, dict[str, Any]]:
-        """Send what is missing; give its bytes and the board's answer."""
+        """Send the missing files; return the number of bytes sent and the board's response."""
         from atlantis_netcfg.computers.bundle.open import bytes_to_carry  # noqa: PLC0415 - Ansible imports every action plugin
 
         missing_hashes = set(values["missing"])

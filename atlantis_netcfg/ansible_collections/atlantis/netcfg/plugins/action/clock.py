@@ -1,4 +1,4 @@
-"""Action `atlantis.netcfg.clock`: stands before the module of that name, which documents it."""
+"""Action `atlantis.netcfg.clock`: local side of the module of that name, which has the documentation."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zi
 
 
 class ActionModule(ZipappAction):
-    """The module `clock`, run out of the tool that the gateway keeps."""
+    """Runs the module `clock` from the zipapp installed on the gateway."""
 
     module = "clock"

@@ -1,4 +1,4 @@
-"""Action `atlantis.netcfg.connection_test`: stands before the module of that name, which documents it."""
+"""Action `atlantis.netcfg.connection_test`: local side of the module of that name, which has the documentation."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zi
 
 
 class ActionModule(ZipappAction):
-    """The module `connection_test`, run out of the tool that the gateway keeps."""
+    """Runs the module `connection_test` from the zipapp installed on the gateway."""
 
     module = "connection_test"

@@ -1,6 +1,6 @@
-"""Action `atlantis.netcfg.desired_state`: what the gateways of a play should hold, for the role that asks.
+"""Action `atlantis.netcfg.desired_state`: the desired state of a play's gateways, for the calling role.
 
-It runs once for the whole play and contacts nothing; `per_host` of its result holds one entry a gateway, final data
+It runs once for the whole play and contacts no device; `per_host` of its result holds one entry per gateway: final data
 without templates and without secrets.
 """
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 class ActionModule(EngineAction):
-    """From a role to `atlantis_netcfg.operations.computers`; argument `part` names the role."""
+    """Ansible action that calls `atlantis_netcfg.operations.computers`; its argument `part` names the role."""
 
     _VALID_ARGS = frozenset({"request", "part"})
 
     @staticmethod
     def perform(task: TaskRequest) -> Mapping[str, Any]:
-        """Look it up in the declaration; refuse what this run may not do."""
+        """Compute the desired state from the inventory; raise an error for what this run may not do."""
         from atlantis_netcfg.operations.computers.desired_state import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
         return perform(task.inventory, task.hosts, task.request, task.part, plan_only=task.plan_only)

@@ -1,4 +1,4 @@
-"""Action `atlantis.netcfg.lte`: the 4G units of a play that are no RouterOS devices, in one process.
+"""Action `atlantis.netcfg.lte`: handles the play's 4G units that are not RouterOS devices, in one process.
 
 It runs once for the whole play; `per_host` of its result holds one entry for each unit that it handles. `changed` and
 `failed` are left to the action `recap`.
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class ActionModule(EngineAction):
-    """From a play to `atlantis_netcfg.operations.lte`."""
+    """Ansible action that passes the play to `atlantis_netcfg.operations.lte`."""
 
     @staticmethod
     def perform(task: TaskRequest) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""Action `atlantis.netcfg.minimum_version`: stands before the module of that name, which documents it."""
+"""Action `atlantis.netcfg.minimum_version`: local side of the module of that name, which has the documentation."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zi
 
 
 class ActionModule(ZipappAction):
-    """The module `minimum_version`, run out of the tool that the computer keeps."""
+    """Runs the module `minimum_version` from the zipapp installed on the computer."""
 
     module = "minimum_version"

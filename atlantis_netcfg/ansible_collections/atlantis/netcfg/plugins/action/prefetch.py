@@ -1,10 +1,10 @@
-"""Action `atlantis.netcfg.prefetch`: asks in one call what tasks of several roles would ask in one call each.
+"""Action `atlantis.netcfg.prefetch`: runs the module calls of several roles' tasks in one request.
 
-It reads the tasks of the roles and works out the arguments of our modules as Ansible will. The gateway runs them in
-order until one finds something to do; each task then takes its answer, or calls the gateway itself
-(`plugin_utils/prefetch`). What cannot be worked out is left to its task, as if there was no prefetch.
+It reads the tasks of the roles and computes the arguments of our modules as Ansible will. The gateway runs the modules
+in order until one of them has something to change. Each task then takes its prefetched result, or calls the gateway
+itself (`plugin_utils/prefetch`). A call whose arguments cannot be computed is left to its task, as without a prefetch.
 
-Arguments: `roles`, in their order, and `request`. The result is to be registered as `computer_prefetch`.
+Arguments: `roles`, in their order, and `request`. Register the result as `computer_prefetch`.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ _COLLECTION: Final = "atlantis.netcfg."
 
 
 class ActionModule(zipapp_action.ZipappAction):
-    """One host."""
+    """Prefetches the module results of one host."""
 
     _VALID_ARGS = frozenset({"roles", "request"})
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
-        """Ask for the modules of the roles; a refusal is left to the task that would get it."""
+        """Request the modules of the roles; if this is refused, leave the error to the task that would get it."""
         result: dict[str, Any] = ActionBase.run(self, tmp, task_vars)
         end_with_parent()
         variables = task_vars or {}
@@ -63,7 +63,7 @@ class ActionModule(zipapp_action.ZipappAction):
         return {**result, "changed": False, **prefetch.pack(requests, clean_answers)}
 
     def _calls(self, variables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Give module and arguments of each task, in order. Raises AnsibleError, NetcfgError, OSError."""
+        """Yield module and arguments of each task, in order. Raises AnsibleError, NetcfgError, OSError."""
         folders = [Path(folder) for folder in constants.config.get_config_value("DEFAULT_ROLES_PATH")]
         host_vars = dict(variables)
         for role in self._task.args["roles"]:
@@ -80,7 +80,7 @@ class ActionModule(zipapp_action.ZipappAction):
     def _of_block(
         self, block: Mapping[str, Any], folder: Path, host_vars: dict[str, Any], scope: Mapping[str, Any]
     ) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield the calls of its tasks; what `desired_state` registers goes into `host_vars`; `scope`: the `vars`."""
+        """Yield the calls of a block; put registered `desired_state` results in `host_vars`; `scope` has the `vars`."""
         defaults = block.get("module_defaults", {})
         for task in block["block"]:
             variables = {**scope, **task.get("vars", {})}
@@ -118,7 +118,7 @@ class ActionModule(zipapp_action.ZipappAction):
 
 
 def _applies(task: Mapping[str, Any], templar: Any) -> bool:  # noqa: ANN401 - ansible-core ships no type information
-    """Whether it would be run; one that depends on an answer is left out."""
+    """Return whether the task would run; False if its condition depends on a result that is not known yet."""
     conditions = task.get("when", [])
     try:
         return all(map(templar.evaluate_conditional, conditions if isinstance(conditions, list) else [conditions]))

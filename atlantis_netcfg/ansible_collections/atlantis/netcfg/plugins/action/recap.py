@@ -1,6 +1,6 @@
-"""Action `atlantis.netcfg.recap`: one device's own result, for Ansible's count of hosts and for `--diff`.
+"""Action `atlantis.netcfg.recap`: one device's own result, for Ansible's host counters and for `--diff`.
 
-`atlantis.netcfg.apply` runs once for the whole play, so that Ansible would count its result on the first host only.
+`atlantis.netcfg.apply` runs once for the whole play, so Ansible would count its result for the first host only.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from ansible.plugins.action import ActionBase
 
 
 class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
-    """Repeats what `apply` found out about the host of this task; contacts nothing."""
+    """Repeats the result of `apply` for the host of this task; contacts no device."""
 
     TRANSFERS_FILES = False
     _requires_connection = False
@@ -20,7 +20,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
     _VALID_ARGS = frozenset({"result"})
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
-        """Give message, difference, and whether this device changed or failed."""
+        """Return the message, the diff, and whether this device changed or failed."""
         values: dict[str, Any] = super().run(tmp, task_vars)
         device = self._task.args["result"]
         values.update(changed=device["changed"], failed=not device["ok"], msg=device["message"])

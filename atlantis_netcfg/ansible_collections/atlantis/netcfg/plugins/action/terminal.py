@@ -1,6 +1,6 @@
-"""Action `atlantis.netcfg.terminal`: what is declared of the satellite terminals of a play, held against the evidence.
+"""Action `atlantis.netcfg.terminal`: compares the play's satellite terminals in the inventory with the evidence.
 
-It runs once for the whole play and contacts nothing; `per_host` of its result holds one entry a terminal.
+It runs once for the whole play and contacts no device; `per_host` of its result holds one entry per terminal.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class ActionModule(EngineAction):
-    """From a play to `atlantis_netcfg.operations.common.terminals`."""
+    """Ansible action that passes the play to `atlantis_netcfg.operations.common.terminals`."""
 
     @staticmethod
     def perform(task: TaskRequest) -> Mapping[str, Any]:

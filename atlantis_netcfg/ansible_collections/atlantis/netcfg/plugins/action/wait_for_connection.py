@@ -1,4 +1,4 @@
-"""Action `atlantis.netcfg.wait_for_connection`: Ansible's own, with words that no terminal obeys."""
+"""Action `atlantis.netcfg.wait_for_connection`: Ansible's own action; its messages are cleaned of control codes."""
 
 from __future__ import annotations
 
@@ -8,4 +8,4 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zi
 
 
 class ActionModule(CleanedAction, Stock):  # type: ignore[misc]  # ansible-core ships no type information
-    """Wait until a computer answers."""
+    """Waits until a computer responds."""

@@ -1,7 +1,7 @@
-"""Action `atlantis.netcfg.wait_for_unit`: wait for at most a minute until a unit of systemd is active no more.
+"""Action `atlantis.netcfg.wait_for_unit`: wait for at most one minute until a systemd unit is no longer active.
 
-It is one command of a shell: two round trips and a hundred bytes, where a module would be asked with some kB. `rc` of
-its result is 0 once the unit has ended.
+It runs one shell command: two round trips and a hundred bytes, where a module would send some kB. `rc` of its result is
+0 once the unit has ended.
 """
 
 from __future__ import annotations
@@ -27,4 +27,4 @@ class _Wait(ActionBase):  # type: ignore[misc]  # ansible-core ships no type inf
 
 
 class ActionModule(CleanedAction, _Wait):
-    """Wait for a unit."""
+    """Waits for a systemd unit to end; its messages are cleaned of control codes."""

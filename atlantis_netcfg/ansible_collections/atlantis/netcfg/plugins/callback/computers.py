@@ -1,8 +1,8 @@
 """Callback `atlantis.netcfg.computers`: lock, journal and results of a play over computers.
 
-They are whatever is reached by SSH. Ordinary roles tell Ansible how each task ended; this hands it to
-`atlantis_netcfg.operations.computers`, which holds the lock of the site as long as the play lasts. It is enabled in
-ansible.cfg, so that plain `ansible-playbook` is guarded likewise.
+A computer is any host reached by SSH. Ordinary roles report to Ansible how each task ended; this callback forwards it
+to `atlantis_netcfg.operations.computers`, which holds the lock of the site for the duration of the play. It is enabled
+in ansible.cfg, so that plain `ansible-playbook` is protected in the same way.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ GROUPS = ("vpn_servers", "gateways", "control_centres", "operator_stations")
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships no type information
-    """Ears only: what is to be done with it stands in `operations.computers`."""
+    """Receives Ansible's events only; `operations.computers` contains the logic."""
 
     CALLBACK_VERSION = 2.0
     CALLBACK_TYPE = "notification"
@@ -49,9 +49,9 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         self._emulators = ExitStack()
 
     def v2_playbook_on_start(self, playbook: Any) -> None:  # noqa: ANN401
-        """Read what is declared, and start emulated devices where a person has asked for a rehearsal.
+        """Read the inventory, and start emulated devices if the user has requested a rehearsal.
 
-        What a callback raises is a warning to Ansible, and goes on; SystemExit is not caught.
+        Ansible turns an exception of a callback into a warning and continues; SystemExit is not caught.
         """
         from atlantis_netcfg.core.errors import NetcfgError  # noqa: PLC0415 - Ansible imports every plugin
 
@@ -63,7 +63,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
             raise SystemExit(int(error.exit)) from error
 
     def v2_playbook_on_play_start(self, play: Any) -> None:  # noqa: ANN401
-        """A play begins: one over computers is watched from here to the end of the playbook."""
+        """Start watching a play over computers, until the end of the playbook."""
         manager = play.get_variable_manager()
         hosts = manager._inventory.get_hosts(play.hosts)  # noqa: SLF001 - a callback is not told in another way
         over = {name for pattern in play.hosts for name in pattern.split(":")}
@@ -80,10 +80,10 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         self._watch.begin([host.name for host in hosts])
 
     def _begin(self, manager: Any, play: Any) -> None:  # noqa: ANN401
-        """Refuse a declaration with an error before the first task, such as a template in a connection variable.
+        """Reject an invalid inventory, such as a template in a connection variable, before the first task.
 
-        Of a task Ansible evaluates the variables of the connection first, and only then starts our action, which would
-        have refused them.
+        For each task Ansible evaluates the variables of the connection first, and only then starts our action, which
+        would have rejected them.
         """
         hosts = manager._inventory.get_hosts()  # noqa: SLF001 - a callback is not told in another way
         variables = manager.get_vars(play=play, host=hosts[0]) if hosts else {}
@@ -100,7 +100,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
             self._rehearse(manager, declaration, [declaration.hosts[host.name] for host in hosts])
 
     def _rehearse(self, manager: Any, declaration: Declaration, hosts: Sequence[Host]) -> None:  # noqa: ANN401
-        """Start emulated devices, which end with the playbook, and leave out the hosts that nothing stands for."""
+        """Start emulated devices until the playbook ends, and leave out hosts that have no emulator."""
         from atlantis_netcfg.operations.common.rehearsal import rehearsal  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.common.request import Request  # noqa: PLC0415 - as above
 
@@ -113,27 +113,27 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         manager.extra_vars["atlantis_request"] = request.model_dump(mode="json", exclude_defaults=True)
 
     def v2_runner_on_start(self, host: Any, task: Any) -> None:  # noqa: ANN401
-        """One line of progress."""
+        """Report the start of a task, as one line of progress."""
         if self._watch is not None:
             self._watch.start_task(host.name, task.get_name())
 
     def v2_runner_on_ok(self, result: Any) -> None:  # noqa: ANN401
-        """What it changed."""
+        """Report the changes of a task that succeeded."""
         if self._watch is not None:
             self._watch.ok(result.host.name, result.task.get_name(), result.result)
 
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:  # noqa: ANN401, FBT001, FBT002
-        """Why."""
+        """Report why a task failed, unless its errors are ignored."""
         if self._watch is not None and not ignore_errors:
             self._watch.fail_task(result.host.name, result.task.get_name(), result.result)
 
     def v2_runner_on_unreachable(self, result: Any) -> None:  # noqa: ANN401
-        """Why."""
+        """Report why a host is unreachable."""
         if self._watch is not None:
             self._watch.unreachable(result.host.name, result.task.get_name(), result.result)
 
     def v2_playbook_on_stats(self, stats: Any) -> None:  # noqa: ANN401
-        """The playbook has ended; a failure that a role has rescued is none."""
+        """Finish the watch with the hosts that failed at the end; a failure rescued by a role does not count."""
         if self._watch is not None:
             self._watch.end({*stats.failures, *stats.dark})
             self._watch = None

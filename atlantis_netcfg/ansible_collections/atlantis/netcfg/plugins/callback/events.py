@@ -1,4 +1,4 @@
-"""Stdout callback `atlantis.netcfg.events`: only what went wrong, since `provision` shows progress itself."""
+"""Stdout callback `atlantis.netcfg.events`: prints failures only, since `provision` shows progress itself."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ description:
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships no type information
-    """Failures only; and once a person has stopped the run, no task begins any more."""
+    """Prints failures only; starts no further task after the user has stopped the run."""
 
     CALLBACK_VERSION = 2.0
     CALLBACK_TYPE = "stdout"
@@ -37,12 +37,12 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         refuse_after_stop()
 
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:  # noqa: ANN401, FBT001, FBT002
-        """One line a failed task."""
+        """Print one line for a failed task, unless its errors are ignored."""
         if not ignore_errors:
             self._tell(result, "failed")
 
     def v2_runner_on_unreachable(self, result: Any) -> None:  # noqa: ANN401
-        """One line an unreachable host."""
+        """Print one line for an unreachable host."""
         self._tell(result, "unreachable")
 
     def _tell(self, result: Any, otherwise: str) -> None:  # noqa: ANN401

@@ -1,4 +1,4 @@
-"""Bring the packages of a computer to what is declared, from whatever state an earlier run has left.
+"""Bring the packages of a computer to their desired state, whatever state an earlier run has left.
 
 The costs, in bytes over the link and on the disk, are known before anything is downloaded.
 """
@@ -26,7 +26,7 @@ _URI = re.compile(r"^'(?P<scheme>[a-z+]+):[^']*' (?P<file>\S+) (?P<bytes>\d+)", 
 
 @dataclass(frozen=True)
 class AptCosts:
-    """In bytes."""
+    """Cost of an apt run, in bytes."""
 
     download: int
     """Over the network: not what lies on the computer already."""
@@ -35,12 +35,12 @@ class AptCosts:
 
 
 def to_install(text: str) -> dict[str, str]:
-    """The packages and versions that a simulation (`apt-get -s`) would install."""
+    """Return the packages and versions that a simulation (`apt-get -s`) would install."""
     return {match["name"].partition(":")[0]: match["version"] for match in _INST.finditer(text)}
 
 
 def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> AptCosts:
-    """What `apt-get ARGUMENTS` costs, that installs `packages`."""
+    """Compute the cost of `apt-get ARGUMENTS`, which installs `packages`."""
     matchs = _URI.finditer(apt.get("--yes", "--print-uris", *arguments).output)
     download = sum(int(match["bytes"]) for match in matchs if match["scheme"] not in ("file", "copy", "cdrom"))
     if not packages:
@@ -51,7 +51,7 @@ def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> Ap
 
 
 def bytes_of_lists(apt: Apt) -> int | None:
-    """What an update may download at most, by what the sources said of themselves last; None: nobody knows yet."""
+    """Estimate the largest download of an update from the sources' last InRelease files; None if unknown."""
     folder = Path(apt.tree.at(apt.lists))
     total_bytes = 0
     for path in folder.iterdir() if folder.is_dir() else ():
@@ -64,7 +64,7 @@ def bytes_of_lists(apt: Apt) -> int | None:
 
 
 def refuse_if_full(apt: Apt, costs: AptCosts) -> None:
-    """Raise ModuleError where the disk cannot take it; places of one file system count together."""
+    """Raise ModuleError if the disk has too little space; paths on the same file system are added up."""
     needs_by_device: dict[int, tuple[str, int]] = {}
     for place, size in (("/usr", costs.room + _SPARE_BYTES), (_ARCHIVES, costs.download)):
         real = Path(apt.tree.at(place))
@@ -85,7 +85,7 @@ def refuse_if_full(apt: Apt, costs: AptCosts) -> None:
 
 
 def in_words(size: int) -> str:
-    """A size for a person: decimal units, as a contract of a mobile network counts."""
+    """Format a size for a person, in decimal units as mobile network contracts count."""
     for unit, factor in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
         if size >= factor:
             return f"{size / factor:.1f} {unit}" if size < 10 * factor else f"{size / factor:.0f} {unit}"
@@ -106,7 +106,7 @@ _DAMAGED_ARCHIVE = "dpkg-deb: error"
 
 @dataclass(frozen=True)
 class DesiredPackages:
-    """What is declared; `packages` maps a name to its version, None: any."""
+    """Desired packages of a computer; `packages` maps a name to its version, None for any version."""
 
     packages: Mapping[str, str | None]
     keys: Sequence[AptKey] = ()
@@ -122,7 +122,7 @@ class DesiredPackages:
 
 @dataclass
 class AptOutcome:
-    """What was done, or in check mode would be."""
+    """Changes and notes of an apt run; in check mode, the changes that it would make."""
 
     changes: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -148,7 +148,7 @@ class AptConvergence:
         """What was there when the first change was made."""
 
     def run(self, *, check: bool) -> AptOutcome:
-        """Look, and unless it is only a check, do what is missing. Raises ModuleError."""
+        """Read the current state and, unless `check` is set, install what is missing. Raises ModuleError."""
         self._preflight()
         before = list_installed(self.apt)
         half_installed = half_done(self.apt, before)
@@ -164,7 +164,7 @@ class AptConvergence:
         return self.outcome
 
     def list_changes(self) -> list[str]:
-        """What a run that failed has changed nevertheless."""
+        """List what a failed run has changed nevertheless."""
         if self._before is None:
             return []
         packages = [
@@ -176,7 +176,7 @@ class AptConvergence:
 
     @property
     def _stale(self) -> bool:
-        """Whether apt's lists are to be brought up to date although nothing is missing; not from a bundle."""
+        """Whether apt's lists must be updated although no package is missing; never with a bundle."""
         return self.apt.bundle is None and not self.sources.is_updated
 
     def _preflight(self) -> None:
@@ -188,7 +188,7 @@ class AptConvergence:
         self.outcome.notes += [note for note in notes if note is not None]
 
     def _missing(self, packages: dict[str, InstalledPackage]) -> dict[str, str | None]:
-        """The declared packages that are not there in their version. A held one is none of ours to change."""
+        """Return the desired packages that are not installed in their version; a package on hold is not changed."""
         missing = {}
         for name, version in self.desired_packages.packages.items():
             is_now = packages.get(name)
@@ -229,7 +229,7 @@ class AptConvergence:
             self._act(self._install(missing), list(missing))
 
     def _lists_do(self, missing: Mapping[str, str | None]) -> bool:
-        """Whether what is counted need not be spent on lists: those that are there have all that is missing."""
+        """Return whether metered data can be saved: the current lists already offer all missing packages."""
         if self.desired_packages.limit_bytes is None or not self.sources.is_updated:
             return False
         versions = self._available_versions(missing)
@@ -253,7 +253,7 @@ class AptConvergence:
         )
 
     def _update(self) -> None:
-        """Bring apt's lists up to date; where our sources do not work, they are taken back."""
+        """Update apt's lists; remove our sources again if they do not work."""
         self.apt.drop_lists(only_empty=True)
         result = self.apt.update()
         if any(words in result.output for words in _DAMAGED_LISTS):
@@ -269,9 +269,9 @@ class AptConvergence:
             self.sources.note()
 
     def _mend(self, missing: Collection[str]) -> None:
-        """Finish what dpkg alone could not: packages that need others, or that were cut off while being unpacked.
+        """Repair what dpkg alone could not: packages that need others, or whose unpacking was interrupted.
 
-        One of `missing` that cannot be set up may yet be replaced by the version that is declared.
+        A package of `missing` that cannot be configured may still be replaced by its desired version.
         """
         for package in half_done(self.apt, list_installed(self.apt)):
             if not package.is_damaged:
@@ -290,7 +290,7 @@ class AptConvergence:
                     raise
 
     def _refuse_unknown(self, missing: Mapping[str, str | None]) -> None:
-        """Say which packages or versions no source has, and which versions there are."""
+        """Raise ModuleError for packages or versions that no source has, with the versions available."""
         versions = self._available_versions(missing)
         without = [name for name in missing if name not in versions]
         if without:
@@ -307,7 +307,7 @@ class AptConvergence:
                 )
 
     def _available_versions(self, missing: Mapping[str, str | None]) -> dict[str, list[str]]:
-        """The versions that the lists have."""
+        """Return the versions of each package in apt's lists."""
         versions: dict[str, list[str]] = {}
         for line in self.apt.cache("madison", *missing).output.splitlines() if missing else ():
             words = [word.strip() for word in line.split("|")]
@@ -321,7 +321,7 @@ class AptConvergence:
         return [*_INSTALL, *down, "install", *exact]
 
     def _act(self, arguments: Sequence[str], names: Sequence[str]) -> None:
-        """Let apt do it, after it was told what it costs; a damaged download is fetched once more."""
+        """Run apt after checking its cost; a damaged download is fetched once more."""
         forecast = self.apt.get("-s", "--yes", *arguments)
         if forecast.code:
             raise of_install(forecast.output, names)
@@ -342,7 +342,7 @@ class AptConvergence:
         self.outcome.download_bytes += costs.download
 
     def _tell(self, before: dict[str, InstalledPackage], *, check: bool) -> None:
-        """Read back what is there now, and refuse to call done what is not."""
+        """Read back the installed packages and raise ModuleError if any is still missing or half installed."""
         after = before if check else list_installed(self.apt)
         if not check:
             still = [*self._missing(after), *(package.name for package in half_done(self.apt, after))]

@@ -1,4 +1,4 @@
-"""What apt and dpkg say, in words for a technician. A new message is a row."""
+"""Messages of apt and dpkg, translated for a technician. A new message is a row."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SOURCE = r"(?P<url>\S+) (?P<suite>\S+?)(?: (?:In)?Release)?"
 
 @dataclass(frozen=True)
 class _MessageRow:
-    """A message of apt: what it matches, what it means, what to do. Both take the groups of the pattern."""
+    """A known message of apt: pattern, meaning and remedy. The texts may use the groups of the pattern."""
 
     pattern: str
     message: str
@@ -162,7 +162,7 @@ _SAYS = re.compile(r"^(?:[EWN]|Err:\d+):? ")
 
 
 def of_update(text: str, code: int, urls: Sequence[str], architecture: str) -> ModuleError | None:
-    """What hindered an update of the lists of packages from `urls`; None: nothing did, for them and `architecture`."""
+    """Return why an update of package lists from `urls` failed; None if they succeeded for `architecture`."""
     missing = f"doesn't support architecture '{architecture}'"
     lines = [line for line in problems(text) if "doesn't support architecture" not in line or missing in line]
     result = _first(_COMPUTER, lines)
@@ -175,7 +175,7 @@ def of_update(text: str, code: int, urls: Sequence[str], architecture: str) -> M
 
 
 def of_install(text: str, names: Iterable[str]) -> ModuleError:
-    """What hindered apt or dpkg from installing."""
+    """Return the error that explains why apt or dpkg could not install."""
     script = _SCRIPT.search(text)
     lines = text.splitlines()
     full = _first(_COMPUTER, lines)
@@ -191,7 +191,7 @@ def of_install(text: str, names: Iterable[str]) -> ModuleError:
 
 
 def others(text: str, urls: Sequence[str]) -> list[str]:
-    """The sources beside `urls` that could not be updated, which hinders nothing by itself."""
+    """Return a note about sources other than `urls` that could not be updated; this is not an error."""
     failed_lines = [
         line for line in problems(text) if line[0] in "EW" and not any(url.rstrip("/") in line for url in urls)
     ]
@@ -200,7 +200,7 @@ def others(text: str, urls: Sequence[str]) -> list[str]:
 
 
 def problems(text: str) -> list[str]:
-    """The errors, warnings and notes of apt, each in one line with what follows it indented."""
+    """Return apt's errors, warnings and notes, each as one line with its indented continuation."""
     result: list[str] = []
     for line in text.splitlines():
         if _SAYS.match(line):

@@ -1,6 +1,6 @@
-"""Run apt-get and dpkg in English, without questions, and without a wait for a service that was started.
+"""Run apt-get and dpkg in English, without prompts, and without waiting for services that they start.
 
-Also what dpkg knows: which packages are installed, which are half installed, and which process holds its lock.
+Also read dpkg's state: installed packages, half-installed packages, and the process that holds its lock.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ _ENVIRONMENT = {
 
 @dataclass(frozen=True)
 class AptOutput:
-    """How a program ended, and all that it said, in order."""
+    """Exit code and complete output of a program."""
 
     code: int
     output: str
 
 
 def bundle_of(tree: FileSystem, folder: str) -> str:
-    """The one line of sources that a bundle is: a flat signed repository with its own key. Raises ModuleError."""
+    """Return the apt source line of a bundle, a flat repository signed by its own key. Raises ModuleError."""
     for name in ("InRelease", _KEY):
         if tree.read(f"{folder}/{name}") is None:
             raise ModuleError(
@@ -59,7 +59,7 @@ def bundle_of(tree: FileSystem, folder: str) -> str:
 def refuse_another_system(
     apt: Apt, distribution: str | None, codename: str | None, architectures: Sequence[str]
 ) -> None:
-    """Raise ModuleError where the computer runs another system than all this is made for; None: any is good."""
+    """Raise ModuleError if the computer's system is not one of the supported ones; None accepts any."""
     text = (apt.tree.read("/etc/os-release") or b"").decode(errors="replace")
     pairs = (line.partition("=") for line in text.splitlines())
     values = {name: value.strip().strip("'\"") for name, _, value in pairs}
@@ -78,9 +78,9 @@ def refuse_another_system(
 
 
 class Apt:
-    """apt of this computer; with `bundle` it knows that repository only, and keeps its lists apart.
+    """apt of this computer; with `bundle` it uses only that repository, and keeps its lists separate.
 
-    `wait_s`: how long it waits for another apt or dpkg to let go.
+    `wait_s`: timeout for another apt or dpkg to release its lock.
     """
 
     def __init__(self, tree: FileSystem, bundle: str | None = None, wait_s: int = 300) -> None:
@@ -91,24 +91,24 @@ class Apt:
 
     @property
     def lists(self) -> str:
-        """Where its lists of packages are."""
+        """Folder of apt's package lists."""
         return "/var/lib/apt/lists" if self.bundle is None else f"{_FOLDER}/lists"
 
     @property
     def architecture(self) -> str:
-        """The computer's own, as dpkg calls it."""
+        """Architecture of the computer, as dpkg names it."""
         if not self._architecture:
             self._architecture = self.run("dpkg", "--print-architecture").output.strip()
         return self._architecture
 
     def ready(self) -> None:
-        """Make what a bundle needs beside apt's own files."""
+        """Write the files that a bundle needs in addition to apt's own."""
         if self.bundle is not None:
             self.tree.write(f"{_FOLDER}/offline.list", bundle_of(self.tree, self.bundle).encode())
             self.tree.write(f"{self.lists}/partial/.keep", b"")
 
     def update(self) -> AptOutput:
-        """Bring the lists of packages up to date. Only when it is not quiet apt tells what a source does not have."""
+        """Update the package lists, not quietly: only then apt reports what a source does not have."""
         return self.get("-o", "quiet=0", "update")
 
     def get(self, *arguments: str) -> AptOutput:
@@ -143,7 +143,7 @@ class Apt:
         return AptOutput(code, text)
 
     def drop_lists(self, *, only_empty: bool) -> None:
-        """Remove lists that a power cut has left empty or damaged: apt takes those that it has for good ones."""
+        """Remove lists that a power cut has left empty or damaged, which apt would treat as valid."""
         folder = Path(self.tree.at(self.lists))
         for path in folder.iterdir() if folder.is_dir() else ():
             if path.is_file() and path.name != "lock" and (not only_empty or path.stat().st_size == 0):
@@ -203,17 +203,17 @@ class InstalledPackage:
 
     @property
     def is_installed(self) -> bool:
-        """Whether it is there and was configured."""
+        """Whether the package is installed and configured."""
         return self.state == "installed" and not self.is_damaged
 
     @property
     def is_held(self) -> bool:
-        """Whether somebody forbade to change it."""
+        """Whether the package is on hold."""
         return self.selection == "hold"
 
 
 def list_installed(apt: Apt) -> dict[str, InstalledPackage]:
-    """Every package that dpkg knows, by name; of several architectures the computer's own."""
+    """Return every package that dpkg knows, by name; of several architectures, the computer's own."""
     local = apt.architecture
     output = apt.run("dpkg-query", "--show", f"--showformat={_FIELDS}")
     if output.code:
@@ -232,7 +232,7 @@ def list_installed(apt: Apt) -> dict[str, InstalledPackage]:
 
 
 def half_done(apt: Apt, packages: dict[str, InstalledPackage]) -> list[InstalledPackage]:
-    """What an interrupted dpkg left behind; a journal that was not merged counts for the package `dpkg`."""
+    """Return what an interrupted dpkg left behind; an unmerged journal counts as the package `dpkg`."""
     half_installed = [
         package for package in packages.values() if package.state in _PARTIAL_STATES or package.is_damaged
     ]
@@ -244,7 +244,7 @@ def half_done(apt: Apt, packages: dict[str, InstalledPackage]) -> list[Installed
 
 
 def fits(version: str, desired_version: str | None) -> bool:
-    """Whether an installed version is the wanted one; None: any is; a `*` at its end stands for the rest."""
+    """Return whether a version matches the desired one; None matches any, a `*` at its end any rest."""
     return (
         desired_version is None
         or version == desired_version
@@ -253,7 +253,7 @@ def fits(version: str, desired_version: str | None) -> bool:
 
 
 def wait_for_others(tree: FileSystem, wait_s: float, sleep: Callable[[float], None] = time.sleep) -> None:
-    """Wait until no other apt or dpkg is at work. Raises ModuleError with who it is."""
+    """Wait until no other apt or dpkg runs. Raises ModuleError, naming the process, on timeout."""
     until = time.monotonic() + wait_s
     while True:
         holder = next((process for process in (_holder(tree, lock) for lock in _LOCKS) if process), None)
@@ -269,7 +269,7 @@ def wait_for_others(tree: FileSystem, wait_s: float, sleep: Callable[[float], No
 
 
 def _holder(tree: FileSystem, lock: str) -> str | None:
-    """Who holds a lock of fcntl(2), if anybody does; such locks end with their process, whatever file is left."""
+    """Return the holder of an fcntl(2) lock, if any; such locks end with their process, even if the file remains."""
     try:
         with Path(tree.at(lock)).open("rb+") as file:
             data = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)

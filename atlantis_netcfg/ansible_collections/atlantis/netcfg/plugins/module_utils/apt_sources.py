@@ -21,7 +21,7 @@ _DAY_S = 86400
 
 @dataclass(frozen=True)
 class AptKey:
-    """A key that signs a source, as it is to stand on the computer."""
+    """A key that signs an apt source, with its target path on the computer."""
 
     path: str
     content: bytes
@@ -29,7 +29,7 @@ class AptKey:
 
 
 def key_of(parameter: Mapping[str, str]) -> AptKey:
-    """A key of the module's parameters."""
+    """Read a key from the module's parameters. Raises ModuleError if it is damaged."""
     try:
         content = base64.b64decode(parameter["content_base64"], validate=True)
     except binascii.Error:
@@ -38,7 +38,7 @@ def key_of(parameter: Mapping[str, str]) -> AptKey:
 
 
 def check_key(key: AptKey, now: float) -> str | None:
-    """Refuse a key that is another one or that is not good at `now` (the computer's clock); gives a note, if any."""
+    """Check that a key is the expected one and valid at `now` (the computer's clock); return a note, if any."""
     try:
         keys = public_keys(key.content)
     except NotAKey as why:
@@ -75,7 +75,7 @@ def _day(seconds: float) -> str:
 
 
 class Sources:
-    """The files below /etc/apt and of keys that are ours: `files` maps a path to its content, keys come first."""
+    """Our files below /etc/apt and our keys: `files` maps a path to its content, keys come first."""
 
     def __init__(self, tree: FileSystem, files: Mapping[str, bytes], absent: Sequence[str] = ()) -> None:
         self.tree = tree
@@ -86,32 +86,32 @@ class Sources:
 
     @property
     def changed_paths(self) -> list[str]:
-        """The files that are not as they shall be."""
+        """Files whose content differs from the desired one."""
         return [path for path, content in self.files.items() if self.tree.read(path) != content]
 
     @property
     def in_the_way(self) -> list[str]:
-        """The files that name the same sources in another way."""
+        """Existing files that configure the same sources in another form."""
         return [path for path in self.absent if self.tree.read(path) is not None]
 
     @property
     def is_updated(self) -> bool:
-        """Whether apt's lists were updated with just these files."""
+        """Whether apt's lists were last updated with exactly these files."""
         return self.stamps.holds(_STAMP, self._digests())
 
     @property
     def urls(self) -> list[str]:
-        """The addresses in the files."""
+        """URLs of the sources in the files."""
         texts = [content.decode(errors="replace") for path, content in self.files.items() if not path.endswith(".gpg")]
         matches = [re.findall(r"^URIs:(.*)$|^deb(?: \[.*?\])? (\S+)", text, re.MULTILINE) for text in texts]
         return [url for match in matches for pair in match for words in pair for url in words.split()]
 
     def before_and_after(self, path: str) -> tuple[str, str]:
-        """What is in a file and what shall be, for the diff; keys are not text."""
+        """Return the current and the desired content of a file, for the diff; keys are not text."""
         return (_text(self.was.get(path, self.tree.read(path))), _text(self.files.get(path)))
 
     def write(self) -> None:
-        """Write what is not as it shall be, and remember what was there."""
+        """Write the files that differ, and keep their previous content."""
         for path in [*self.changed_paths, *self.in_the_way]:
             self.was[path] = self.tree.read(path)
         for path in self.was:
@@ -121,7 +121,7 @@ class Sources:
                 self.tree.remove(path)
 
     def take_back(self) -> None:
-        """Leave apt as it was found: sources that do not work would hinder every later use of it."""
+        """Restore apt's previous files: sources that do not work would break every later use of apt."""
         for path, content in reversed(list(self.was.items())):
             if content is None:
                 self.tree.remove(path)

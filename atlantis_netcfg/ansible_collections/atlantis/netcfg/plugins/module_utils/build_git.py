@@ -1,12 +1,12 @@
 """Fetch a git repository at a revision, with its submodules, over a link that is slow, expensive and unreliable.
 
-It fetches one commit without its history. What an earlier attempt has fetched stays, and a new build starts from the
-sources of the build in use, so that only the difference is transferred.
+It fetches one commit without its history. Data that an earlier attempt has fetched is kept, and a new build starts from
+the sources of the build in use, so that only the difference is transferred.
 
-A token stands in `TOKENS/NAME`, mode 0600, below /run, beside a script that git calls as GIT_ASKPASS with a question
+A token is kept in `TOKENS/NAME`, mode 0600, below /run, beside a script that git calls as GIT_ASKPASS with a prompt
 (gitcredentials(7)). The script answers for the repository's own server and fails for any other. So the token is in no
 command line, environment, .git/config or log. A submodule on the same server is read with it, one elsewhere is not.
-Both files are removed when everything is fetched, and with the unit of the build, however that ends.
+Both files are removed when everything is fetched, and when the unit of the build ends, for whatever reason.
 """
 
 # ruff: noqa: PTH103, PTH108, PTH110, PTH112, PTH113, PTH118, PTH123
@@ -61,7 +61,7 @@ def keep(folder: str, name: str, url: str, token: str) -> None:
 
 
 def askpass(folder: str, name: str) -> str | None:
-    """The script that answers for a repository, if a token is kept for it."""
+    """Return the path of the askpass script of a repository, if a token is stored for it."""
     path = os.path.join(folder, f"{name}.askpass")
     return path if os.path.exists(path) else None
 
@@ -79,10 +79,9 @@ _PAUSES_S = (10.0, 30.0, 60.0, 120.0)
 def configure(home: str, offline: str | None, urls: Iterable[str]) -> None:
     """Write git's settings to the folder that is its home during a build.
 
-    `protocol.version=2` lets a commit be asked for by its name; a transfer that stands for 300 s is given up.
-    Submodules that are declared by SSH on a server of `urls` are read from it as the repositories are: by HTTPS, with
-    their token.
-    With `offline` every server is a folder below it.
+    `protocol.version=2` lets a client request a commit by its hash; a transfer that stalls for 300 s is aborted.
+    Submodules with an SSH address on a server of `urls` are read from it like the repositories: by HTTPS, with their
+    token. With `offline` every server is a folder below it.
     """
     text = (
         "[protocol]\n\tversion = 2\n"
@@ -109,7 +108,7 @@ def _instead(address: str, *of: str) -> str:
 
 
 class _GitError(Exception):
-    """What git said when it failed."""
+    """Failure of git, with its output."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -118,7 +117,7 @@ class _GitError(Exception):
 
 @dataclass(frozen=True)
 class Git:
-    """git in one repository; `say` takes lines for the log, `sleep` is given by tests."""
+    """git in one repository; `say` takes lines for the log, tests replace `sleep`."""
 
     repository: Repository
     name: str
@@ -131,7 +130,7 @@ class Git:
     sleep: Callable[[float], None] = time.sleep
 
     def fetch(self, seed: str | None) -> str:
-        """Fetch the sources of the revision, give its commit; `seed` is a folder to start from. Raises ModuleError."""
+        """Fetch the sources of the revision; return its commit. `seed`: a folder to start from. Raises ModuleError."""
         try:
             return self._fetch(seed)
         except _GitError as failed:
@@ -161,7 +160,7 @@ class Git:
         return commit
 
     def _commit(self) -> str:
-        """Fetch the revision, its history only from a server that gives no commit without it."""
+        """Fetch the revision; fetch its history only if the server refuses a commit without it."""
         revision = self.repository.revision
         if is_commit(revision):
             if self._has(revision):
@@ -187,7 +186,7 @@ class Git:
         return self._git("rev-parse", f"refs/tags/{revision}^{{commit}}").strip()
 
     def _has(self, commit: str) -> bool:
-        """Whether a commit is here with all of its files, also after an attempt that was cut off."""
+        """Return whether a commit is present with all of its files, also after an interrupted attempt."""
         try:
             self._git("rev-list", "--objects", "--max-count=1", commit)
         except _GitError:
@@ -226,7 +225,7 @@ class Git:
             )
 
     def _of_submodule(self, error: _GitError) -> Exception:
-        """A failure of a submodule names it, because the repository itself is in order."""
+        """Return the error of a submodule, with its name, because the repository itself is in order."""
         if trouble(error.output) in (
             BuildTrouble.CORRUPTION,
             BuildTrouble.SPACE,
@@ -240,7 +239,7 @@ class Git:
         )
 
     def _online(self, *words: str) -> str:
-        """Run a command that needs the link: while that is broken, again after a pause."""
+        """Run a git command that needs the link; retry after a pause while the link is down."""
         for pause in _PAUSES_S:
             try:
                 return self._git(*words)
@@ -277,7 +276,7 @@ class Git:
         return environment
 
     def _unlock(self) -> None:
-        """Remove the locks of a git that was cut off; this build is the only one that works here."""
+        """Remove the lock files of an interrupted git; no other build works in this folder."""
         for folder, _, files in os.walk(os.path.join(self.folder, ".git")):
             for file in files:
                 if file.endswith(".lock"):

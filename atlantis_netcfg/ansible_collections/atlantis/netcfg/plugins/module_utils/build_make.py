@@ -1,7 +1,7 @@
-"""The build: a program of its own on the gateway, which does not depend on an SSH session.
+"""The build: a separate program on the gateway, which does not depend on an SSH session.
 
-`build_start` starts it as a transient unit of systemd with the name of its job file. It leaves a complete build, or
-nothing that could be taken for one, and writes its outcome to a file in memory.
+`build_start` starts it as a transient systemd unit with the name of its job file. It leaves either a complete build or
+nothing that could be mistaken for one, and writes its outcome to a file in memory.
 
 colcon builds the library; cmake and make build the examples. The order is the report's (4.6.2). The library is sourced
 before the examples are built, which the report leaves out.
@@ -37,14 +37,14 @@ _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 
 def jobs_within(meminfo: str, cores: int, max_jobs: int | None = None) -> int:
-    """How many compilers run at once: one a core, and no more than fit into the free memory (`/proc/meminfo`)."""
+    """Return the number of parallel compilers: one per core, limited by the free memory (`/proc/meminfo`)."""
     free = next((int(line.split()[1]) for line in meminfo.splitlines() if line.startswith("MemAvailable:")), 0)
     return max(1, min(cores, max_jobs or cores, free // _MEMORY_OF_A_JOB_KIB))
 
 
 @dataclass(frozen=True)
 class Make:
-    """The tools at work in the folder of a build; what they say goes to the file `log`."""
+    """Runs the build tools in the folder of a build; their output goes to the file `log`."""
 
     folder: str
     ros_setup: str
@@ -53,12 +53,12 @@ class Make:
     say: Callable[[str], None]
 
     def clean(self) -> None:
-        """Remove what an attempt that was cut off has built: files of a power cut may be empty, and look done."""
+        """Remove the output of an interrupted attempt: after a power cut its files may be empty but look complete."""
         for name in ("library/build", "library/install", "library/log", "examples/build", "tmp"):
             shutil.rmtree(os.path.join(self.folder, name), ignore_errors=True)
 
     def library(self) -> None:
-        """`colcon build`, one package after the other; one package compiles in parallel. Raises ModuleError."""
+        """Run `colcon build`, one package at a time; within a package it compiles in parallel. Raises ModuleError."""
         self._run("the library", "library", "colcon build --executor sequential")
         install = os.path.join(self.folder, "library", "install")
         if not os.path.isfile(os.path.join(install, "setup.sh")) or not any(
@@ -69,17 +69,17 @@ class Make:
             )
 
     def examples(self) -> None:
-        """`cmake ..` and `make`, with the library sourced. Raises ModuleError."""
+        """Run `cmake ..` and `make`, with the library sourced. Raises ModuleError."""
         os.mkdir(os.path.join(self.folder, "examples", "build"))
         self._run("the examples", "examples/build", "cmake .. && make", with_library=True)
 
     def tidy(self) -> None:
-        """Remove what is needed no longer: a card is small, and two builds stand on it."""
+        """Remove intermediate files: the SD card is small and has to hold two builds."""
         for name in ("library/build", "library/log", "tmp"):
             shutil.rmtree(os.path.join(self.folder, name), ignore_errors=True)
 
     def check(self) -> None:
-        """See that everything that was built finds its libraries. Raises ModuleError."""
+        """Check that all built programs find their shared libraries. Raises ModuleError."""
         programs = sorted(self._binaries())
         # ldd ends with 1 for what is linked statically, which lacks nothing.
         text = self._shell('for one in "$@"; do echo "$one:"; ldd "$one"; done; true', ".", programs, with_library=True)
@@ -96,7 +96,7 @@ class Make:
         self.say(f"{len(programs)} programs and libraries find what they need")
 
     def _run(self, what: str, where: str, command: str, *, with_library: bool = False) -> None:
-        """Run a command, its words straight into the log."""
+        """Run a command and append its output to the log. Raises ModuleError if it fails."""
         self.say(f"building {what} with {self.jobs} jobs: {command}")
         start_offset = os.path.getsize(self.log)
         with open(self.log, "ab") as log:
@@ -163,7 +163,7 @@ def _is_elf(path: str) -> bool:
 
 
 def main(job_file: str) -> int:
-    """Do the job; 1: it failed, as its outcome tells."""
+    """Run the build job; return 1 if it failed, with the reason in its outcome file."""
     signal.signal(signal.SIGTERM, _stop)
     with open(job_file, encoding="utf-8") as file:
         job = json.load(file)
@@ -229,7 +229,7 @@ def _build(job: dict[str, Any], plan: BuildPlan, shelf: Shelf, home: str, sleep:
 
 
 def _find_moved_tags(plan: BuildPlan, shelf: Shelf, commits: dict[str, str]) -> list[str]:
-    """Tell of tags that lead elsewhere than when they were last built."""
+    """Return notes about tags that point to another commit than when they were last built."""
     tags = shelf.tags()
     notes = []
     for name, repository in plan.repositories.items():

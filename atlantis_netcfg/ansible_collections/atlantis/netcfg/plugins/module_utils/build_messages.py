@@ -1,4 +1,4 @@
-"""What git, colcon, cmake and compilers say when they fail, in words for a technician."""
+"""Error messages of git, colcon, cmake and compilers, translated for a technician."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _ECHOES = re.compile(r"^(make(\[\d+\])?: \*\*\*|gmake(\[\d+\])?: \*\*\*|Failed  
 
 
 class CardFull(ModuleError):
-    """There is no room for the build: what there is of it is in the way."""
+    """Too little disk space for the build; its incomplete files take up space."""
 
 
 class BuildTrouble(Enum):
-    """Kinds of failure of git that mean different things to do."""
+    """Kinds of git failures, by what the user has to do about them."""
 
     CERTIFICATE = "certificate"
     TOKEN = "token"  # noqa: S105 - the name of a trouble
@@ -75,12 +75,12 @@ _SIGNS = (
 
 
 def trouble(text: str) -> BuildTrouble:
-    """What kind of failure git tells of."""
+    """Classify a git failure by its output."""
     return next((kind for kind, sign in _SIGNS if re.search(sign, text, re.IGNORECASE)), BuildTrouble.OTHER)
 
 
 def about_git(text: str, url: str, revision: str, *, has_token: bool) -> ModuleError:  # noqa: PLR0911 - one for each trouble
-    """A failure of git in words; `has_token`: a token is declared for this repository."""
+    """Return the error for a git failure; `has_token`: the inventory has a token for this repository."""
     kind = trouble(text)
     host = url.split("/")[2] if "://" in url else url
     at = f"{url}, revision {revision}"
@@ -134,7 +134,7 @@ def about_git(text: str, url: str, revision: str, *, has_token: bool) -> ModuleE
 
 
 def about_building(what: str, text: str) -> ModuleError:
-    """A failure of colcon, cmake, make or a compiler in words."""
+    """Return the error for a failure of colcon, cmake, make or a compiler."""
     last = last_words(text)
     if re.search(r"No space left on device|Disk quota exceeded", text):
         return _full(f"while {what} was built")
@@ -157,7 +157,7 @@ def about_building(what: str, text: str) -> ModuleError:
 
 
 def last_words(text: str) -> str:
-    """The last lines that say what went wrong; without any such line, the last lines."""
+    """Return the last lines that contain an error; if there are none, the last lines."""
     lines = [line.rstrip()[:_LONG] for line in text.splitlines() if line.strip()]
     messages = [line for line in lines if _MEANINGFUL.search(line) and not _ECHOES.search(line)]
     return "\n".join(_once(messages)[-_LINES:] or lines[-_LINES:])

@@ -1,12 +1,12 @@
-"""What is to be built, and where it stands: the folder of a build, the marker that makes it one, and the links to it.
+"""Plan of a build, and the layout on disk: the build's folder, its completion marker, and the links to builds.
 
 Below the prefix, `/opt/atlantis/interop`:
 
-    builds/KEY/library/           the library's sources, with `install/` of colcon in them, as the report has it
+    builds/KEY/library/           the library's sources, with `install/` of colcon in them, as in the report
     builds/KEY/examples/build/    the examples, built by cmake and make
-    builds/KEY/build.json         written last: without it the folder is a build that was cut off
+    builds/KEY/build.json         written last: without it the build was interrupted
     current, previous             links to the build in use, and to the one before it
-    tags.json                     the commit that each tag led to when it was last built
+    tags.json                     the commit that each tag pointed to when it was last built
 """
 
 # ruff: noqa: PTH108, PTH112, PTH113, PTH114, PTH118, PTH119
@@ -32,26 +32,26 @@ _TREE = FileSystem()
 
 
 def is_commit(revision: str) -> bool:
-    """Whether a revision is the full name of a commit, which never means anything else later."""
+    """Return whether a revision is a full commit hash, which never changes its meaning."""
     return re.fullmatch(r"[0-9a-f]{40}|[0-9a-f]{64}", revision) is not None
 
 
 @dataclass(frozen=True)
 class Repository:
-    """A git repository at a revision: a tag, or the full name of a commit."""
+    """A git repository at a revision: a tag or a full commit hash."""
 
     url: str
     revision: str
 
     @property
     def identity(self) -> str:
-        """What decides what is built: a commit is the same on every server, a tag is not."""
+        """Input that decides what is built: a commit is the same on every server, a tag is not."""
         return self.revision if is_commit(self.revision) else f"{self.url} {self.revision}"
 
 
 @dataclass(frozen=True)
 class BuildPlan:
-    """All that decides what a build becomes; it holds no secret."""
+    """All inputs that decide the result of a build; contains no secret."""
 
     library: Repository
     examples: Repository | None
@@ -62,7 +62,7 @@ class BuildPlan:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> BuildPlan:
-        """Read what `as_dict` gave."""
+        """Parse the result of `as_dict`."""
         examples = values["examples"]
         return cls(
             Repository(**values["library"]),
@@ -72,24 +72,24 @@ class BuildPlan:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON-able data."""
+        """Return the plan as JSON-serialisable data."""
         return asdict(self)
 
     @property
     def repositories(self) -> dict[str, Repository]:
-        """By the folder that each stands in."""
+        """Repositories by the name of their folder."""
         both = {"library": self.library, "examples": self.examples}
         return {name: repository for name, repository in both.items() if repository is not None}
 
     @property
     def key(self) -> str:
-        """The name of the build: the same inputs have the same key."""
+        """Name of the build: the same inputs have the same key."""
         inputs = [self.library.identity, self.examples.identity if self.examples is not None else "", self.ros_setup]
         return hashlib.sha256("\n".join([*inputs, self.compiler]).encode()).hexdigest()[:_KEY_DIGITS]
 
     @property
     def words(self) -> str:
-        """As a person knows it."""
+        """Description of the plan for a person."""
         return " and ".join(f"{name} {_short(repository.revision)}" for name, repository in self.repositories.items())
 
 
@@ -104,11 +104,11 @@ class Shelf:
         self.prefix = prefix
 
     def at(self, key: str) -> str:
-        """The folder of a build."""
+        """Return the folder of a build."""
         return os.path.join(self.prefix, "builds", key)
 
     def marker(self, key: str) -> dict[str, Any] | None:
-        """What a complete build is; None for one that was cut off, or that there is not."""
+        """Return the marker data of a complete build; None for a build that is incomplete or missing."""
         path = os.path.join(self.at(key), MARKER)
         try:
             with open(path, "rb") as file:
@@ -123,21 +123,21 @@ class Shelf:
         )
 
     def complete(self, key: str, marker: Mapping[str, Any]) -> None:
-        """Declare a build complete, once every file of it is safely on the card."""
+        """Mark a build as complete, once all its files are synced to the card."""
         os.sync()
         _TREE.write(os.path.join(self.at(key), MARKER), _json({**marker, "key": key}))
 
     def link_target(self, name: str) -> str | None:
-        """The key of the build that a link leads to."""
+        """Return the key of the build that a link points to; None if there is no such link."""
         try:
             return os.path.basename(os.readlink(os.path.join(self.prefix, name)))
         except OSError:
             return None
 
     def use(self, key: str) -> None:
-        """Take a complete build into use; the one that was in use becomes the previous one.
+        """Make a complete build the current one; the current one becomes the previous one.
 
-        `previous` is written first: a cut between the two leaves a link too many, and `current` untouched.
+        `previous` is written first: an interruption between the two leaves one extra link, and `current` untouched.
         """
         current = self.link_target("current")
         if current == key:
@@ -147,7 +147,7 @@ class Shelf:
         self._link("current", key)
 
     def prune(self, busy: Collection[str] = ()) -> list[str]:
-        """Remove what is neither in use, nor the previous build, nor being built; gives the keys."""
+        """Remove builds that are neither current, nor previous, nor in `busy`; return their keys."""
         needed_keys = {self.link_target("current"), self.link_target("previous"), *busy}
         try:
             keys = sorted(os.listdir(os.path.join(self.prefix, "builds")))
@@ -159,7 +159,7 @@ class Shelf:
         return stale
 
     def discard(self, key: str) -> None:
-        """Remove a build; its marker goes first, so that half of it is never taken for a build."""
+        """Remove a build, its marker first, so that a half-removed build is never mistaken for a complete one."""
         path = self.at(key)
         try:
             with contextlib.suppress(FileNotFoundError):
@@ -171,7 +171,7 @@ class Shelf:
             raise in_words(error, path) from error
 
     def tags(self) -> dict[str, dict[str, str]]:
-        """URL -> tag -> commit, as built; a damaged file counts as none."""
+        """Return the commit of each tag as last built (URL -> tag -> commit); a damaged file counts as empty."""
         try:
             with open(os.path.join(self.prefix, "tags.json"), "rb") as file:
                 result = json.loads(file.read())
@@ -180,7 +180,7 @@ class Shelf:
         return result if isinstance(result, dict) and all(isinstance(item, dict) for item in result.values()) else {}
 
     def note_tags(self, plan: BuildPlan, commits: Mapping[str, str]) -> None:
-        """Record the commit that each tag has led to."""
+        """Record the commit that each tag pointed to."""
         tags = self.tags()
         for name, repository in plan.repositories.items():
             if not is_commit(repository.revision):

@@ -1,7 +1,8 @@
-"""Start a build or find it running, take a complete one into use, and tell a failed one: one short visit each.
+"""Start a build or find it running, activate a complete one, report a failed one: one short SSH session each.
 
-A build takes as long as a coffee, and its link may be gone before: it runs as the transient unit `atlantis-build-KEY`,
-whose files stand in `/run/atlantis/build-KEY`, a runtime directory that systemd removes however the unit ends.
+A build takes several minutes, and the link may fail before it ends. So it runs as the transient unit
+`atlantis-build-KEY`, whose files are in `/run/atlantis/build-KEY`, a runtime directory that systemd removes however the
+unit ends.
 """
 
 # ruff: noqa: PTH102, PTH103, PTH108, PTH110, PTH113, PTH118
@@ -43,7 +44,7 @@ _FENCE = (
 
 @dataclass(frozen=True)
 class BuildFolders:
-    """Where things stand on the gateway."""
+    """Paths of the builds, their state in memory and their logs on the gateway."""
 
     prefix: str = "/opt/atlantis/interop"
     memory: str = "/run/atlantis"
@@ -51,26 +52,26 @@ class BuildFolders:
     logs: str = "/var/log/atlantis"
 
     def job(self, key: str) -> str:
-        """The folder of a running build."""
+        """Return the folder of a running build."""
         return os.path.join(self.memory, f"build-{key}")
 
     def outcome(self, key: str) -> str:
-        """What the last build of a key has come to."""
+        """Return the path of the outcome file of the last build of a key."""
         return os.path.join(self.memory, f"outcome-{key}.json")
 
     def log(self, key: str) -> str:
-        """All that a build has said."""
+        """Return the path of the log of a build."""
         return os.path.join(self.logs, f"build-{key}.log")
 
 
 def compiler(run: Callable[[list[str]], ProgramResult] = run) -> str | None:
-    """The version and target of the compiler; None where there is none."""
+    """Return the version and target of the C++ compiler; None if there is none."""
     version, target = run(["c++", "-dumpversion"]), run(["c++", "-dumpmachine"])
     return None if version.code != 0 else f"{version.output.strip()} {target.output.strip()}"
 
 
 def pack(path: str) -> None:
-    """Write the program of the build, read from wherever this module itself was read from."""
+    """Write the build program as a zip file, from the source of this package's modules."""
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("build/__init__.py", "")
         archive.writestr("__main__.py", "import sys\nfrom build.build_make import main\nsys.exit(main(sys.argv[1]))\n")
@@ -80,7 +81,7 @@ def pack(path: str) -> None:
 
 @dataclass
 class Build:
-    """One visit for one declaration; `changes` and `notes` are its result."""
+    """One visit to the gateway to build the desired revisions; `changes` and `notes` are its result."""
 
     library: Repository
     examples: Repository | None
@@ -96,7 +97,7 @@ class Build:
     notes: list[str] = field(default_factory=list)
 
     def visit(self, run_id: str | None) -> dict[str, Any]:
-        """Bring the build forward; `run_id` is the run whose end is to be told. Raises ModuleError."""
+        """Advance the build by one step; `run_id` is the run whose outcome is to be reported. Raises ModuleError."""
         try:
             return self._visit(run_id)
         except OSError as error:
@@ -142,7 +143,7 @@ class Build:
                 self._remove_log(key)
 
     def _start(self, plan: BuildPlan, shelf: Shelf) -> str:
-        """Write the job and let systemd run it; a build of something that is declared no longer is stopped."""
+        """Write the job and start it with systemd; stop a running build that is no longer desired."""
         for key in self._list_unfinished(shelf):
             if key != plan.key:
                 if self._runs(key):
@@ -197,7 +198,7 @@ class Build:
         return [*command, "/usr/bin/python3", "-I", os.path.join(home, "program.pyz"), os.path.join(home, "job.json")]
 
     def _build_failure(self, plan: BuildPlan, run_id: str) -> ModuleError:
-        """Why there is no build although it has been started."""
+        """Return the error that explains why a started build has not produced a result."""
         try:
             with open(self.places.outcome(plan.key), encoding="utf-8") as file:
                 outcome = json.load(file)

@@ -1,8 +1,8 @@
-"""Bring files, links, steps and units of a computer to what is declared, in one go.
+"""Bring files, links, steps and units of a computer to the desired state, in one call.
 
-The order: check the SSH access; read everything; write every file that differs beside its place and validate it; only
-then move the first one to its place. Steps and units of systemd compare stamps, so that the next run completes one that
-was killed anywhere. With `check` the same steps run without a change.
+The order: check the SSH access; read everything; write every file that differs beside its destination and validate it;
+only then move the first one to its destination. Steps and systemd units compare stamps, so that the next run completes
+one that was interrupted at any point. With `check` the same steps run without a change.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SETTLE_S = 1.0
 
 @dataclass(frozen=True)
 class ConfigureState:
-    """What systemd tells of a unit."""
+    """State of a unit as reported by systemd."""
 
     load: str
     active: str
@@ -43,18 +43,18 @@ class ConfigureState:
 
     @property
     def is_there(self) -> bool:
-        """Whether systemd knows it."""
+        """Whether systemd knows the unit."""
         return self.load not in ("not-found", "")
 
     def enabled_as(self, *, should_start: bool) -> bool:
-        """Whether it already starts, or does not start, with the computer, as far as that can be said of it."""
+        """Return whether the unit's start at boot is already as desired, or cannot be enabled at all."""
         if self.file in _NO_INSTALL:
             return True
         return (self.file == "enabled") == should_start
 
 
 class Systemd:
-    """The manager of this computer; `run` and `sleep` are given by tests."""
+    """systemd of this computer; tests replace `run` and `sleep`."""
 
     def __init__(
         self, run: Callable[[list[str]], ProgramResult] = run, sleep: Callable[[float], None] = time.sleep
@@ -63,7 +63,7 @@ class Systemd:
         self.sleep = sleep
 
     def look(self, name: str) -> ConfigureState:
-        """Ask for the state of a unit."""
+        """Query the state of a unit."""
         properties = "LoadState,ActiveState,SubState,UnitFileState,ConditionResult,NeedDaemonReload"
         result = self.run(["systemctl", "show", "--property", properties, "--", name])
         if result.code != 0:
@@ -82,16 +82,16 @@ class Systemd:
         )
 
     def reload_manager(self) -> None:
-        """Let systemd read the unit files again."""
+        """Make systemd reload the unit files."""
         require_success(self.run(["systemctl", "daemon-reload"]), "systemd could not read its unit files again")
 
     def enable(self, name: str, *, should_start: bool) -> None:
-        """Let it start, or not start, with the computer."""
+        """Enable or disable the start of a unit at boot."""
         verb = "enable" if should_start else "disable"
         require_success(self.run(["systemctl", verb, "--", name]), f"unit {name} could not be {verb}d")
 
     def order(self, verb: str, name: str, *, wait: bool = True) -> None:
-        """Start, stop, restart or reload; without `wait` the order is only placed."""
+        """Start, stop, restart or reload a unit; without `wait`, only queue the job."""
         if verb != "stop":
             self.run(["systemctl", "reset-failed", "--", name])
         result = self.run(["systemctl", verb, *([] if wait else ["--no-block"]), "--", name])
@@ -103,7 +103,7 @@ class Systemd:
         self.sleep(_SETTLE_S)
 
     def must_run(self, name: str, *, has_waited: bool) -> None:
-        """Read back that a unit runs; where nobody waited for it, that it has not failed."""
+        """Check that a unit runs; if `has_waited` is false, a unit that is still starting is accepted."""
         state = self.look(name)
         if state.active in ("active", "reloading") or (not has_waited and state.active == "activating"):
             return
@@ -130,7 +130,7 @@ _NOTE = "note: "
 
 
 class Configure:
-    """One call. `changes` and `diff` are its result; in check mode what they would be."""
+    """One call of the module. `changes` and `diff` are its result; in check mode, the planned changes."""
 
     def __init__(
         self,
@@ -159,7 +159,7 @@ class Configure:
         """What the paths of this call will hold, where they are not written yet."""
 
     def converge(self, environment: Mapping[str, str]) -> None:
-        """Do it. Raises `ModuleError`; `changes` then tells what was done before."""
+        """Apply the desired state. Raises `ModuleError`; `changes` then lists what was done before."""
         if self.wishes.way_in is not None:
             ssh_access.hold(self.wishes.way_in, self.tree, environment)
         if self.check:
@@ -249,7 +249,7 @@ class Configure:
                 self.stamps.note(_stamp(unit), digests)
 
     def _state(self, unit: Unit) -> ConfigureState | None:
-        """Look at a unit; None if there is nothing to be done, because there is no such unit and none is wanted."""
+        """Return the state of a unit; None if nothing is to be done because the unit neither exists nor is wanted."""
         state = self.systemd.look(unit.name)
         if state.stale:
             self._reload_manager()
@@ -270,7 +270,7 @@ class Configure:
         )
 
     def _order(self, unit: Unit, state: ConfigureState, digests: dict[str, str]) -> bool:
-        """Start, stop, restart or reload as needed; True if it has to be seen running afterwards."""
+        """Start, stop, restart or reload as needed; return True if the unit must be verified as running afterwards."""
         runs = state.active in ("active", "reloading", "activating")
         stamp = _stamp(unit)
         fresh = self.stamps.holds(stamp, digests)

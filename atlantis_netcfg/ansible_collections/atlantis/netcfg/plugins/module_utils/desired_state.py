@@ -1,4 +1,4 @@
-"""What a caller of `configure` declares: the rows, for both ends of the link, and their checks on the computer."""
+"""Data model of the desired state of `configure`, for both ends of the link, with its checks on the computer."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .errors import ModuleError
 
 @dataclass(frozen=True)
 class Directory:
-    """A directory with a mode of its own; those above a file are made without being declared."""
+    """A directory with its own mode; parent directories of files are created without an entry."""
 
     path: str
     mode: str = "0755"
@@ -21,7 +21,7 @@ class Directory:
 
 @dataclass(frozen=True)
 class File:
-    """A file, whole; `validate` is a program that accepts it, with `%s` where the file's name belongs."""
+    """A file with its whole content; `validate` is a program that checks it, with `%s` for the file's name."""
 
     path: str
     content: str
@@ -38,7 +38,7 @@ class File:
 
     @property
     def data(self) -> bytes:
-        """What stands on the disk."""
+        """Content of the file as bytes on the disk."""
         return self.content.encode()
 
 
@@ -51,7 +51,7 @@ class SecretFile(File):
 
 @dataclass(frozen=True)
 class SymbolicLink:
-    """What it points at need not be there."""
+    """A symbolic link; its target need not exist."""
 
     path: str
     target: str
@@ -59,7 +59,7 @@ class SymbolicLink:
 
 @dataclass(frozen=True)
 class ConvergeStep:
-    """A program to be run when what is in `after` is not what it last succeeded with."""
+    """A program to run when the files in `after` differ from those of its last success."""
 
     name: str
     run: tuple[str, ...]
@@ -68,9 +68,9 @@ class ConvergeStep:
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of systemd, restarted when the files in `after` are others.
+    """A systemd unit, restarted when the files in `after` have changed.
 
-    None leaves that as it is, and an `active` of None restarts it only where it runs.
+    None leaves a setting as it is; `active` of None restarts the unit only if it runs.
     """
 
     name: str
@@ -83,7 +83,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class Brought:
-    """A file that a person brings, and what is told as long as it is missing."""
+    """A file supplied by the user, and the note reported while it is missing."""
 
     path: str
     note: str
@@ -91,7 +91,7 @@ class Brought:
 
 @dataclass(frozen=True)
 class Check:
-    """A program that only looks, in every run; where it does not succeed, `finding` is told: no green end."""
+    """A read-only check program, run every time; if it fails, `finding` is reported and the run does not pass."""
 
     run: tuple[str, ...]
     finding: str
@@ -100,7 +100,7 @@ class Check:
 
 @dataclass(frozen=True)
 class WayIn:
-    """What must hold of the SSH session that asks, before anything is changed."""
+    """Conditions for the SSH session of this call, checked before anything is changed."""
 
     admit: tuple[str, ...] = ()
     """Networks from which SSH is admitted afterwards."""
@@ -125,7 +125,7 @@ ROWS = {
 
 @dataclass(frozen=True)
 class DesiredState:
-    """All that one call brings about."""
+    """The complete desired state of one call."""
 
     directories: tuple[Directory, ...] = ()
     files: tuple[File, ...] = ()
@@ -141,7 +141,7 @@ class DesiredState:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> DesiredState:
-        """Read the parameters of the module."""
+        """Parse the parameters of the module."""
         rows: dict[str, Any] = {
             name: tuple(_file(row, values.get("secrets") or {}) if kind is File else _row(kind, row) for row in entries)
             for name, kind in ROWS.items()
@@ -164,7 +164,7 @@ _Row = TypeVar("_Row")
 
 
 def _row(kind: type[_Row], row: Mapping[str, Any]) -> _Row:
-    """Read one row; what is null is as if it was left out."""
+    """Parse one row; null counts as omitted."""
     names = [item.name for item in fields(kind)]  # type: ignore[arg-type]
     values = {name: row[name] for name in names if row.get(name) is not None}
     return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})
@@ -189,7 +189,7 @@ def _file(row: Mapping[str, Any], secrets: Mapping[str, str]) -> File:
 
 
 def mode_of(entry: Directory | File) -> int:
-    """Its mode as chmod(2) takes it."""
+    """Return the mode of an entry as the integer for chmod(2). Raises ModuleError if it is not valid."""
     try:
         mode = int(entry.mode, 8)
     except ValueError:

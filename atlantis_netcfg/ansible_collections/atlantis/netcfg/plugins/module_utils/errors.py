@@ -1,4 +1,4 @@
-"""The failure that a technician reads: what is wrong, and what to type next."""
+"""Error for a technician: what is wrong, and what to type next."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 
 class ModuleError(Exception):
-    """The computer was not brought to what is declared; `hint` is what to do about it."""
+    """The computer could not be brought to the desired state; `hint` is what to do about it."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -20,7 +20,7 @@ class ModuleError(Exception):
 
 
 def in_words(error: OSError, path: str) -> ModuleError:
-    """What an error of the operating system at `path` means for a person."""
+    """Translate an error of the operating system at `path` into a ModuleError for a person."""
     if error.errno in _SPACE:
         return ModuleError(
             f"the file system of {path} is full{_describe_free_space(path)}",

@@ -1,6 +1,6 @@
-"""Put directories, files and links in their places: all are validated and on the disk before the first one is moved.
+"""Write directories, files and links: all are validated and synced to disk before the first one is moved.
 
-Also finds what stands in folders that are ours alone and is not declared: leftovers of an earlier declaration.
+Also finds unknown files in folders that only the toolkit uses: leftovers of an earlier inventory.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class FileTransaction:
-    """The first half of a call. It is made by reading, and refuses what cannot be replaced; `place` writes."""
+    """First half of a call. The constructor reads and rejects what cannot be replaced; `place` writes."""
 
     def __init__(self, tree: FileSystem, wishes: DesiredState, run: Callable[[list[str]], ProgramResult]) -> None:
         self.tree = tree
@@ -40,7 +40,7 @@ class FileTransaction:
         """Files that are not accepted and do not stand in the way of the rest: path -> finding and hint."""
 
     def changes(self) -> list[str]:
-        """What `place` does, one line each."""
+        """List the changes that `place` makes, one line each."""
         lines: list[str] = []
         for directory in self.wishes.directories:
             current = self.found[directory.path]
@@ -63,7 +63,7 @@ class FileTransaction:
         return lines + [f"absent {path}" for path in self.wishes.absent if self.found[path] is not None]
 
     def differences(self) -> list[dict[str, str]]:
-        """The texts that change, as Ansible prints them; what is secret or no text is left out."""
+        """Return the text changes for Ansible's diff; secret and binary files are left out."""
         rows = []
         for file in self.rewritten:
             current = self.found[file.path]
@@ -83,7 +83,7 @@ class FileTransaction:
         return [file for file in self.wishes.files if file.path not in self.left]
 
     def validate_aside(self) -> None:
-        """Ask the validators without touching any place; one that is not installed yet is not asked."""
+        """Run the validators on copies, without touching the files; skip validators that are not installed yet."""
         with tempfile.TemporaryDirectory(prefix="atlantis-") as folder:
             for file in self._files_to_validate():
                 if is_there(file.validate[0]):
@@ -92,11 +92,11 @@ class FileTransaction:
                     self._ask(file, str(aside))
 
     def _files_to_validate(self) -> list[File]:
-        """Whose validators are asked: of files that change, and of those that may be left out in every run."""
+        """Return the files to validate: those that change and, in every run, those that may be left out."""
         return [file for file in self.wishes.files if file.validate and (file.finding or file in self.rewritten)]
 
     def place(self) -> None:
-        """Write, validate, put. Before the first file is put, any failure takes everything back."""
+        """Write, validate and move into place. A failure before the first move rolls everything back."""
         try:
             self._make_directories()
             for file in self.wishes.files:
@@ -153,7 +153,7 @@ class FileTransaction:
             self.tree.remove_directory(directory)
 
     def _ask(self, file: File, beside: str) -> None:
-        """Raise `ModuleError` where a file is not accepted, or leave it out."""
+        """Validate a file; if it is rejected, leave it out where that is allowed, otherwise raise `ModuleError`."""
         program, end = file.validate[0], "which stays as it was" if file.finding else "so that nothing was changed"
         if not is_there(program):
             why = f"`{program}`, which has to accept {file.path}, is not installed, {end}"
@@ -217,7 +217,7 @@ def _difference(path: str, before: str, after: str) -> dict[str, str]:
 
 
 def strays(tree: FileSystem, wishes: DesiredState) -> tuple[str, ...]:
-    """Files and links, at any depth, below the folders `only`; a link to a directory is not followed."""
+    """Return unknown files and links, at any depth, below the folders `only`; links to directories are not followed."""
     kinds = (wishes.directories, wishes.files, wishes.links)
     declared_paths = {item.path for kind in kinds for item in kind} | {*wishes.absent}
     return tuple(path for folder in wishes.only for path in _below(tree, folder) if path not in declared_paths)

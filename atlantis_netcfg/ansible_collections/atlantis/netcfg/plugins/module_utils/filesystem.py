@@ -1,7 +1,7 @@
-"""The files of the computer: read, compared, and replaced so that a power cut leaves the old one or the new one.
+"""File system of the computer: a power cut during a replacement leaves either the old or the new file.
 
-A stamp maps a path to the SHA-256 of its content when a step or a unit last succeeded, so that a kill between two steps
-loses none. Callers compare and write only their own paths: two roles may look after one unit.
+A stamp maps a path to the SHA-256 of its content when a step or a unit last succeeded, so that an interruption between
+two steps loses none. Callers compare and write only their own paths: two roles may manage one unit.
 """
 
 # ruff: noqa: PTH101, PTH102, PTH105, PTH106, PTH108, PTH112, PTH118, PTH120, PTH123, PTH211
@@ -27,7 +27,7 @@ _SECOND_NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class FoundFile:
-    """What stands at a path; `target` is set for a symbolic link, `content` for a file."""
+    """Current entry at a path; `target` is set for a symbolic link, `content` for a file."""
 
     kind: str
     """file, link, directory or other."""
@@ -45,11 +45,11 @@ class FileSystem:
         self.root = root
 
     def at(self, path: str) -> str:
-        """Where `path` of the computer is for this process."""
+        """Return the real path for this process of `path` on the computer."""
         return path if self.root == "/" else self.root + path
 
     def find(self, path: str) -> FoundFile | None:
-        """Read what is there, without following a symbolic link; None if nothing is."""
+        """Read the entry at a path, without following a symbolic link; None if there is none."""
         real = self.at(path)
         try:
             result = os.lstat(real)
@@ -73,7 +73,7 @@ class FileSystem:
             raise in_words(error, path) from error
 
     def read(self, path: str) -> bytes | None:
-        """The content of a file, also behind a symbolic link; None if there is none."""
+        """Return the content of a file, following symbolic links; None if it does not exist."""
         try:
             with open(self.at(path), "rb") as file:
                 return file.read()
@@ -83,7 +83,7 @@ class FileSystem:
             raise in_words(error, path) from error
 
     def uid(self, owner: str) -> int:
-        """The number of an account."""
+        """Return the user ID of an account. Raises ModuleError if there is no such account."""
         try:
             return int(owner) if owner.isdigit() else pwd.getpwnam(owner).pw_uid
         except KeyError:
@@ -92,14 +92,14 @@ class FileSystem:
             ) from None
 
     def gid(self, group: str) -> int:
-        """The number of a group."""
+        """Return the group ID of a group. Raises ModuleError if there is no such group."""
         try:
             return int(group) if group.isdigit() else grp.getgrnam(group).gr_gid
         except KeyError:
             raise ModuleError(f"there is no group `{group}` on this computer", f"make it: `addgroup {group}`") from None
 
     def missing_above(self, path: str) -> list[str]:
-        """The directories above `path` that are not there yet, the highest first."""
+        """Return the missing parent directories of `path`, highest first. Raises ModuleError if a file blocks one."""
         missing: list[str] = []
         above = os.path.dirname(path)
         while above != "/" and not os.path.isdir(self.at(above)):
@@ -119,10 +119,10 @@ class FileSystem:
             self._sync(os.path.dirname(real))
 
     def stage(self, path: str, content: bytes, mode: int, uid: int, gid: int) -> str:
-        """Write `content` beside `path`, safe on the disk; gives the name of what was written.
+        """Write `content` beside `path`, synced to disk; return the name of the staged file.
 
-        It is a whole second younger than what it replaces: OpenVPN, as others, takes a file of the same second and the
-        same size for the one that it has read (facts of the VPN, 4).
+        Its time stamp is at least one second later than that of the file it replaces: OpenVPN, as others, regards a
+        file with the same second and size as unchanged (facts of the VPN, 4).
         """
         beside = self._beside(path)
         with self._words(path):
@@ -149,17 +149,17 @@ class FileSystem:
                 os.utime(handle, ns=(after, after))
 
     def put(self, path: str) -> None:
-        """Let what was staged take its place."""
+        """Move the staged file into place."""
         with self._words(path):
             os.replace(self._beside(path), self.at(path))
 
     def unstage(self, path: str) -> None:
-        """Remove what was staged, also by a run that was killed."""
+        """Remove the staged file, also one left by an interrupted run."""
         with self._words(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
             os.unlink(self._beside(path))
 
     def write(self, path: str, content: bytes, mode: int = 0o644) -> None:
-        """Stage and put at once, with the directories above; for the toolkit's own notes."""
+        """Stage and put a file at once, with its parent directories; for the toolkit's own records."""
         for directory in self.missing_above(path):
             self.make_directory(directory, 0o755, os.geteuid(), os.getegid())
         self.stage(path, content, mode, os.geteuid(), os.getegid())
@@ -167,7 +167,7 @@ class FileSystem:
         self.sync(path)
 
     def link(self, path: str, target: str) -> None:
-        """Make `path` a symbolic link to `target`, whatever file or link is there."""
+        """Make `path` a symbolic link to `target`, replacing an existing file or link."""
         beside = self._beside(path)
         with self._words(path):
             with contextlib.suppress(FileNotFoundError):
@@ -176,7 +176,7 @@ class FileSystem:
             os.replace(beside, self.at(path))
 
     def mend(self, path: str, mode: int, uid: int, gid: int) -> None:
-        """Set mode and owner; the owner first, because chown(2) takes the set-user-ID bits away."""
+        """Set owner and mode, in this order, because chown(2) clears the set-user-ID bits."""
         with self._words(path):
             self._chown(self.at(path), uid, gid)
             os.chmod(self.at(path), mode)
@@ -187,17 +187,17 @@ class FileSystem:
             os.unlink(self.at(path))
 
     def remove_directory(self, path: str) -> None:
-        """Remove a directory that this run has made, unless somebody put something into it."""
+        """Remove a directory that this run has made, unless it is not empty."""
         with contextlib.suppress(OSError):
             os.rmdir(self.at(path))
 
     def sync(self, path: str) -> None:
-        """Bring the directory that holds `path` safely to the disk."""
+        """Sync the directory that holds `path` to disk."""
         with self._words(path):
             self._sync(os.path.dirname(self.at(path)))
 
     def _beside(self, path: str) -> str:
-        """A name that no program which reads whole directories takes, and that the next run finds again."""
+        """Return the staging name: ignored by programs that read whole directories, and found again by the next run."""
         folder, name = os.path.split(self.at(path))
         return os.path.join(folder, f".{name}.atlantis-new")
 
@@ -237,16 +237,16 @@ class Stamps:
         self.tree = tree
 
     def holds(self, name: str, digests: Mapping[str, str]) -> bool:
-        """Whether the last success was with just this; what is not there, and never was, needs none."""
+        """Return whether the last success had exactly these digests; a file that never existed needs no stamp."""
         saved_digests = self._read_digests(name)
         return all(saved_digests.get(path, ABSENT) == digest for path, digest in digests.items())
 
     def begin(self, name: str, digests: Mapping[str, str]) -> None:
-        """Forget the last success before the act begins: an act that fails or is killed is done again."""
+        """Clear the last success before an action starts, so that a failed or interrupted action is repeated."""
         self._write(name, {**self._read_digests(name), **dict.fromkeys(digests, _IN_PROGRESS)})
 
     def note(self, name: str, digests: Mapping[str, str]) -> None:
-        """Note a success."""
+        """Record a success."""
         self._write(name, {**self._read_digests(name), **digests})
 
     def _read_digests(self, name: str) -> dict[str, str]:

@@ -39,7 +39,7 @@ _PARENT, _START_TIME = 1, 19
 
 
 def began_s() -> float | None:
-    """Seconds after the start of the computer, of the nearest server above us; None if we came by no SSH."""
+    """Return the uptime, in seconds, at which our SSH server process started; None if not called over SSH."""
     pid = "self"
     for _ in range(_ANCESTORS):
         try:
@@ -63,7 +63,7 @@ _UNITS = "/etc/systemd/system"
 
 
 def program(verb: str) -> tuple[str, ...]:
-    """What is started, in `FOLDER`."""
+    """Return the command line that runs `network_guard` with a verb, in `FOLDER`."""
     return ("/usr/bin/python3", "-m", f"{_PACKAGE}.network_guard", verb)
 
 
@@ -106,7 +106,7 @@ WantedBy=multi-user.target
 
 
 def install(computer: NetworkComputer) -> None:
-    """Bring program and units to this version; the one for the boot is enabled."""
+    """Update the program and the units to this version; enable the unit for the boot."""
     files = {f"{_UNITS}/{name}": text for name, text in _TEXTS.items()}
     for module in (network_files, network_guard):
         files[f"{FOLDER}/{_PACKAGE}/{module.__name__.rpartition('.')[2]}.py"] = inspect.getsource(module)
@@ -129,7 +129,7 @@ _PAUSE_S = 0.1
 
 
 class NetworkChange:
-    """Of one interface; `changes` and `diff` are what it comes to, in check mode what it would."""
+    """Change of one interface; `changes` and `diff` are its result, in check mode the planned one."""
 
     def __init__(self, computer: NetworkComputer, request: DesiredNetwork) -> None:
         self.computer = computer
@@ -138,7 +138,7 @@ class NetworkChange:
         self.diff: list[dict[str, str]] = []
 
     def stage(self, *, check: bool = False) -> str | None:
-        """Stage what differs and let systemd apply it; gives the change's name, None if there is nothing to change."""
+        """Stage the differences and let systemd apply them; return the change's name, None if there are none."""
         try:
             if not check:
                 self._end_earlier()
@@ -152,9 +152,9 @@ class NetworkChange:
             raise in_words(error, str(error.filename or "/var/lib/atlantis/network")) from error
 
     def confirm(self, name: str) -> dict[str, Any]:
-        """Keep the change, if it is in effect and this session was made under it; `state` is as `look` has it.
+        """Keep the change if it is in effect and this session was opened after it; return its state as `look` does.
 
-        `again` instead of that: this session is older than the change, and proves nothing.
+        With `again` in the result, this session is older than the change and proves nothing.
         """
         if self._wait_applied(name):
             began, end_s = began_s(), (self.computer.load(APPLIED_PATH) or {}).get("ended_s")
@@ -167,7 +167,7 @@ class NetworkChange:
         return {**self.look(name, 0.0), "again": False}
 
     def look(self, name: str, patience_s: float) -> dict[str, Any]:
-        """What has become of a change: pending, confirmed or rolled back, and why; waits while it is pending."""
+        """Return the state of a change (pending, confirmed or rolled back) and why; waits while it is pending."""
         end = time.monotonic() + patience_s
         while self._pending(name) and time.monotonic() < end:
             time.sleep(_PAUSE_S)
@@ -179,7 +179,7 @@ class NetworkChange:
         return {"state": "confirmed" if values["confirmed"] else "rolled back", "why": values["why"]}
 
     def _compare(self) -> list[dict[str, Any]]:
-        """The files of the change as manifest; fills `changes` and `diff`."""
+        """Return the changed files as a manifest; fills `changes` and `diff`."""
         entries = []
         for path, text in self.desired.files(self.computer).items():
             now = state_of(self.computer, path)
@@ -237,7 +237,7 @@ class NetworkChange:
         return name
 
     def _arm(self) -> None:
-        """The way back first, and only when it is sure to come, the change."""
+        """Arm the rollback first, and schedule the change only when the rollback is certain to run."""
         self.computer.run(("systemctl", "stop", BACK_TIMER))
         window_s = APPLY_AFTER_S + self.desired.rollback_s
         self._systemd_run((f"--unit={BACK}", f"--on-active={window_s:.0f}s", "--timer-property=AccuracySec=100ms"))
@@ -260,12 +260,12 @@ class NetworkChange:
             )
 
     def _rows(self) -> list[str]:
-        """What the change brings, as `running` has it."""
+        """Return the changes in the format of `running`."""
         device = f"dev {self.desired.interface}"
         return [f"address replace {self.desired.address} brd + {device}"]
 
     def _interfaces(self) -> list[str]:
-        """The declared interface, and whichever has an address of the same LAN now: the LAN moves away from it."""
+        """Return the desired interface, and any that has an address of the same LAN now: the LAN moves away from it."""
         lan = ipaddress.IPv4Interface(self.desired.address).network
         there = [
             name
@@ -278,7 +278,7 @@ class NetworkChange:
         return self.computer.run(("systemctl", verb, _NETWORKD)).output.split("\n")[0].startswith(word)
 
     def _end_earlier(self) -> None:
-        """A change that an earlier run has left waiting is taken back before another one begins."""
+        """Roll back a change that an earlier run has left pending before another one starts."""
         pending = self.computer.load(PENDING)
         if pending is None:
             return
@@ -292,7 +292,7 @@ class NetworkChange:
             )
 
     def _missing(self, name: str) -> str:
-        """What is not as declared, once the tool has had its time; noted before, should the window close meanwhile."""
+        """Return what is still missing after the tool's time; record it first in case the window closes meanwhile."""
         missing = "; ".join(self.desired.wait_until_reachable(self.computer, 0.0))
         if not missing:
             return ""
@@ -318,7 +318,7 @@ class NetworkChange:
         return False
 
     def _keep(self, name: str) -> None:
-        """From the moment on that the marker is gone, the new configuration is the one of this computer."""
+        """Make the new configuration permanent; it is so from the moment that the pending marker is removed."""
         with self.computer.alone():
             if not self._pending(name):
                 return

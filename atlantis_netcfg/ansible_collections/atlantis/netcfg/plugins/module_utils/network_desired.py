@@ -1,6 +1,6 @@
-"""The declared configuration of an interface: what of it is in effect, and whether its tool accepts it.
+"""Desired configuration of an interface: whether it is in effect, and whether its tool accepts it.
 
-Other files of the computer that configure the same interface are conflicts: two configurations fight.
+Other files of the computer that configure the same interface are conflicts.
 """
 
 # ruff: noqa: PTH103, PTH110, PTH113, PTH118, PTH119, PTH120, PTH123, PTH207, PTH208
@@ -36,7 +36,7 @@ _PROFILES = "/etc/NetworkManager/system-connections"
 
 
 def claims(computer: NetworkComputer, interface: str, local: str, removed_paths: frozenset[str]) -> list[str]:
-    """Files that configure `interface`, but `own` and those that the change takes away."""
+    """Return files that configure `interface`, except our own and those that the change removes."""
     ignored_paths = removed_paths | {local}
     conflicts = [
         *_of_netplan(computer, interface, ignored_paths),
@@ -48,7 +48,7 @@ def claims(computer: NetworkComputer, interface: str, local: str, removed_paths:
 
 
 def plans(computer: NetworkComputer) -> list[str]:
-    """The files that netplan reads."""
+    """Return the files that netplan reads."""
     path_by_name: dict[str, str] = {}
     for folder in _PLANS:
         path_by_name.update((os.path.basename(path), path) for path in _glob(computer, f"{folder}/*.yaml"))
@@ -56,7 +56,7 @@ def plans(computer: NetworkComputer) -> list[str]:
 
 
 def generate_netplan(computer: NetworkComputer, texts: dict[str, str]) -> tuple[str, list[str]]:
-    """What netplan says to files of these names and texts, empty if it takes them, and what it makes of them."""
+    """Run netplan on files of these names and texts; return its error output (empty if valid) and its result."""
     with tempfile.TemporaryDirectory(prefix="atlantis-netplan-") as root:
         os.makedirs(f"{root}/etc/netplan")
         for name, text in texts.items():
@@ -72,7 +72,7 @@ def generate_netplan(computer: NetworkComputer, texts: dict[str, str]) -> tuple[
 
 
 def matches_interface(computer: NetworkComputer, text: str, interface: str) -> bool:
-    """Whether the section [Match] of a .network file takes the interface; what it cannot tell, it takes for yes."""
+    """Return whether [Match] of a .network file matches the interface; conditions that cannot be checked match."""
     section = re.search(r"^\[Match\]\s*$(.*?)(?=^\[|\Z)", text, re.MULTILINE | re.DOTALL)
     rows = re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", section.group(1), re.MULTILINE) if section else []
     mac = (computer.read(f"/sys/class/net/{interface}/address") or "").strip().lower()
@@ -95,7 +95,7 @@ def _open_private(path: str, flags: int) -> int:
 
 
 def _of_netplan(computer: NetworkComputer, interface: str, ignored_paths: frozenset[str]) -> Iterator[str]:
-    """Each file by itself: netplan is asked what it makes of it. One that it refuses is judged by the name in it."""
+    """Yield netplan files with the interface, each generated alone; a file that netplan rejects is judged by name."""
     if not os.path.exists(computer.at(_NETPLAN)):
         return
     for path in plans(computer):
@@ -111,7 +111,7 @@ def _of_netplan(computer: NetworkComputer, interface: str, ignored_paths: frozen
 
 
 def stanzas(computer: NetworkComputer) -> list[tuple[str, str]]:
-    """File and name, a pattern perhaps, of every interface that ifupdown would configure."""
+    """Return file and name (or pattern) of every interface that ifupdown would configure."""
     row = r"^[ \t]*(?:iface[ \t]+(\S+)|(?:auto|allow-\S+)[ \t]+(.*))"
     return [
         (path, name)
@@ -126,7 +126,7 @@ def _of_ifupdown(computer: NetworkComputer, interface: str, ignored_paths: froze
 
 
 def _included_files(computer: NetworkComputer, path: str) -> Iterator[str]:
-    """A file of interfaces(5) and those that it names."""
+    """Yield a file of interfaces(5) and those that it includes."""
     text = computer.read(path)
     if text is None:
         return
@@ -139,7 +139,7 @@ def _included_files(computer: NetworkComputer, path: str) -> Iterator[str]:
 
 
 def _of_networkd(computer: NetworkComputer, interface: str, local: str, ignored_paths: frozenset[str]) -> Iterator[str]:
-    """Where networkd works: what a person has written, and of the vendor's what comes before ours."""
+    """If networkd is enabled, yield the user's files for the interface, and vendor files that precede ours."""
     works = computer.run(("systemctl", "is-enabled", "systemd-networkd.service")).output.split("\n")[0]
     if not works.startswith("enabled") and not local.startswith(_PARTS[0]):
         return
@@ -185,7 +185,7 @@ _PAUSE_S = 0.1
 
 
 def same(item: str | None, other: str | None) -> bool:
-    """Whether two files say the same; comments say nothing."""
+    """Return whether two files have the same settings, ignoring comments."""
     return _settings(item) == _settings(other)
 
 
@@ -196,7 +196,7 @@ def _settings(text: str | None) -> list[str] | None:
 
 @dataclass(frozen=True)
 class DesiredNetwork:
-    """One interface."""
+    """Desired configuration of one interface."""
 
     by: str
     """netplan, ifupdown or networkd."""
@@ -214,7 +214,7 @@ class DesiredNetwork:
 
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> DesiredNetwork:
-        """From a module's parameters. Raises `ModuleError` for an address that its tool would choke on."""
+        """Parse a module's parameters. Raises `ModuleError` for an address that its tool would reject or misread."""
         values = {name: parameters[name] for name in cls.__dataclass_fields__}
         values.update(mode=int(parameters["mode"], 8), replaces=tuple(parameters["replaces"]))
         result = cls(**values)
@@ -222,7 +222,7 @@ class DesiredNetwork:
         return result
 
     def _check_addresses(self) -> None:
-        """The tools accept nonsense and fail later: netplan wants a prefix length, ifupdown takes /8 without one."""
+        """Check the addresses: netplan requires a prefix length, ifupdown assumes /8 without one; both fail late."""
         try:
             interface, gateway = ipaddress.IPv4Interface(self.address), ipaddress.IPv4Address(self.gateway)
         except ValueError as error:
@@ -242,11 +242,11 @@ class DesiredNetwork:
 
     @property
     def ip(self) -> str:
-        """Without the prefix length."""
+        """Address without the prefix length."""
         return self.address.partition("/")[0]
 
     def files(self, computer: NetworkComputer) -> dict[str, str | None]:
-        """Path -> text of every file that the configuration consists of; None: it shall not be there."""
+        """Return path -> text of every file of the configuration; None: the file must not exist."""
         result: dict[str, str | None] = {path: None for path in self.replaces if path != self.path}
         result[self.path] = self.content
         is_managed = any(os.path.exists(computer.at(path)) for path in _RESOLVERS)
@@ -255,7 +255,7 @@ class DesiredNetwork:
         return result
 
     def lacks(self, computer: NetworkComputer) -> list[str]:
-        """What of it is not in effect; empty if the interface is as it shall be."""
+        """Return what is not in effect; empty if the interface is in the desired state."""
         current = addresses(computer).get(self.interface, [])
         missing = [] if self.address in current else [f"{self.interface} has not the address {self.address}"]
         reply = computer.run(("ip", "-json", "-4", "route", "show", "default"))
@@ -265,7 +265,7 @@ class DesiredNetwork:
         return missing
 
     def wait_until_reachable(self, computer: NetworkComputer, patience_s: float) -> list[str]:
-        """As `lacks`, and whether the gateway answers on the interface; waits until nothing is left or patience is."""
+        """Return what is not in effect, or that the gateway does not respond; wait until neither or the timeout."""
         end = time.monotonic() + patience_s
         while True:
             missing = self.lacks(computer) or self._silent(computer)
@@ -282,7 +282,7 @@ class DesiredNetwork:
         return [f"nobody answers at the gateway's address {self.gateway} on {self.interface}"]
 
     def _knock(self) -> None:
-        """Have the kernel ask for the gateway's hardware address; that it answers is read from the neighbour table."""
+        """Send a packet so that the kernel resolves the gateway's hardware address into the neighbour table."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             try:
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, self.interface.encode())
@@ -291,7 +291,7 @@ class DesiredNetwork:
                 return  # no such interface, or no route: then the table knows nobody either
 
     def hold(self, computer: NetworkComputer) -> None:
-        """Raise `ModuleError` where the change cannot come well, before anything is touched."""
+        """Raise `ModuleError` if the change cannot succeed, before anything is touched."""
         program, package = _PROGRAMS[self.by]
         if not os.path.exists(computer.at(program)):
             raise ModuleError(
@@ -309,7 +309,7 @@ class DesiredNetwork:
             raise ModuleError(f"{self.by} does not take the new configuration: {text}", "nothing was changed")
 
     def hold_alone(self, computer: NetworkComputer) -> None:
-        """Raise `ModuleError` where another file configures the interface, too, also if ours is there already."""
+        """Raise `ModuleError` if another file also configures the interface, even if ours exists already."""
         others = claims(computer, self.interface, self.path, frozenset(self.replaces))
         if others:
             path_list = ", ".join(others)
@@ -320,7 +320,7 @@ class DesiredNetwork:
             self._hold_whole(computer)
 
     def _hold_whole(self, computer: NetworkComputer) -> None:
-        """/etc/network/interfaces is one file for everything: what somebody else has written is not overwritten."""
+        """Raise `ModuleError` rather than overwrite other people's entries in the single /etc/network/interfaces."""
         if OURS in (computer.read(INTERFACES) or ""):
             return
         there = [(path, name) for path, name in stanzas(computer) if path not in self.replaces and name != "lo"]
@@ -333,7 +333,7 @@ class DesiredNetwork:
             )
 
     def _by_netplan(self, computer: NetworkComputer) -> str:
-        """All its files together, with ours as it would be."""
+        """Return netplan's errors for all its files together, with ours in its desired state."""
         remaining_paths = [path for path in plans(computer) if path not in self.replaces]
         texts = {os.path.basename(path): computer.read(path) or "" for path in remaining_paths}
         text, network_texts = generate_netplan(computer, {**texts, os.path.basename(self.path): self.content})
@@ -349,7 +349,7 @@ class DesiredNetwork:
             return result.output.replace(file.name, self.path) if result.code else ""
 
     def _by_networkd(self, computer: NetworkComputer) -> str:
-        """It has no check of its own: a file that does not name the interface would be taken for another's."""
+        """Return an error unless our file matches the interface; networkd has no check of its own."""
         return (
             "" if matches_interface(computer, self.content, self.interface) else f"it does not match {self.interface}"
         )

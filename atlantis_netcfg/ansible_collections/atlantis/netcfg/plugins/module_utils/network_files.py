@@ -1,4 +1,4 @@
-"""Files and programs of this computer: what is replaced is the old one or the new one, whenever the power is cut."""
+"""Files and programs of this computer; a power cut during a replacement leaves the old or the new file."""
 
 # ruff: noqa: PTH102, PTH105, PTH108, PTH112, PTH113, PTH114, PTH116, PTH120, PTH123, PTH211
 # Paths are those of a computer, below a root: what is joined to it is a string.
@@ -19,14 +19,14 @@ _LOCK = f"{FOLDER}/lock"
 
 
 class ProgramEnd(NamedTuple):
-    """What came of a program; `output` is its output and its complaints."""
+    """Exit code of a program, and its combined standard output and error."""
 
     code: int
     output: str
 
 
 def run_program(words: Sequence[str]) -> ProgramEnd:
-    """Run a program to its end; one that is not there ends with 127, as in a shell."""
+    """Run a program to its end; the code is 127 if it does not exist, as in a shell."""
     try:
         process = subprocess.run(  # noqa: S603 - programs of the system, by names that stand here
             list(words), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
@@ -37,14 +37,14 @@ def run_program(words: Sequence[str]) -> ProgramEnd:
 
 
 class NetworkComputer:
-    """The files below `root` and the programs of a computer; both are others' in tests."""
+    """The files below `root` and the programs of a computer; tests replace both."""
 
     def __init__(self, root: str = "/", run: Callable[[Sequence[str]], ProgramEnd] = run_program) -> None:
         self.root = root.rstrip("/")
         self.run = run
 
     def at(self, path: str) -> str:
-        """Where a path of the computer is for this process."""
+        """Return the real path for this process of a path on the computer."""
         return self.root + path
 
     def read(self, path: str) -> str | None:
@@ -56,7 +56,7 @@ class NetworkComputer:
             return None
 
     def load(self, path: str) -> Manifest | None:
-        """A file of ours in JSON; None if there is none."""
+        """Return the content of one of our JSON files; None if it does not exist."""
         text = self.read(path)
         return None if text is None else json.loads(text)
 
@@ -77,7 +77,7 @@ class NetworkComputer:
         self.sync(os.path.dirname(path))
 
     def link(self, path: str, target: str) -> None:
-        """Replace whatever file is there by a symbolic link."""
+        """Replace the file at a path by a symbolic link."""
         beside = self._beside(path)
         with contextlib.suppress(FileNotFoundError):
             os.unlink(beside)
@@ -86,20 +86,20 @@ class NetworkComputer:
         self.sync(os.path.dirname(path))
 
     def remove(self, path: str) -> None:
-        """Remove a file; one that is not there is removed already."""
+        """Remove a file; do nothing if it does not exist."""
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             os.unlink(self.at(path))
             self.sync(os.path.dirname(path))
 
     def make(self, folder: str) -> None:
-        """Make a folder and those above it."""
+        """Make a folder and its parents."""
         if not os.path.isdir(self.at(folder)):
             self.make(os.path.dirname(folder))
             os.mkdir(self.at(folder), 0o755)
             self.sync(os.path.dirname(folder))
 
     def sync(self, folder: str) -> None:
-        """Have the names in a folder on the disk."""
+        """Sync the names in a folder to disk."""
         handle = os.open(self.at(folder) or "/", os.O_RDONLY | os.O_DIRECTORY)
         try:
             os.fsync(handle)
@@ -108,7 +108,7 @@ class NetworkComputer:
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
-        """Wait for whoever else is at work on the network; the kernel lets go with the process, however it ends."""
+        """Hold the lock for network changes; the kernel releases it when the process ends, however it ends."""
         self.make(FOLDER)
         handle = os.open(self.at(_LOCK), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
@@ -124,7 +124,7 @@ class NetworkComputer:
 
 
 def state_of(computer: NetworkComputer, path: str) -> Manifest:
-    """What stands at a path, in the form that `put` puts back."""
+    """Return the entry at a path, in the format that `put` restores."""
     real = computer.at(path)
     if os.path.islink(real):
         return {"path": path, "link": os.readlink(real)}
@@ -142,7 +142,7 @@ def state_of(computer: NetworkComputer, path: str) -> Manifest:
 
 
 def put(computer: NetworkComputer, manifest: Manifest) -> None:
-    """Bring every file of a manifest to what it says; those that are so already are not touched."""
+    """Bring every file of a manifest to its recorded state; files already in that state are not touched."""
     for entry in manifest["files"]:
         if state_of(computer, entry["path"]) == entry:
             continue

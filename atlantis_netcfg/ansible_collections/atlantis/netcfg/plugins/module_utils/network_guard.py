@@ -1,11 +1,13 @@
-"""Changes the network of this computer, and takes an unconfirmed change back. Started by systemd, never by a session.
+"""Change the network of this computer, and roll back an unconfirmed change. Started by systemd, never by a session.
+
+Verbs:
 
     apply    puts the files of `wanted.json` in place and brings them into effect
-    back     puts those of `previous.json` in place again and brings them into effect
-    boot     the same before the network starts: after a power cut
+    back     restores the files of `previous.json` and brings them into effect
+    boot     the same before the network starts, after a power cut
 
-A change waits for its confirmation as long as the file `pending` is there: removing that file is the confirmation.
-This file and `network_files` are installed as they are, so that they work whatever becomes of the toolkit.
+A change is unconfirmed as long as the file `pending` exists: removing that file is the confirmation. This file and
+`network_files` are installed unchanged, so that they do not depend on the toolkit.
 """
 
 from __future__ import annotations
@@ -32,12 +34,12 @@ _TOOLS = (("/etc/netplan/", "netplan"), ("/etc/network/", "ifupdown"), ("/etc/sy
 
 
 def boot_time() -> float:
-    """Seconds since this computer was started; no clock that somebody sets."""
+    """Return the seconds since this computer was started, independent of clock changes."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def addresses(computer: NetworkComputer) -> dict[str, list[str]]:
-    """The IPv4 addresses of each interface but the loopback, with their prefix lengths."""
+    """Return the IPv4 addresses of each interface except the loopback, with their prefix lengths."""
     result = computer.run(("ip", "-json", "-4", "address", "show"))
     links = json.loads(result.output or "[]") if result.code == 0 else []
     return {
@@ -48,7 +50,7 @@ def addresses(computer: NetworkComputer) -> dict[str, list[str]]:
 
 
 def running(computer: NetworkComputer, interfaces: Sequence[str]) -> list[str]:
-    """Addresses and routes of interfaces as they are now, as commands of `ip -batch` that bring them back."""
+    """Return current addresses and routes of interfaces, as `ip -batch` commands that restore them."""
     rows = []
     for name, current in addresses(computer).items():
         if name in interfaces:
@@ -62,19 +64,19 @@ def running(computer: NetworkComputer, interfaces: Sequence[str]) -> list[str]:
 
 
 def _address_commands(rows: Sequence[str]) -> set[str]:
-    """Of such commands: those that give an address."""
+    """Select the commands that set an address."""
     return {row for row in rows if row.startswith("address ")}
 
 
 def _interfaces(manifest: Manifest) -> list[str]:
-    """Names in the files of ifupdown, but the loopback."""
+    """Return the interface names in the files of ifupdown, except the loopback."""
     texts = [item.get("text", "") for item in manifest["files"] if item["path"].startswith("/etc/network/")]
     names = re.findall(r"^\s*iface\s+(\S+)", "\n".join(texts), re.MULTILINE)
     return [name for name in dict.fromkeys(names) if name != "lo"]
 
 
 def bring(computer: NetworkComputer, manifest: Manifest, other: Manifest) -> list[str]:
-    """Put the files of `manifest` in the place of those of `other`, and have the tools use them; gives complaints."""
+    """Replace the files of `other` by those of `manifest`, and make the tools use them; return error messages."""
     for name in _interfaces(other):
         computer.run(("ifdown", "--force", name))
     for name in manifest["interfaces"]:
@@ -92,7 +94,7 @@ def bring(computer: NetworkComputer, manifest: Manifest, other: Manifest) -> lis
 
 
 def _commands(manifest: Manifest) -> Iterator[Sequence[str]]:
-    """What makes the tools use their files."""
+    """Yield the commands that make the tools use their files."""
     tools = {tool for item in manifest["files"] for prefix, tool in _TOOLS if item["path"].startswith(prefix)}
     if "netplan" in tools:
         yield ("netplan", "apply")
@@ -121,7 +123,7 @@ def apply(computer: NetworkComputer) -> None:
 
 
 def back(computer: NetworkComputer) -> None:
-    """Take a change back that waits for its confirmation. Raises OSError if a file could not be put back."""
+    """Roll back an unconfirmed change. Raises OSError if a file could not be restored."""
     computer.run(("systemctl", "stop", APPLY_UNIT))
     with computer.alone():
         _back(computer)
@@ -141,7 +143,7 @@ def _back(computer: NetworkComputer, why: str | None = None) -> None:
 
 
 def _settle(computer: NetworkComputer, previous: Manifest, desired_manifest: Manifest) -> None:
-    """Wait for the tool; then have by hand what it did not bring back, and take away what it left of the change."""
+    """Wait for the tool; then restore what it did not, and remove what it left of the change."""
     rows, names = previous["running"], previous["interfaces"]
     end = time.monotonic() + _COME_BACK_S
     while _address_commands(rows) - _address_commands(running(computer, names)) and time.monotonic() < end:
@@ -156,7 +158,7 @@ def _settle(computer: NetworkComputer, previous: Manifest, desired_manifest: Man
 
 
 def boot(computer: NetworkComputer) -> None:
-    """The power was cut before the change was confirmed: put the files back; the network starts after this."""
+    """After a power cut during an unconfirmed change, restore the files before the network starts."""
     with computer.alone():
         pending, previous = computer.load(PENDING), computer.load(PREVIOUS)
         if pending is None or previous is None:
@@ -175,7 +177,7 @@ def _close(computer: NetworkComputer, pending: Manifest, why: str) -> None:
 
 
 def main(verb: str) -> None:
-    """Do what systemd starts this for."""
+    """Run the verb that systemd passes."""
     computer = NetworkComputer()
     if verb == "apply":
         time.sleep(APPLY_AFTER_S)

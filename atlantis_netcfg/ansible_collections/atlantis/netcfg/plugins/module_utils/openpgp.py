@@ -1,6 +1,6 @@
-"""What a public OpenPGP key says of itself: fingerprint, when it was made, until when it is good.
+"""Parser for public OpenPGP keys: fingerprint, creation time and expiry time.
 
-Just as much as is needed to tell an archive's key that has expired, or that is another one, before apt is asked; apt
+It reads just enough to detect that an archive's key has expired, or is not the expected one, before apt runs; apt
 itself checks the signatures. Versions 3 and 4 of RFC 4880: packets (4), armour (6), fingerprint (12.2), key expiration
 (5.2.3.6). It also runs on gateways, which need not have gpg, so it keeps to Python 3.8.
 """
@@ -64,7 +64,7 @@ def binary(content: bytes) -> bytes:
 
 
 def public_keys(content: bytes) -> list[PublicKey]:
-    """The primary keys of a key file, armoured or binary, in its order. Raises NotAKey."""
+    """Return the primary keys of a key file, armoured or binary, in its order. Raises NotAKey."""
     keys: list[PublicKey] = []
     try:
         for tag, body in _packets(binary(content)):
@@ -98,7 +98,7 @@ def _packets(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _new_length(data: bytes, at: int) -> tuple[int, int]:
-    """The length of a packet or subpacket, and how many bytes it takes to say so (RFC 4880 4.2.2, 5.2.3.1)."""
+    """Return the length of a packet or subpacket and the size of its length field (RFC 4880 4.2.2, 5.2.3.1)."""
     first = data[at]
     if first < 192:  # noqa: PLR2004 - of the RFC, like the next two
         return first, 1
@@ -118,7 +118,7 @@ def _key(body: bytes) -> PublicKey:
 
 
 def _with_signature(key: PublicKey, body: bytes) -> PublicKey:
-    """What a signature of the key's owner adds: the latest one counts."""
+    """Add the data of the owner's signature to a key; the latest signature counts."""
     if body[0] != 4 or body[1] not in _CERTIFICATIONS:  # noqa: PLR2004
         return key
     size = int.from_bytes(body[4:6], "big")
@@ -146,5 +146,5 @@ def _subpackets(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _two(data: bytes, at: int) -> tuple[int, int]:
-    """Subpackets have no pieces: lengths of two bytes go on up to 254 there."""
+    """Return a two-byte subpacket length: subpackets have no partial lengths, so two bytes are used up to 254."""
     return ((data[at] - 192) << 8) + data[at + 1] + 192, 2

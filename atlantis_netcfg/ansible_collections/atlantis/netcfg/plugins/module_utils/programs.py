@@ -1,4 +1,4 @@
-"""Programs that are run on the computer, and what they said last where they failed."""
+"""Run programs on the computer, and quote their last output lines when they fail."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """How a program ended, and all that it said, in order."""
+    """Exit code and complete output of a program."""
 
     code: int
     output: str
 
 
 def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> ProgramResult:
-    """Run a program without a terminal, in English; 127: it is not there, 124: it took longer than `timeout_s`."""
+    """Run a program without a terminal, in English; code 127: it does not exist, 124: timed out after `timeout_s`."""
     environment = dict(os.environ, LC_ALL="C.UTF-8", LANGUAGE="", PATH=_PATH, DEBIAN_FRONTEND="noninteractive")
     try:
         process = subprocess.run(  # noqa: S603 - what the declaration has made
@@ -45,18 +45,18 @@ def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> ProgramResult:
 
 
 def is_there(program: str) -> bool:
-    """Whether a program can be started."""
+    """Return whether a program is installed."""
     return shutil.which(program, path=_PATH) is not None
 
 
 def last_lines(text: str) -> str:
-    """What a person has to read of it."""
+    """Return the last lines of a program's output, for an error message."""
     lines = [line.rstrip() for line in text.splitlines() if line.strip()]
     return "\n".join(lines[-_LINES:])
 
 
 def require_success(result: ProgramResult, what: str, hint: str = "") -> None:
-    """Raise with the last lines unless the program succeeded."""
+    """Raise ModuleError with the last output lines unless the program succeeded."""
     if result.code != 0:
         text = last_lines(result.output)
         raise ModuleError(f"{what} (exit {result.code})" + (f":\n{text}" if text else " without a word"), hint)

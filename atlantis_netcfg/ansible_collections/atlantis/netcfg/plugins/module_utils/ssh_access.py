@@ -1,4 +1,4 @@
-"""The SSH session of a run: nothing is changed if it could not log in afterwards. Also the lock: one run at a time."""
+"""SSH session of a run: refuse changes that would prevent its next login. Also the lock: one run at a time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SshClient:
 
 
 def client(environment: Mapping[str, str]) -> SshClient | None:
-    """The session of this process: its own `SSH_CONNECTION`, or, where sudo has dropped it, that of an ancestor."""
+    """Return the SSH session of this process: its `SSH_CONNECTION`, or an ancestor's if sudo has dropped it."""
     text = environment.get("SSH_CONNECTION") or _of_ancestors()
     words = text.split()
     if len(words) != 4 or not words[3].isdigit():  # noqa: PLR2004 - ssh(1): client address, port, server address, port
@@ -59,7 +59,7 @@ _KINDS = (b"ssh-", b"ecdsa-sha2-", b"sk-")
 
 
 def hold(way_in: WayIn, tree: FileSystem, environment: Mapping[str, str]) -> None:
-    """Refuse what would lock out the person who asks for it; a run without an SSH session only has its keys checked."""
+    """Raise ModuleError if the change would lock the user out; without an SSH session, check the keys only."""
     result = client(environment)
     if result is not None and way_in.admit and not _is_admitted(result.address, way_in.admit):
         raise ModuleError(
@@ -92,7 +92,7 @@ def _is_admitted(address: str, networks: tuple[str, ...]) -> bool:
 
 
 def _account(environment: Mapping[str, str]) -> str:
-    """Who has logged in, also where sudo has made root of it."""
+    """Return the account that logged in, also behind sudo."""
     return environment.get("SUDO_USER") or pwd.getpwuid(os.geteuid()).pw_name
 
 
@@ -111,7 +111,7 @@ FILE = "/run/lock/atlantis-configure"
 
 @contextlib.contextmanager
 def alone(tree: FileSystem, environment: Mapping[str, str] = os.environ) -> Iterator[None]:
-    """Hold the lock of the computer, which the kernel lets go with the process, however it ends."""
+    """Hold the computer's lock; the kernel releases it when the process ends, however it ends."""
     try:
         Path(tree.at(FILE)).parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(tree.at(FILE), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)

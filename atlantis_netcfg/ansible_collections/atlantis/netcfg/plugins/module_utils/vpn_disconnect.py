@@ -1,14 +1,14 @@
-"""Disconnect a member at once: list, admission, firewall, session, connections; then verify it.
+"""Disconnect a member at once: CRL, admission, firewall, session, connections; then verify it.
 
-The order is that of facts 5. Without list and admission nobody comes in any more; with the firewall closed nothing
-passes; then the session ends. The firewall is loaded in parallel, because it takes longest. Every step runs although
-an earlier one failed, and the result lists what was not done.
+The order is that of facts 5. Without CRL entry and admission no new session is possible; with the firewall closed no
+traffic passes; then the session ends. The firewall is loaded in parallel, because it takes longest. Every step runs
+even if an earlier one failed, and the result lists the failed steps.
 
-To end a session, the client is told to stop, the server forgets it, and the kernel drops its connections.
-`client-kill CID HALT` alone leaves the session up for five seconds, or as long as the client takes to go; `kill` alone
-leaves the client reconnecting for an hour. So both are sent, a moment apart. Packets of the client are blocked before
-the kill: OpenVPN ends altogether (`Assertion failed at multi.h`) when it kills the session whose packet it has just
-received in the same round of its loop. One of fifty kills under traffic did that [measured, 2.6.14].
+To end a session, the client is ordered to stop, the server drops the session, and the kernel drops its connections.
+`client-kill CID HALT` alone leaves the session up for five seconds, or until the client exits; `kill` alone leaves the
+client reconnecting for an hour. So both are sent, a moment apart. Packets of the client are blocked before the kill:
+OpenVPN exits completely (`Assertion failed at multi.h`) when it kills the session whose packet it has just received in
+the same round of its loop. One of fifty kills under traffic did that [measured, 2.6.14].
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 
 class Ending:
-    """End every session of these names and these addresses. What came of it stands in the attributes."""
+    """Ends every session of these names and addresses. Its attributes hold the result."""
 
     def __init__(self, common_names: Collection[str], addresses: Collection[str] = ()) -> None:
         self._common_names = common_names
@@ -58,7 +58,7 @@ class Ending:
         self.messages: list[str] = []
 
     def look(self, server: ManagedServer) -> list[Session]:
-        """Whom it is about, if the server says so at once; nobody, if it does not."""
+        """Return the matching sessions if the server responds at once; an empty list if it does not."""
         try:
             with server.connection(_AT_ONCE_S) as management:
                 return self._find(management)
@@ -72,7 +72,7 @@ class Ending:
         meanwhile: Callable[[], None] = lambda: None,
         step: Callable[[str], None] = lambda _name: None,
     ) -> None:
-        """Do it. `meanwhile` is done after the clients were told, or where nobody can be; it has to come to its end."""
+        """End the sessions. `meanwhile` is always run: after the clients were ordered to stop, or if none can be."""
         waits = [meanwhile]
         try:
             with server.connection() as management:
@@ -95,7 +95,7 @@ class Ending:
         waits: list[Callable[[], None]],
         step: Callable[[str], None],
     ) -> None:
-        """Halt, then kill, until nobody is there any more."""
+        """Halt, then kill, until none of the sessions is left."""
         self.left = self._find(management)
         for _ in range(_ROUNDS):
             if not self.left:
@@ -117,7 +117,7 @@ class Ending:
             step("session dead")
 
     def _silent(self, management: ManagementSocket) -> list[Session]:
-        """Wait until nothing comes from them any more, and give those of whom that is so."""
+        """Wait until the sessions receive no more data, and return the silent ones."""
         before: dict[int, int] = {}
         for _ in range(_LOOKS):
             sessions = self._find(management)
@@ -133,7 +133,7 @@ class Ending:
 
 
 class Unheard:
-    """As long as this holds, nothing that these clients send reaches the server; what it sends reaches them."""
+    """Temporary nft rules that drop all packets from these clients to the server, but not its packets to them."""
 
     def __init__(self, server: ManagedServer, sessions: Sequence[Session]) -> None:
         self._server = server
@@ -143,7 +143,7 @@ class Unheard:
 
     @property
     def text(self) -> str:
-        """What nft has to be told; empty: nothing."""
+        """Script for nft; empty if there are no clients."""
         rules = [
             f"ip saddr {address} meta l4proto {{ tcp, udp }} th sport {port} drop" for address, port in self._peers
         ]
@@ -152,7 +152,7 @@ class Unheard:
         return "\n".join(lines) if rules else ""
 
     def cover(self, sessions: Sequence[Session]) -> str:
-        """See that it holds for these; gives why it does not."""
+        """Block the clients of these sessions too; return why that failed, or an empty string."""
         peers = {endpoint for session in sessions if (endpoint := peer(session["real"])) is not None}
         if self.holds and peers <= self._peers:
             return ""
@@ -164,13 +164,13 @@ class Unheard:
         )
 
     def end(self) -> None:
-        """Let them be heard again."""
+        """Remove the rules, so that the clients are no longer blocked."""
         if self.holds and self._peers:
             self._server.run(["nft", f"delete table {_TABLE}"])
 
 
 def peer(real: str) -> tuple[str, int] | None:
-    """Address and port of a client, as the status tells them; None: it is not IPv4."""
+    """Parse address and port of a client from the status; None if it is not IPv4."""
     match = _PEER.fullmatch(real)
     try:
         return (str(IPv4Address(match[1])), int(match[2])) if match else None
@@ -179,14 +179,14 @@ def peer(real: str) -> tuple[str, int] | None:
 
 
 def theirs(sessions: Sequence[Session], common_names: Collection[str], addresses: Collection[str]) -> list[Session]:
-    """The sessions of these names or with these addresses in the VPN."""
+    """Return the sessions with one of these common names or VPN addresses."""
     return [
         session for session in sessions if session["common_name"] in common_names or session["virtual"] in addresses
     ]
 
 
 class Forgetting:
-    """Let the kernel forget what addresses have open, both ways. It takes 12 ms, beside everything else."""
+    """Removes the connection tracking entries of addresses, in both directions. It takes 12 ms, in parallel."""
 
     def __init__(self, addresses: Collection[str]) -> None:
         self.messages: list[str] = []
@@ -222,7 +222,7 @@ class Forgetting:
 
 
 class _Act:
-    """What was done when, in milliseconds since it began, and what was not done."""
+    """Log of the steps: their times in milliseconds since the start, and the errors of failed steps."""
 
     def __init__(self) -> None:
         self._began = time.monotonic()
@@ -233,7 +233,7 @@ class _Act:
         self.steps.append([name, round((time.monotonic() - self._began) * 1000, 3)])
 
     def dare(self, act: Callable[..., None], *arguments: Any) -> bool:  # noqa: ANN401 - whatever the act takes
-        """Whether it was done."""
+        """Run a step and record its error; return whether it succeeded."""
         try:
             act(*arguments)
         except ModuleError as refused:
@@ -245,7 +245,7 @@ class _Act:
 def revoke(
     server: ManagedServer, files: Sequence[Mapping[str, Any]], common_names: Sequence[str], addresses: Sequence[str]
 ) -> dict[str, Any]:
-    """Do it. `files`: list and ruleset, as far as they change. Gives `steps`, `ended`, and what `verify` gives."""
+    """Revoke members. `files`: changed CRL and ruleset. Return `steps`, `ended` and the result of `verify`."""
     act = _Act()
     server.must_be()
     file_by_path = {file["path"]: file for file in files}
@@ -285,7 +285,7 @@ def revoke(
 
 
 def _hold_list(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
-    """Lay it beside its place. Raises `ModuleError` for one that must not get there."""
+    """Stage the new CRL beside its destination. Raises `ModuleError` if it must not be installed."""
     if file is None or server.tree.read(server.place.crl) == file["content"].encode():
         return
     try:
@@ -296,15 +296,15 @@ def _hold_list(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
 
 
 def _put_list(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
-    """Put what was laid beside it, unless it is there already."""
+    """Move the staged CRL into place, unless it is already there."""
     if file is not None and server.tree.read(server.place.crl) != file["content"].encode():
         server.tree.put(server.place.crl)
 
 
 def _close(server: ManagedServer, file: Mapping[str, Any] | None, addresses: Sequence[str], unheard: Unheard) -> None:
-    """Load the ruleset without the addresses; where that fails they are taken out of the loaded one.
+    """Load the ruleset without the addresses; if that fails, remove the addresses from the loaded one.
 
-    In the same act their clients are heard no more: each costs the kernel 10 ms.
+    The same transaction blocks packets from their clients: each transaction costs the kernel 10 ms.
     """
     if file is None:
         server.firewall.take_out(addresses)
@@ -327,7 +327,7 @@ def _stage(server: ManagedServer, file: Mapping[str, Any]) -> str:
 
 
 def _keep(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
-    """Bring the folders to the disk and note what is loaded; a power cut before that is mended by the next push."""
+    """Sync the folders to disk and record what is loaded; the next push repairs a power cut before that."""
     place = server.place
     for path in (place.admission("any"), place.crl, place.firewall):
         server.tree.sync(path)
@@ -342,10 +342,10 @@ def verify(
     files: Mapping[str, str],
     result: tuple[str, Sequence[Session]] | None = None,
 ) -> dict[str, Any]:
-    """Look whether they are out. `files`: SHA-256 of what must be in place. `looked`: who is known to have a session.
+    """Verify that the members are out. `files`: SHA-256 of required files. `result`: known sessions, if any.
 
-    Gives `out` (nobody of them can come in, and nothing of theirs passes), `dead` (nobody of them has a session, by the
-    server's own word), `problems` (what is wrong, in words), `told`, and `management` (what the socket does).
+    Returns `out` (none of them can connect, and none of their traffic passes), `dead` (the server reports no session of
+    theirs), `problems` (messages), `told`, and `management` (state of the management socket).
     """
     management, sessions = result if result is not None else server.sessions()[:2]
     problems = [f"{name} is admitted" for name in server.list_admitted_names() if name in common_names]

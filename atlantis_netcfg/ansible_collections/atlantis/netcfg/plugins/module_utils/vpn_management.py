@@ -1,9 +1,9 @@
-"""The management interface of OpenVPN on its Unix socket: one command, its reply, and what the server sends in between.
+"""The management interface of OpenVPN on its Unix socket: commands, their replies, and the server's notifications.
 
 It serves one client at a time. The kernel accepts a second client, which then receives nothing (OpenVPN issue 660).
-Every wait has an end here, and silence has an exception of its own, `ManagementBusy`. Source: doc/management-notes.txt.
+Every wait has a timeout, and silence raises its own exception, `ManagementBusy`. Source: doc/management-notes.txt.
 
-In `status 3` the columns of a row are found by their names in the HEADER rows alone.
+In `status 3` the columns of a row are located by their names in the HEADER rows only.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _KIND = "CLIENT_LIST"
 
 
 class IncompleteStatus(Exception):
-    """The text is no status of version 3, or not the whole of one."""
+    """The text is not a complete status of version 3."""
 
 
 def rows(lines: Iterable[str], kind: str = _KIND) -> Iterator[dict[str, str]]:
-    """The rows of a kind, by the names of their columns. Raises `IncompleteStatus`."""
+    """Yield the rows of a kind, as a mapping of column name to value. Raises `IncompleteStatus`."""
     names: list[str] | None = None
     has_end = False
     for line in lines:
@@ -44,7 +44,7 @@ def rows(lines: Iterable[str], kind: str = _KIND) -> Iterator[dict[str, str]]:
 
 
 def sessions(lines: Iterable[str]) -> list[Session]:
-    """Everybody who has a session. Raises `IncompleteStatus`."""
+    """Parse all sessions of a status. Raises `IncompleteStatus`."""
     try:
         return [_session(row) for row in rows(lines)]
     except (KeyError, ValueError) as error:
@@ -52,7 +52,7 @@ def sessions(lines: Iterable[str]) -> list[Session]:
 
 
 def parse_status_time(lines: Iterable[str]) -> int:
-    """When a status was written, in seconds since 1970; 0: it does not tell."""
+    """Return when a status was written, in seconds since 1970; 0 if it contains no time."""
     times = [line.rstrip("\r\n").split("\t") for line in lines if line.startswith("TIME\t")]
     return int(times[0][2]) if times and len(times[0]) > 2 and times[0][2].isdigit() else 0  # noqa: PLR2004 - TIME, words, seconds
 
@@ -76,19 +76,19 @@ _REAL = re.compile(r"(?:[a-z0-9-]+:)?[0-9a-fA-F.:\[\]]+:[0-9]{1,5}")
 
 
 class Down(Exception):
-    """Nobody listens on the socket: no server runs that has made it."""
+    """Nobody listens on the socket: the server that created it does not run."""
 
 
 class ManagementBusy(Exception):
-    """Somebody listens and says nothing: another client has it, or the server hangs."""
+    """The socket accepts the connection but does not respond: another client uses it, or the server hangs."""
 
 
 class ConnectionEnd(Exception):
-    """The server has ended the conversation: it went down, or does not take this user for its client."""
+    """The server closed the connection: it stopped, or does not accept this user as its client."""
 
 
 class ManagementSocket:
-    """A session of the server's socket. Raises `ManagementBusy` when a reply is late, `ConnectionEnd` when it ends."""
+    """A connection to the management socket. Raises `ManagementBusy` on timeout, `ConnectionEnd` when it closes."""
 
     def __init__(self, connection: socket.socket, patience_s: float) -> None:
         self._socket = connection
@@ -96,13 +96,13 @@ class ManagementSocket:
         self._buffer = b""
 
     def wait_for_greeting(self) -> None:
-        """Wait for the greeting, which only the one client gets that is served."""
+        """Wait for the greeting, which is sent only to the one client that is served."""
         end = time.monotonic() + self._patience_s
         while not self._line(end).startswith(_GREETING):
             pass
 
     def sessions(self) -> list[Session]:
-        """Who has a session now, also those whose handshake is not through."""
+        """Return the current sessions, including those whose handshake is not complete."""
         self._send("status 3")
         end = time.monotonic() + self._patience_s
         lines = []
@@ -115,17 +115,17 @@ class ManagementSocket:
                 return sessions(lines)
 
     def halt(self, cid: int) -> str:
-        """Let the server tell a client to stop for good; gives the reply, `SUCCESS: …` or `ERROR: …`.
+        """Make the server order a client to stop permanently; return the reply, `SUCCESS: …` or `ERROR: …`.
 
-        The session lives on until the client goes, or for five seconds more: a client that does not listen uses them.
+        The session remains until the client exits, or for five seconds more if the client ignores the order.
         """
         return self._order(f"client-kill {int(cid)} HALT")
 
     def kill(self, real: str) -> str:
-        """End a session at once, by its client's real address; the client is told nothing. Gives the reply.
+        """End a session at once, by its client's real address, without notifying the client. Return the reply.
 
-        The message of `halt` is sent in the server's next round: without 10 ms between them it is lost [measured]. Only
-        for a client that is not heard any more: see `vpn_end`.
+        The message of `halt` is sent in the server's next round: without 10 ms between them it is lost [measured]. Use
+        it only for a client whose packets are blocked: see `vpn_disconnect`.
         """
         if not _REAL.fullmatch(real):
             raise ValueError(f"no address and port of a client: {real!r}")
@@ -146,7 +146,7 @@ class ManagementSocket:
             raise ConnectionEnd(f"the server has closed its management socket: {error.strerror or error}") from error
 
     def _word(self, end: float) -> str:
-        """The next line that is no notice: those begin with `>` and come at any time."""
+        """Return the next line that is not a notification: those begin with `>` and may come at any time."""
         while True:
             line = self._line(end)
             if not line.startswith(">"):
@@ -185,5 +185,5 @@ def open_socket(path: str, patience_s: float) -> Iterator[ManagementSocket]:
 
 
 def _short(path: str) -> str:
-    """Paths of sockets have 107 bytes at most; a relative one may do where the whole does not."""
+    """Shorten the path of a socket: the limit is 107 bytes, and a relative path may fit."""
     return os.path.relpath(path) if len(os.fsencode(path)) > 107 else path  # noqa: PLR2004 - unix(7)

@@ -1,13 +1,13 @@
-"""Answer one request a line, until standard input ends: after its start each costs one round trip of the link.
+"""Serve one request per line until standard input ends: after its start, each costs one round trip of the link.
 
-A line is JSON, compressed and in base64, both ways. `MARK` goes before each answer, because shells print greetings.
-Requests are `{"id": …, "do": …, "place": {…}, …}`. Answers have the same id, and `done`, `refused` (with a hint), or
-`broken`.
+A line is JSON, compressed and in base64, in both directions. `MARK` precedes each response, because shells print
+greetings. Requests are `{"id": …, "do": …, "place": {…}, …}`. Responses have the same id, and `done`, `refused` (with a
+hint), or `broken`.
 
-`look` reads everything of the running server that the technician's computer compares with the declaration. `push` puts
-the live files in their places while the tunnel is up: admissions, list, firewall. It uses the core of the module that
-configures files and notes what is loaded in its stamps, so that a run of the role finds nothing to do. The session of a
-member who is admitted no longer is ended.
+`look` reads everything of the running server that the technician's computer compares with the inventory. `push` puts
+the live files in place while the tunnel is up: admissions, CRL, firewall. It uses the core of the module that
+configures files and records what is loaded in its stamps, so that a run of the role finds nothing to do. The session of
+a member who is no longer admitted is ended.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _VERSION = re.compile(r"OpenVPN (\S+)")
 
 
 def look(server: ManagedServer) -> dict[str, Any]:
-    """Look at all of it; what cannot be told is null. It changes nothing."""
+    """Read the complete state of the server; what cannot be read is null. Changes nothing."""
     return {
         "clock": server.now(),
         "ready": server.tree.read(server.place.ca) is not None,
@@ -53,7 +53,7 @@ def look(server: ManagedServer) -> dict[str, Any]:
 
 
 def sessions(server: ManagedServer) -> dict[str, Any]:
-    """Who has a session: by the server's word, else by its status file, `at` its time."""
+    """Return the sessions as reported by the server, else from its status file, with the time `at`."""
     management, rows, why = server.sessions()
     at = server.now()
     if management not in (ANSWERS, DOWN):
@@ -62,7 +62,7 @@ def sessions(server: ManagedServer) -> dict[str, Any]:
 
 
 def read_last_seen(server: ManagedServer) -> dict[str, Any]:
-    """When each common name was last seen, as the server's timer has noted it."""
+    """Return when each common name was last seen, as recorded by the server's timer."""
     try:
         data = json.loads(server.tree.read(server.place.seen) or b"null")
     except ValueError:
@@ -71,7 +71,7 @@ def read_last_seen(server: ManagedServer) -> dict[str, Any]:
 
 
 def _list(server: ManagedServer) -> dict[str, Any] | None:
-    """The list of revoked certificates, itself as well: who asks compares it with what is recorded."""
+    """Return the CRL's data and PEM text, which the caller compares with the recorded one."""
     crl, pem = server.crl(), server.tree.read(server.place.crl)
     if crl is None or pem is None:
         return None
@@ -80,7 +80,7 @@ def _list(server: ManagedServer) -> dict[str, Any] | None:
 
 
 def _files(server: ManagedServer) -> dict[str, str]:
-    """SHA-256 of each live file, also of those that nobody has declared; `no file` for what is none."""
+    """Return the SHA-256 of each live file, also of unknown ones; `no file` if it is not a regular file."""
     place = server.place
     try:
         names = sorted(os.listdir(server.tree.at(place.ccd)))  # noqa: PTH208 - names are wanted
@@ -97,7 +97,7 @@ def _digest(server: ManagedServer, path: str) -> str:
 
 
 def _firewall(server: ManagedServer) -> dict[str, Any]:
-    """Who passes, and whether the kernel has what the file says: `as_file` null where that cannot be told."""
+    """Return the admitted members, and whether the kernel's table matches the file; `as_file` is null if unknown."""
     try:
         members = server.firewall.members()
         as_file = server.firewall.is_as(server.tree.at(server.place.firewall)) if members is not None else False
@@ -117,10 +117,10 @@ def _package(server: ManagedServer) -> str | None:
 
 
 def push(server: ManagedServer, files: Sequence[Mapping[str, Any]], only: Sequence[str]) -> dict[str, Any]:
-    """Do it; `files` as `configure` has them, or with `sha256` in the place of a content that may be there already.
+    """Install files; `files` as for `configure`, or with `sha256` instead of a content that may be there already.
 
-    `only` are folders in which nothing else stays. Gives `changes`, `ended` (sessions, with replies) and `told`; or
-    `lacks`, the paths whose content is needed after all, and nothing was done.
+    `only` are folders from which all other files are removed. Returns `changes`, `ended` (sessions, with replies) and
+    `told`; or `lacks`, the paths whose content is needed after all, in which case nothing was done.
     """
     server.must_be()
     with alone(server.tree):
@@ -147,7 +147,7 @@ def push(server: ManagedServer, files: Sequence[Mapping[str, Any]], only: Sequen
 
 
 def _whole(server: ManagedServer, file: Mapping[str, Any]) -> dict[str, Any]:
-    """With its content, if it was sent or is there; else with None."""
+    """Return the file entry with its content, if that was sent or is on the computer; otherwise with None."""
     values = dict(file)
     digest = values.pop("sha256", None)
     if values.get("content") is None:
@@ -158,7 +158,7 @@ def _whole(server: ManagedServer, file: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _hold_list(server: ManagedServer, new: bytes | None) -> None:
-    """Hold a list that differs from the one in place against that one and against the clock."""
+    """Check a CRL that differs from the current one against that one and against the clock."""
     path = server.place.crl
     if new is None or new == server.tree.read(path):
         return
@@ -170,7 +170,7 @@ def _hold_list(server: ManagedServer, new: bytes | None) -> None:
 
 
 def _redirects(server: ManagedServer) -> list[str]:
-    """Switch ICMP redirects off; that they are on after all is seen by who looks."""
+    """Switch ICMP redirects off; ignore errors, because `look` reports redirects that are still on."""
     with contextlib.suppress(OSError):
         if server.stop_redirects():
             return ["ICMP redirects switched off"]
@@ -178,7 +178,7 @@ def _redirects(server: ManagedServer) -> list[str]:
 
 
 def _load(server: ManagedServer, ruleset: bytes | None) -> list[str]:
-    """Load the ruleset unless it is the one that was loaded last, and the kernel has it still."""
+    """Load the ruleset unless it is the last one loaded and still in the kernel."""
     firewall, path = server.firewall, server.tree.at(server.place.firewall)
     if ruleset is None or (firewall.is_noted(ruleset) and firewall.is_as(path) is not False):
         return []
@@ -198,12 +198,12 @@ _DOES: dict[str, Callable[..., dict[str, Any]]] = {
 
 
 def pack_line(values: dict[str, Any]) -> bytes:
-    """A line without its end."""
+    """Encode a line, without its line end."""
     return base64.b64encode(zlib.compress(json.dumps(values, separators=(",", ":")).encode(), 6))
 
 
 def unpack_line(line: bytes) -> dict[str, Any]:
-    """What such a line holds. Raises ValueError for one that is torn."""
+    """Decode a line. Raises ValueError if it is damaged."""
     try:
         result = json.loads(zlib.decompress(base64.b64decode(line, validate=True)).decode())
     except zlib.error as error:
@@ -214,7 +214,7 @@ def unpack_line(line: bytes) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Serve. A link that breaks does not stop what was begun."""
+    """Serve requests until the input ends. A link that breaks does not stop a request in progress."""
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     _tell({"id": 0, "done": {"python": platform.python_version(), "root": os.geteuid() == 0}})
     for line in iter(sys.stdin.buffer.readline, b""):

@@ -1,10 +1,10 @@
-"""The running VPN server: its paths, its sessions, its list of revoked certificates, and its table in the kernel.
+"""The running VPN server: its paths, its sessions, its CRL, and its table in the kernel.
 
 The technician's computer sends the paths with each request. The firewall is loaded from its file in one step, and read
 back.
 
-The list is checked before OpenVPN gets it, as `openssl crl` reads it: OpenVPN fails open on a list of another
-authority, and locks everybody out with one that is early, expired or cut.
+The CRL is checked before OpenVPN gets it, as `openssl crl` reads it: OpenVPN fails open on a CRL of another authority,
+and locks everybody out with one that is not yet valid, expired or truncated.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _HINT = "`provision vpn status` tells what is wrong with the authority's own lis
 
 @dataclass(frozen=True)
 class Crl:
-    """What a list says; times in seconds since 1970."""
+    """Content of a certificate revocation list (CRL); times in seconds since 1970."""
 
     number: int
     begins: int
@@ -53,7 +53,7 @@ class Crl:
 
 
 def read(path: str, ca: str, run: Callable[[list[str]], ProgramResult]) -> Crl | None:
-    """Read a list; None: it is no list, or none is there."""
+    """Read a CRL; None if it is not a valid CRL or does not exist."""
     words = ["openssl", "crl", "-in", path, "-noout", "-text", "-crlnumber", "-lastupdate", "-nextupdate"]
     result = run([*words, "-verify", "-CAfile", ca])
     if result.code != 0:  # it has not even found the issuer's certificate
@@ -70,9 +70,9 @@ def read(path: str, ca: str, run: Callable[[list[str]], ProgramResult]) -> Crl |
 
 
 def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
-    """Refuse a list that must not take the place of another one: it may not be older, nor of another branch.
+    """Check that a new CRL may replace the old one: it must not be older or of another branch.
 
-    A restored older copy of the authority gives out the numbers of the lists that it does not know a second time.
+    A certificate authority restored from an older copy reuses the numbers of CRLs that it does not know.
     """
     if new is None:
         raise ModuleError("the new list of revoked certificates cannot be read", _HINT)
@@ -116,7 +116,7 @@ def _follow(new: Crl, old: Crl) -> None:
 
 
 def _seconds(text: str) -> int:
-    """As OpenSSL prints a time: Nov 22 06:46:31 2026 GMT."""
+    """Parse a time in OpenSSL's format: Nov 22 06:46:31 2026 GMT."""
     return calendar.timegm(time.strptime(text.strip(), "%b %d %H:%M:%S %Y GMT"))
 
 
@@ -129,7 +129,7 @@ _VOLATILE = ("handle", "index", "counter", "metainfo")
 
 @dataclass(frozen=True)
 class Firewall:
-    """The table of this computer."""
+    """The VPN's nft table on this computer."""
 
     place: ServerPlace
     tree: FileSystem
@@ -137,14 +137,14 @@ class Firewall:
     run: Callable[[list[str]], ProgramResult]
 
     def load(self, content: bytes, source: str) -> None:
-        """Load `source`, a file with that content, and note it where the role's unit would. Raises `ModuleError`."""
+        """Load the file `source` with that content, and record it as the role's unit would. Raises `ModuleError`."""
         name, digests = self._stamp(content)
         self.stamps.begin(name, digests)
         self.load_only(source)
         self.stamps.note(name, digests)
 
     def load_only(self, source: str, also: str = "") -> None:
-        """Load a file, and in the same act other words of nft, without a note."""
+        """Load a file, and in the same transaction other nft commands, without recording it."""
         result = self.run(["nft", f'include "{source}"\n{also}'] if also else ["nft", "-f", source])
         if result.code != 0:
             raise ModuleError(
@@ -158,28 +158,28 @@ class Firewall:
         self.stamps.note(*self._stamp(content))
 
     def is_noted(self, content: bytes) -> bool:
-        """Whether that ruleset is the one that was loaded last, as far as the toolkit knows."""
+        """Return whether the toolkit's records have that ruleset as the last one loaded."""
         return self.stamps.holds(*self._stamp(content))
 
     def take_out(self, addresses: Iterable[str]) -> None:
-        """Take addresses out of the set of members, one by one: where the whole cannot be loaded."""
+        """Remove addresses from the set of members, one by one, when the whole ruleset cannot be loaded."""
         for address in addresses:
             self.run(["nft", "delete", "element", *self.place.table.split(), self.place.members, f"{{ {address} }}"])
 
     def read_table(self) -> list[dict[str, Any]] | None:
-        """The table as the kernel has it; None: it has none. Raises `ModuleError` where nft does not answer."""
+        """Return the table from the kernel; None if it does not exist. Raises `ModuleError` if nft fails."""
         result = self.run(["nft", "-j", "-s", "list", "table", *self.place.table.split()])
         return _objects(result)
 
     def members(self) -> list[str] | None:
-        """Networks whose members are admitted, from the kernel; None: there is no such set."""
+        """Return the networks of admitted members from the kernel; None if the set does not exist."""
         result = self.run(["nft", "-j", "list", "set", *self.place.table.split(), self.place.members])
         objects = _objects(result)
         sets = [row["set"] for row in objects or () if "set" in row]
         return sorted(network for item in sets for network in _networks(item.get("elem", ()))) if sets else None
 
     def is_as(self, path: str) -> bool | None:
-        """Whether the kernel's table is what a file makes in an empty network; None: that could not be tried."""
+        """Return whether the kernel's table equals a file's result in an empty network namespace; None if unknown."""
         here = self.read_table()
         if here is None:
             return False
@@ -206,7 +206,7 @@ def _objects(result: ProgramResult) -> list[dict[str, Any]] | None:
 
 
 def _networks(elements: Iterable[Any]) -> list[str]:
-    """Elements of a set of addresses, as networks; a single one may be text, a prefix, a range, or one with options."""
+    """Convert elements of an nft address set to networks; an element may be text, prefix, range, or have options."""
     result: list[str] = []
     for element in elements:
         value = element["elem"]["val"] if isinstance(element, dict) and "elem" in element else element
@@ -221,7 +221,7 @@ def _networks(elements: Iterable[Any]) -> list[str]:
 
 
 def _plain(data: Any) -> Any:  # noqa: ANN401 - JSON
-    """Without what differs from load to load: numbers of the kernel, counts, and the order of elements."""
+    """Remove what differs from load to load: kernel handles, counters, and the order of elements."""
     if isinstance(data, dict):
         plain = {key: _plain(value) for key, value in data.items() if key not in _VOLATILE}
         if isinstance(plain.get("elem"), list):
@@ -238,7 +238,7 @@ _CONF = "/proc/sys/net/ipv4/conf"
 
 @dataclass(frozen=True)
 class ManagedServer:
-    """The files, the firewall and the conversation of one server. `run` and `now` are given by tests."""
+    """Files, firewall and management socket of one server. Tests replace `run` and `now`."""
 
     place: ServerPlace
     tree: FileSystem = field(default_factory=FileSystem)
@@ -247,7 +247,7 @@ class ManagedServer:
 
     @property
     def stamps(self) -> Stamps:
-        """What the toolkit has noted on this computer."""
+        """The toolkit's records on this computer."""
         return Stamps(self.tree)
 
     @property
@@ -256,7 +256,7 @@ class ManagedServer:
         return Firewall(self.place, self.tree, self.stamps, self.run)
 
     def must_be(self) -> None:
-        """Refuse a computer on which the server was never set up."""
+        """Raise ModuleError if the server was never set up on this computer."""
         if self.tree.read(self.place.ca) is None:
             raise ModuleError(
                 "no server of the VPN was ever set up on this computer",
@@ -264,22 +264,22 @@ class ManagedServer:
             )
 
     def list_admitted_names(self) -> list[str]:
-        """The common names that have a file, whatever is in it."""
+        """Return the common names that have an admission file, whatever its content."""
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             return sorted(name for name in os.listdir(self.tree.at(self.place.ccd)) if not name.startswith("."))  # noqa: PTH208 - names are wanted
         return []
 
     def crl(self, path: str | None = None) -> Crl | None:
-        """The list of revoked certificates in its place, or at another one."""
+        """Return the CRL at its regular path, or at another one."""
         return read(path or self.tree.at(self.place.crl), self.tree.at(self.place.ca), self.run)
 
     def hold(self, beside: str) -> None:
-        """Refuse a list that must not take the place of the one that is there. Raises `ModuleError`."""
+        """Check that a staged CRL may replace the current one. Raises `ModuleError`."""
         there = self.tree.read(self.place.crl) is not None
         accept(self.crl(beside), self.crl() if there else None, self.now())
 
     def redirecting(self) -> list[str]:
-        """Interfaces by which the kernel may tell members of a way past this server; `default`: those to come."""
+        """Return interfaces on which the kernel may send ICMP redirects to members; `default`: future interfaces."""
         folder = self.tree.at(_CONF)
         try:
             names = sorted(os.listdir(folder))  # noqa: PTH208 - names are wanted
@@ -288,7 +288,7 @@ class ManagedServer:
         return [name for name in names if (self.tree.read(f"{_CONF}/{name}/send_redirects") or b"0").strip() != b"0"]
 
     def stop_redirects(self) -> bool:
-        """See that it tells nobody; whether anything had to be done."""
+        """Switch off ICMP redirects; return whether anything had to be changed."""
         names = self.redirecting()
         for name in names:
             with open(self.tree.at(f"{_CONF}/{name}/send_redirects"), "w") as file:  # noqa: PTH123 - as in `tree`
@@ -297,14 +297,14 @@ class ManagedServer:
 
     @contextlib.contextmanager
     def connection(self, patience_s: float | None = None) -> Iterator[ManagementSocket]:
-        """A conversation with the server. Raises `Down`, `ManagementBusy`, `ConnectionEnd`."""
+        """Open a connection to the server. Raises `Down`, `ManagementBusy`, `ConnectionEnd`."""
         patience_s = self.place.patience_s if patience_s is None else patience_s
         with open_socket(self.tree.at(self.place.socket), patience_s) as management:
             management.wait_for_greeting()
             yield management
 
     def sessions(self) -> tuple[str, list[Session], str]:
-        """Who has a session: what the socket does, the sessions that it tells, and why it tells none."""
+        """Return the state of the socket, the sessions that it reports, and why it reports none."""
         try:
             with self.connection() as management:
                 return ANSWERS, management.sessions(), ""
@@ -314,7 +314,7 @@ class ManagedServer:
             return BUSY, [], str(silent)
 
     def from_file(self) -> tuple[list[Session], int]:
-        """Who had a session when the status file was written, and when that was; time 0: it cannot be read."""
+        """Return the sessions in the status file and its time; time 0: it cannot be read."""
         lines = (self.tree.read(self.place.status) or b"").decode(errors="replace").splitlines()
         try:
             return sessions(lines), parse_status_time(lines)
@@ -322,7 +322,7 @@ class ManagedServer:
             return [], 0
 
     def unit(self) -> dict[str, str]:
-        """What systemd tells of the unit; empty: it tells nothing."""
+        """Return systemd's properties of the unit; empty if systemctl fails."""
         properties = "LoadState,ActiveState,SubState,MainPID"
         result = self.run(["systemctl", "show", "--property", properties, "--", self.place.unit])
         if result.code != 0:
@@ -330,14 +330,14 @@ class ManagedServer:
         return dict(line.split("=", 1) for line in result.output.splitlines() if "=" in line)
 
     def is_down(self) -> bool:
-        """Whether the server surely does not run, so that nobody can have a session: its socket alone does not tell."""
+        """Return whether the server certainly does not run, so that no session exists; the socket alone is no proof."""
         values = self.unit()
         return values.get("LoadState") == "loaded" and values.get("MainPID") == "0"
 
 
 @dataclass(frozen=True)
 class ServerPlace:
-    """Paths from the root, and names."""
+    """Absolute paths and names of a VPN server."""
 
     ca: str
     ccd: str
@@ -360,5 +360,5 @@ class ServerPlace:
     """For a word of the management socket."""
 
     def admission(self, common_name: str) -> str:
-        """The file that admits a common name."""
+        """Return the file that admits a common name."""
         return f"{self.ccd}/{common_name}"

@@ -1,12 +1,12 @@
-"""Module `atlantis.netcfg.bundle`: the gateway's end of carrying a bundle; `atlantis.netcfg.bundle_copy` calls it.
+"""Module `atlantis.netcfg.bundle`: the gateway's side of a bundle transfer; `atlantis.netcfg.bundle_copy` calls it.
 
 Below `/var/lib/atlantis/bundle`:
 
-    ID/                 a whole bundle: its files as links into the store, and `.held.json`, which lists them
-    .store/SHA256       content that was compared with its SHA-256; what a later bundle shares is not sent again
-    .incoming/ID.tar    what is being sent: files named by their SHA-256; of an interrupted one the whole files count
+    ID/                 a complete bundle: its files as links into the store, and `.held.json`, which lists them
+    .store/SHA256       content verified against its SHA-256; content shared with a later bundle is not sent again
+    .incoming/ID.tar    upload in progress: files named by their SHA-256; whole files of an interrupted one are kept
 
-Everything is made beside its place and renamed, so that a computer that is switched off at any moment goes on there.
+Everything is written beside its destination and renamed, so that work continues after a power cut at any moment.
 """
 
 # ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
@@ -85,7 +85,7 @@ class StoredFile:
 
 @dataclass(frozen=True)
 class BundleStatus:
-    """How it stands: `ready` when the bundle is whole, else the `missing` content, by SHA-256."""
+    """State of a bundle: `ready` if it is complete, otherwise the `missing` content, by SHA-256."""
 
     ready: bool
     is_known: bool
@@ -95,7 +95,7 @@ class BundleStatus:
 
 
 class BundleStore:
-    """The bundles below `folder`; what is uploaded belongs to the account `owner`, a number."""
+    """The bundles below `folder`; uploads belong to the account with number `owner`."""
 
     def __init__(self, folder: str = FOLDER, owner: int | None = None) -> None:
         self.folder = folder
@@ -104,13 +104,13 @@ class BundleStore:
         self._incoming = os.path.join(folder, _INCOMING)
 
     def upload(self, name: str) -> str:
-        """Where the archive of what is missing goes to."""
+        """Return the path of the upload archive for missing files."""
         return os.path.join(self._incoming, f"{name}.tar")
 
     def settle(self, name: str, files: tuple[StoredFile, ...] | None, *, check: bool) -> BundleStatus:
-        """Take in what has arrived, and put the bundle together once nothing is missing. Raises ModuleError.
+        """Import uploaded files, and assemble the bundle once nothing is missing. Raises ModuleError.
 
-        `files` None: those that were told when the bundle was put together. `check`: change nothing.
+        `files` None: the list stored when the bundle was assembled. `check`: change nothing.
         """
         with _words(self.folder):
             result = files if files is not None else self._listed_files(name)
@@ -149,7 +149,7 @@ class BundleStore:
                 os.chown(place, owner, -1, follow_symlinks=False)
 
     def _take_in(self, files_by_hash: Mapping[str, StoredFile]) -> None:
-        """Move what has arrived into the store, file by file; then the archives go."""
+        """Move uploaded files into the store, one by one; then remove the archives."""
         for entry in sorted(os.listdir(self._incoming)):
             path = os.path.join(self._incoming, entry)
             with contextlib.suppress(tarfile.TarError, EOFError), open(
@@ -182,7 +182,7 @@ class BundleStore:
                 os.unlink(scratch)
 
     def _has(self, item: StoredFile, *, check: bool) -> bool:
-        """Whether the store holds it; what is damaged there is removed."""
+        """Return whether the store has the content; remove a damaged copy."""
         path = os.path.join(self._store, item.sha256)
         if _is(path, item):
             return True
@@ -192,7 +192,7 @@ class BundleStore:
         return False
 
     def _refuse_if_full(self, missing: Mapping[str, int]) -> None:
-        """What is missing is there twice for a moment: as an archive, and as files."""
+        """Raise ModuleError if disk space is short: missing files exist twice for a moment, as archive and as files."""
         place = self.folder
         while not os.path.isdir(place):
             place = os.path.dirname(place)
@@ -220,7 +220,7 @@ class BundleStore:
         os.sync()
 
     def _prune(self, name: str, result: tuple[StoredFile, ...]) -> Iterator[str]:
-        """Remove older bundles, and whatever belongs to none."""
+        """Remove older bundles and content that belongs to no bundle."""
         needed_hashes = {item.sha256 for item in result}
         for entry in sorted(os.listdir(self.folder)):
             path = os.path.join(self.folder, entry)
@@ -236,7 +236,7 @@ class BundleStore:
 
 
 def _is(path: str, item: StoredFile) -> bool:
-    """Whether that content stands there."""
+    """Return whether the file at a path has that content."""
     try:
         if os.lstat(path).st_size != item.size:
             return False
@@ -272,7 +272,7 @@ ARGUMENTS: dict[str, Any] = {
 
 
 def main() -> None:
-    """Answer Ansible."""
+    """Run the module."""
     module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
     name, result = module.params["id"], module.params["files"]
     files = tuple(StoredFile(**entry) for entry in result) if result is not None else None

@@ -1,4 +1,4 @@
-"""Module `atlantis.netcfg.clock`: a clock that is far off is set before anything that depends on it."""
+"""Module `atlantis.netcfg.clock`: set a clock that is far off before anything that depends on it runs."""
 
 # ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
 
@@ -55,7 +55,7 @@ _DAY_S = 86400
 
 
 class Clock:
-    """The clock of this computer; what it reads and sets is given by tests."""
+    """The clock of this computer; tests replace its inputs and outputs."""
 
     def __init__(
         self,
@@ -104,7 +104,7 @@ class Clock:
                 self.run(keep)  # a board without a clock of its own has nothing to keep it in
 
     def _follows(self) -> bool:
-        """Whether a daemon of this computer has synchronised it, as the kernel knows."""
+        """Return whether a time daemon has synchronised the clock, according to the kernel."""
         return self.run(["timedatectl", "show", "--property", "NTPSynchronized", "--value"]).output.strip() == "yes"
 
 

@@ -78,7 +78,7 @@ _COMMAND = '. "$1" && cd "$2" && exec timeout --kill-after=5 "$3" "$4" "$5"'
 
 @dataclass(frozen=True)
 class TestVerdict:
-    """What there is to be said; `worth`: a person should read it."""
+    """Result of the test; `worth`: it should be shown to the user."""
 
     verdict: str
     words: str
@@ -87,7 +87,7 @@ class TestVerdict:
 
 @dataclass(frozen=True)
 class SmokeTest:
-    """One start of `program` with `config`, as `user`, in what `environment` and `sourced` say, for `seconds`."""
+    """One run of `program` with `config` as `user`, with `environment` and files `sourced`, for `seconds`."""
 
     program: str
     config: str
@@ -101,7 +101,7 @@ class SmokeTest:
     seconds: int
 
     def judge(self, tree: FileSystem, *, check: bool, run: Callable[[list[str]], ProgramResult] = run) -> TestVerdict:
-        """INCONCLUSIVE, or SKIP with its reason. Raises ModuleError where the program fails."""
+        """Run the test: INCONCLUSIVE, or SKIP with its reason. Raises ModuleError if the program fails."""
         name = os.path.basename(self.program)
         stamps, digests = Stamps(tree), self._digests(tree)
         if stamps.holds(_STAMP, digests):

@@ -1,4 +1,4 @@
-"""Module `atlantis.netcfg.env_conflicts`: which other files of a computer set environment variables otherwise."""
+"""Module `atlantis.netcfg.env_conflicts`: find other files that set environment variables to conflicting values."""
 
 # ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
 
@@ -84,7 +84,7 @@ class Setting:
 
 
 def contradicting(tree: FileSystem, variables: Mapping[str, str], ours: frozenset[str]) -> list[Setting]:
-    """Every place outside the files `ours` that sets one of these variables to another value than the wanted one."""
+    """Return the settings, outside our own files `ours`, of these variables to a value other than the desired one."""
     return [
         setting
         for path in (_places(tree) if variables else ())
@@ -95,13 +95,13 @@ def contradicting(tree: FileSystem, variables: Mapping[str, str], ours: frozense
 
 
 def note(setting: Setting, why: str) -> str:
-    """What a person has to know of it."""
+    """Describe a setting, why it is a problem, and how to remove it."""
     place = f"line {setting.line} of {setting.path}"
     return f"{place} sets {setting.name}={setting.value}: {why}; take that line out, and log in anew"
 
 
 def _places(tree: FileSystem) -> Iterator[str]:
-    """Files that are there; links among them are read, since a shell reads them too."""
+    """Yield existing files that may set variables; symbolic links are followed, as shells do."""
     accounts = (tree.read("/etc/passwd") or b"").decode(errors="replace").splitlines()
     homes = {fields[_HOME] for fields in (line.split(":") for line in accounts) if len(fields) > _HOME}
     local = [f"{home}/{name}" for home in sorted(homes) if home.strip("/") for name in OF_AN_ACCOUNT]
@@ -112,7 +112,7 @@ def _places(tree: FileSystem) -> Iterator[str]:
 
 
 def settings(path: str, text: str, names: Mapping[str, str]) -> Iterator[Setting]:
-    """What a text sets of these, as shells, pam_env and systemd write it; lines with `#` or `;` first are comments."""
+    """Yield settings of these names in the syntax of shells, pam_env and systemd; `#` and `;` start comments."""
     pattern = re.compile(rf"(?:^|[\s;&\"'=])({'|'.join(map(re.escape, names))})(?:=|\s+DEFAULT=)[\"']?([^\s;&\"']*)")
     for number, line in enumerate(text.splitlines(), 1):
         if not line.lstrip().startswith(("#", ";")):

@@ -1,4 +1,4 @@
-"""Module `atlantis.netcfg.minimum_version`: a program that is too old for what it is trusted with is not started."""
+"""Module `atlantis.netcfg.minimum_version`: reject a program that is too old to be secure before it is started."""
 
 # ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
 
@@ -64,7 +64,7 @@ _NOT_THERE = 127
 
 @dataclass(frozen=True)
 class Branch:
-    """A branch that is still mended: from which version of its own, and in which packages of older ones."""
+    """A maintained branch: its first fixed upstream version, and the fixed distribution packages of older versions."""
 
     branch: str
     upstream: str
@@ -73,7 +73,7 @@ class Branch:
 
 @dataclass(frozen=True)
 class Floor:
-    """A program, its package, and what passes."""
+    """Minimum version of a program: its package and the accepted branches."""
 
     program: str
     package: str
@@ -81,7 +81,7 @@ class Floor:
 
 
 def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]], ProgramResult] = run) -> str:
-    """Give the version that is installed. Raises ModuleError where it is too old, or where it cannot be told."""
+    """Return the installed version. Raises ModuleError if it is too old or unknown."""
     result = run([floor.program, "--version"])
     if result.code == _NOT_THERE and absent_passes:
         return ""
@@ -107,7 +107,7 @@ def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]]
 
 
 def _passes(floor: Floor, upstream: str, package: str, run: Callable[[list[str]], ProgramResult]) -> bool:
-    """Whether it is of a mended branch and late enough there; a later branch than all of them is."""
+    """Return whether the version is recent enough in a maintained branch; newer branches than listed pass."""
     number = _numbers(upstream)
     if number[:2] > max(_numbers(branch.branch) for branch in floor.branches):
         return True
@@ -120,7 +120,7 @@ def _passes(floor: Floor, upstream: str, package: str, run: Callable[[list[str]]
 
 
 def _follows(package: str, fixed_version: str, run: Callable[[list[str]], ProgramResult]) -> bool:
-    """Whether a package is that one or a later one of the same release: `2.6.14-1` of another one is not mended."""
+    """Return whether a package is the fixed one or later in the same release; `2.6.14-1` of another release is not."""
     line = fixed_version.rstrip("0123456789")
     if not package.startswith(line):
         return False

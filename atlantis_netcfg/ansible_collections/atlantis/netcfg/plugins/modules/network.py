@@ -1,4 +1,4 @@
-"""Module `atlantis.netcfg.network`: the configuration of an interface, changed under a timer that takes it back."""
+"""Module `atlantis.netcfg.network`: change the configuration of an interface, with a timer that rolls it back."""
 
 # ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
 
@@ -126,7 +126,7 @@ def _result(parameters: dict[str, Any], *, check: bool) -> dict[str, Any]:
 
 
 def _describe_outcome(values: dict[str, Any]) -> dict[str, Any]:
-    """What has become of a change; `msg` where it was not confirmed."""
+    """Describe the outcome of a change; `msg` is set if it was not confirmed."""
     if values["state"] == "confirmed":
         return values
     if values["state"] == "rolled back":

@@ -1,4 +1,4 @@
-"""Module `atlantis.netcfg.packages`: packages of Debian and Ubuntu, exactly as declared, in one round trip."""
+"""Module `atlantis.netcfg.packages`: install Debian and Ubuntu packages in their desired versions in one round trip."""
 
 # ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
 
@@ -151,7 +151,7 @@ ARGUMENTS: dict[str, Any] = {
 
 
 def main() -> None:
-    """Answer Ansible."""
+    """Run the module."""
     module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
     parameters = module.params
     expected_system = parameters["expected"] or {}

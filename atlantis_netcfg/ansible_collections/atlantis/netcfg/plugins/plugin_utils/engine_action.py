@@ -1,4 +1,4 @@
-"""What the actions share that take a whole play in one process, from Ansible to our `operations`."""
+"""Base of the actions that handle a whole play in one process, from Ansible to our `operations`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TaskRequest:
-    """What a task asks of all hosts of its play."""
+    """Request of a task for all hosts of its play."""
 
     inventory: Path
     hosts: tuple[str, ...]
@@ -32,13 +32,13 @@ class TaskRequest:
 
     @staticmethod
     def decrypt(text: str) -> str:
-        """Open what ansible-vault has sealed, with the secrets of this run."""
+        """Decrypt an ansible-vault text with the secrets of this run."""
         secrets = VaultSecretsContext.current().secrets
         return str(VaultLib(secrets).decrypt(text.encode()).decode())
 
 
 class EngineAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
-    """An action that runs once for the whole play and takes one argument, `request`, unless it says otherwise."""
+    """An action that runs once for the whole play; its only argument is `request`, unless a subclass has others."""
 
     BYPASS_HOST_LOOP = True
     TRANSFERS_FILES = False
@@ -50,10 +50,10 @@ class EngineAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
     @staticmethod
     @abstractmethod
     def perform(task: TaskRequest) -> Mapping[str, Any]:
-        """Do it and give `per_host`. Raises NetcfgError."""
+        """Run the action; return one Ansible result per host in `per_host`. Raises NetcfgError."""
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
-        """Do what is asked; an error of ours is told in its own words, with its hint."""
+        """Run the request; report a NetcfgError with its message and hint."""
         from atlantis_netcfg.core.printable import lines  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.common import request  # noqa: PLC0415 - Ansible imports every action plugin
 
@@ -80,9 +80,9 @@ class EngineAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
 
 
 def inventory_of(variables: Mapping[str, Any]) -> Path:
-    """The folder of the declaration: the inventory that was given, or the one beside the playbooks.
+    """Return the folder of the inventory: the one given, or the one beside the playbooks.
 
-    AWX hands the hosts to a job in a file of its own; what they are to be stands in the project.
+    AWX passes the hosts to a job in a separate file; their configuration is in the project.
     """
     inventory_folder = Path(str(variables.get("inventory_dir") or "."))
     return (

@@ -1,7 +1,7 @@
-"""Answers of the action `prefetch`, which the tasks after it may use.
+"""Results of the action `prefetch`, for use by the tasks after it.
 
-A task takes one only for the very request that it would send itself, within a minute, and as long as no task before it
-had to call the gateway: from then on the gateway may be another than the one that answered.
+A task uses one only for exactly the request that it would send itself, within a minute, and only if no task before it
+had to call the gateway: after such a call the gateway's state may differ from the prefetched one.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _KEY: Final = os.urandom(32)
 
 
 def pack(requests: Iterable[Mapping[str, Any]], answers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Make the result of the action; `answers` are those to the first of the requests."""
+    """Return the result of the action; `answers` belong to the first of the requests."""
     pairs = zip(requests, answers, strict=False)
     values = {_digest(request): dict(answer) for request, answer in pairs}
     return {"id": os.urandom(8).hex(), "monotonic_s": time.monotonic(), "answers": values}
 
 
 def find_answer(variables: Mapping[str, Any], request: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Give the answer to this very request, if there is one and it still counts."""
+    """Return the result for exactly this request, if there is one and it is still valid."""
     result = variables.get(VARIABLE) or {}
     is_discarded = (variables.get("ansible_facts") or {}).get(_DISCARD_FACT) == result.get("id")
     if is_discarded or time.monotonic() - result.get("monotonic_s", 0.0) > _MAX_AGE_S:
@@ -44,7 +44,7 @@ def find_answer(variables: Mapping[str, Any], request: Mapping[str, Any]) -> dic
 
 
 def discard(variables: Mapping[str, Any]) -> dict[str, Any]:
-    """Give what makes a task's result end the use of the answers."""
+    """Return task result data that invalidates the prefetched results."""
     result = variables.get(VARIABLE) or {}
     return {"ansible_facts": {_DISCARD_FACT: result["id"]}} if "id" in result else {}
 

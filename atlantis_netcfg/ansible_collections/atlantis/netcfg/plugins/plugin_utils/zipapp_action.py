@@ -1,13 +1,13 @@
-"""What stands before each of our remote modules: one round trip and a few kB a call, instead of 170 kB.
+"""Local side of our remote modules: one round trip and a few kB per call, instead of 170 kB.
 
-The arguments are checked here, by the module's own argument spec. The gateway gets them over standard input, and runs
-the module out of the tool that it has; only where it has none, or a damaged one, the tool is sent, in one command that
-runs the module as well. Nothing else is made on the gateway, no folder for a session and no file with parameters.
+The arguments are validated here, by the module's own argument spec. The gateway gets them over standard input, and runs
+the module from its installed zipapp. Only if the zipapp is missing or damaged is it sent, in one command that also runs
+the module. Nothing else is created on the gateway: no session folder and no file with parameters.
 
-Each call is one command on the kept SSH connection: 3 round trips, to open its channel, to run it, and for its standard
-input, since OpenSSH's server takes none before it has started the command (seen with 9.2; sudo's word comes in time for
-it). On the command line the arguments would save the third, but other users of the gateway would see them, and sudo
-would log them. Sending the tool adds one such command.
+Each call is one command on the persistent SSH connection: 3 round trips, to open its channel, to run it, and for its
+standard input, since OpenSSH's server accepts none before it has started the command (seen with 9.2; sudo adds no
+further round trip). On the command line the arguments would save the third, but other users of the gateway would see
+them, and sudo would log them. Sending the zipapp adds one such command.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _ANSIBLES: Final = ("_ansible_", "ansible_", "warnings", "deprecations", "except
 
 
 class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
-    """An action that runs a module of ours; a subclass says which one."""
+    """An action that runs one of our modules, named by the subclass."""
 
     module: ClassVar[str]
     TRANSFERS_FILES = False
@@ -63,7 +63,7 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         return result
 
     def thin(self, name: str, arguments: Mapping[str, Any], variables: dict[str, Any]) -> dict[str, Any]:
-        """Run a module on the host of the task and give its result; a host that is not reached raises, as ever."""
+        """Run a module on the host of the task and return its result; an unreachable host raises as in Ansible."""
         end_with_parent()
         parameters, secrets, wrong = validate_arguments(name, arguments)
         if wrong is not None:
@@ -75,12 +75,12 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         return values | prefetch.discard(variables)
 
     def request(self, name: str, parameters: Mapping[str, Any], variables: dict[str, Any]) -> dict[str, Any]:
-        """Make what the gateway gets over standard input."""
+        """Build the request that the gateway gets over standard input."""
         quiet = self._task.no_log or constants.config.get_config_value("DEFAULT_NO_TARGET_SYSLOG", variables=variables)
         return {"name": name, "params": parameters, "check": bool(self._task.check_mode), "log": not quiet}
 
     def call(self, name: str, request: object, variables: dict[str, Any]) -> dict[str, Any]:
-        """Send it and give what is answered, as it is."""
+        """Send a request and return the response unchanged."""
         try:
             data = zlib.compress(json.dumps(request, default=str).encode(), 9)
             return answer(self._run_tool(name, data, variables), name)
@@ -110,7 +110,7 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         return reply
 
     def _python(self, variables: dict[str, Any]) -> str:
-        """The interpreter as a shell takes it, with the environment of the task before it; it is never searched for."""
+        """Return the Python command for the shell, with the task's environment; Python is never searched for."""
         delegate = self._task.delegate_to
         of = variables["ansible_delegated_vars"][delegate] if delegate else variables
         text = str(self._templar.template(constants.config.get_config_value("INTERPRETER_PYTHON", variables=of)))
@@ -119,10 +119,10 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
 
 
 class CleanedAction(ActionBase):  # type: ignore[misc]  # as above
-    """An action of Ansible's own that shows what a gateway says, and has a terminal obey none of it."""
+    """An action of Ansible's own whose output is cleaned of terminal control codes."""
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
-        """Run it as ever; whoever is not reached raises, as ever."""
+        """Run Ansible's action with cleaned output; an unreachable host raises as in Ansible."""
         try:
             result: dict[str, Any] = printable.clean(super().run(tmp, task_vars))
         except AnsibleConnectionFailure as error:
@@ -131,12 +131,12 @@ class CleanedAction(ActionBase):  # type: ignore[misc]  # as above
 
 
 def _printable_error(error: AnsibleConnectionFailure) -> AnsibleConnectionFailure:
-    """It quotes whoever answers at the address, and so would its cause."""
+    """Clean a connection error, which quotes the remote host's output, of control codes, and drop its cause."""
     return AnsibleConnectionFailure(printable.lines(str(error).replace("\r\n", "\n")))
 
 
 def validate_arguments(name: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], set[str], str | None]:
-    """Compare arguments with a module's spec: complete parameters, what of them is secret, and what is wrong."""
+    """Validate arguments against a module's spec: return complete parameters, secret values, and the error if any."""
     module = import_module(f"{MODULES}.{name}")
     validator = ArgumentSpecValidator(module.ARGUMENTS, **getattr(module, "RULES", {}))
     validation = validator.validate(dict(arguments))
@@ -149,7 +149,7 @@ def validate_arguments(name: str, arguments: Mapping[str, Any]) -> tuple[dict[st
 
 
 def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Find the result in what a gateway has said; without one the module was cut off, and its last words count."""
+    """Extract the result from a gateway's output; without one the module was interrupted: report its last output."""
     lines = str(values["stdout"]).split("\n")
     result = next((line.removeprefix(MARK) for line in reversed(lines) if line.startswith(MARK)), None)
     if result is not None:
@@ -174,12 +174,12 @@ def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def without_ansible(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Leave out what Ansible would act on."""
+    """Remove the keys that Ansible would act on."""
     return {key: value for key, value in result.items() if not key.startswith(_ANSIBLES)}
 
 
 def mask_secrets(result: Mapping[str, Any], secrets: Iterable[str]) -> dict[str, Any]:
-    """Take out what must be shown nowhere, as Ansible's own modules do; what is true, false or null hides nothing."""
+    """Mask secrets as Ansible's own modules do; true, false and null are kept."""
     plain: dict[str, Any] = remove_values(dict(result), secrets)
     return plain | {key: value for key, value in result.items() if value is None or isinstance(value, bool)}
 

@@ -1,7 +1,7 @@
-"""What our modules need of `ansible.module_utils.basic`; in the tool it stands at that place.
+"""Minimal replacement of `ansible.module_utils.basic` for our modules; the zipapp has it in its place.
 
-Parameters come over standard input, complete: the technician's computer has compared them with the argument spec.
-The result is the last line of standard output that begins with `MARK`.
+Parameters arrive over standard input, already validated against the argument spec by the technician's computer. The
+result is the last line of standard output that begins with `MARK`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MARK = "ATLANTIS-RESULT "
 
 
 class AnsibleModule:
-    """`params`, `check_mode`, and the two ways to end; what else Ansible's class has, our modules do not use."""
+    """Subset of Ansible's class that our modules use: `params`, `check_mode`, and the two ways to end."""
 
     def __init__(self, argument_spec: dict[str, Any], **_rules: Any) -> None:  # noqa: ANN401, ARG002 - as Ansible has it
         request = json.loads(zlib.decompress(sys.stdin.buffer.read()).decode())
@@ -30,25 +30,25 @@ class AnsibleModule:
         self.log("Invoked")
 
     def log(self, msg: str) -> None:
-        """Leave a line in the computer's journal."""
+        """Write a line to the computer's system log."""
         syslog.openlog(f"ansible-{self._name}", 0, syslog.LOG_USER)
         syslog.syslog(syslog.LOG_INFO, msg)
 
     @staticmethod
     def exit_json(**result: Any) -> NoReturn:  # noqa: ANN401 - as Ansible has it
-        """Tell a success and end."""
+        """Print a successful result and exit."""
         tell_result(result)
         sys.exit(0)
 
     @staticmethod
     def fail_json(msg: str, **result: Any) -> NoReturn:  # noqa: ANN401 - as Ansible has it
-        """Tell a failure and end."""
+        """Print a failure and exit."""
         tell_result({**result, "failed": True, "msg": msg})
         sys.exit(1)
 
 
 def tell_result(result: dict[str, Any]) -> None:
-    """Write the last line of this program."""
+    """Print the result as the last line of this program."""
     text = json.dumps(result, ensure_ascii=False, separators=(",", ":"))
     sys.stdout.flush()
     sys.stdout.buffer.write(f"\n{MARK}{text}\n".encode("utf-8", "replace"))

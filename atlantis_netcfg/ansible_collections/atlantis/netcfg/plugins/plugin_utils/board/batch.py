@@ -1,8 +1,8 @@
-"""In the tool beside our modules: runs several of them in one call, in order, until one finds something to do.
+"""Part of the zipapp: runs several modules in one call, in order, until one of them has something to change.
 
-Each is run in check mode first. Where that finds nothing to do it is run as it was requested, so that its answer is the
-one that a call of its own would have got. The first one that differs or fails ends the batch: the caller asks for that
-one and all after it by itself. A request that is itself in check mode changes nothing, so that only a failure ends it.
+Each is run in check mode first. If it has nothing to change, it is run as requested, so that its result is the same as
+that of a separate call. The first one that would change something or fails ends the batch: the caller requests that one
+and all later ones separately. A request that is itself in check mode changes nothing, so only a failure ends it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ansible.module_utils.basic import MARK, tell_result
 
 
 def main() -> None:
-    """Answer the requests on standard input; the result holds the answers to the first of them."""
+    """Run the requests from standard input; the result holds the results of the first of them."""
     answers: list[dict[str, Any]] = []
     for request in json.loads(zlib.decompress(sys.stdin.buffer.read()).decode()):
         answer = _run(request if request["check"] else {**request, "check": True, "log": False})
@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def _run(request: dict[str, Any]) -> dict[str, Any]:
-    """Run one module as a program of its own; one that tells no result has failed."""
+    """Run one module as a separate program; one that prints no result has failed."""
     words = [sys.executable, "-I", sys.argv[0], request["name"]]
     data = zlib.compress(json.dumps(request).encode())
     process = subprocess.run(  # noqa: S603 - this very program

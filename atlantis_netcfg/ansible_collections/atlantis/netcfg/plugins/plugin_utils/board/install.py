@@ -1,7 +1,7 @@
-"""Sent ahead of a tool: takes it from standard input, puts it in its place whole or not at all, and runs it.
+"""Sent ahead of the zipapp: reads it from standard input, installs it atomically, and runs it.
 
-Its arguments are the folder, the SHA-256 and the packed size of the tool, the mark of a result, and the module's name.
-What follows the tool on standard input are the module's parameters.
+Its arguments are the folder, the SHA-256 and the packed size of the zipapp, the marker of a result, and the module's
+name. On standard input the module's parameters follow the zipapp.
 """
 
 # ruff: noqa: PTH103, PTH105, PTH108, PTH118, PTH208 - paths are text on the gateways' side
@@ -26,7 +26,7 @@ WORDS = "atlantis/module_utils/errors.py"
 
 
 def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
-    """Install the tool and run the module; a failure is told as the module itself would tell it."""
+    """Install the zipapp and run the module; report a failure in the module's own format."""
     packed_tool = sys.stdin.buffer.read(int(size))
     try:
         tool = bz2.decompress(packed_tool)
@@ -74,7 +74,7 @@ def _place(folder: str, name: str, content: bytes) -> None:
 
 
 def _sweep(folder: str, name: str) -> None:
-    """Remove older tools and what power cuts have left, but nothing that another run has in use."""
+    """Remove older zipapps and leftovers of power cuts, but nothing that another run is using."""
     for other in os.listdir(folder):
         with contextlib.suppress(OSError):
             if other != name:

@@ -1,4 +1,4 @@
-"""The first file of the live tool on the VPN's server: it answers requests until nobody asks any more."""
+"""Entry point of the zipapp on the VPN server: it serves requests until its input ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The first file of the tool on a gateway: `python3 -I TOOL.pyz MODULE` runs one of our modules."""
+"""Entry point of the zipapp on a gateway: `python3 -I TOOL.pyz MODULE` runs one of our modules."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 
 
 def main() -> None:
-    """Run the module that the first argument names; as long as it runs, no newer tool removes this one."""
+    """Run the module named by the first argument; a shared lock keeps newer versions from removing this zipapp."""
     fcntl.flock(os.open(sys.argv[0], os.O_RDONLY), fcntl.LOCK_SH)
     importlib.import_module(f"atlantis.modules.{sys.argv[1]}").main()
 
