@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, TwinSpec, spawn
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterLink, SiteSpec, spawn
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros.render import router
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
 __all__ = ["crowds"]
 
@@ -43,7 +43,7 @@ def crowds(sizes: Sequence[tuple[int, int]], folder: Path) -> Iterator[Crowd]:
         yield _crowd(load(inventory), inventory, size, silent, place)
 
 
-def _crowd(declaration: Declaration, inventory: Path, size: int, silent: int, place: Path) -> Crowd:
+def _crowd(declaration: Inventory, inventory: Path, size: int, silent: int, place: Path) -> Crowd:
     names = [f"{name(number)}-router" for number in range(size)]
     with ExitStack() as stack:
         targets = place / "targets"
@@ -54,7 +54,7 @@ def _crowd(declaration: Declaration, inventory: Path, size: int, silent: int, pl
             part = tuple(_finished(declaration, item) for item in names[start : start + _PER_PROCESS])
             home = place / f"twins-{start}"
             home.mkdir()
-            twins = stack.enter_context(spawn(SiteSpec(name=f"crowd-{start}", twins=part), home))
+            twins = stack.enter_context(spawn(SiteSpec(name=f"crowd-{start}", emulators=part), home))
             lines += [f"{entry}={at['host']}:{at['api_ssl']}:{at['pin']}" for entry, at in twins.ready.items()]
         targets.write_text("\n".join(lines), encoding="utf-8")
         argv = (sys.executable, "-m", "bench.engine", str(inventory), str(place / "state"), f"@{targets}")
@@ -66,10 +66,10 @@ def _crowd(declaration: Declaration, inventory: Path, size: int, silent: int, pl
     return Crowd(size, silent, ran.cost, engine_s, failure)
 
 
-def _finished(declaration: Declaration, item: str) -> TwinSpec:
+def _finished(declaration: Inventory, item: str) -> EmulatorSpec:
     """A router that is as declared already, on a link without delay."""
     host = declaration.hosts[item]
-    (twin,) = site_spec(declaration, [host]).twins
+    (twin,) = site_spec(declaration, [host]).emulators
     text = router(declaration, host)
     seed = "\n".join(edits.first_script(text, twin.router.management.local))
     ready = twin.router.model_copy(update={"seed": seed})

@@ -20,8 +20,8 @@ from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.render import router
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros import TwinSpec
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.emulator.routeros import EmulatorSpec
+    from atlantis_netcfg.inventory import Inventory
 
 __all__ = ["CHECKOUT", "ROUTER", "SITE", "Declared"]
 
@@ -38,7 +38,7 @@ class Declared:
 
     inventory: Path
     vault_password: Path
-    declaration: Declaration
+    declaration: Inventory
 
     @classmethod
     def make(cls, folder: Path) -> Declared:
@@ -62,9 +62,9 @@ class Declared:
         return router(self.declaration, self.declaration.hosts[ROUTER])
 
     @property
-    def twin(self) -> TwinSpec:
+    def twin(self) -> EmulatorSpec:
         """The router as `provision adopt` leaves it: our user, a certificate, the management address."""
-        (twin,) = site_spec(self.declaration, [self.declaration.hosts[ROUTER]]).twins
+        (twin,) = site_spec(self.declaration, [self.declaration.hosts[ROUTER]]).emulators
         return twin
 
     @property

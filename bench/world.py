@@ -155,7 +155,7 @@ class World:
     def _twins(self, folder: Path) -> SpawnedSite:
         twin = self.declared.twin.model_copy(update={"link": RouterLink()})
         folder.mkdir(parents=True, exist_ok=True)
-        return spawn(SiteSpec(name="bench", twins=(twin,)), folder)
+        return spawn(SiteSpec(name="bench", emulators=(twin,)), folder)
 
     def _state(self, name: str) -> Path:
         return self._folder / "states" / name

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import Checklist, PlanEntry
     from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
 __all__ = ["Asking", "How", "answer_lines", "waits"]
 
@@ -53,7 +53,7 @@ class How:
 class Asking:
     """The items of the sites that are checked, each site asked when its first item is wanted."""
 
-    declaration: Declaration
+    declaration: Inventory
     how: How
     lists: Mapping[str, Checklist]
     selected: set[str] = field(default_factory=set)
@@ -62,7 +62,7 @@ class Asking:
     _answered: dict[str, Mapping[str, Item]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, declaration: Declaration, how: How, site: str, scope: Scope) -> Asking:
+    def of(cls, declaration: Inventory, how: How, site: str, scope: Scope) -> Asking:
         """Work out the lists. Raises NothingMatched."""
         sites = declaration.sites if site == ALL else [site]
         return cls(declaration, how, {item: plan(declaration, item, scope) for item in sites})

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import PlanEntry
     from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 INVENTORY = Path(__file__).resolve().parent.parent / "inventory"
 ITEMS: Mapping[str, Callable[[Promises], Iterable[str]]] = {
@@ -42,7 +42,7 @@ ITEMS: Mapping[str, Callable[[Promises], Iterable[str]]] = {
     "reader": lambda promised: promised.readers,
 }
 """What a check of a gateway is repeated for."""
-DECLARATION: pytest.StashKey[Declaration] = pytest.StashKey()
+DECLARATION: pytest.StashKey[Inventory] = pytest.StashKey()
 ASKING: pytest.StashKey[Asking] = pytest.StashKey()
 PROMISES: pytest.StashKey[list[Promises]] = pytest.StashKey()
 
@@ -107,7 +107,7 @@ def _repeat(metafunc: pytest.Metafunc, names: str, rows: Mapping[str, object], w
     metafunc.parametrize(names, list(rows.values()) or [pytest.param(*none, marks=why)], ids=list(rows) or ["none"])
 
 
-def _declaration(config: pytest.Config) -> Declaration:
+def _declaration(config: pytest.Config) -> Inventory:
     """Loaded once."""
     if DECLARATION not in config.stash:
         config.stash[DECLARATION] = load(config.getoption("--inventory"))

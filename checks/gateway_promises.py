@@ -14,7 +14,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_con
     OF_SYSTEMD,
 )
 from atlantis_netcfg.computers.interop import PREFIX
-from atlantis_netcfg.computers.services import ENVIRONMENT, VPN_INTERFACE, secret_word
+from atlantis_netcfg.computers.services import ENVIRONMENT, VPN_INTERFACE, secret_placeholder
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.inventory.model import Gateway, ServerComputer
 from atlantis_netcfg.operations.common.request import Request
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 __all__ = ["BUILT", "ENVIRONMENT", "JOURNAL", "LOCALE", "SSHD", "FileThere", "Promises", "UnitThere", "promises"]
 
@@ -138,7 +138,7 @@ class Promises:
         }
 
 
-def promises(declaration: Declaration, host: Host) -> Promises:
+def promises(declaration: Inventory, host: Host) -> Promises:
     """Put together what all parts say of a computer."""
     made = Promises(host)
     for name, part in PARTS.items():
@@ -156,7 +156,7 @@ def promises(declaration: Declaration, host: Host) -> Promises:
     return made
 
 
-def _secrets(declaration: Declaration, host: Host, values: Mapping[str, Any]) -> dict[str, Secret | None]:
+def _secrets(declaration: Inventory, host: Host, values: Mapping[str, Any]) -> dict[str, Secret | None]:
     """Word in a file to the secret that stands there on the computer."""
     wifi = {word: declaration.vehicles[key].endpoints.wifi for word, key in (values.get("secrets") or {}).items()}
     found = {word: None if item is None else item.key for word, item in wifi.items()}
@@ -168,7 +168,7 @@ def _secrets(declaration: Declaration, host: Host, values: Mapping[str, Any]) ->
         found[values["qualify_secret"]] = qualify.key
     declared = host.device.services if isinstance(host.device, ServerComputer) else ()
     boxes = [(each.name, each.container.environment) for each in declared if each.container is not None]
-    found |= {secret_word(name, each.name): each.secret for name, rows in boxes for each in rows if each.secret}
+    found |= {secret_placeholder(name, each.name): each.secret for name, rows in boxes for each in rows if each.secret}
     return found
 
 

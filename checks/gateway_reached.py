@@ -14,7 +14,7 @@ from atlantis_netcfg.operations.common.request import Request
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from checks.gateway_promises import Promises
 
 __all__ = ["Answers", "NotReached", "ask"]
@@ -45,7 +45,7 @@ class Answers:
         return str(words)
 
 
-def ask(declaration: Declaration, promised: Promises, ssh_config: str | None) -> Answers:
+def ask(declaration: Inventory, promised: Promises, ssh_config: str | None) -> Answers:
     """Ask everything, in one round trip after those of SSH. Raises NotReached.
 
     `ssh_config`: a file of OpenSSH that says how the host's name is reached, in place of the declared address.

@@ -23,7 +23,7 @@ from hypothesis import is_hypothesis_test, settings
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Mapping
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
 MARKERS = (
     "arm64: the processor of the gateways, emulated; `make test-arm64` runs it, once per release",
@@ -286,7 +286,7 @@ def weak_seals() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     """Return the shipped inventory."""
     from atlantis_netcfg.inventory import load  # noqa: PLC0415 - a run of other tests does without
 

@@ -17,21 +17,21 @@ from atlantis_netcfg.checklist.history import (
     VehicleState,
     books,
     changes,
+    compare_with_green,
     filter_by_scope,
     last_green,
-    since,
 )
 from atlantis_netcfg.checklist.plan import Checklist, PlanEntry, Scope, plan
-from atlantis_netcfg.checklist.session import Book
+from atlantis_netcfg.checklist.session import ChecklistSession
 from atlantis_netcfg.checklist.verify import SigningTrouble, verify, verify_report
 
 __all__ = [
     "KEY",
     "Answers",
     "AnswersInvalid",
-    "Book",
     "BookHead",
     "Checklist",
+    "ChecklistSession",
     "ChecklistUsageError",
     "Confirmation",
     "Overriding",
@@ -44,10 +44,10 @@ __all__ = [
     "VehicleState",
     "books",
     "changes",
+    "compare_with_green",
     "filter_by_scope",
     "last_green",
     "plan",
-    "since",
     "verify",
     "verify_report",
 ]

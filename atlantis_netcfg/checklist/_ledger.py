@@ -50,7 +50,7 @@ class ChecklistBegun(_ChecklistRecord):
     document: Document
 
 
-class GoneOn(_ChecklistRecord):
+class ReopenedRecord(_ChecklistRecord):
     """A checklist was opened again."""
 
     record: Literal["gone on"] = "gone on"
@@ -70,8 +70,10 @@ class SupersedeResultRecord(_ChecklistRecord):
     why: str
 
 
-Record = Annotated[ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord, Field(discriminator="record")]
-_RECORDS: TypeAdapter[ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord] = TypeAdapter(Record)
+Record = Annotated[
+    ChecklistBegun | ReopenedRecord | RecordedResult | SupersedeResultRecord, Field(discriminator="record")
+]
+_RECORDS: TypeAdapter[ChecklistBegun | ReopenedRecord | RecordedResult | SupersedeResultRecord] = TypeAdapter(Record)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,7 @@ class ChecklistEntry:
     """One record and when it was written."""
 
     at: datetime
-    record: ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord
+    record: ChecklistBegun | ReopenedRecord | RecordedResult | SupersedeResultRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,13 +90,13 @@ class Lines:
 
     records: tuple[ChecklistEntry, ...] = ()
     good: int = 0
-    """Bytes up to the end of the last record that can be read."""
+    """Bytes up to the end of the last readable record."""
     last: str = ""
-    """SHA-256 of that record's line."""
+    """SHA-256 of the line of the last readable record."""
     tail_error: str = ""
     """Why the end was cut off; empty: it was not."""
     damage: str = ""
-    """Why what stands there is not what was written."""
+    """Why the content is not what was written."""
 
 
 def read(path: Path) -> Lines:
@@ -152,13 +154,13 @@ class ChecklistLog(EventLog):
         super().__init__(path, partial(runs.unwritable, "the checklist", path))
         self.cut(lines.good)
 
-    def write(self, record: ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord) -> None:
+    def write(self, record: ChecklistBegun | ReopenedRecord | RecordedResult | SupersedeResultRecord) -> None:
         """Append a record and sync it. Raises JournalError, and after the first failure always."""
         line = self._line(record)
         self.append(line + b"\n")
         self._last = hashlib.sha256(line).hexdigest()
 
-    def _line(self, record: ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord) -> bytes:
+    def _line(self, record: ChecklistBegun | ReopenedRecord | RecordedResult | SupersedeResultRecord) -> bytes:
         head = {"at": self._now().isoformat(timespec="milliseconds"), "before": self._last}
         data = head | _RECORDS.dump_python(record, mode="json")
         return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(errors="replace")
@@ -166,9 +168,9 @@ class ChecklistLog(EventLog):
 
 FOLDER = "files"
 MAX_BYTES = 25_000_000
-"""Of one file: a photo of a telephone has a fifth of it, and a video does not belong into a report."""
+"""Limit for one file: a phone photo has a fifth of it, and a video does not belong in a report."""
 COPY = re.compile(FOLDER + r"/[0-9a-f]{12}-[A-Za-z0-9._-]+")
-"""How we call a copy."""
+"""Path of a copied file."""
 _PICTURES = {
     "JPEG": re.compile(rb"\xff\xd8\xff"),
     "PNG": re.compile(rb"\x89PNG\r\n"),
@@ -177,13 +179,13 @@ _PICTURES = {
     "TIFF": re.compile(rb"II\*\0|MM\0\*"),
     "HEIC": re.compile(rb"....ftyp(hei|hev|mif1|msf1|avi[fs])", re.DOTALL),
 }
-"""What such a file begins with."""
+"""Picture format -> bytes at the start of such a file."""
 _READ = ("JPEG", "PNG", "GIF", "WEBP")
-"""What every Pillow decodes."""
+"""Formats that every build of Pillow decodes."""
 _MAX_PIXELS = 120_000_000
-"""A telephone has up to 108 million."""
+"""Limit for a picture; phones have up to 108 million."""
 _SAVE_OPTIONS: dict[str, dict[str, Any]] = {"JPEG": {"quality": 90}, "WEBP": {"lossless": True}}
-"""How a picture is encoded, where the encoder would choose something else."""
+"""Encoder options that replace defaults of the encoder."""
 _AS_JPEG = "give it as JPEG or PNG: a telephone has that in its settings, and every viewer exports it"
 _HASH_DIGITS = 12
 _NAME_LENGTH = 80
@@ -194,12 +196,12 @@ class CopiedFile:
     """An evidence file copied into the checklist's folder."""
 
     file: str
-    """Beside the document: `files/0123456789ab-photo.jpg`."""
+    """Path relative to the document: `files/0123456789ab-photo.jpg`."""
     sha256: str
     size: int
 
 
-def wrong_with(path: Path) -> tuple[str, str] | None:
+def evidence_problem(path: Path) -> tuple[str, str] | None:
     """Return why a file cannot be evidence, and what to do; None if it can."""
     try:
         status = path.lstat()
@@ -232,7 +234,7 @@ def keep(book: Path, files: Iterable[Path]) -> tuple[CopiedFile, ...]:
 
 
 def _bytes(path: Path) -> bytes:
-    wrong = wrong_with(path)
+    wrong = evidence_problem(path)
     if wrong is not None:
         raise _signing.ChecklistUsageError(wrong[0], hint=wrong[1])
     try:

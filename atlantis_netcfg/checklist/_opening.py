@@ -28,14 +28,14 @@ class BookHead:
     tool: str
     """Version of this toolkit."""
     inventory: str
-    """Revision of the declaration."""
+    """Revision of the inventory."""
     drawing: Drawing
     not_rehearsed: tuple[str, ...] = ()
     broken: tuple[str, ...] = ()
     time_zone: str = ""
-    """The pilot's, for the times that people read."""
+    """Time zone of the pilot, for times shown to people."""
     run: str = ""
-    """Name of a new book, if it is free; empty: by the time. One that is gone on with keeps its own."""
+    """Name of a new checklist run, if it is free; empty: named by the time. A continued run keeps its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class FoundBook:
 
     folder: Path | None
     words: str
-    """What a person should know of it, or of the one that is left behind."""
+    """Message about this run, or about the one that is left behind."""
 
 
 def runs(folder: Path) -> list[Path]:
@@ -113,7 +113,7 @@ def _go_on(run: Path, before: Document, checklist: Checklist, head: BookHead, no
     same = document.model_copy(update={"items": ()}) == before.model_copy(update={"items": ()})
     same = same and [item.id for item in document.items] == [item.id for item in before.items]
     with _ledger.ChecklistLog(run / _ledger.FILE, now) as ledger:
-        ledger.write(_ledger.GoneOn() if same else _ledger.ChecklistBegun(document=document))
+        ledger.write(_ledger.ReopenedRecord() if same else _ledger.ChecklistBegun(document=document))
 
 
 def begin(folder: Path, checklist: Checklist, head: BookHead, now: Callable[[], datetime]) -> Path:

@@ -146,7 +146,7 @@ def fingerprint(public: str) -> str:
     return "SHA256:" + _text(hashlib.sha256(_raw(public)).digest()).rstrip("=")
 
 
-def fits(public: str, signature: str, data: bytes) -> bool:
+def verify_signature(public: str, signature: str, data: bytes) -> bool:
     """Return whether the signature is valid for the public key and exactly these data."""
     try:
         Ed25519PublicKey.from_public_bytes(_raw(public)).verify(_raw(signature), data)
@@ -187,9 +187,9 @@ class SigningTrouble:
     """A difference from the signed state."""
 
     file: str
-    """In the folder of the checklist."""
+    """File in the folder of the checklist."""
     what: str
-    """`is not as it was signed: …`"""
+    """Problem, for example `is not as it was signed: …`."""
     hint: str = ""
 
 
@@ -228,7 +228,7 @@ def broken_seal(
     """
     rest = {name: value for name, value in data.items() if name != "signature"}
     public, signature = str(data.get("public", "")), str(data.get("signature", ""))
-    if not fits(public, signature, canonical(rest)):
+    if not verify_signature(public, signature, canonical(rest)):
         yield "the signature does not fit what stands there", "do not rely on it; ask whoever signed for the original"
         return
     if fingerprint(public) != data.get("key"):

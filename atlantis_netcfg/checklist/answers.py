@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, StrictBool, StrictFloat
 
-from atlantis_netcfg.checklist._ledger import wrong_with
+from atlantis_netcfg.checklist._ledger import evidence_problem
 from atlantis_netcfg.checklist.confirmations import (
     OVERRIDABLE,
     SAYABLE,
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist.plan import Checklist
-    from atlantis_netcfg.checklist.session import Book
+    from atlantis_netcfg.checklist.session import ChecklistSession
 
 ALL = "all"
 Words = Annotated[Text, Field(max_length=2000)]
@@ -110,9 +110,9 @@ class Answers:
     """Active item -> who consents, and to what."""
     overrides: Mapping[str, Overriding]
     leave: Mapping[str, str]
-    """Item that stays open on purpose -> why."""
+    """Item left open on purpose -> reason."""
     sign_by: str | None
-    """Who signs; None: nobody."""
+    """Name of the signer; None: nobody signs."""
 
     @classmethod
     def read(cls, path: Path, checklist: Checklist) -> Self:
@@ -132,7 +132,7 @@ class Answers:
         """Return who consents to an active step, in that person's words; None if nobody does."""
         return self.consent_by_item.get(item)
 
-    def write_down(self, book: Book, on_settle: Callable[[Item], None] = lambda _: None) -> tuple[str, ...]:
+    def write_down(self, book: ChecklistSession, on_settle: Callable[[Item], None] = lambda _: None) -> tuple[str, ...]:
         """Record answers, then overrides; call `on_settle` for each item. Return the overrides that were not needed.
 
         Call it after the probes: an override is used only for an item that has not passed.
@@ -240,7 +240,7 @@ class _CheckAnswer:
             yield self._block.wrong((*path, "verdict"), *wrong)
         files = keys["files"].value if "files" in keys else None
         for number, node in enumerate(files if isinstance(files, list) else ()):
-            unfit = wrong_with(self._folder / str(node.value)) if isinstance(node.value, str) else None
+            unfit = evidence_problem(self._folder / str(node.value)) if isinstance(node.value, str) else None
             if unfit is not None:
                 yield self._block.wrong((*path, "files", number), *unfit)
 
@@ -260,7 +260,7 @@ class _CheckAnswer:
     def _evidence(self, answers: Answers) -> Iterator[Finding]:
         """Yield a finding for required evidence that is missing; files that do not exist are reported elsewhere."""
         for item, answer in answers.confirmations.items():
-            there = not any(map(wrong_with, answer.files))
+            there = not any(map(evidence_problem, answer.files))
             wrong = missing_evidence(self._steps[item].evidence, answer) if there else None
             if wrong is not None:
                 yield self._block.wrong_key(("answers", item), *wrong)

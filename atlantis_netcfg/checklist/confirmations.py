@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist._ledger import CopiedFile
 
 OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
-"""For these a person may take the responsibility; nothing else needs it."""
+"""Verdicts that a person may override; no other verdict needs it."""
 SAYABLE: Mapping[Verdict, str] = {
     Verdict.PASS: "confirmed",
     Verdict.WARN: "confirmed-with-reservation",
@@ -28,7 +28,7 @@ SAYABLE: Mapping[Verdict, str] = {
     Verdict.INCONCLUSIVE: "could-not-tell",
     Verdict.SKIP: "does-not-apply",
 }
-"""What a person can say, and the code of the finding; ERROR is for programs."""
+"""Verdicts that a person can give -> code of the finding; ERROR is for programs."""
 _STATEMENTS = {
     Verdict.PASS: "{by} has seen that it is well",
     Verdict.WARN: "{by} has seen that it works, but",
@@ -42,7 +42,7 @@ _HINTS = {
     Verdict.INCONCLUSIVE: "look again when it can be seen, or override it with a reason",
 }
 _ALWAYS = frozenset({"vpn", "data-reaches-scc", "dds"})
-"""Checks of the site that apply everywhere: who may look and does not is not green."""
+"""Site checks that apply everywhere: they cannot be skipped to make the checklist green."""
 _NAME_LENGTH = 100
 _TEXT_LENGTH = 2000
 
@@ -53,9 +53,9 @@ class Confirmation:
 
     verdict: Verdict
     by: str
-    """Who has looked."""
+    """Name of the person who looked."""
     note: str = ""
-    """What was seen; needed for everything but PASS."""
+    """What was seen; required for every verdict except PASS."""
     files: tuple[Path, ...] = ()
     """Photos, screenshots, exported backups."""
     value: float | None = None
@@ -197,7 +197,7 @@ def confirm_item(
                     else []
                 ),
                 *(_file_evidence(file, by, at) for file in files),
-                *earlier(item, PersonAnswer(confirmation.verdict, by, note)),
+                *earlier_answers(item, PersonAnswer(confirmation.verdict, by, note)),
             ),
             "at": at,
             "seconds": None,
@@ -218,7 +218,7 @@ class PersonAnswer(NamedTuple):
     note: str
 
 
-def earlier(item: report.Item, answer: PersonAnswer | None = None) -> tuple[report.Evidence, ...]:
+def earlier_answers(item: report.Item, answer: PersonAnswer | None = None) -> tuple[report.Evidence, ...]:
     """Return the earlier answers for an item that gets another result: the report shows both.
 
     `answer`: the new one; an identical answer replaces nothing.
@@ -264,7 +264,7 @@ def _file_evidence(stored_file: CopiedFile, by: str, at: datetime) -> report.Evi
     )
 
 
-def overridden(item: report.Item, reason: str, by: str, at: datetime, people: Sequence[str] = ()) -> report.Item:
+def override_item(item: report.Item, reason: str, by: str, at: datetime, people: Sequence[str] = ()) -> report.Item:
     """Return the item with an override. Raises ChecklistUsageError if there is nothing to override.
 
     `people`: names of those allowed to override; empty: anybody.

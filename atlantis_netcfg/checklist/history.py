@@ -20,12 +20,12 @@ class VehicleState(StrEnum):
     """State of a stored checklist."""
 
     OPEN = "open"
-    """It can be gone on with."""
+    """It can be continued."""
     UNFINISHED = "unfinished"
-    """Another one was begun in its place."""
+    """Another checklist was started in its place."""
     SIGNED = "signed"
     DAMAGED = "damaged"
-    """It is not as it was written; `provision report verify` says where."""
+    """Its content is not what was written; `provision report verify` shows where."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +35,9 @@ class SavedChecklist:
     folder: Path
     state: VehicleState
     document: report.Document | None
-    """As far as it can be read."""
+    """Document, as far as it can be read."""
     why: str = ""
-    """Unfinished or damaged: why."""
+    """Reason why it is unfinished or damaged."""
 
     @property
     def run(self) -> str:
@@ -122,7 +122,7 @@ def _covers(wide: Mapping[str, tuple[str, ...]], scope: Mapping[str, tuple[str, 
     return all(name in scope and set(scope[name]) <= set(choices) for name, choices in wide.items())
 
 
-def since(green: report.Document | None, now: report.Document) -> report.SinceGreen | None:
+def compare_with_green(green: report.Document | None, now: report.Document) -> report.SinceGreen | None:
     """Compare a document with the last green one; None if there was none."""
     if green is None:
         return None

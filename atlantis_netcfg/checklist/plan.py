@@ -20,7 +20,7 @@ from atlantis_netcfg.inventory import model
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +28,12 @@ class Scope:
     """Filter of a checklist; empty: everything."""
 
     vehicles: tuple[str, ...] = ()
-    """With a vehicle, the location's own items are left out."""
+    """Selected vehicles; with a vehicle, the location's own items are left out."""
     endpoints: tuple[str, ...] = ()
     phases: tuple[report.Phase, ...] = ()
-    """Recovery or integration alone, or some of the others; empty: all of the others."""
+    """Recovery or integration alone, or some of the other phases; empty: all other phases."""
     mission: str = ""
-    """Whose items are asked on top: it narrows nothing."""
+    """Mission whose items are added; it does not narrow the scope."""
 
     @property
     def alone(self) -> report.Phase | None:
@@ -73,20 +73,20 @@ class Checklist:
     left_out: tuple[report.LeftOut, ...]
     scope: Scope
     notes: tuple[str, ...] = ()
-    """What holds at the site, whatever is found."""
+    """Notes that apply to the site whatever the results are."""
     beyond: tuple[str, ...] = ()
-    """Items that the scope takes away, by id, and those of the other lists."""
+    """Ids of the items outside the scope, and of those of the other lists."""
     signers: tuple[str, ...] = ()
-    """Names of those who alone may sign it; empty: anybody."""
+    """Names of the only people who may sign it; empty: anybody."""
 
 
-def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Checklist:
+def plan(inventory: Inventory, site: str, scope: Scope | None = None) -> Checklist:
     """Compute the list. Raises NoMatchError for unknown names, or if the result is empty."""
     scope = scope or Scope()
-    _refuse_unknown(declaration, site, scope)
-    robots = RobotFiles.read(declaration, site)
-    whole = tuple(_every_row(declaration, site, scope.mission, robots))
-    every = [entry for row in whole for entry in _entries(declaration, site, row, scope.mission, robots)]
+    _refuse_unknown(inventory, site, scope)
+    robots = RobotFiles.read(inventory, site)
+    whole = tuple(_every_row(inventory, site, scope.mission, robots))
+    every = [entry for row in whole for entry in _entries(inventory, site, row, scope.mission, robots)]
     entries = [entry for entry in every if scope.has(entry.item)]
     selection = tuple(entry for entry in entries if _inside(entry, scope))
     if not selection:
@@ -94,46 +94,46 @@ def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Che
     items = {entry.item.id for entry in selection}
     return Checklist(
         site=site,
-        title=declaration.sites[site].title,
+        title=inventory.sites[site].title,
         columns=() if scope.alone else tuple(map(str, model.Column)),
         rows=tuple(_rows(whole, entries, scope)),
         entries=selection,
         left_out=tuple(_left_out(entries, scope)),
         scope=scope,
         notes=(
-            *_notes_of_guests(declaration, whole),
-            *(() if scope.alone else (*_notes(declaration, site), *_notes_of_robots(whole))),
-            *_notes_of_items(declaration, site, scope, every),
+            *_notes_of_guests(inventory, whole),
+            *(() if scope.alone else (*_notes(inventory, site), *_notes_of_robots(whole))),
+            *_notes_of_items(inventory, site, scope, every),
         ),
         beyond=tuple(entry.item.id for entry in every if entry.item.id not in items),
-        signers=people(declaration, declaration.sites[site].checklist.signed_by),
+        signers=people(inventory, inventory.sites[site].checklist.signed_by),
     )
 
 
-def _refuse_unknown(declaration: Declaration, site: str, scope: Scope) -> None:
-    if site not in declaration.sites:
-        raise _unknown("site", site, declaration.sites)
-    here = declaration.sites[site].checklist.vehicles
+def _refuse_unknown(inventory: Inventory, site: str, scope: Scope) -> None:
+    if site not in inventory.sites:
+        raise _unknown("site", site, inventory.sites)
+    here = inventory.sites[site].checklist.vehicles
     for vehicle in scope.vehicles:
-        if vehicle not in declaration.vehicles:
-            raise _unknown("vehicle", vehicle, declaration.vehicles)
+        if vehicle not in inventory.vehicles:
+            raise _unknown("vehicle", vehicle, inventory.vehicles)
         if here is not None and vehicle not in here:
             hint = f"its vehicles are: {', '.join(here) or 'none'}; `checklist.vehicles` of the site says so"
             raise errors.NoMatchError(f"`{vehicle}` is not tested at {site}", hint=hint)
     for endpoint in scope.endpoints:
         if endpoint not in registry.TITLES:
             raise _unknown("endpoint", endpoint, registry.TITLES)
-    missions = [mission.name for mission in declaration.sites[site].checklist.missions]
+    missions = [mission.name for mission in inventory.sites[site].checklist.missions]
     if scope.mission and scope.mission not in missions:
         raise _unknown("mission", scope.mission, missions)
-    _refuse_mixed(declaration, site, scope)
+    _refuse_mixed(inventory, site, scope)
 
 
-def _refuse_mixed(declaration: Declaration, site: str, scope: Scope) -> None:
+def _refuse_mixed(inventory: Inventory, site: str, scope: Scope) -> None:
     """Raise UsageError if a separate list is mixed with other phases, or an integration record has several robots."""
-    here = declaration.sites[site].checklist.vehicles
+    here = inventory.sites[site].checklist.vehicles
     if scope.alone is report.Phase.INTEGRATION and len(scope.vehicles) != 1:
-        every = scope.vehicles or [key for key in declaration.vehicles if here is None or key in here] or ["NAME"]
+        every = scope.vehicles or [key for key in inventory.vehicles if here is None or key in here] or ["NAME"]
         hint = f"name it: `provision check site={site} vehicle={every[0]} phase=integration`"
         raise errors.UsageError("an integration record is of one robot", hint=hint)
     if scope.alone and len(scope.phases) > 1:
@@ -176,16 +176,16 @@ def _rows(every: Iterable[report.Row], entries: Sequence[PlanEntry], scope: Scop
             yield row.model_copy(update={"table3": (), "beside": beside, "deviation": None})
 
 
-def _every_row(declaration: Declaration, site: str, mission: str, robots: RobotFiles | None) -> Iterator[report.Row]:
-    here = declaration.sites[site].checklist.vehicles
-    for key, vehicle in declaration.vehicles.items():
+def _every_row(inventory: Inventory, site: str, mission: str, robots: RobotFiles | None) -> Iterator[report.Row]:
+    here = inventory.sites[site].checklist.vehicles
+    for key, vehicle in inventory.vehicles.items():
         if here is None or key in here:
             cells = tuple(str(column) for column in model.Column if column in vehicle.table3)
             robot_items = (
                 (probes.ROBOT, probes.INTEGRATION) if robots is not None and key in robots.tested_vehicles else ()
             )
             cable = (model.ETHERNET,) if vehicle.ethernet else ()
-            others = (*cable, *robot_items, *_items(declaration, site, key, mission))
+            others = (*cable, *robot_items, *_items(inventory, site, key, mission))
             yield report.Row(
                 key=key,
                 name=vehicle.name,
@@ -195,37 +195,37 @@ def _every_row(declaration: Declaration, site: str, mission: str, robots: RobotF
                 deviation=vehicle.table3_deviation,
                 beside=(*cells, *others) if vehicle.guest else others,
             )
-    site_config = declaration.sites[site]
+    site_config = inventory.sites[site]
     table3_columns = [str(column) for column in model.Column if column in site_config.location.table3]
-    bearer_columns = {str(bearer.kind.traits.column) for bearer in site_config.bearers}
+    link_columns = {str(link.kind.traits.column) for link in site_config.bearers}
     if site_config.location.ethernet:
-        bearer_columns.add(model.ETHERNET)
+        link_columns.add(model.ETHERNET)
     beside = [
         name
         for name in (*map(str, model.Column), model.ETHERNET)
-        if name in bearer_columns and name not in table3_columns
+        if name in link_columns and name not in table3_columns
     ]
-    beside += [probes.SITE, *((probes.ROBOT,) if robots is not None else ()), *_items(declaration, site, None, mission)]
+    beside += [probes.SITE, *((probes.ROBOT,) if robots is not None else ()), *_items(inventory, site, None, mission)]
     yield report.Row(
         key=site, name=site_config.title, kind="location", table3=tuple(table3_columns), beside=tuple(beside)
     )
 
 
-def _items(declaration: Declaration, site: str, vehicle: str | None, mission: str) -> tuple[str, ...]:
+def _items(inventory: Inventory, site: str, vehicle: str | None, mission: str) -> tuple[str, ...]:
     """Return the column for inventory items of a row, if the row has any."""
     return (
         (probes.ITEMS,)
-        if any(True for _ in items_of(probes.Cell(declaration, site, vehicle, probes.ITEMS, mission)))
+        if any(True for _ in items_of(probes.Cell(inventory, site, vehicle, probes.ITEMS, mission)))
         else ()
     )
 
 
 def _entries(
-    declaration: Declaration, site: str, row: report.Row, mission: str, robots: RobotFiles | None
+    inventory: Inventory, site: str, row: report.Row, mission: str, robots: RobotFiles | None
 ) -> Iterator[PlanEntry]:
     vehicle = None if row.kind == "location" else row.key
     for endpoint in (*row.table3, *row.beside):
-        cell = probes.Cell(declaration, site, vehicle, endpoint, mission, robots)
+        cell = probes.Cell(inventory, site, vehicle, endpoint, mission, robots)
         # A column that has nothing to say still has its line: somebody looks.
         for step in registry.steps_of(cell) or (registry.by_a_person(cell),):
             yield PlanEntry(_item(cell, step, table3=endpoint in row.table3), step, cell)
@@ -278,10 +278,10 @@ def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.Lef
         yield report.LeftOut(what=f"{name}: {title}", why=f"left out by `{words}`")
 
 
-def _notes(declaration: Declaration, site: str) -> Iterator[str]:
+def _notes(inventory: Inventory, site: str) -> Iterator[str]:
     """Yield notes where policy cannot separate robots; a vehicle with no partner in the inventory may be anybody's."""
-    reserved_keys = {row.name for row in declaration.sites[site].lan.reservations}
-    robots = {key: vehicle for key, vehicle in declaration.vehicles.items() if key in reserved_keys}
+    reserved_keys = {row.name for row in inventory.sites[site].lan.reservations}
+    robots = {key: vehicle for key, vehicle in inventory.vehicles.items() if key in reserved_keys}
     if len({vehicle.partner or f"unknown: {key}" for key, vehicle in robots.items()}) > 1:
         names = ", ".join(f"{robot.name} ({robot.partner or 'partner not declared'})" for robot in robots.values())
         yield (
@@ -298,19 +298,19 @@ def _notes_of_robots(rows: Iterable[report.Row]) -> Iterator[str]:
         yield f"not looked at, for there is no file of theirs below robots/: what {', '.join(names)} publish"
 
 
-def _notes_of_guests(declaration: Declaration, rows: Iterable[report.Row]) -> Iterator[str]:
+def _notes_of_guests(inventory: Inventory, rows: Iterable[report.Row]) -> Iterator[str]:
     """Yield a note about each guest vehicle, whose row the report's table does not have."""
     for row in rows:
-        vehicle = declaration.vehicles.get(row.key) if row.kind != "location" else None
+        vehicle = inventory.vehicles.get(row.key) if row.kind != "location" else None
         if vehicle is not None and vehicle.guest:
-            partner = declaration.partners[vehicle.partner or ""].full_name
+            partner = inventory.partners[vehicle.partner or ""].full_name
             until = f" until {vehicle.until}" if isinstance(vehicle, model.Guest) else ""
             yield f"{row.name} is a guest of {partner}{until}, and no robot of the report's Table 3"
 
 
-def _notes_of_items(declaration: Declaration, site: str, scope: Scope, every: Iterable[PlanEntry]) -> Iterator[str]:
+def _notes_of_items(inventory: Inventory, site: str, scope: Scope, every: Iterable[PlanEntry]) -> Iterator[str]:
     """Yield notes on the selected mission, items left to other missions, and items asked when vehicles return."""
-    missions = declaration.sites[site].checklist.missions
+    missions = inventory.sites[site].checklist.missions
     other = [mission.name for mission in missions if any(scope.has(item) for item in mission.items)]
     selected_mission = next((mission for mission in missions if mission.name == scope.mission), None)
     if selected_mission is not None:
@@ -330,32 +330,32 @@ def _notes_of_items(declaration: Declaration, site: str, scope: Scope, every: It
 
 
 _PARTNERS, _INTERNET = "partners", "internet"
-"""Keys of nodes that are no hosts; those of hosts, sites and vehicles are their names."""
+"""Keys of drawing nodes that are not hosts; the keys of hosts, sites and vehicles are their names."""
 
 
-def drawing(declaration: Declaration, checklist: Checklist) -> report.Drawing:
+def drawing(inventory: Inventory, checklist: Checklist) -> report.Drawing:
     """Draw the site of a checklist, in the order of the inventory, so that the result is reproducible."""
-    return _DrawingBuilder(declaration, checklist).drawing()
+    return _DrawingBuilder(inventory, checklist).drawing()
 
 
 class _DrawingBuilder:
-    def __init__(self, declaration: Declaration, checklist: Checklist) -> None:
-        self._declaration = declaration
+    def __init__(self, inventory: Inventory, checklist: Checklist) -> None:
+        self._inventory = inventory
         self._site = checklist.site
         self._rows = checklist.rows
         self._entries = checklist.entries
-        self._hosts = declaration.site_hosts(self._site)
-        self._server = declaration.hosts[declaration.pilot.vpn.server]
+        self._hosts = inventory.site_hosts(self._site)
+        self._server = inventory.hosts[inventory.pilot.vpn.server]
 
     def drawing(self) -> report.Drawing:
         nodes = {node.key: node for node in chain(self._far(), self._here(), self._vehicles())}
-        links = chain(self._vpn_links(), self._bearers(), self._local(), self._vehicle_links())
+        links = chain(self._vpn_links(), self._links(), self._local(), self._vehicle_links())
         valid_links = [link for link in links if link.a in nodes and link.b in nodes and link.a != link.b]
         return report.Drawing(nodes=tuple(nodes.values()), links=tuple(valid_links))
 
     @property
     def _site_config(self) -> model.Site:
-        return self._declaration.sites[self._site]
+        return self._inventory.sites[self._site]
 
     @property
     def _router(self) -> Host | None:
@@ -363,7 +363,7 @@ class _DrawingBuilder:
 
     @property
     def _gateway(self) -> Host | None:
-        return self._declaration.computer_of(self._site)
+        return self._inventory.computer_of(self._site)
 
     @property
     def _middle(self) -> str:
@@ -379,16 +379,16 @@ class _DrawingBuilder:
         """Yield the remote nodes, the VPN's server first, because lines to it run along that side."""
         if self._server.site != self._site:
             yield self._host(self._server)
-        names = ", ".join(partner.full_name for partner in self._declaration.partners.values())
+        names = ", ".join(partner.full_name for partner in self._inventory.partners.values())
         if names:
             yield report.DrawnNode(key=_PARTNERS, label="Partners", kind="partner", detail=names)
         if self._server.site != self._site:
-            title = self._declaration.sites[self._server.site].title
+            title = self._inventory.sites[self._server.site].title
             yield report.DrawnNode(key=self._server.site, label=title, kind="site")
         else:
             yield report.DrawnNode(key=_INTERNET, label="Internet", kind="site")
         for link in self._site_config.served_links:
-            yield report.DrawnNode(key=link.carries, label=self._declaration.sites[link.carries].title, kind="site")
+            yield report.DrawnNode(key=link.carries, label=self._inventory.sites[link.carries].title, kind="site")
 
     def _here(self) -> Iterator[report.DrawnNode]:
         for host in self._hosts:
@@ -401,10 +401,7 @@ class _DrawingBuilder:
     def _host(self, host: Host) -> report.DrawnNode:
         item_ids = [entry.item.id for entry in self._entries if host.name in entry.step.concerns]
         local = [
-            item
-            for bearer in self._site_config.bearers
-            if bearer.device == host.name
-            for item in self._carrying(bearer)
+            item for link in self._site_config.bearers if link.device == host.name for item in self._carrying(link)
         ]
         rest = self._general_items() if host.name == self._middle else ()
         return report.DrawnNode(
@@ -445,24 +442,24 @@ class _DrawingBuilder:
     def _site_entries(self) -> Iterator[PlanEntry]:
         return (entry for entry in self._entries if entry.item.endpoint == probes.SITE)
 
-    def _carrying(self, bearer: model.Bearer) -> tuple[str, ...]:
-        column = bearer.kind.traits.column
+    def _carrying(self, link: model.Link) -> tuple[str, ...]:
+        column = link.kind.traits.column
         return tuple(
             entry.item.id
             for entry in self._entries
-            if entry.item.vehicle is None and entry.item.endpoint == column and self._speaks(entry, bearer)
+            if entry.item.vehicle is None and entry.item.endpoint == column and self._concerns_link(entry, link)
         )
 
-    def _speaks(self, entry: PlanEntry, bearer: model.Bearer) -> bool:
+    def _concerns_link(self, entry: PlanEntry, link: model.Link) -> bool:
         """Return whether an item concerns a link; with two links of one kind, items for the other's device do not."""
-        others = {item.device for item in self._site_config.bearers if item.name != bearer.name} - {bearer.device, None}
-        return bearer.device in entry.step.concerns or others.isdisjoint(entry.step.concerns)
+        others = {item.device for item in self._site_config.bearers if item.name != link.name} - {link.device, None}
+        return link.device in entry.step.concerns or others.isdisjoint(entry.step.concerns)
 
-    def _bearers(self) -> Iterator[report.DrawnLink]:
-        for bearer in self._site_config.bearers:
-            column, near = bearer.kind.traits.column, bearer.device or self._middle
+    def _links(self) -> Iterator[report.DrawnLink]:
+        for site_link in self._site_config.bearers:
+            column, near = site_link.kind.traits.column, site_link.device or self._middle
             yield report.DrawnLink(
-                a=near, b=self._other_end, label=registry.TITLES[column], kind=column, items=self._carrying(bearer)
+                a=near, b=self._other_end, label=registry.TITLES[column], kind=column, items=self._carrying(site_link)
             )
         for link in self._site_config.served_links:
             yield report.DrawnLink(
@@ -474,7 +471,7 @@ class _DrawingBuilder:
         if self._router is None or not isinstance(self._router.device, model.Router):
             return
         on = {port.link: port for port in self._router.device.ports if port.link is not None}
-        box_of: dict[str, str | None] = {bearer.name: bearer.device for bearer in self._site_config.bearers}
+        box_of: dict[str, str | None] = {site_link.name: site_link.device for site_link in self._site_config.bearers}
         box_of |= {served_link.name: served_link.device for served_link in self._site_config.served_links}
         ports = {box_of[link]: port for link, port in on.items() if box_of.get(link) is not None}
         for host in self._hosts:
@@ -495,7 +492,7 @@ class _DrawingBuilder:
                     for entry in self._entries
                     if entry.item.vehicle == row.key and entry.item.endpoint == endpoint
                 )
-                by = self._seen_by(self._declaration.vehicles[row.key].endpoints, endpoint)
+                by = self._seen_by(self._inventory.vehicles[row.key].endpoints, endpoint)
                 yield report.DrawnLink(a=row.key, b=by, label=registry.TITLES[endpoint], kind=endpoint, items=items)
 
     def _seen_by(self, endpoints: model.Endpoints, endpoint: str) -> str:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, Self
 
 from atlantis_netcfg.checklist import _ledger, _opening, _signing, confirmations, report
-from atlantis_netcfg.checklist.history import last_green, since
+from atlantis_netcfg.checklist.history import compare_with_green, last_green
 from atlantis_netcfg.checklist.verify import close_book
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.runs import SiteLock, utc_now
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _FEW = 8
 
 
-class Book:
+class ChecklistSession:
     """An open checklist; `Book.open` finds or starts it, `close` (or leaving `with`) releases its lock."""
 
     def __init__(
@@ -39,9 +39,9 @@ class Book:
     ) -> None:
         """Used by `open`, which holds the lock and has written the list to disk."""
         self.folder = folder
-        """The run's own."""
+        """Folder of the run."""
         self.words = words
-        """What became of a book that was there: gone on with, or why not; empty: there was none."""
+        """What happened to an existing checklist: continued, or why not; empty: there was none."""
         self._entries = {entry.item.id: entry for entry in checklist.entries}
         self._signers = checklist.signers
         self._lock = lock
@@ -105,7 +105,7 @@ class Book:
 
     def settle(self, item: report.Item) -> report.Item:
         """Record the result of a probe; a second result replaces the first, which stays in the log."""
-        evidence = (*item.evidence, *confirmations.earlier(self.item(item.id)))
+        evidence = (*item.evidence, *confirmations.earlier_answers(self.item(item.id)))
         return self._record("settled", item.model_copy(update={"open": False, "override": None, "evidence": evidence}))
 
     def confirm(self, name: str, confirmation: confirmations.Confirmation) -> report.Item:
@@ -118,12 +118,12 @@ class Book:
     def override(self, name: str, reason: str, by: str) -> report.Item:
         """Record an override. Raises ChecklistUsageError if there is nothing to override."""
         item, people = self.item(name), self._entries[name].step.by
-        return self._record("overridden", confirmations.overridden(item, reason, by, self._now(), people))
+        return self._record("overridden", confirmations.override_item(item, reason, by, self._now(), people))
 
     def document(self) -> report.Document:
         """Return the checklist in its current state."""
         document = self._document.model_copy(update={"items": self.items})
-        return document.model_copy(update={"since_green": since(self._green, document)})
+        return document.model_copy(update={"since_green": compare_with_green(self._green, document)})
 
     def sign(
         self,

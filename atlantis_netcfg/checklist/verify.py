@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 __all__ = ["SigningTrouble", "verify", "verify_report"]
 
 
-"""A file that was being written when the program was killed."""
 _PAGE = re.compile(r"[a-z0-9][a-z0-9_-]*\.[a-z0-9]+")
 
 

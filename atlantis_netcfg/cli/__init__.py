@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["main"]
 
 _OBJECTS = 50_000
-"""Between two looks for garbage: nearly all that a start makes stays, and looking took a fifth of its time."""
+"""Allocations between garbage collections: nearly all objects of a start stay, and collecting took a fifth of it."""
 _HELP = frozenset({"-h", "--help"})
 
 
@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = comman
     _open_streams()
     line, code, before = _CommandLine(command_line, table), None, stop_signals.handlers()
     try:
-        stop_signals.take()
+        stop_signals.install_handlers()
         code = line.end()
         stop_signals.ignore()
     except KeyboardInterrupt as stop:

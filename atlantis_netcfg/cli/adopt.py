@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.adopt import Adoption, AdoptionResult
     from atlantis_netcfg.operations.trust import DeviceIdentity
@@ -64,16 +64,16 @@ def run_adopt(arguments: syntax.Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli.base.output import progress
 
-    declaration, host = _load_declaration(arguments)
+    inventory, host = _load_inventory(arguments)
     with ExitStack() as stack:
         notify = stack.enter_context(progress(quiet=arguments.flag("json")))
-        adoption = _adoption(arguments, declaration, host, notify, stack.enter_context)
+        adoption = _adoption(arguments, inventory, host, notify, stack.enter_context)
         if arguments.flag("plan"):
             return _close(arguments, adoption.plan())
         return _close(arguments, adoption.carry_out(_agree(arguments)))
 
 
-def _load_declaration(arguments: syntax.Arguments) -> tuple[Declaration, Host]:
+def _load_inventory(arguments: syntax.Arguments) -> tuple[Inventory, Host]:
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.passphrase import vault_of
@@ -82,14 +82,14 @@ def _load_declaration(arguments: syntax.Arguments) -> tuple[Declaration, Host]:
 
     inventory_name = arguments.optional("inventory")
     root = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
-    declaration = load(root, decrypt=vault_of(arguments).decrypt)
-    (host,) = choose(declaration, arguments.word("site"), [arguments.word("device")])
-    return declaration, host
+    inventory = load(root, decrypt=vault_of(arguments).decrypt)
+    (host,) = choose(inventory, arguments.word("site"), [arguments.word("device")])
+    return inventory, host
 
 
 def _adoption(
     arguments: syntax.Arguments,
-    declaration: Declaration,
+    inventory: Inventory,
     host: Host,
     notify: Subscriber,
     enter: Callable[[AbstractContextManager[Any]], Any],
@@ -102,7 +102,7 @@ def _adoption(
     from atlantis_netcfg.routeros.first_contact.steps import FACTORY_ADDRESS
 
     adoption = Adoption(
-        declaration,
+        inventory,
         host,
         paths.state_dir(),
         shlex.join(["provision", *sys.argv[1:]]),
@@ -227,7 +227,7 @@ def run_trust(arguments: syntax.Arguments) -> ExitCode:
     """Run `trust`: read each device, ask about new identities, and save the answers."""
     import sys
 
-    from atlantis_netcfg.cli.vpn._common import load_declaration
+    from atlantis_netcfg.cli.vpn._common import load_inventory
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.core.errors import NoMatchError, UsageError, worst
     from atlantis_netcfg.inventory import choose
@@ -235,22 +235,22 @@ def run_trust(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.trust import has_identity
 
-    declaration = load_declaration(arguments)
-    site_hosts = choose(declaration, arguments.word("site"), arguments.many("only"))
+    inventory = load_inventory(arguments)
+    site_hosts = choose(inventory, arguments.word("site"), arguments.many("only"))
     hosts = [host for host in site_hosts if has_identity(host)]
     if not hosts:
         raise NoMatchError("nobody logs in to any of these devices: there is nothing to trust")
-    refuse_examples(declaration, is_rehearsal=False)
+    refuse_examples(inventory, is_rehearsal=False)
     if not sys.stdin.isatty():
         raise UsageError(
             "nobody is here to agree to an identity, so nothing was trusted",
             hint="type the same on a terminal; or declare `fingerprint` under `access`, or `host_key` under `ssh`",
         )
     request = Request(state=paths.state_dir())
-    return worst([_trust_device(declaration, host, request) for host in hosts])
+    return worst([_trust_device(inventory, host, request) for host in hosts])
 
 
-def _trust_device(declaration: Declaration, host: Host, request: Request) -> ExitCode:
+def _trust_device(inventory: Inventory, host: Host, request: Request) -> ExitCode:
     """Handle one device; its errors do not stop the others."""
     from atlantis_netcfg.cli.base.output import tell
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
@@ -259,8 +259,8 @@ def _trust_device(declaration: Declaration, host: Host, request: Request) -> Exi
 
     try:
         if is_computer(host):
-            return _computer(declaration, host, request)
-        return worst([_device(identity, request) for identity in identities(declaration, host, request)])
+            return _computer(inventory, host, request)
+        return worst([_device(identity, request) for identity in identities(inventory, host, request)])
     except NetcfgError as error:
         tell([error])
         return ExitCode.FAILED
@@ -297,11 +297,11 @@ def _device(identity: DeviceIdentity, request: Request) -> ExitCode:
     return ExitCode.DONE
 
 
-def _computer(declaration: Declaration, host: Host, request: Request) -> ExitCode:
+def _computer(inventory: Inventory, host: Host, request: Request) -> ExitCode:
     from atlantis_netcfg.core.errors import DeviceError, ExitCode
     from atlantis_netcfg.operations.trust import KeyState, TrustedComputer
 
-    computer = TrustedComputer(declaration, host, request)
+    computer = TrustedComputer(inventory, host, request)
     state = computer.look()
     ssh = getattr(host.device, "ssh", None)
     if state is not KeyState.MATCH and ssh is not None and ssh.host_key is not None:

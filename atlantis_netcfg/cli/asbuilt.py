@@ -53,12 +53,12 @@ def run_asbuilt(arguments: syntax.Arguments) -> ExitCode:
         arguments,
         rehearse=arguments.flag("rehearse"),
         via=arguments.optional("via"),
-        choose_hosts=lambda declaration: choose(declaration, arguments.word("site"), arguments.many("only")),
+        choose_hosts=lambda inventory: choose(inventory, arguments.word("site"), arguments.many("only")),
     ) as site_session:
         if site_session.rehearsal is not None and any(
             host.name in site_session.rehearsal.targets for host in site_session.hosts
         ):
-            site_session.configure_twins()
+            site_session.configure_emulators()
         record, folder, digest = _make_record(site_session)
     if site_session.as_json:
         print(json_text({**record.as_json(), "kept": str(folder), "digest": digest}))
@@ -96,7 +96,7 @@ def _make_record(session: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
     files = {FILE: data, "as-built.html": html(record, digest), "as-built.pdf": pdf(record, digest)}
     if session.arguments.flag("labels"):
         place = folder.relative_to(session.state).as_posix()
-        files["labels.pdf"] = labels_pdf(record, digest, place, session.declaration.pilot.asbuilt)
+        files["labels.pdf"] = labels_pdf(record, digest, place, session.inventory.pilot.asbuilt)
     keep(folder, files)
     return record, folder, digest
 
@@ -113,22 +113,22 @@ def _read(session: CommandSession) -> AsBuiltRecord:
     from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
     from atlantis_netcfg.runs import utc_now
 
-    declaration = session.declaration
-    refuse_examples(declaration, is_rehearsal=session.is_rehearsal)
+    inventory = session.inventory
+    refuse_examples(inventory, is_rehearsal=session.is_rehearsal)
     request = session.confirm_cost(session.request(Mode.DRIFT))
     with progress(quiet=session.as_json) as notify:
-        site = SiteLook(declaration, session.site, request, notify, session.left_out)
+        site = SiteLook(inventory, session.site, request, notify, session.left_out)
         devices, costs = asyncio.run(look_at(site, session.hosts))
     return AsBuiltRecord(
         id="",
         site=session.site,
-        title=declaration.sites[session.site].title,
+        title=inventory.sites[session.site].title,
         at=utc_now(),
         tool=__version__,
-        inventory=declaration.revision,
+        inventory=inventory.revision,
         rehearsed=session.is_rehearsal,
-        time_zone=declaration.pilot.time_zone,
-        mask=declaration.pilot.asbuilt.mask,
+        time_zone=inventory.pilot.time_zone,
+        mask=inventory.pilot.asbuilt.mask,
         checklist=site.checklist,
         devices=devices,
         not_rehearsed=session.rehearsal.not_rehearsed if session.rehearsal is not None else (),

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.computers.dds import ProfileView
-    from atlantis_netcfg.inventory import Declaration, Finding, InventoryInvalid
+    from atlantis_netcfg.inventory import Finding, Inventory, InventoryInvalid
     from atlantis_netcfg.links.standing_traffic import StandingTraffic
 
 
@@ -47,12 +47,12 @@ def run_validate(arguments: syntax.Arguments) -> ExitCode:
     inventory_name = arguments.optional("inventory")
     inventory = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
     try:
-        declaration = load(inventory)
-        sources, _ = load_robots(declaration)
+        pilot_inventory = load(inventory)
+        sources, _ = load_robots(pilot_inventory)
     except InventoryInvalid as error:
         return _refuse(error, inventory, as_json=arguments.flag("json"))
     warnings = [finding for source in sources for finding in source.warnings]
-    return _confirm(declaration, sorted((*warnings, *_warnings(declaration))), arguments)
+    return _confirm(pilot_inventory, sorted((*warnings, *_warnings(pilot_inventory))), arguments)
 
 
 def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitCode:
@@ -66,47 +66,47 @@ def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitC
     return error.exit
 
 
-def _confirm(declaration: Declaration, warnings: Sequence[Finding], arguments: syntax.Arguments) -> ExitCode:
+def _confirm(inventory: Inventory, warnings: Sequence[Finding], arguments: syntax.Arguments) -> ExitCode:
     import dataclasses
     from collections import Counter
 
-    kinds = Counter(host.device.kind for host in declaration.hosts.values())
+    kinds = Counter(host.device.kind for host in inventory.hosts.values())
     names_by_kind = {
-        "sites": [f"{site} ({len(declaration.site_hosts(site))} hosts)" for site in declaration.sites],
+        "sites": [f"{site} ({len(inventory.site_hosts(site))} hosts)" for site in inventory.sites],
         "hosts": [f"{count} {kind}" for kind, count in kinds.items()],
-        "vehicles": list(declaration.vehicles),
-        "partners": list(declaration.partners),
+        "vehicles": list(inventory.vehicles),
+        "partners": list(inventory.partners),
     }
-    counts = {name: len(getattr(declaration, name)) for name in names_by_kind}
+    counts = {name: len(getattr(inventory, name)) for name in names_by_kind}
     if arguments.flag("json"):
-        examples = [dataclasses.asdict(example) for example in declaration.examples]
+        examples = [dataclasses.asdict(example) for example in inventory.examples]
         warning_rows = [dataclasses.asdict(finding) for finding in warnings]
-        more = {"checked": counts, "revision": declaration.revision, "examples": examples, "warnings": warning_rows}
-        _print_json_counts(ExitCode.DONE, declaration.root, errors=[], **more)
+        more = {"checked": counts, "revision": inventory.revision, "examples": examples, "warnings": warning_rows}
+        _print_json_counts(ExitCode.DONE, inventory.root, errors=[], **more)
         return ExitCode.DONE
-    print(translate(f"{declaration.root}: no errors"))
+    print(translate(f"{inventory.root}: no errors"))
     for name, some in names_by_kind.items():
         print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
     _tell_warnings(warnings)
-    _tell_examples(declaration, lists_all=arguments.flag("examples"))
+    _tell_examples(inventory, lists_all=arguments.flag("examples"))
     return ExitCode.DONE
 
 
-def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
+def _warnings(inventory: Inventory) -> tuple[Finding, ...]:
     """Return warnings about valid but questionable entries.
 
     The load of links is computed only if the inventory has a budget, or a vehicle's published data.
     """
-    result = declaration.warnings
-    if any(bearer.has_standing_budget for site in declaration.sites.values() for bearer in site.bearers):
+    result = inventory.warnings
+    if any(link.has_standing_budget for site in inventory.sites.values() for link in site.bearers):
         from atlantis_netcfg.operations.common.traffic_budget import inventory_warnings
 
-        result = inventory_warnings(declaration)
-    if any(vehicle.telemetry for vehicle in declaration.vehicles.values()):
-        from atlantis_netcfg.operations.fit import fits_nowhere
+        result = inventory_warnings(inventory)
+    if any(vehicle.telemetry for vehicle in inventory.vehicles.values()):
+        from atlantis_netcfg.operations.fit import unfit_vehicles
         from atlantis_netcfg.runs import utc_now
 
-        result = tuple(sorted((*result, *fits_nowhere(declaration, utc_now()))))
+        result = tuple(sorted((*result, *unfit_vehicles(inventory, utc_now()))))
     return result
 
 
@@ -117,21 +117,21 @@ def _tell_warnings(warnings: Sequence[Finding]) -> None:
         print(translate(report(warnings, warnings=True)))
 
 
-def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:
+def _tell_examples(inventory: Inventory, *, lists_all: bool) -> None:
     from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.inventory.examples import by_line
 
-    examples = declaration.examples
+    examples = inventory.examples
     for line in by_line(examples) if lists_all else ():
         print(f"  {line}")
-    if declaration.pilot.example_values and examples:
-        rehearsal = f"`provision site={next(iter(declaration.sites))} --rehearse`"
+    if inventory.pilot.example_values and examples:
+        rehearsal = f"`provision site={next(iter(inventory.sites))} --rehearse`"
         print(translate(f"It still holds example values: only rehearsals use it ({rehearsal})."))
         if lists_all:
             print(translate(f"{len(examples)} values are examples."))
         else:
             print(translate(f"{len(examples)} values are examples: `provision validate --examples` lists them."))
-    elif declaration.pilot.example_values:
+    elif inventory.pilot.example_values:
         print(translate("No example value is left, but `example_values: true` says so: real runs are refused."))
         print(translate("Set `example_values: false` in group_vars/all/pilot.yml when every value is yours."))
     elif lists_all:
@@ -176,17 +176,17 @@ def run_dds(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.common.traffic_budget import standing_traffic
 
     inventory_name = arguments.optional("inventory")
-    declaration = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
-    (host,) = choose(declaration, arguments.word("site"), (arguments.word("host"),))
-    views = profile_views(declaration, host, arguments.optional("distribution"))
+    inventory = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    (host,) = choose(inventory, arguments.word("site"), (arguments.word("host"),))
+    views = profile_views(inventory, host, arguments.optional("distribution"))
     files = {name: text for view in views for name, text in profiles(view).items()}
     folder = arguments.optional("to")
     changes = _write(Path(folder), files) if folder is not None else {}
-    costs = {traffic.link.name: traffic.only(TrafficSource.DDS) for traffic in standing_traffic(declaration, host.site)}
+    costs = {traffic.link.name: traffic.only(TrafficSource.DDS) for traffic in standing_traffic(inventory, host.site)}
     if arguments.flag("json"):
         _print_json_profiles(views, costs, files if arguments.flag("show") else dict.fromkeys(files), changes)
     else:
-        _print(declaration, views, costs, changes)
+        _print(inventory, views, costs, changes)
         if arguments.flag("show"):
             _show(files)
     return ExitCode.DONE
@@ -212,7 +212,7 @@ def _write(folder: Path, files: Mapping[str, str]) -> dict[str, bool]:
 
 
 def _print(
-    declaration: Declaration,
+    inventory: Inventory,
     views: Sequence[ProfileView],
     costs: Mapping[str, StandingTraffic],
     changes: Mapping[str, bool],
@@ -230,21 +230,19 @@ def _print(
     for view in views:
         print(
             translate(
-                f"  {view.bearer:<10} announced every {view.tuning.announce_s:>2} s"
+                f"  {view.link:<10} announced every {view.tuning.announce_s:>2} s"
                 f" (reckoned: {view.announced_mb_a_day:.0f} MB a day for each process),"
                 f" datagrams of {view.tuning.message_bytes} bytes at most"
             )
         )
-    print(
-        translate(f"  all DDS of {declaration.hosts[first.host].site}, with {first.processes} running on a computer:")
-    )
+    print(translate(f"  all DDS of {inventory.hosts[first.host].site}, with {first.processes} running on a computer:"))
     for name, traffic in costs.items():
         price = f", {traffic.bill.money}" if traffic.link.is_metered else ""
         month = size(traffic.month_bytes)
         print(translate(f"  {name:<10} {month} a month both ways while it carries the traffic{price}"))
     for name, has_changed in changes.items():
         print(translate(f"  {'written' if has_changed else 'already so':<10} {name}"))
-    if declaration.pilot.example_values:
+    if inventory.pilot.example_values:
         print(translate("The inventory still holds example values."))
 
 
@@ -263,11 +261,11 @@ def _print_json_profiles(
     first = views[0]
     links = [
         {
-            "link": view.bearer,
+            "link": view.link,
             "announce_s": view.tuning.announce_s,
             "message_bytes": view.tuning.message_bytes,
             "announced_mb_a_day": round(view.announced_mb_a_day, 1),
-            "standing": costs[view.bearer].as_dict(),
+            "standing": costs[view.link].as_dict(),
         }
         for view in views
     ]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.upgrade import PreparedUpgrade, UpgradeResult
     from atlantis_netcfg.operations.verify import VerifiedDevice, Verifying
@@ -84,7 +84,7 @@ def _report(session: CommandSession, devices: Mapping[str, Mapping[str, Any]]) -
         left_out=session.left_out,
         unfinished_runs={host: run.id for host, run in open_runs.items()},
         next_commands={host: run.next_command for host, run in open_runs.items()},
-        time_zone=session.declaration.pilot.time_zone,
+        time_zone=session.inventory.pilot.time_zone,
     )
 
 
@@ -213,8 +213,8 @@ def run_verify(arguments: syntax.Arguments) -> ExitCode:
     _check_privilege(silence=silence)
     hosts: list[Host] = []
 
-    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
-        hosts.append(_host(declaration, name, tries=arguments.flag("try") or arguments.flag("silence")))
+    def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
+        hosts.append(_host(inventory, name, tries=arguments.flag("try") or arguments.flag("silence")))
         return tuple(hosts)
 
     with session(
@@ -226,10 +226,10 @@ def run_verify(arguments: syntax.Arguments) -> ExitCode:
     ) as site_session:
         (host,) = hosts
         site_session.site = host.site
-        refuse_examples(site_session.declaration, is_rehearsal=site_session.is_rehearsal)
+        refuse_examples(site_session.inventory, is_rehearsal=site_session.is_rehearsal)
         with progress(quiet=site_session.as_json) as notify:
             verifying = Verifying(
-                site_session.declaration,
+                site_session.inventory,
                 host,
                 site_session.request(Mode.DRIFT),
                 notify,
@@ -256,23 +256,23 @@ def _check_privilege(*, silence: bool) -> None:
         )
 
 
-def _host(declaration: Declaration, name: str, *, tries: bool) -> Host:
+def _host(inventory: Inventory, name: str, *, tries: bool) -> Host:
     from atlantis_netcfg.core.errors import UsageError, nearest
     from atlantis_netcfg.inventory.model import LteDriver, LteRouter
     from atlantis_netcfg.operations.common.kinds import is_supported
 
-    if name in declaration.hosts:
-        host = declaration.hosts[name]
+    if name in inventory.hosts:
+        host = inventory.hosts[name]
         is_rutos = isinstance(host.device, LteRouter) and host.device.driver is LteDriver.RUTOS
         if is_rutos and tries:
             raise UsageError(f"{name} runs RutOS and is only read", hint="leave out `--try` and `--silence`")
         if not is_supported(host) and not is_rutos:
             raise UsageError(f"{name} is a {host.device.kind.replace('_', ' ')}, and no RouterOS device")
         return host
-    near = nearest(name, declaration.hosts)
+    near = nearest(name, inventory.hosts)
     raise UsageError(
         f"no device is called `{name}`",
-        hint=f"did you mean `device={near}`?" if near else f"there are: {', '.join(declaration.hosts)}",
+        hint=f"did you mean `device={near}`?" if near else f"there are: {', '.join(inventory.hosts)}",
     )
 
 
@@ -369,9 +369,9 @@ def _tell(session: CommandSession, state: SavedState) -> None:
     from atlantis_netcfg.core.times import time_text
 
     run = session.store.run(session.site, state.run) if not session.is_rehearsal else None
-    when = time_text(state.at, session.declaration.pilot.time_zone)
+    when = time_text(state.at, session.inventory.pilot.time_zone)
     print(translate(f"{session.hosts[0].name}: the state that run {state.run} read back at {when}"), flush=True)
-    if run is not None and run.start_record is not None and run.start_record.revision != session.declaration.revision:
+    if run is not None and run.start_record is not None and run.start_record.revision != session.inventory.revision:
         print(
             translate(f"  the inventory has changed: `provision site={session.site}` brings what it declares now"),
             flush=True,
@@ -434,13 +434,13 @@ def run_upgrade(arguments: syntax.Arguments) -> ExitCode:
         request = site_session.request(Mode.APPLY)
         files = [Path(name) for name in arguments.many("packages")]
         preparation = PreparedUpgrade.of(
-            site_session.declaration,
+            site_session.inventory,
             host,
             files,
             looking,
             notify,
             give_up=arguments.many("drop"),
-            # An emulated router is back within seconds, however far away its bearer is.
+            # An emulated router is back within seconds, however far away its link is.
             waiting=WaitingUpgrade(poll_s=1.0, connect_s=10.0) if site_session.is_rehearsal else WaitingUpgrade(),
         )
         if not preparation.upgrade.send:
@@ -450,7 +450,7 @@ def run_upgrade(arguments: syntax.Arguments) -> ExitCode:
         if arguments.flag("plan"):
             return _close(site_session, preparation.plan_result())
         accepted_request = _ask(site_session, preparation, request)
-        return _close(site_session, preparation.carry_out(site_session.declaration, accepted_request))
+        return _close(site_session, preparation.carry_out(site_session.inventory, accepted_request))
 
 
 def _show(session: CommandSession, preparation: PreparedUpgrade) -> None:
@@ -469,10 +469,10 @@ def _show(session: CommandSession, preparation: PreparedUpgrade) -> None:
         print(
             translate(f"  send {package.path.name:<34} {package.size / 1e6:6.1f} MB   SHA-256 {package.sha256[:16]}…")
         )
-    dear = ", which is paid by the byte" if preparation.bearer.is_metered else ""
-    cost = f"{upgrade.size / 1e6:.1f} MB over {preparation.bearer.name}{dear}: about {preparation.seconds:.0f} s"
+    dear = ", which is paid by the byte" if preparation.link.is_metered else ""
+    cost = f"{upgrade.size / 1e6:.1f} MB over {preparation.link.name}{dear}: about {preparation.seconds:.0f} s"
     print(translate(f"  {cost}; then a reboot"))
-    if preparation.bearer.is_metered:
+    if preparation.link.is_metered:
         print(translate(f"  {preparation.cost.words}"))
     for note in upgrade.notes:
         print(translate(f"  note: {note}"))
@@ -480,12 +480,12 @@ def _show(session: CommandSession, preparation: PreparedUpgrade) -> None:
 
 def _ask(session: CommandSession, preparation: PreparedUpgrade, request: Request) -> Request:
     """Ask for consent to the cost, then to the reboot; return the request with the first consent."""
-    from atlantis_netcfg.cli.base.consent import pays, require_agreement
+    from atlantis_netcfg.cli.base.consent import confirm_cost, require_agreement
 
     if session.rehearsal is not None:
         return request
-    if preparation.bearer.is_metered and not request.accept_cost:
-        pays([preparation.cost.words], ask=not session.as_json)
+    if preparation.link.is_metered and not request.accept_cost:
+        confirm_cost([preparation.cost.words], ask=not session.as_json)
         request = request.model_copy(update={"accept_cost": True})
     if not session.arguments.flag("yes"):
         require_agreement(f"Send {preparation.upgrade.size / 1e6:.1f} MB and reboot {preparation.job.name} now?")

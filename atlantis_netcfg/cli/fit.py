@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.printable import Row
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.fit import LinkFit, TopicFit, VehicleFit
     from atlantis_netcfg.operations.fit.link_capacity import Capacity
     from atlantis_netcfg.operations.fit.measured_telemetry import MeasuredTelemetry, TelemetryChange
@@ -64,11 +64,11 @@ def run_fit(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.runs import Store, utc_now
 
     inventory_name = arguments.optional("inventory")
-    declaration = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
-    telemetry, change = _listen(arguments, declaration)
+    inventory = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    telemetry, change = _listen(arguments, inventory)
     state = paths.state_dir()
     fit = vehicle_fit(
-        declaration if telemetry is None else telemetry.of(declaration),
+        inventory if telemetry is None else telemetry.of(inventory),
         [Store(state), Store(state, is_rehearsal=True)],
         arguments.word("site"),
         arguments.word("vehicle"),
@@ -90,7 +90,7 @@ def run_fit(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _listen(
-    arguments: syntax.Arguments, declaration: Declaration
+    arguments: syntax.Arguments, inventory: Inventory
 ) -> tuple[MeasuredTelemetry, TelemetryChange] | tuple[None, None]:
     """Listen if requested, and write the result if requested. Raises UsageError."""
     from atlantis_netcfg.core.errors import UsageError
@@ -105,11 +105,11 @@ def _listen(
             raise UsageError(f"`{word}` is for what is heard", hint="add how long to listen: `observed=30s`")
         return None, None
     site, vehicle = arguments.word("site"), arguments.word("vehicle")
-    require_vehicle(declaration, site, vehicle)
-    telemetry = measured_telemetry.measure(declaration, site, vehicle, robots.seconds_of(span), address)
-    change = measured_telemetry.change(declaration, telemetry, utc_now().date())
+    require_vehicle(inventory, site, vehicle)
+    telemetry = measured_telemetry.measure(inventory, site, vehicle, robots.seconds_of(span), address)
+    change = measured_telemetry.change(inventory, telemetry, utc_now().date())
     if arguments.flag("write"):
-        measured_telemetry.write(declaration, telemetry, change)
+        measured_telemetry.write(inventory, telemetry, change)
     return telemetry, change
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.guests import GuestEntry
     from atlantis_netcfg.operations.vpn.server import DeployResult
     from atlantis_netcfg.vpn.authority.authority import Authority
@@ -85,7 +85,7 @@ GUEST_ADD = syntax.CommandSpec(
 
 def run_guest_add(arguments: syntax.Arguments) -> ExitCode:
     """Run `guest add`: validate, write, issue, generate, update the server. Raises SiteBusy if another one runs."""
-    with _alone(arguments):
+    with _guest_lock(arguments):
         return _add(arguments)
 
 
@@ -97,15 +97,15 @@ def _add(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.vpn.recipients import recipients_of
     from atlantis_netcfg.vpn.requests import request_of
 
-    before, entry = _common.load_declaration(arguments), _entry(arguments)
-    text, declaration = _declared_with(before, entry)
+    before, entry = _common.load_inventory(arguments), _entry(arguments)
+    text, inventory = _declared_with(before, entry)
     words = _device(arguments, entry)
-    request = request_of(declaration, words)
-    target = members.handout_target(arguments, recipients_of([words], [request.name]))
-    refuse_example_authority(declaration, is_explicit=arguments.optional("authority") is not None)
+    request = request_of(inventory, words)
+    target = members.package_target(arguments, recipients_of([words], [request.name]))
+    refuse_example_authority(inventory, is_explicit=arguments.optional("authority") is not None)
     authority = _common.open_authority(arguments)
-    server = _common.server(arguments, declaration)
-    onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
+    server = _common.server(arguments, inventory)
+    onboarding = Onboarding(inventory, _common.operator(arguments, authority), target)
     packages = onboarding.find_existing([request])
     if arguments.flag("plan"):
         return _tell_plan(arguments, _steps_of_add(entry, request, is_declared=text is None, member=bool(packages)))
@@ -120,10 +120,10 @@ def _add(arguments: syntax.Arguments) -> ExitCode:
         inventory_files.write(before.root, guests.FILE, text)
     _say(arguments, _lines_of_add(entry, already=text is None))
     more = {"guest": entry.name, "declared": guests.FILE, "until": entry.until, "sites": list(entry.sites)}
-    return members.close(arguments, declaration, packages, server, authority, more=more)
+    return members.close(arguments, inventory, packages, server, authority, more=more)
 
 
-def _alone(arguments: syntax.Arguments) -> AbstractContextManager[object]:
+def _guest_lock(arguments: syntax.Arguments) -> AbstractContextManager[object]:
     """Return the lock for changes of guests on this computer, so that two commands do not overwrite each other."""
     if arguments.flag("plan"):
         return nullcontext()
@@ -160,7 +160,7 @@ def _entry(arguments: syntax.Arguments) -> GuestEntry:
     )
 
 
-def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, Declaration]:
+def _declared_with(before: Inventory, entry: GuestEntry) -> tuple[str | None, Inventory]:
     """Return the file that adds the guest, and the inventory with it; no file if the guest is there already.
 
     Raises UsageError for another vehicle or guest of that name, InventoryInvalid for data that do not fit the
@@ -181,14 +181,14 @@ def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, 
     return None, before
 
 
-def _refuse_unknown(declaration: Declaration, entry: GuestEntry) -> None:
+def _refuse_unknown(inventory: Inventory, entry: GuestEntry) -> None:
     """Raise an error for an unknown argument value, before it would be reported as a line of a file."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.inventory.findings import suggest
 
     for word, values, names in (
-        ("partner", (entry.partner,), declaration.partners),
-        ("site", entry.sites, declaration.sites),
+        ("partner", (entry.partner,), inventory.partners),
+        ("site", entry.sites, inventory.sites),
     ):
         for each in values:
             if each not in names:
@@ -213,7 +213,7 @@ def _device(arguments: syntax.Arguments, entry: GuestEntry) -> DeviceWords:
 
 
 @contextmanager
-def _declared_until_issued(before: Declaration, name: str, authority: Authority, text: str | None) -> Iterator[None]:
+def _declared_until_issued(before: Inventory, name: str, authority: Authority, text: str | None) -> Iterator[None]:
     """Add the guest to the inventory; undo this if nothing was issued for it, as after a wrong passphrase."""
     from atlantis_netcfg.operations import guests
     from atlantis_netcfg.operations.common import inventory_files
@@ -290,7 +290,7 @@ GUEST_END = syntax.CommandSpec(
 
 def run_guest_end(arguments: syntax.Arguments) -> ExitCode:
     """Run `guest end`: ask, revoke, remove the entry, update the server, verify. Raises SiteBusy if locked."""
-    with _alone(arguments):
+    with _guest_lock(arguments):
         return _end(arguments)
 
 
@@ -302,7 +302,7 @@ def _end(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.vpn.server import DeployResult
     from atlantis_netcfg.vpn.members import reason_of
 
-    before, name = _common.load_declaration(arguments), arguments.word("name")
+    before, name = _common.load_inventory(arguments), arguments.word("name")
     reason = reason_of(arguments.optional("reason") or "its stay has ended")
     guest, authority = guests.declared_guest(before, name), _common.open_authority(arguments)
     members = guests.members_of(authority, name)
@@ -325,7 +325,7 @@ def _end(arguments: syntax.Arguments) -> ExitCode:
     if guest is not None:
         inventory_files.write(before.root, guests.FILE, text)
     robot.unlink(missing_ok=True)
-    guests.remove_handouts(authority, members)
+    guests.remove_packages(authority, members)
     leftovers = guests.left_over(before.root, authority, name)
     return _tell_end(arguments, members, deployment, leftovers, already=not steps)
 
@@ -350,7 +350,7 @@ def _agree(arguments: syntax.Arguments, name: str, steps: Sequence[str]) -> None
 
 
 def _put_out(
-    arguments: syntax.Arguments, after: Declaration, authority: Authority, members: Sequence[Member], reason: str
+    arguments: syntax.Arguments, after: Inventory, authority: Authority, members: Sequence[Member], reason: str
 ) -> DeployResult:
     """Record the revocation, and make the server reject the members."""
     from atlantis_netcfg.cli.base.output import progress
@@ -363,7 +363,7 @@ def _put_out(
     hold(arguments, server, authority)
     revocation = revoke(_common.operator(arguments, authority), members, reason, passphrase)
     with progress(quiet=arguments.flag("json")) as notify:
-        return server.cut(authority, revocation, notify)
+        return server.disconnect(authority, revocation, notify)
 
 
 def _tell_end(

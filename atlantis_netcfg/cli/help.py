@@ -43,7 +43,7 @@ MEANING: Mapping[ExitCode, str] = {
 WIDTH = 80
 """Columns of a terminal that no line of help exceeds."""
 _COLUMN = 26
-"""What stands in the left column of a table and is longer than this has a line of its own."""
+"""A longer text in the left column of a table has a line of its own."""
 
 
 def overview(table: Mapping[str, str]) -> str:

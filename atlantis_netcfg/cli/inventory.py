@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
-    from atlantis_netcfg.inventory import Declaration, InventoryInvalid
+    from atlantis_netcfg.inventory import Inventory, InventoryInvalid
     from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers
 
 
@@ -47,8 +47,8 @@ def run_init(arguments: syntax.Arguments) -> ExitCode:
     source = _source(arguments)
     refuse_used(folder)
     if source == "example":
-        declaration = create(folder, {**example_files(_example_folder()), README: _readme(folder, is_encrypted=None)})
-        return _confirm(folder, declaration, is_encrypted=None, as_json=as_json)
+        inventory = create(folder, {**example_files(_example_folder()), README: _readme(folder, is_encrypted=None)})
+        return _confirm(folder, inventory, is_encrypted=None, as_json=as_json)
     result = _ask_person() if source == "questions" else _read(Path(source))
     if isinstance(result, InventoryInvalid):
         return _refuse(result, "in the answers; nothing was written", as_json=as_json)
@@ -56,10 +56,10 @@ def run_init(arguments: syntax.Arguments) -> ExitCode:
     encrypt = _encrypt(ask=source == "questions")
     files = {**_files(answers, encrypt), README: _readme(folder, is_encrypted=encrypt is not None)}
     try:
-        declaration = create(folder, files)
+        inventory = create(folder, files)
     except InventoryInvalid as error:
         return _keep(error, folder, raw_answers if source == "questions" else None, as_json=as_json)
-    return _confirm(folder, declaration, is_encrypted=encrypt is not None, as_json=as_json)
+    return _confirm(folder, inventory, is_encrypted=encrypt is not None, as_json=as_json)
 
 
 def _source(arguments: syntax.Arguments) -> str:
@@ -204,22 +204,22 @@ def _keep(error: InventoryInvalid, folder: Path, raw_answers: Mapping[str, Any] 
     return code
 
 
-def _confirm(folder: Path, declaration: Declaration, *, is_encrypted: bool | None, as_json: bool) -> ExitCode:
+def _confirm(folder: Path, inventory: Inventory, *, is_encrypted: bool | None, as_json: bool) -> ExitCode:
     import dataclasses
 
     from atlantis_netcfg.core.language import translate
 
-    sites = list(declaration.sites)
+    sites = list(inventory.sites)
     if as_json:
-        examples = [dataclasses.asdict(example) for example in declaration.examples]
-        document = {"exit": 0, "errors": [], "inventory": str(folder), "sites": sites, "hosts": list(declaration.hosts)}
+        examples = [dataclasses.asdict(example) for example in inventory.examples]
+        document = {"exit": 0, "errors": [], "inventory": str(folder), "sites": sites, "hosts": list(inventory.hosts)}
         print(json_text({**document, "examples": examples}))
         return ExitCode.DONE
-    print(translate(f"{folder}: written and checked, no errors, {len(declaration.hosts)} hosts at {len(sites)} sites"))
+    print(translate(f"{folder}: written and checked, no errors, {len(inventory.hosts)} hosts at {len(sites)} sites"))
     if is_encrypted:
         print(translate("Passwords were made new, and are encrypted with the password of your vault."))
-    if declaration.examples:
-        print(translate(f"{len(declaration.examples)} values are examples: only rehearsals use this inventory."))
+    if inventory.examples:
+        print(translate(f"{len(inventory.examples)} values are examples: only rehearsals use this inventory."))
         print(f"  provision validate inventory={folder} --examples")
     print(translate(f"Next: read {folder / 'README.md'}, and rehearse a site:"))
     print(f"  provision site={[*sites[1:], *sites][0]} --rehearse inventory={folder}")

@@ -16,8 +16,8 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.links import BearerFinding
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.links import LinkFinding
     from atlantis_netcfg.links.cost import Bill, Preview
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.allow_list_test.prove import Proof
@@ -56,7 +56,7 @@ def run_links(arguments: syntax.Arguments) -> ExitCode:
     _one_site(arguments.word("site"))
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as site_session:
         if site_session.rehearsal is not None:
-            site_session.configure_twins()
+            site_session.configure_emulators()
         report = _report(site_session, read_links(site_session))
     print(json_text(report.as_json()) if site_session.as_json else translate(report.as_text()))
     return report.exit
@@ -77,19 +77,19 @@ def read_links(session: CommandSession) -> LinksStatus:
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.common.request import refuse_examples
-    from atlantis_netcfg.operations.links.collect import look
+    from atlantis_netcfg.operations.links.collect import collect_links
 
-    refuse_examples(session.declaration, is_rehearsal=session.is_rehearsal)
+    refuse_examples(session.inventory, is_rehearsal=session.is_rehearsal)
     request = session.confirm_cost(session.request(Mode.DRIFT))
     with progress(quiet=session.as_json) as notify:
-        return asyncio.run(look(session.declaration, session.site, session.hosts, request, notify))
+        return asyncio.run(collect_links(session.inventory, session.site, session.hosts, request, notify))
 
 
 def _report(session: CommandSession, status: LinksStatus) -> LinksReport:
-    title = session.declaration.sites[session.site].title
-    twins = session.rehearsal
-    missing = twins.not_rehearsed if twins is not None else ()
-    zone = session.declaration.pilot.time_zone
+    title = session.inventory.sites[session.site].title
+    emulators = session.rehearsal
+    missing = emulators.not_rehearsed if emulators is not None else ()
+    zone = session.inventory.pilot.time_zone
     return status.report(session.site, title, is_rehearsal=session.is_rehearsal, not_rehearsed=missing, time_zone=zone)
 
 
@@ -138,9 +138,9 @@ def run_prove(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 
-    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
-        choose(declaration, arguments.word("site"), ())
-        return (satellite_of(declaration, arguments.word("site"), arguments.optional("bearer")).router,)
+    def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
+        choose(inventory, arguments.word("site"), ())
+        return (satellite_of(inventory, arguments.word("site"), arguments.optional("bearer")).router,)
 
     with session(
         arguments,
@@ -155,7 +155,7 @@ def run_prove(arguments: syntax.Arguments) -> ExitCode:
             "rehearsed": site_session.is_rehearsal,
             "not_rehearsed": beyond,
             "expected": [item.as_dict() for item in cost_previews],
-            "cost": bills_by_link[proof.bearer].as_dict(),
+            "cost": bills_by_link[proof.link].as_dict(),
             "costs": {name: bill.as_dict() for name, bill in bills_by_link.items()},
         }
         print(json_text({**proof.as_json(), **document}))
@@ -177,15 +177,15 @@ def _prove(session: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[st
     from atlantis_netcfg.operations.allow_list_test.vpn import vpn_trial
     from atlantis_netcfg.operations.common.request import refuse_examples
 
-    satellite = satellite_of(session.declaration, session.site, session.arguments.optional("bearer"))
-    refuse_examples(session.declaration, is_rehearsal=session.is_rehearsal)
+    satellite = satellite_of(session.inventory, session.site, session.arguments.optional("bearer"))
+    refuse_examples(session.inventory, is_rehearsal=session.is_rehearsal)
     evidence = _evidence_findings(session, satellite.terminal)
     with ExitStack() as stack:
         notify = stack.enter_context(progress(quiet=session.as_json))
         if session.rehearsal is not None:
-            session.configure_twins(strict=True)
+            session.configure_emulators(strict=True)
         proving = satellite.proving(
-            session.declaration,
+            session.inventory,
             open_filter=session.arguments.flag("open-filter"),
             try_all=session.arguments.flag("try-all"),
             is_rehearsal=session.is_rehearsal,
@@ -193,23 +193,21 @@ def _prove(session: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[st
         )
         proving.notify = notify
         if proving.try_all:
-            trial = vpn_trial(
-                session.declaration, satellite.router, satellite.bearer, _request(session), session.rehearsal
-            )
+            trial = vpn_trial(session.inventory, satellite.router, satellite.link, _request(session), session.rehearsal)
             proving.vpn = stack.enter_context(trial)
-        cost_previews = tuple(preview for preview in previews(session.declaration, proving) if preview.link.is_metered)
+        cost_previews = tuple(preview for preview in previews(session.inventory, proving) if preview.link.is_metered)
         _pay(session, cost_previews)
         if proving.open_filter or proving.try_all:
             stack.enter_context(session.store.lock(session.site, f"provision prove site={session.site}"))
         start = time.monotonic()
-        proof = try_out(session.declaration, satellite.router, _request(session), proving)
+        proof = try_out(session.inventory, satellite.router, _request(session), proving)
         if proof.vpn_answered:
-            session.store.keep_proof(session.site, satellite.bearer.name)
-    bills_by_link = bills(session.declaration, proof, time.monotonic() - start)
-    dear = {name: bill for name, bill in bills_by_link.items() if name == proof.bearer or _is_metered(session, name)}
+            session.store.keep_proof(session.site, satellite.link.name)
+    bills_by_link = bills(session.inventory, proof, time.monotonic() - start)
+    dear = {name: bill for name, bill in bills_by_link.items() if name == proof.link or _is_metered(session, name)}
     words = [f"site={session.site}", *carried_words(session.arguments)]
 
-    def complete_hint(finding: BearerFinding) -> BearerFinding:
+    def complete_hint(finding: LinkFinding) -> LinkFinding:
         return replace(finding, hint=finding.hint and as_typed(finding.hint, words))
 
     judgements = tuple((attempt, complete_hint(finding)) for attempt, finding in proof.results)
@@ -223,25 +221,23 @@ def _prove(session: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[st
 def _is_metered(session: CommandSession, name: str) -> bool:
     from atlantis_netcfg.operations.common.site_links import link_of
 
-    return link_of(session.declaration, session.site, name).is_metered
+    return link_of(session.inventory, session.site, name).is_metered
 
 
-def _evidence_findings(session: CommandSession, terminal: Host) -> tuple[BearerFinding, ...]:
+def _evidence_findings(session: CommandSession, terminal: Host) -> tuple[LinkFinding, ...]:
     """Return findings on the terminal's evidence and the allow-list's names; a rehearsal looks up no names."""
     from datetime import UTC, datetime
     from pathlib import Path
 
     from atlantis_netcfg.operations.allow_list_test.site import names_of
-    from atlantis_netcfg.operations.common.terminals import look
+    from atlantis_netcfg.operations.common.terminals import judge_terminal
 
     backup = session.arguments.optional("backup")
     today = datetime.now(UTC).astimezone().date()
     backup_path = None if backup is None else Path(backup)
-    evidence = look(session.declaration, terminal, session.store, today=today, backup=backup_path)
+    evidence = judge_terminal(session.inventory, terminal, session.store, today=today, backup=backup_path)
     names = (
-        ()
-        if session.is_rehearsal
-        else names_of(session.declaration, session.site, session.arguments.optional("bearer"))
+        () if session.is_rehearsal else names_of(session.inventory, session.site, session.arguments.optional("bearer"))
     )
     return (*evidence.findings, *names)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.computers.bundle.build import BundleSize
     from atlantis_netcfg.computers.bundle.manifest import Manifest
     from atlantis_netcfg.computers.image.writer import Card
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.image import ImageOrder, MadeImage
 
@@ -65,13 +65,13 @@ def run_image(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.image import ImageOrder, prepare_image
 
     inventory_name = arguments.optional("inventory")
-    declaration = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
-    (host,) = choose(declaration, arguments.word("site"), [arguments.word("host")])
+    inventory = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    (host,) = choose(inventory, arguments.word("site"), [arguments.word("host")])
     image = Path(arguments.word("from"))
-    order = ImageOrder(declaration, host, image, arguments.optional("sha256"), paths.state_dir())
+    order = ImageOrder(inventory, host, image, arguments.optional("sha256"), paths.state_dir())
     order.check()
     file = _file(arguments)
-    card = None if file is not None else _card(arguments, declaration)
+    card = None if file is not None else _card(arguments, inventory)
     as_json = arguments.flag("json")
     with progress(quiet=as_json) as notify, prepare_image(order, notify) as ready:
         return _end_image(order, ready, _keep(ready, file, card), as_json=as_json)
@@ -97,21 +97,21 @@ def _file(arguments: syntax.Arguments) -> Path | None:
     return file
 
 
-def _card(arguments: syntax.Arguments, declaration: Declaration) -> Card:
+def _card(arguments: syntax.Arguments, inventory: Inventory) -> Card:
     """Return the card after the user's confirmation. Raises BlockDeviceError, UsageError, ConsentRefusal."""
     from pathlib import Path
 
-    from atlantis_netcfg.computers.image.blocks import BlockTree, admit, require_confirmation
+    from atlantis_netcfg.computers.image.blocks import BlockTree, require_confirmation, require_writable_disk
     from atlantis_netcfg.computers.image.writer import Card
     from atlantis_netcfg.core.errors import UsageError
 
-    if declaration.pilot.example_values:
+    if inventory.pilot.example_values:
         raise UsageError(
             "the inventory still holds example values, and a card made of them lets nobody in",
             hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --image-only FILE",
         )
     tree, device = BlockTree(), Path(arguments.word("to"))
-    card = Card(device, admit(tree, device), tree)
+    card = Card(device, require_writable_disk(tree, device), tree)
     if not arguments.flag("json"):
         print(card.disk.summary, flush=True)
     serial = arguments.optional("serial")
@@ -149,10 +149,10 @@ def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, A
     from dataclasses import asdict
 
     if file is not None:
-        return {"file": str(file), "size": ready.into(file)}
+        return {"file": str(file), "size": ready.save_as_file(file)}
     if card is None:
         raise AssertionError("neither a file nor a card")
-    write_result, receipt = ready.onto(card)
+    write_result, receipt = ready.write_to_card(card)
     disk = {"path": str(card.device), "name": card.disk.name, "serial": card.disk.serial, "size": card.disk.size}
     return {"device": disk, "written": asdict(write_result), "receipt": str(receipt)}
 
@@ -230,15 +230,15 @@ def run_bundle(arguments: syntax.Arguments) -> ExitCode:
 
     inventory_name, check = arguments.optional("inventory"), arguments.optional("check")
     inventory = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
-    declaration = load(inventory)
-    if check is None and has_tokens(declaration):
-        declaration = load(inventory, decrypt=vault_of(arguments).decrypt)
-    hosts = bundle_hosts(declaration, arguments.word("site"), arguments.many("only"))
+    pilot_inventory = load(inventory)
+    if check is None and has_tokens(pilot_inventory):
+        pilot_inventory = load(inventory, decrypt=vault_of(arguments).decrypt)
+    hosts = bundle_hosts(pilot_inventory, arguments.word("site"), arguments.many("only"))
     request = Request()
     if check is not None:
-        return _check(arguments, declaration, hosts, Path(check), request)
+        return _check(arguments, pilot_inventory, hosts, Path(check), request)
     _refuse_both(arguments)
-    return _make(arguments, declaration, hosts, request)
+    return _make(arguments, pilot_inventory, hosts, request)
 
 
 def _refuse_both(arguments: syntax.Arguments) -> None:
@@ -254,7 +254,7 @@ def _refuse_both(arguments: syntax.Arguments) -> None:
         )
 
 
-def _make(arguments: syntax.Arguments, declaration: Declaration, hosts: tuple[Host, ...], request: Request) -> ExitCode:
+def _make(arguments: syntax.Arguments, inventory: Inventory, hosts: tuple[Host, ...], request: Request) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.output import progress
@@ -264,7 +264,7 @@ def _make(arguments: syntax.Arguments, declaration: Declaration, hosts: tuple[Ho
     to, status, image, keyring = (arguments.optional(name) for name in ("to", "status", "image", "keyring"))
     site, as_json = arguments.word("site"), arguments.flag("json")
     bundle_request = BundleRequest(
-        declaration,
+        inventory,
         site,
         hosts,
         Path(to).absolute() if to else paths.private_directory(request.state / "bundles") / site,
@@ -290,11 +290,11 @@ def _make(arguments: syntax.Arguments, declaration: Declaration, hosts: tuple[Ho
 
 
 def _check(
-    arguments: syntax.Arguments, declaration: Declaration, hosts: tuple[Host, ...], place: Path, request: Request
+    arguments: syntax.Arguments, inventory: Inventory, hosts: tuple[Host, ...], place: Path, request: Request
 ) -> ExitCode:
     from atlantis_netcfg.operations.bundle import open_for_hosts
 
-    bundle = open_for_hosts(declaration, hosts, place, request, accept=arguments.optional("key"))
+    bundle = open_for_hosts(inventory, hosts, place, request, accept=arguments.optional("key"))
     return _end_bundle(bundle.manifest, place, as_json=arguments.flag("json"))
 
 

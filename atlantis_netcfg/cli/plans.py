@@ -62,7 +62,7 @@ def run_apply(arguments: syntax.Arguments) -> ExitCode:
     with session(
         arguments, rehearse=is_rehearsal, via=plan["via"], site=plan["site"], only=plan["only"]
     ) as site_session:
-        if site_session.declaration.revision != plan["revision"]:
+        if site_session.inventory.revision != plan["revision"]:
             raise UsageError(
                 f"the declaration has changed since the plan in {file} was saved; no device was contacted",
                 hint=f"make a new plan: `{again}`",
@@ -131,7 +131,7 @@ def save(session: CommandSession, report: RunReport, file: Path) -> str:
         "via": session.via,
         "offline": str(session.offline) if session.offline is not None else None,
         "rehearsed": session.is_rehearsal,
-        "revision": session.declaration.revision,
+        "revision": session.inventory.revision,
         "plans": {name: planned_state(result) for name, result in report.devices.items()},
         "text": report.plan_as_text(),
     }

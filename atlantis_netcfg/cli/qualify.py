@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.links.cost import Preview
     from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, Selection
     from atlantis_netcfg.operations import Request
@@ -86,14 +86,14 @@ def run_qualify(arguments: syntax.Arguments) -> ExitCode:
 
     limits = _limits(arguments)
 
-    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
+    def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
         site = arguments.word("site")
-        choose(declaration, site, ())
-        links = links_of_site(declaration, site, arguments.optional("link"))
+        choose(inventory, site, ())
+        links = links_of_site(inventory, site, arguments.optional("link"))
         outside = () if _over_vpn(arguments) else links
-        _far_end(declaration, arguments).refuse(_selection(arguments), outside, declaration)
-        router = router_of(declaration, site)
-        return (router, *(unit for bearer in links if (unit := _unit(declaration, bearer)) is not None))
+        _far_end(inventory, arguments).refuse(_selection(arguments), outside, inventory)
+        router = router_of(inventory, site)
+        return (router, *(unit for link in links if (unit := _unit(inventory, link)) is not None))
 
     with session(arguments, rehearse=arguments.flag("rehearse"), via="lan", choose_hosts=choose_hosts) as site_session:
         results = _measure(site_session, limits)
@@ -116,21 +116,21 @@ def run_qualify(arguments: syntax.Arguments) -> ExitCode:
     return code
 
 
-def _unit(declaration: Declaration, bearer: Bearer) -> Host | None:
+def _unit(inventory: Inventory, link: Link) -> Host | None:
     """Return the device of a 4G link; None if there is none, or it cannot be read."""
-    from atlantis_netcfg.inventory.model import BearerKind, LteDriver, LteRouter
+    from atlantis_netcfg.inventory.model import LinkKind, LteDriver, LteRouter
 
-    host = declaration.hosts.get(bearer.device or "") if bearer.kind is BearerKind.LTE else None
+    host = inventory.hosts.get(link.device or "") if link.kind is LinkKind.LTE else None
     device = None if host is None else host.device
     return host if isinstance(device, LteRouter) and device.driver is not LteDriver.MANUAL else None
 
 
-def _facts(session: CommandSession, bearer: Bearer, request: Request) -> dict[str, str]:
+def _facts(session: CommandSession, link: Link, request: Request) -> dict[str, str]:
     """Return the data of a 4G link's device, read without using the link itself."""
     from atlantis_netcfg.records.survey.radio import UnitRadio, facts_of
 
-    unit = _unit(session.declaration, bearer)
-    return {} if unit is None else facts_of(UnitRadio(session.declaration, unit, request, session.store).read())
+    unit = _unit(session.inventory, link)
+    return {} if unit is None else facts_of(UnitRadio(session.inventory, unit, request, session.store).read())
 
 
 def _not_rehearsed(session: CommandSession) -> tuple[str, ...]:
@@ -146,11 +146,11 @@ def _over_vpn(arguments: syntax.Arguments) -> bool:
     return arguments.optional("over") is not None
 
 
-def _far_end(declaration: Declaration, arguments: syntax.Arguments) -> MeasuredFarEnd:
+def _far_end(inventory: Inventory, arguments: syntax.Arguments) -> MeasuredFarEnd:
     """Return the remote end of the measurement. Raises NothingToQualify, UsageError."""
     from atlantis_netcfg.operations.qualify.far_end import far_end_of
 
-    return far_end_of(declaration, over_vpn=_over_vpn(arguments), other=arguments.optional("far"))
+    return far_end_of(inventory, over_vpn=_over_vpn(arguments), other=arguments.optional("far"))
 
 
 def _selection(arguments: syntax.Arguments) -> Selection:
@@ -201,19 +201,19 @@ def _measure(session: CommandSession, limits: BudgetLimits) -> SeveralResults:
     from atlantis_netcfg.operations.qualify.run import links_of_site
     from atlantis_netcfg.operations.qualify.several import measure_each
 
-    refuse_examples(session.declaration, is_rehearsal=session.is_rehearsal)
-    links = links_of_site(session.declaration, session.site, session.arguments.optional("link"))
+    refuse_examples(session.inventory, is_rehearsal=session.is_rehearsal)
+    links = links_of_site(session.inventory, session.site, session.arguments.optional("link"))
     selection = _selection(session.arguments)
     _pay(session, links, selection, limits)
     with ExitStack() as stack:
         notify = stack.enter_context(progress(quiet=session.as_json))
         if session.rehearsal is not None:
-            session.configure_twins(strict=True)
-        elif _far_end(session.declaration, session.arguments).is_ours:
-            open_far_end(session.declaration, session.request(Mode.DRIFT))
+            session.configure_emulators(strict=True)
+        elif _far_end(session.inventory, session.arguments).is_ours:
+            open_far_end(session.inventory, session.request(Mode.DRIFT))
         stack.enter_context(session.store.lock(session.site, f"provision qualify site={session.site}"))
         result = measure_each(
-            links, limits, lambda bearer, remaining_limits: _link(session, bearer, selection, remaining_limits, notify)
+            links, limits, lambda link, remaining_limits: _link(session, link, selection, remaining_limits, notify)
         )
     if len(links) == 1 and result.results[0].failure is not None:
         raise result.results[0].failure
@@ -221,7 +221,7 @@ def _measure(session: CommandSession, limits: BudgetLimits) -> SeveralResults:
 
 
 def _link(
-    session: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits, notify: Subscriber
+    session: CommandSession, link: Link, selection: Selection, limits: BudgetLimits, notify: Subscriber
 ) -> QualifyResult:
     from contextlib import ExitStack
     from datetime import UTC, datetime
@@ -239,25 +239,25 @@ def _link(
     now = datetime.now(UTC)
     runs_folder = folder_of(session.store, session.site)
     with os_errors_as("the measurement", runs_folder):
-        folder = new_run(make_private(runs_folder), now, f"{bearer.name}-{now:%Y%m%dT%H%M%SZ}")
+        folder = new_run(make_private(runs_folder), now, f"{link.name}-{now:%Y%m%dT%H%M%SZ}")
     with ExitStack() as stack:
         over_vpn = _over_vpn(session.arguments)
-        far, emulation = _far_end(session.declaration, session.arguments), None
+        far, emulation = _far_end(session.inventory, session.arguments), None
         if session.rehearsal is not None:
-            emulation = stack.enter_context(emulated_link(bearer, far.key, session.rehearsal, over_vpn=over_vpn))
+            emulation = stack.enter_context(emulated_link(link, far.key, session.rehearsal, over_vpn=over_vpn))
         request = session.request(Mode.DRIFT)
         run = LinkRun(
-            session.declaration,
+            session.inventory,
             session.site,
-            bearer,
+            link,
             selection,
-            _cap_limits(session, bearer, limits),
+            _cap_limits(session, link, limits),
             folder,
             far,
             over_vpn=over_vpn,
             emulated_link=emulation,
             notify=notify,
-            facts=_facts(session, bearer, request),
+            facts=_facts(session, link, request),
         )
         failure = None
         try:
@@ -269,21 +269,21 @@ def _link(
     return QualifyResult(write_pages(folder), folder, failure)
 
 
-def _cap_limits(session: CommandSession, bearer: Bearer, limits: BudgetLimits) -> BudgetLimits:
+def _cap_limits(session: CommandSession, site_link: Link, limits: BudgetLimits) -> BudgetLimits:
     """Restrict the limits to the cap of a metered link; a limit in EUR applies only to metered links."""
     from atlantis_netcfg.operations.common.site_links import link_of
 
-    link = link_of(session.declaration, session.site, bearer.name)
+    link = link_of(session.inventory, session.site, site_link.name)
     bounds = [each for each in (limits.max_bytes, link.cap_bytes) if each is not None]
     price = limits.max_price if link.is_metered else None
     return limits.model_copy(update={"max_bytes": min(bounds, default=None), "max_price": price})
 
 
-def _pay(session: CommandSession, links: tuple[Bearer, ...], selection: Selection, limits: BudgetLimits) -> None:
+def _pay(session: CommandSession, links: tuple[Link, ...], selection: Selection, limits: BudgetLimits) -> None:
     """Show data volume, duration and cost, and ask for consent. Raises CostRefusal."""
     from atlantis_netcfg.cli.base.consent import pay
 
-    previews = [_preview(session, bearer, selection, limits) for bearer in links]
+    previews = [_preview(session, link, selection, limits) for link in links]
     if not session.as_json:
         for each in previews:
             print(translate(f"{each.words}, in about {max(1, round(each.bill.seconds / 60))} min"), flush=True)
@@ -297,17 +297,17 @@ def _pay(session: CommandSession, links: tuple[Bearer, ...], selection: Selectio
     pay(dear, is_accepted=session.arguments.flag(syntax.ACCEPT_COST.name), as_json=session.as_json)
 
 
-def _preview(session: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits) -> Preview:
+def _preview(session: CommandSession, site_link: Link, selection: Selection, limits: BudgetLimits) -> Preview:
     """Estimate the maximum cost of a link: of the whole plan, or of the limits if lower. Raises CostRefusal."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.links.cost import preview
     from atlantis_netcfg.operations.common.site_links import link_of
     from atlantis_netcfg.operations.qualify.plan import build_plan
 
-    link = link_of(session.declaration, session.site, bearer.name)
-    far = _far_end(session.declaration, session.arguments)
+    link = link_of(session.inventory, session.site, site_link.name)
+    far = _far_end(session.inventory, session.arguments)
     over_vpn = _over_vpn(session.arguments)
-    plan = build_plan(bearer, selection, is_rehearsal=session.is_rehearsal, over_vpn=over_vpn, confirms=far.is_ours)
+    plan = build_plan(site_link, selection, is_rehearsal=session.is_rehearsal, over_vpn=over_vpn, confirms=far.is_ours)
     if limits.max_price is not None and link.is_metered and (link.tariff is None or link.tariff.currency != "EUR"):
         raise UsageError(
             f"`--max-eur`: the tariff of `{link.name}` is not declared in EUR", hint=f"declare {link.tariff_key}"

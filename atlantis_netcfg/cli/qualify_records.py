@@ -65,7 +65,7 @@ def run_qualify_show(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode, UsageError
     from atlantis_netcfg.core.events import Verdict
     from atlantis_netcfg.core.printable import show
-    from atlantis_netcfg.links.qualify.archive import kept_run, kept_runs, record_of
+    from atlantis_netcfg.links.qualify.archive import find_run, record_of, stored_runs
     from atlantis_netcfg.links.qualify.judgement import profile
     from atlantis_netcfg.records.qualify.pages import rows
 
@@ -75,7 +75,7 @@ def run_qualify_show(arguments: syntax.Arguments) -> ExitCode:
     name = arguments.value("thresholds")
     thresholds = None if name is None else (name, profile(name))
     store = _store(arguments)
-    saved_run = kept_run(store, site, run) if run is not None else next(reversed(kept_runs(store, site, link)), None)
+    saved_run = find_run(store, site, run) if run is not None else next(reversed(stored_runs(store, site, link)), None)
     if saved_run is None:
         raise _nothing(arguments)
     record = record_of(saved_run, thresholds)
@@ -100,7 +100,7 @@ def run_qualify_compare(arguments: syntax.Arguments) -> ExitCode:
 
     from atlantis_netcfg.core.errors import ExitCode, UsageError
     from atlantis_netcfg.core.printable import show
-    from atlantis_netcfg.links.qualify.archive import kept_run, record_of
+    from atlantis_netcfg.links.qualify.archive import find_run, record_of
     from atlantis_netcfg.links.qualify.compare import compare_runs
     from atlantis_netcfg.records.qualify.several import comparison_rows
 
@@ -109,7 +109,7 @@ def run_qualify_compare(arguments: syntax.Arguments) -> ExitCode:
         more = " --rehearsed" if store.is_rehearsal else ""
         hint = f"type two of those that `provision qualify history site={site}{more}` lists, as in `runs=A,B`"
         raise UsageError(f"two measurements are compared, and {len(runs)} were named", hint=hint)
-    first, second = (record_of(kept_run(store, site, run)) for run in runs)
+    first, second = (record_of(find_run(store, site, run)) for run in runs)
     comparison = compare_runs(first, second)
     if arguments.flag("json"):
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "runs": list(runs), **asdict(comparison)}
@@ -125,11 +125,11 @@ def run_qualify_history(arguments: syntax.Arguments) -> ExitCode:
 
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.printable import show
-    from atlantis_netcfg.links.qualify.archive import kept_runs, record_of
+    from atlantis_netcfg.links.qualify.archive import record_of, stored_runs
     from atlantis_netcfg.records.qualify.several import history_rows
 
     site = arguments.word("site")
-    saved_runs = kept_runs(_store(arguments), site, arguments.optional("link"))
+    saved_runs = stored_runs(_store(arguments), site, arguments.optional("link"))
     if not saved_runs:
         raise _nothing(arguments)
     records = [record_of(item) for item in saved_runs]
@@ -172,12 +172,12 @@ def _nothing(arguments: syntax.Arguments) -> Exception:
     """There is no measurement; those of the other kind are named where there are any."""
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.core.errors import NoMatchError
-    from atlantis_netcfg.links.qualify.archive import kept_runs
+    from atlantis_netcfg.links.qualify.archive import stored_runs
     from atlantis_netcfg.runs import Store
 
     site, link, is_rehearsal = arguments.word("site"), arguments.optional("link"), arguments.flag("rehearsed")
-    links = sorted({item.run.link for item in kept_runs(Store(paths.state_dir(), is_rehearsal=is_rehearsal), site)})
-    others = kept_runs(Store(paths.state_dir(), is_rehearsal=not is_rehearsal), site, link)
+    links = sorted({item.run.link for item in stored_runs(Store(paths.state_dir(), is_rehearsal=is_rehearsal), site)})
+    others = stored_runs(Store(paths.state_dir(), is_rehearsal=not is_rehearsal), site, link)
     if links:
         hint = f"there are measurements of: {', '.join(links)}"
     elif others:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations import retrieve
 
 RETRIEVE = syntax.CommandSpec(
@@ -75,15 +75,15 @@ def run_retrieve(arguments: syntax.Arguments) -> ExitCode:
     _refuse_mixed(arguments, order)
     sources: list[retrieve.Source] = []
 
-    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
-        source, host = source_at(declaration, site, arguments.optional("from"))
+    def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
+        source, host = source_at(inventory, site, arguments.optional("from"))
         sources.append(source)
         return (host,)
 
     with session(arguments, via=arguments.optional("via"), choose_hosts=choose_hosts) as site_session:
-        refuse_examples(site_session.declaration, is_rehearsal=False)
+        refuse_examples(site_session.inventory, is_rehearsal=False)
         program = program_by_ssh(
-            site_session.declaration, sources[0], site_session.confirm_cost(site_session.request(Mode.DRIFT))
+            site_session.inventory, sources[0], site_session.confirm_cost(site_session.request(Mode.DRIFT))
         )
         if order is not None:
             return _ended_or_told(site_session, program, order)
@@ -104,7 +104,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core.errors import ExitCode, UsageError
-    from atlantis_netcfg.operations.common.site_links import bearer_named
+    from atlantis_netcfg.operations.common.site_links import link_named
     from atlantis_netcfg.operations.retrieve import RetrievalSelection, plan, source_at
     from atlantis_netcfg.operations.retrieve_rehearsal import (
         NOT_REHEARSED,
@@ -119,21 +119,21 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
         )
     site, candidates = arguments.word("site"), []
 
-    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
-        example_declaration, example = with_example(declaration, site)
-        source, host = source_at(example_declaration, site, arguments.optional("from"))
-        candidates.append((example_declaration, source, example))
+    def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
+        example_inventory, example = with_example(inventory, site)
+        source, host = source_at(example_inventory, site, arguments.optional("from"))
+        candidates.append((example_inventory, source, example))
         return (host,)
 
     with session(arguments, choose_hosts=choose_hosts) as site_session:
-        example_declaration, source, example = candidates[0]
+        example_inventory, source, example = candidates[0]
         announce(site_session)
         link_name = arguments.optional("link")
-        bearers = example_declaration.sites[site].bearers
-        bearer = bearers[0] if link_name is None else bearer_named(example_declaration, site, link_name)
-        with rehearsed_transfer(example_declaration, source, bearer) as transfer:
+        links = example_inventory.sites[site].bearers
+        link = links[0] if link_name is None else link_named(example_inventory, site, link_name)
+        with rehearsed_transfer(example_inventory, source, link) as transfer:
             program = transfer.program
-            transfer_plan = plan(example_declaration, source, bearer.name, program.look(RetrievalSelection()))
+            transfer_plan = plan(example_inventory, source, link.name, program.look(RetrievalSelection()))
             if not site_session.as_json:
                 _say(
                     site_session, program, [*([example] if example else []), *transfer_plan.lines()], {}, ExitCode.DONE
@@ -180,16 +180,16 @@ def _nothing(session: CommandSession, program: retrieve.RetrievalProgram, look: 
 
 def _make_plan(session: CommandSession, source: retrieve.Source, look: dict[str, Any]) -> retrieve.RetrievalPlan:
     """Plan over the link given, or over the router's active link. Raises UsageError, DeviceError."""
-    from atlantis_netcfg.operations.common.site_links import bearer_named
+    from atlantis_netcfg.operations.common.site_links import link_named
     from atlantis_netcfg.operations.retrieve import plan
 
     link_name = session.arguments.optional("link")
-    bearers = session.declaration.sites[session.site].bearers
+    links = session.inventory.sites[session.site].bearers
     if link_name is not None:
-        link = bearer_named(session.declaration, session.site, link_name).name
+        link = link_named(session.inventory, session.site, link_name).name
     else:
-        link = bearers[0].name if len(bearers) == 1 else _in_use(session)
-    return plan(session.declaration, source, link, look)
+        link = links[0].name if len(links) == 1 else _in_use(session)
+    return plan(session.inventory, source, link, look)
 
 
 def _in_use(session: CommandSession) -> str:
@@ -198,9 +198,9 @@ def _in_use(session: CommandSession) -> str:
     from atlantis_netcfg.core.errors import DeviceError
     from atlantis_netcfg.operations.use import router_of
 
-    gateway, session.hosts = session.hosts, (router_of(session.declaration, session.site),)
+    gateway, session.hosts = session.hosts, (router_of(session.inventory, session.site),)
     try:
-        active = [status.name for status in read_links(session).bearers if status.active]
+        active = [status.name for status in read_links(session).links if status.active]
     finally:
         session.hosts = gateway
     if len(active) != 1:

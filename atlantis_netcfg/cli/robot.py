@@ -12,7 +12,7 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Finding
+    from atlantis_netcfg.inventory import Finding, Inventory
     from atlantis_netcfg.inventory.robots.key_names import KeyNames
     from atlantis_netcfg.inventory.robots.reading import RobotSource
     from atlantis_netcfg.operations.robots import MockPlace
@@ -46,9 +46,9 @@ def run_robot_validate(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.inventory import InventoryInvalid
     from atlantis_netcfg.inventory.robots.reading import NO_ROBOT_CONTACTED, key_names
 
-    declaration = _declaration(arguments)
-    names, findings = key_names(declaration)
-    sources = _sources(arguments, declaration, names)
+    inventory = _inventory(arguments)
+    names, findings = key_names(inventory)
+    sources = _sources(arguments, inventory, names)
     findings += [finding for source in sources for finding in source.findings]
     if findings and not arguments.flag("json"):
         raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
@@ -60,7 +60,7 @@ def run_robot_validate(arguments: syntax.Arguments) -> ExitCode:
     return code
 
 
-def _sources(arguments: syntax.Arguments, declaration: Declaration, names: KeyNames) -> list[RobotSource]:
+def _sources(arguments: syntax.Arguments, inventory: Inventory, names: KeyNames) -> list[RobotSource]:
     """Read the requested files. Raises UsageError and NoMatchError."""
     from pathlib import Path
 
@@ -73,15 +73,15 @@ def _sources(arguments: syntax.Arguments, declaration: Declaration, names: KeyNa
     if files and vehicle is not None:
         raise UsageError("a file and `vehicle=` are two different questions", hint="leave one of them out")
     for name in files:
-        if name in declaration.vehicles and not Path(name).exists():
+        if name in inventory.vehicles and not Path(name).exists():
             raise UsageError(f"there is no file `{name}`", hint=f"type `provision robot validate vehicle={name}`")
-    if vehicle is not None and vehicle not in declaration.vehicles:
-        raise UsageError(f"no vehicle is called `{vehicle}`", hint=suggest(vehicle, declaration.vehicles, none=""))
+    if vehicle is not None and vehicle not in inventory.vehicles:
+        raise UsageError(f"no vehicle is called `{vehicle}`", hint=suggest(vehicle, inventory.vehicles, none=""))
     if files:
-        return read_given(map(Path, files), declaration, names)
-    sources = [each for each in read_declared(declaration, names) if vehicle in {None, each.vehicle}]
+        return read_given(map(Path, files), inventory, names)
+    sources = [each for each in read_declared(inventory, names) if vehicle in {None, each.vehicle}]
     if not sources:
-        folder = shown_path(declaration.root / FOLDER)
+        folder = shown_path(inventory.root / FOLDER)
         where = f"{folder}/{vehicle}.yml" if vehicle is not None else f"{folder}/<vehicle>.yml"
         raise NoMatchError(f"there is no {where}", hint="put the robot's own file there: docs/robots.md says how")
     return sources
@@ -166,15 +166,15 @@ def run_robot_discover(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations import robots
 
     vault = vault_of(arguments)
-    declaration, site = replace(_declaration(arguments), decrypt=vault.decrypt), arguments.word("site")
-    _require_site(declaration, site)
+    inventory, site = replace(_inventory(arguments), decrypt=vault.decrypt), arguments.word("site")
+    _require_site(inventory, site)
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
-    record = _record(arguments, declaration)
+    record = _record(arguments, inventory)
     namespace = arguments.optional("save")
     if namespace is not None or arguments.has_flag(syntax.ASK_VAULT_PASS):
         _ = vault.secrets  # whoever has no password is told before half a minute is over
     try:
-        observation, reports = _listen(arguments, declaration, site, seconds, record)
+        observation, reports = _listen(arguments, inventory, site, seconds, record)
     except KeyboardInterrupt:
         if not arguments.flag("json"):
             _tell_recording(record)
@@ -183,9 +183,9 @@ def run_robot_discover(arguments: syntax.Arguments) -> ExitCode:
     if record is not None and record.reason:
         code = ExitCode.CHECKS_FAILED
     if not arguments.flag("json"):
-        _tell_heard(observation, reports, robots.dds_of(declaration).domain)
+        _tell_heard(observation, reports, robots.dds_of(inventory).domain)
         _tell_recording(record)
-    robot_file = robots.save(declaration, namespace, observation, vault.encrypt) if namespace is not None else None
+    robot_file = robots.save(inventory, namespace, observation, vault.encrypt) if namespace is not None else None
     if arguments.flag("json"):
         more: dict[str, object] = {"saved": None if robot_file is None else str(robot_file)}
         if record is not None:
@@ -196,7 +196,7 @@ def run_robot_discover(arguments: syntax.Arguments) -> ExitCode:
     return code
 
 
-def _record(arguments: syntax.Arguments, declaration: Declaration) -> BagRecorder | None:
+def _record(arguments: syntax.Arguments, inventory: Inventory) -> BagRecorder | None:
     """Return the recorder, if a recording was requested. Raises UsageError."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations import robots
@@ -206,7 +206,7 @@ def _record(arguments: syntax.Arguments, declaration: Declaration) -> BagRecorde
         return None
     if arguments.optional("from") is not None:
         raise UsageError("`record=` is of this computer, and `from=` names another", hint="leave one of them out")
-    return robots.recorder(declaration, folder)
+    return robots.recorder(inventory, folder)
 
 
 def _tell_heard(observation: RobotObservation, reports: Sequence[RobotReport], number: int) -> None:
@@ -236,7 +236,7 @@ def _tell_recording(record: BagRecorder | None) -> None:
 
 
 def _listen(
-    arguments: syntax.Arguments, declaration: Declaration, site: str, seconds: int, record: BagRecorder | None
+    arguments: syntax.Arguments, inventory: Inventory, site: str, seconds: int, record: BagRecorder | None
 ) -> tuple[RobotObservation, list[RobotReport]]:
     """Listen here, or on the computer given by `from=`. Raises UsageError, ListenError."""
     from atlantis_netcfg.core.errors import UsageError
@@ -247,29 +247,29 @@ def _listen(
 
     address, place = arguments.optional("address"), arguments.optional("from")
     if place is None:
-        _pay(arguments, declaration, site, seconds, lambda: robots.listening_address(declaration, site, address))
-        return robots.discover(declaration, site, seconds, address, record)
+        _pay(arguments, inventory, site, seconds, lambda: robots.listening_address(inventory, site, address))
+        return robots.discover(inventory, site, seconds, address, record)
     if address is not None:
         raise UsageError("`address=` is one of this computer, and `from=` names another", hint="leave one of them out")
-    if place not in declaration.hosts:
-        computers = [host.name for host in declaration.hosts.values() if isinstance(host.device, ServerComputer)]
+    if place not in inventory.hosts:
+        computers = [host.name for host in inventory.hosts.values() if isinstance(host.device, ServerComputer)]
         raise UsageError(f"`from={place}` is no host of the inventory", hint=suggest(place, computers, none=""))
-    host = declaration.hosts[place]
-    device = remote.listening_computer(declaration, host)
-    _pay(arguments, declaration, site, seconds, lambda: str(device.address))
-    observation = remote.listen_there(declaration, host, seconds, sites=[site])
-    return observation, robots.compare(declaration, site, observation)
+    host = inventory.hosts[place]
+    device = remote.listening_computer(inventory, host)
+    _pay(arguments, inventory, site, seconds, lambda: str(device.address))
+    observation = remote.listen_there(inventory, host, seconds, sites=[site])
+    return observation, robots.compare(inventory, site, observation)
 
 
 def _pay(
-    arguments: syntax.Arguments, declaration: Declaration, site: str, seconds: int, address: Callable[[], str]
+    arguments: syntax.Arguments, inventory: Inventory, site: str, seconds: int, address: Callable[[], str]
 ) -> None:
     """Ask for consent if listening brings the robots' topics over a metered link."""
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.links.cost import CostRefusal
     from atlantis_netcfg.operations.robots.listening_cost import listening_cost
 
-    cost, gateway = listening_cost(declaration, site, seconds, address), declaration.computer_of(site)
+    cost, gateway = listening_cost(inventory, site, seconds, address), inventory.computer_of(site)
     if cost is None:
         return
     place = f"`from={gateway.name}`" if gateway is not None else site
@@ -367,18 +367,18 @@ def run_robot_mock(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.inventory.findings import suggest
     from atlantis_netcfg.operations import robots
 
-    declaration, site = _declaration(arguments), arguments.optional("site")
+    inventory, site = _inventory(arguments), arguments.optional("site")
     if site is not None:
-        _require_site(declaration, site)
+        _require_site(inventory, site)
     for vehicle in arguments.many("vehicle"):
-        if vehicle not in declaration.vehicles:
-            hint = suggest(vehicle, declaration.vehicles, none="")
+        if vehicle not in inventory.vehicles:
+            hint = suggest(vehicle, inventory.vehicles, none="")
             raise UsageError(f"no vehicle is called `{vehicle}`", hint=hint)
     span = arguments.optional("for")
     seconds = robots.seconds_of(span) if span else None
-    place, bag = robots.mock_place(declaration, site, arguments.optional("address")), arguments.optional("bag")
+    place, bag = robots.mock_place(inventory, site, arguments.optional("address")), arguments.optional("bag")
     if bag is not None:
-        return _replay(arguments, declaration, bag, place, seconds)
+        return _replay(arguments, inventory, bag, place, seconds)
     if arguments.flag("loop"):
         raise UsageError("`--loop` is for a recording", hint="add it: `bag=FOLDER`")
     robots_here: list[MockRobot] = []
@@ -387,12 +387,12 @@ def run_robot_mock(arguments: syntax.Arguments) -> ExitCode:
         if not robots_here:
             robots_here.extend(mocks)
             names = ", ".join(each.robot.name for each in mocks)
-            print(translate(f"at {place.address}, in domain {robots.dds_of(declaration).domain}: {names}"))
+            print(translate(f"at {place.address}, in domain {robots.dds_of(inventory).domain}: {names}"))
             _tell_limits(mocks)
         _tell_goals(mocks)
 
     with suppress(KeyboardInterrupt):
-        robots.mock(declaration, arguments.many("vehicle"), place, seconds, watch)
+        robots.mock(inventory, arguments.many("vehicle"), place, seconds, watch)
     _tell_goals(robots_here)
     for each in robots_here:
         counts = sum((action.counts for action in each.actions), Counter())
@@ -425,7 +425,7 @@ def _tell_goals(mocks: Sequence[MockRobot]) -> None:
 
 
 def _replay(
-    arguments: syntax.Arguments, declaration: Declaration, bag: str, place: MockPlace, seconds: float | None
+    arguments: syntax.Arguments, inventory: Inventory, bag: str, place: MockPlace, seconds: float | None
 ) -> ExitCode:
     from contextlib import suppress
 
@@ -440,20 +440,20 @@ def _replay(
     def tell(contents: Bag, player: BagPlayer) -> None:
         players.append(player)
         names = ", ".join(sorted({*contents.robots.values()} - {""})) or translate("no robot introduces itself")
-        number = robots.dds_of(declaration).domain
+        number = robots.dds_of(inventory).domain
         print(printable.line(translate(f"at {place.address}, in domain {number}: {names}")))
         print(translate(f"{len(contents.topics)} topics, {contents.seconds:.0f} s; Ctrl-C ends it"))
         for topic, kind in contents.left_out.items():
             print(printable.line(translate(f"left out: {topic}, whose type {kind} is not known here")), flush=True)
 
     with suppress(KeyboardInterrupt):
-        robots.replay(declaration, bag, place, seconds, tell, loop=arguments.flag("loop"))
+        robots.replay(inventory, bag, place, seconds, tell, loop=arguments.flag("loop"))
     for player in players:
         print(translate(f"  {player.sent.total()} messages on {len(player.sent)} topics"))
     return ExitCode.DONE if players else ExitCode.NOTHING
 
 
-def _declaration(arguments: syntax.Arguments) -> Declaration:
+def _inventory(arguments: syntax.Arguments) -> Inventory:
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
@@ -463,10 +463,10 @@ def _declaration(arguments: syntax.Arguments) -> Declaration:
     return load(Path(folder) if folder else paths.checkout() / "inventory")
 
 
-def _require_site(declaration: Declaration, site: str) -> None:
+def _require_site(inventory: Inventory, site: str) -> None:
     from atlantis_netcfg.inventory import choose
 
-    choose(declaration, site)
+    choose(inventory, site)
 
 
 def _counts(counter: dict[str, int]) -> str:

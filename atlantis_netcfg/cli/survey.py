@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.emulator.coverage import PlaceTruth
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.records.survey.exports import Coast
     from atlantis_netcfg.records.survey.measure import RunningSurvey, SurveyPlan
@@ -62,17 +62,17 @@ def run_survey(arguments: syntax.Arguments) -> ExitCode:
     """Take points until the time is over or a person stops it, then make the files."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
-    from atlantis_netcfg.records.survey.radio import surveyed_link, unit_of
+    from atlantis_netcfg.records.survey.radio import find_lte_unit, find_survey_link
 
     plan = _plan(arguments)
     coast = _coast(arguments)
     if arguments.optional("from") is not None:
         return _made_again(arguments, coast)
 
-    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
-        choose(declaration, arguments.word("site"), ())
-        link = surveyed_link(declaration, arguments.word("site"), arguments.optional("link"))
-        return (unit_of(declaration, link),)
+    def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
+        choose(inventory, arguments.word("site"), ())
+        link = find_survey_link(inventory, arguments.word("site"), arguments.optional("link"))
+        return (find_lte_unit(inventory, link),)
 
     _one_site(arguments)
     with session(arguments, rehearse=arguments.flag("rehearse"), choose_hosts=choose_hosts) as site_session:
@@ -98,35 +98,35 @@ def _plan(arguments: syntax.Arguments) -> SurveyPlan:
     from dataclasses import replace
 
     from atlantis_netcfg.operations.use import span_s
-    from atlantis_netcfg.records.survey.measure import SurveyPlan, hourly_bytes, steps
+    from atlantis_netcfg.records.survey.measure import SurveyPlan, parse_hourly_budget, parse_steps
 
-    step_m, step_s = steps(arguments.optional("every"))
+    step_m, step_s = parse_steps(arguments.optional("every"))
     span = arguments.optional("for")
     limit = span_s(span) if span is not None else _REHEARSED_S if arguments.flag("rehearse") else None
     plan = replace(SurveyPlan(), step_m=step_m, step_s=step_s, max_seconds=limit)
     most = arguments.value("max-mb")
-    return plan if most is None else replace(plan, hourly_bytes=hourly_bytes(most))
+    return plan if most is None else replace(plan, hourly_bytes=parse_hourly_budget(most))
 
 
 _REHEARSED_S = 1200.0
-"""How long an emulated voyage lasts on its own clock, where `for=` does not say it."""
+"""Length of an emulated voyage on its own clock, if `for=` is not given."""
 
 
 def _coast(arguments: syntax.Arguments) -> Coast | None:
-    from atlantis_netcfg.records.survey.exports import named_coast
+    from atlantis_netcfg.records.survey.exports import find_coast
 
     coast_name = arguments.optional("coast")
-    return None if coast_name is None else named_coast(coast_name)
+    return None if coast_name is None else find_coast(coast_name)
 
 
 def _made_again(arguments: syntax.Arguments, coast: Coast | None) -> ExitCode:
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.records.survey.archive import folder_of, kept_survey
+    from atlantis_netcfg.records.survey.archive import find_survey, folder_of
     from atlantis_netcfg.runs import Store
 
     is_rehearsal = arguments.flag("rehearse")
     store = Store(paths.state_dir(), is_rehearsal=is_rehearsal)
-    folder = kept_survey(folder_of(store, arguments.word("site")), arguments.optional("from") or "")
+    folder = find_survey(folder_of(store, arguments.word("site")), arguments.optional("from") or "")
     return _report(arguments, folder, coast, is_rehearsal)
 
 
@@ -142,11 +142,11 @@ def _measure(session: CommandSession, plan: SurveyPlan) -> Path:
     from atlantis_netcfg.records.survey.positions import GpsdSource
     from atlantis_netcfg.runs import os_errors_as, utc_now
 
-    refuse_examples(session.declaration, is_rehearsal=session.is_rehearsal)
+    refuse_examples(session.inventory, is_rehearsal=session.is_rehearsal)
     site = _site(session, plan)
     _confirm_cost(session, site.link, plan)
     if not session.is_rehearsal and not site.radio_only:
-        open_far_end(session.declaration, site.request)
+        open_far_end(session.inventory, site.request)
     folder = new_folder(folder_of(session.store, session.site), utc_now())
     with ExitStack() as stack:
         with os_errors_as("the survey", folder):
@@ -167,7 +167,7 @@ def _measure(session: CommandSession, plan: SurveyPlan) -> Path:
             if not session.as_json and not session.is_rehearsal:
                 print(_line(point), flush=True)
 
-        survey = site.running(stack, sample_taken, point_taken)
+        survey = site.build_survey(stack, sample_taken, point_taken)
         write(site.header(survey, folder.name))
         _begin_words(session, survey)
         reason = _by_clicks(survey) if session.arguments.flag("clicks") else survey.run()
@@ -179,18 +179,18 @@ def _measure(session: CommandSession, plan: SurveyPlan) -> Path:
 
 def _site(session: CommandSession, plan: SurveyPlan) -> SiteSurvey:
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.records.survey.radio import surveyed_link
+    from atlantis_netcfg.records.survey.radio import find_survey_link
     from atlantis_netcfg.records.survey.site import SiteSurvey
 
-    arguments, unit, twins = session.arguments, session.hosts[0], session.rehearsal
+    arguments, unit, emulators = session.arguments, session.hosts[0], session.rehearsal
 
     def tune(truth: PlaceTruth) -> None:
-        assert twins is not None  # noqa: S101 - only a rehearsal tunes
-        twins.tune(unit.name, truth)
+        assert emulators is not None  # noqa: S101 - only a rehearsal tunes
+        emulators.tune(unit.name, truth)
 
     return SiteSurvey(
-        session.declaration,
-        surveyed_link(session.declaration, session.site, arguments.optional("link")),
+        session.inventory,
+        find_survey_link(session.inventory, session.site, arguments.optional("link")),
         unit,
         session.request(Mode.DRIFT),
         session.store,
@@ -198,17 +198,17 @@ def _site(session: CommandSession, plan: SurveyPlan) -> SiteSurvey:
         radio_only=arguments.flag("radio-only"),
         clicks=arguments.flag("clicks"),
         gps=arguments.optional("gps"),
-        tune=None if twins is None else tune,
+        tune=None if emulators is None else tune,
     )
 
 
-def _confirm_cost(session: CommandSession, link: Bearer, plan: SurveyPlan) -> None:
+def _confirm_cost(session: CommandSession, link: Link, plan: SurveyPlan) -> None:
     """Show the possible cost and ask for consent. Raises CostRefusal."""
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.links.cost import preview
     from atlantis_netcfg.operations.common.site_links import link_of
 
-    site_link = link_of(session.declaration, session.site, link.name)
+    site_link = link_of(session.inventory, session.site, link.name)
     if not site_link.is_metered or session.arguments.flag("radio-only"):
         return
     hours = 1.0 if plan.max_seconds is None else max(1.0, plan.max_seconds / 3600.0)
@@ -276,13 +276,13 @@ def _report(arguments: syntax.Arguments, folder: Path, coast: Coast | None, is_r
     """Generate the files, and list them."""
     from pathlib import Path
 
-    from atlantis_netcfg.records.survey.archive import EXPORTS, export, outcome
-    from atlantis_netcfg.records.survey.page import missing, summary
+    from atlantis_netcfg.records.survey.archive import EXPORTS, evaluate_survey, export
+    from atlantis_netcfg.records.survey.page import count_unplaced, summary
     from atlantis_netcfg.records.survey.rehearsal import NOT_REHEARSED
 
     folder_name = arguments.optional("to")
     survey = export(folder, coast, None if folder_name is None else Path(folder_name))
-    result = outcome(survey)
+    result = evaluate_survey(survey)
     beyond = NOT_REHEARSED if is_rehearsal else ()
     if arguments.flag("json"):
         document = {
@@ -291,7 +291,7 @@ def _report(arguments: syntax.Arguments, folder: Path, coast: Coast | None, is_r
             "points": len(survey.points),
             "placed": len(survey.placed_points),
             "bytes": sum(point.test_bytes for point in survey.points),
-            "without_position": dict(missing(survey)),
+            "without_position": dict(count_unplaced(survey)),
             "kept": str(folder),
             "files": list(EXPORTS),
             "message": result.words,

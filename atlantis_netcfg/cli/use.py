@@ -10,7 +10,7 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.use import UseRequest
     from atlantis_netcfg.runs.report.run import RunReport
 
@@ -52,25 +52,25 @@ def run_use(arguments: syntax.Arguments) -> ExitCode:
     """Run `use`: read the link, show changes and possible cost, ask, change, and print when it ends."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations.common.request import refuse_examples
-    from atlantis_netcfg.operations.common.site_links import bearer_named
+    from atlantis_netcfg.operations.common.site_links import link_named
     from atlantis_netcfg.operations.use import UseRequest, router_of
 
     site, allow_unproved = arguments.word("site"), arguments.flag("unproved")
     for_s = _for_s(arguments)
     requests: list[UseRequest] = []
 
-    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
-        router = router_of(declaration, site)
+    def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
+        router = router_of(inventory, site)
         if for_s is not None:
             requests.append(
-                UseRequest(site, bearer_named(declaration, site, arguments.word("link")), for_s, allow_unproved)
+                UseRequest(site, link_named(inventory, site, arguments.word("link")), for_s, allow_unproved)
             )
         return (router,)
 
     with session(
         arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), choose_hosts=choose_hosts
     ) as site_session:
-        refuse_examples(site_session.declaration, is_rehearsal=site_session.is_rehearsal)
+        refuse_examples(site_session.inventory, is_rehearsal=site_session.is_rehearsal)
         if site_session.rehearsal is not None:
             _settle(site_session)
         report = _begin(site_session, requests[0]) if requests else _end(site_session)
@@ -106,20 +106,20 @@ def _settle(session: CommandSession) -> None:
     from atlantis_netcfg.routeros.link_use import SETTLED_S
 
     announce(session)
-    session.configure_twins(strict=True)
+    session.configure_emulators(strict=True)
     _wait(session, SETTLED_S)
 
 
 def _wait(session: CommandSession, seconds: float) -> None:
     """Advance the clock of the emulated router."""
     assert session.rehearsal is not None  # noqa: S101 - only a rehearsal comes here
-    session.rehearsal.twins.do(session.hosts[0].name, "wait", seconds=seconds)
+    session.rehearsal.emulators.do(session.hosts[0].name, "wait", seconds=seconds)
 
 
 def _begin(session: CommandSession, use_request: UseRequest) -> RunReport:
     from atlantis_netcfg.cli.links import read_links
 
-    order = use_request.order(read_links(session), proof=session.store.proof(session.site, use_request.bearer.name))
+    order = use_request.order(read_links(session), proof=session.store.proof(session.site, use_request.link.name))
     _pay(session, use_request)
     session.use = order
     if session.arguments.flag("plan"):
@@ -130,7 +130,7 @@ def _begin(session: CommandSession, use_request: UseRequest) -> RunReport:
     if not report.exit and not session.as_json and order.until is not None:
         from atlantis_netcfg.core.times import time_text
 
-        until = time_text(order.until, session.declaration.pilot.time_zone)
+        until = time_text(order.until, session.inventory.pilot.time_zone)
         print(translate(f"{order.link} carries the traffic of {session.site} until {until}"), flush=True)
     return report
 
@@ -150,7 +150,7 @@ def _pay(session: CommandSession, use_request: UseRequest) -> None:
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.operations.common.site_links import link_of
 
-    link = link_of(session.declaration, session.site, use_request.bearer.name)
+    link = link_of(session.inventory, session.site, use_request.link.name)
     if not link.is_metered or session.arguments.flag("plan"):
         return
     words = f"{use_request.cost(link).words}: all that the site sends and receives within that time"
@@ -168,14 +168,14 @@ def _rehearse(session: CommandSession, use_request: UseRequest) -> RunReport:
     report = session.perform(Mode.APPLY)
     if report.exit:
         return report
-    _see(session, use_request.bearer.name, "it is in use instead of the declared order")
+    _see(session, use_request.link.name, "it is in use instead of the declared order")
     session.use = None
     again = session.perform(Mode.APPLY)
     if again.exit or any(result["planned"] for result in again.devices.values()):
         return again
     _tell(session, "a run of the site changes nothing of it")
     _wait(session, use_request.for_s)
-    _see(session, session.declaration.sites[session.site].bearers[0].name, "the declared order is back by itself")
+    _see(session, session.inventory.sites[session.site].bearers[0].name, "the declared order is back by itself")
     return report
 
 
@@ -184,7 +184,7 @@ def _see(session: CommandSession, link: str, words: str) -> None:
     from atlantis_netcfg.cli.links import read_links
     from atlantis_netcfg.core.errors import NetcfgError
 
-    active = [status.name for status in read_links(session).bearers if status.active]
+    active = [status.name for status in read_links(session).links if status.active]
     if active != [link]:
         raise NetcfgError(f"{link} does not carry the traffic of the emulated router, but {active}")
     _tell(session, f"{link} carries the traffic: {words}")

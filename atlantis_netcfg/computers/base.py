@@ -24,12 +24,12 @@ from atlantis_netcfg.computers.parts import (
     File,
     NetworkPart,
     Package,
+    SshRequirements,
     SymbolicLink,
     Unit,
-    WayIn,
     computer_network,
 )
-from atlantis_netcfg.computers.reflector import QUALIFY_SECRET, far_end, measured_at, reflector
+from atlantis_netcfg.computers.reflector import QUALIFY_SECRET, link_reflector, qualify_settings, reflector
 from atlantis_netcfg.computers.retrieval import packages as retrieval_packages
 from atlantis_netcfg.computers.retrieval import retrieval
 from atlantis_netcfg.inventory import model
@@ -38,10 +38,10 @@ from atlantis_netcfg.routeros.render import environment
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 CLOUD_INIT = "/etc/cloud/cloud-init.disabled"
-"""Where it stands, cloud-init does nothing at a start, unless the file below or the kernel says otherwise."""
+"""If this file exists, cloud-init does nothing at boot, unless the file below or the kernel says otherwise."""
 CLOUD_INIT_ON = "/etc/cloud/cloud-init.enabled"
 HOSTNAME = "/etc/hostname"
 LOCALES = "/etc/locale.gen"
@@ -106,7 +106,7 @@ class DdsPorts:
     domain: int
     ports: range
     sources: tuple[str, ...]
-    """From where."""
+    """Networks from which they can be reached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,29 +114,29 @@ class OpenPort:
     """Port of a service in the inventory, and the networks that may reach it."""
 
     name: str
-    """Of the service."""
+    """Name of the service."""
     transport: model.Transport
     port: int | str
-    """Or a range of them, as nft(8) writes it."""
+    """A port, or a range of ports as nft(8) writes it."""
     sources: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class DeclaredNeighbour:
+class NeighbourHost:
     """Another computer of the pilot, as an entry of the host list."""
 
     name: str
     address: str
     domain: str | None
-    """Of its LAN; None where it is reached over the VPN."""
+    """Domain of its LAN; None: it is reached over the VPN."""
 
 
 @dataclass(frozen=True, slots=True)
-class WayOut:
+class AccessPointUplink:
     """Forwarding rule for stations of the gateway's access point: they reach only the VPN server."""
 
     network: str
-    """Of the stations."""
+    """Network of the stations."""
     server: str
     transport: model.Transport
     port: int
@@ -158,81 +158,78 @@ class BaseView:
     ssh_port: int
     dds: DdsPorts | None
     dds_link: DdsLink | None
-    """None: DDS goes over each link of the site."""
+    """None: DDS uses every link of the site."""
     services: tuple[OpenPort, ...]
     metered_links: tuple[str, ...]
-    """Links of the site on which every byte costs."""
     watchdog_s: int | None
-    neighbours: tuple[DeclaredNeighbour, ...]
+    neighbours: tuple[NeighbourHost, ...]
     interfaces: tuple[str, ...]
-    """All that are declared by name: of the LAN and of the radios."""
+    """All interfaces that are declared by name: of the LAN and of the radios."""
     radios: tuple[str, ...]
-    """Interfaces in the networks of robots, from which and to which nothing is forwarded."""
+    """Interfaces in the networks of robots; nothing is forwarded from or to them."""
     access_point_interface: str | None
-    """The one of them that opens a network, and gives its stations their addresses."""
-    way_out: WayOut | None
-    """None: nothing is forwarded from or to any of them."""
+    """Radio interface that opens a network and gives addresses to its stations."""
+    way_out: AccessPointUplink | None
+    """None: nothing is forwarded from or to any of the radios."""
 
 
-def base_view(declaration: Declaration, host: Host) -> BaseView:
+def base_view(inventory: Inventory, host: Host) -> BaseView:
     """Build the template values for a host whose base system this toolkit manages."""
     device = host.device
-    assert isinstance(device, model.ServerComputer)  # noqa: S101 - `gateway_base` has looked
-    site = declaration.sites[host.site]
-    lan, vpn = site.lan.network, declaration.pilot.vpn.network
-    access_point, air = radios.opened_radio(host), radios.interfaces(declaration, host)
+    assert isinstance(device, model.ServerComputer)  # noqa: S101 - `gateway_base` checks it
+    site = inventory.sites[host.site]
+    lan, vpn = site.lan.network, inventory.pilot.vpn.network
+    access_point, air = radios.opened_radio(host), radios.interfaces(inventory, host)
     return BaseView(
         name=host.name,
         site=host.site,
         domain=site.lan.domain,
-        time_zone=declaration.pilot.time_zone,
+        time_zone=inventory.pilot.time_zone,
         router=str(site.lan.gateway),
-        time_servers=declaration.pilot.time_servers,
+        time_servers=inventory.pilot.time_servers,
         gps=device.gps,
         lan=str(lan),
         ssh_from=_collapse((*site.management.admit, lan, vpn)),
         ssh_port=device.ssh.port,
-        dds=_dds(declaration, (lan, vpn)),
-        dds_link=dds_link(declaration, host),
-        services=tuple(_open_ports(declaration, host.name, device, lan)),
-        metered_links=tuple(bearer.name for bearer in site.bearers if bearer.metered),
+        dds=_dds(inventory, (lan, vpn)),
+        dds_link=dds_link(inventory, host),
+        services=tuple(_open_ports(inventory, host.name, device, lan)),
+        metered_links=tuple(link.name for link in site.bearers if link.metered),
         watchdog_s=device.watchdog_s,
-        neighbours=_neighbours(declaration, host),
+        neighbours=_neighbours(inventory, host),
         interfaces=(*(() if device.network is None else (device.network.interface,)), *air),
         radios=air,
         access_point_interface=None if access_point is None else access_point.interface,
-        way_out=None if access_point is None or not access_point.vpn else _way_out(declaration, access_point),
+        way_out=None if access_point is None or not access_point.vpn else _way_out(inventory, access_point),
     )
 
 
-def _way_out(declaration: Declaration, access_point: model.GatewayAccessPoint) -> WayOut:
-    vpn = declaration.pilot.vpn
-    return WayOut(str(access_point.network), str(vpn.endpoint), vpn.transport, vpn.port)
+def _way_out(inventory: Inventory, access_point: model.GatewayAccessPoint) -> AccessPointUplink:
+    vpn = inventory.pilot.vpn
+    return AccessPointUplink(str(access_point.network), str(vpn.endpoint), vpn.transport, vpn.port)
 
 
-def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | None:
-    dds = declaration.pilot.dds
+def _dds(inventory: Inventory, near: Iterable[IPv4Network]) -> DdsPorts | None:
+    dds = inventory.pilot.dds
     if dds is None:
         return None
-    far = [site.lan.network for site in declaration.sites.values()] if dds.over is model.DdsPath.LAN else []
+    far = [site.lan.network for site in inventory.sites.values()] if dds.over is model.DdsPath.LAN else []
     return DdsPorts(dds.domain, dds.all_ports, _collapse((*near, *far)))
 
 
-def _open_ports(
-    declaration: Declaration, host: str, device: model.ServerComputer, lan: IPv4Network
-) -> Iterator[OpenPort]:
+def _open_ports(inventory: Inventory, host: str, device: model.ServerComputer, lan: IPv4Network) -> Iterator[OpenPort]:
     """Yield a host's own services, then its shared partner services, which the VPN server opens as well.
 
     Then the ports that our computers of other sites read for their checklists, and the ports of vehicle streams.
     """
-    vpn = declaration.pilot.vpn
+    vpn = inventory.pilot.vpn
     ours = {model.ServiceNetwork.LAN: lan, model.ServiceNetwork.VPN: vpn.infrastructure}
     for service in device.services:
-        pools = (declaration.partners[partner].vpn_pool for partner in service.partners)
+        pools = (inventory.partners[partner].vpn_pool for partner in service.partners)
         sources = _collapse((*(ours[network] for network in service.open_to), *pools))
         if service.port is not None and sources:
             yield OpenPort(service.name, service.transport, service.port, sources)
-    everybody = _collapse((vpn.network, *(site.lan.network for site in declaration.sites.values())))
+    everybody = _collapse((vpn.network, *(site.lan.network for site in inventory.sites.values())))
     for vpn_service in vpn.services:
         if vpn_service.host == host:
             yield OpenPort(vpn_service.name, vpn_service.transport, vpn_service.port, everybody)
@@ -240,25 +237,25 @@ def _open_ports(
         yield OpenPort(
             "checklists of other sites", model.Transport.UDP, model.REFLECTOR_PORT, (str(vpn.infrastructure),)
         )
-    if (qualify := measured_at(host, declaration.pilot)) is not None:
+    if (qualify := qualify_settings(host, inventory.pilot)) is not None:
         yield OpenPort("measurements", model.Transport.UDP, qualify.port, ("0.0.0.0/0",))
     if device.ros1_bridge is not None:
         yield OpenPort("ROS 1", model.Transport.TCP, _EPHEMERAL, (f"{device.ros1_bridge.master}/32",))
-    yield from _streams(declaration, host, lan)
+    yield from _streams(inventory, host, lan)
 
 
 _EPHEMERAL = "32768-60999"
-"""Nodes of ROS 1 listen at ports that the kernel chooses: net.ipv4.ip_local_port_range as Linux has it."""
+"""Nodes of ROS 1 listen at ports that the kernel chooses: net.ipv4.ip_local_port_range, Linux default."""
 
 
-def _streams(declaration: Declaration, host: str, lan: IPv4Network) -> Iterator[OpenPort]:
+def _streams(inventory: Inventory, host: str, lan: IPv4Network) -> Iterator[OpenPort]:
     """Yield ports for unsolicited streams: the autopilot's MAVLink stream, read by the checklist."""
-    site = declaration.hosts[host].site
-    computer, vehicle_keys = declaration.computer_of(site), declaration.sites[site].checklist.vehicles
+    site = inventory.hosts[host].site
+    computer, vehicle_keys = inventory.computer_of(site), inventory.sites[site].checklist.vehicles
     if computer is None or computer.name != host:
         return
-    for key in declaration.vehicles if vehicle_keys is None else vehicle_keys:
-        endpoints = declaration.vehicles[key].endpoints
+    for key in inventory.vehicles if vehicle_keys is None else vehicle_keys:
+        endpoints = inventory.vehicles[key].endpoints
         wifi, stream = endpoints.wifi, endpoints.rc_rf
         if stream is not None and stream.seen_from is model.SeenFrom.GATEWAY:
             wifi_networks = () if wifi is None or wifi.client is None else (wifi.client.network,)
@@ -272,20 +269,20 @@ def _collapse(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
     return tuple(str(network) for network in collapse_addresses(networks))
 
 
-def _neighbours(declaration: Declaration, host: Host) -> tuple[DeclaredNeighbour, ...]:
+def _neighbours(inventory: Inventory, host: Host) -> tuple[NeighbourHost, ...]:
     """List computers of the LAN by LAN address, and gateways and servers of other sites by VPN address."""
-    lan = declaration.sites[host.site].lan
+    lan = inventory.sites[host.site].lan
     neighbours = {
-        reservation.name: DeclaredNeighbour(reservation.name, str(reservation.address), lan.domain)
+        reservation.name: NeighbourHost(reservation.name, str(reservation.address), lan.domain)
         for reservation in lan.reservations
     }
-    for name, other in declaration.hosts.items():
+    for name, other in inventory.hosts.items():
         address = getattr(other.device, "address", None)
         tunnel = getattr(other.device, "vpn_address", None)
         if other.site == host.site and address is not None and address in lan.network:
-            neighbours[name] = DeclaredNeighbour(name, str(address), lan.domain)
+            neighbours[name] = NeighbourHost(name, str(address), lan.domain)
         elif other.site != host.site and tunnel is not None:
-            neighbours[name] = DeclaredNeighbour(name, str(tunnel), None)
+            neighbours[name] = NeighbourHost(name, str(tunnel), None)
     neighbours.pop(host.name, None)
     return tuple(neighbours.values())
 
@@ -293,17 +290,17 @@ def _neighbours(declaration: Declaration, host: Host) -> tuple[DeclaredNeighbour
 PACKAGES = ("chrony", "fake-hwclock", "iputils-ping", "iw", "locales", "nftables", "openssh-server", "tzdata")
 """fake-hwclock keeps the time over a power cut on boards whose clock has no battery; elsewhere it does nothing.
 
-iputils-ping and iw are what the pre-test checklist asks a gateway's radios and cables with.
+The pre-test checklist uses iputils-ping and iw to check the radios and cables of a gateway.
 """
 LOCALE = "en_US.UTF-8"
-"""The report's (4.6.2): ROS 2 wants one of UTF-8."""
+"""Locale of the report (4.6.2): ROS 2 needs one with UTF-8."""
 
 _CHRONY = "/etc/chrony/chrony.conf"
 _FIREWALL = "/etc/nftables.conf"
 _GPS = "/etc/default/gpsd"
 _JOURNAL = "/etc/systemd/journald.conf.d/atlantis.conf"
 _RESOLVED_CONF = "/etc/systemd/resolved.conf.d/60-atlantis.conf"
-"""Of a program that not every computer has: elsewhere nobody reads it."""
+"""For systemd-resolved, which not every computer has; elsewhere nothing reads this file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,17 +309,17 @@ class GatewayBase:
 
     packages: tuple[Package, ...]
     configuration: Configuration
-    """Empty: nothing but its network is ours."""
+    """Empty: the toolkit manages nothing but its network."""
     network: NetworkPart | None
-    """None: it stays as the image has it."""
+    """None: the network stays as in the image."""
     secrets: Mapping[str, str]
-    """Word in a file to the vehicle whose key of its access point stands there."""
+    """Placeholder in a file -> vehicle whose access point key replaces it."""
     own_secret: str | None
-    """The word in the place of the key of the gateway's own access point; None: it has none."""
+    """Placeholder for the key of the gateway's own access point; None: it has none."""
     service_secrets: tuple[str, ...]
-    """Words in the places of the secrets of containers, in the order in which these are declared."""
+    """Placeholders for the secrets of containers, in the order in which these are declared."""
     qualify_secret: str | None = None
-    """The word in the place of the key of the far end of measured links; None: it has none."""
+    """Placeholder for the key of the far end of measured links; None: it has none."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the parameters of the role's modules."""
@@ -340,7 +337,7 @@ class GatewayBase:
 
 
 def gateway_base(
-    declaration: Declaration, host: Host, *, is_rehearsal: bool = False, images: Mapping[str, str] | None = None
+    inventory: Inventory, host: Host, *, is_rehearsal: bool = False, images: Mapping[str, str] | None = None
 ) -> GatewayBase:
     """Build the desired base system of a host (pure).
 
@@ -348,12 +345,12 @@ def gateway_base(
     only): name of a service to the SHA-256 of the archive that replaces its image.
     """
     assert isinstance(host.device, model.SiteComputer)  # noqa: S101 - callers choose computers that are no server of the VPN
-    network = None if is_rehearsal else computer_network(declaration, host)
+    network = None if is_rehearsal else computer_network(inventory, host)
     if not isinstance(host.device, model.ServerComputer):
         return GatewayBase((), Configuration(), network, secrets={}, own_secret=None, service_secrets=())
-    view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, is_rehearsal=is_rehearsal)
+    view, air = base_view(inventory, host), radios.gateway_radios(inventory, host, is_rehearsal=is_rehearsal)
     absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)
-    more = (*hosted.packages(host.device), *retrieval_packages(declaration, host))
+    more = (*hosted.packages(host.device), *retrieval_packages(inventory, host))
     packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()), *more)
     return GatewayBase(
         packages=(*(Package(name) for name in packages), *air.packages),
@@ -365,20 +362,20 @@ def gateway_base(
             only=(radios.FOLDER,),
             steps=(*STEPS, *air.steps),
             units=(*_units(view), *air.units),
-            brought=air.brought,
+            brought=air.plugged_devices,
             checks=(*CHECKS, *air.checks),
-            way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
+            way_in=SshRequirements(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         )
         .merge(reflector(host))
         .merge(dds_link_unit(view.dds_link))
-        .merge(far_end(host.name, declaration.pilot))
+        .merge(link_reflector(host.name, inventory.pilot))
         .merge(hosted.services(host.device, images))
-        .merge(retrieval(declaration, host, is_rehearsal=is_rehearsal)),
+        .merge(retrieval(inventory, host, is_rehearsal=is_rehearsal)),
         network=network,
         secrets=air.secrets,
         own_secret=None if air.access_point is None else air.access_point.placeholder,
-        service_secrets=hosted.secret_words(host.device),
-        qualify_secret=None if measured_at(host.name, declaration.pilot) is None else QUALIFY_SECRET,
+        service_secrets=hosted.secret_placeholders(host.device),
+        qualify_secret=None if qualify_settings(host.name, inventory.pilot) is None else QUALIFY_SECRET,
     )
 
 

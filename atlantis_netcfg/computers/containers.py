@@ -21,19 +21,19 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
 FOLDER = "/etc/atlantis/containers"
-"""Ours alone: a script a container, and its environment."""
+"""Folder managed by this toolkit alone: a script for each container, and its environment."""
 IMAGES = "/var/lib/atlantis/images"
-"""Where a person brings an archive to, as SHA256.tar; a bundle that is on the computer is looked into as well."""
+"""Folder to which a person copies an archive, as SHA256.tar; a bundle on the computer is searched as well."""
 PACKAGES = ("crun", "podman")
 _BUNDLES = "/var/lib/atlantis/bundle"
 _MISSING = 3
-"""The exit code of `load` where the archive is not there: it is told, and stops nothing else."""
+"""Exit code of `load` if the archive is missing: this is reported, and stops nothing else."""
 _MB = 1_000_000
 UNITS = tuple(
     parts.Unit(f"podman{name}", enabled=False, active=False)
     for name in ("-auto-update.timer", "-auto-update.service", "-restart.service", ".socket", ".service")
 )
-"""What Debian's podman starts: updates from a registry, and a door for whoever asks. Neither is declared."""
+"""Units that Debian's podman starts: updates from a registry, and an API for any client. Neither is declared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,25 +41,25 @@ class PodmanContainer:
     """Values for the template of a container's script."""
 
     name: str
-    """Of its unit, without the ending, and podman's."""
+    """Name of its unit without the suffix, and of the podman container."""
     service: str
-    """As it is declared."""
+    """Declared name of the service."""
     archive: str
     sha256: str
     user: str
-    """The account of this computer whose numbers it has inside."""
+    """Account of this computer whose user and group ids it has inside."""
     arguments: str = ""
     volumes: tuple[str, ...] = ()
     variables: tuple[tuple[str, str], ...] = ()
-    """Of its environment; a secret's value is a word that stands for it."""
+    """Environment variables; the value of a secret is a placeholder."""
     env_files: tuple[str, ...] = ()
-    """With variables that something else lays down."""
+    """Files with environment variables that something else writes."""
     is_privileged: bool = False
-    """It listens at a port of root's."""
+    """Whether it listens at a privileged port."""
     topics: str = ""
-    """Text of a further file beside the script, which it can read."""
+    """Text of a topics file beside the script, which it can read."""
     master: IPv4Address | None = None
-    """ROS 1: it tells this master the address at which it is reached from there."""
+    """ROS 1: master to which it announces the address at which it is reached from there."""
 
     @property
     def script(self) -> str:
@@ -102,7 +102,7 @@ class PodmanContainer:
         )
 
 
-def within_budget(service: str, folder: str, budget_mb: int) -> parts.Check:
+def folder_budget_check(service: str, folder: str, budget_mb: int) -> parts.Check:
     """Return the check that a service's folder is not larger than its budget."""
     look = f'[ ! -d "$1" ] || [ "$(du -s -B {_MB} "$1" | cut -f 1)" -le "$2" ]'
     return parts.Check(

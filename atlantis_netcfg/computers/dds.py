@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 """Where the files stand on the computer; each link has a folder of its own below."""
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 def profiles(view: ProfileView, templates: Path | None = None) -> dict[str, str]:
     """Render the profiles of one link: file name below `PROFILES` to text; `templates` overrides the folder."""
-    folder = f"{services.PROFILES}/{view.bearer}"
-    return {f"{view.bearer}/{name}": text for name, text in _files(view, folder, templates).items()}
+    folder = f"{services.PROFILES}/{view.link}"
+    return {f"{view.link}/{name}": text for name, text in _files(view, folder, templates).items()}
 
 
 def _files(view: ProfileView, folder: str, templates: Path | None = None) -> dict[str, str]:
@@ -76,11 +76,11 @@ class Cyclone:
 
     version: str
     interfaces: bool
-    """`General/Interfaces` names the interface; before, `General/NetworkInterfaceAddress` did."""
+    """Whether `General/Interfaces` names the interface; earlier, `General/NetworkInterfaceAddress` did."""
     lease_in_discovery: bool
-    """`LeaseDuration` stands under `Discovery`; before, under `Internal`."""
+    """Whether `LeaseDuration` is under `Discovery`; earlier, it was under `Internal`."""
     prunes: bool
-    """Gives up the address of a peer that was silent for its lease and 30 s, unless it is told not to."""
+    """Whether it drops a peer's address after silence for its lease and 30 s, unless configured otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,16 +92,16 @@ class DdsRelease:
     fast_dds: str | None
     """Version of Fast DDS; None: there is none."""
     environment: Mapping[str, str]
-    """Set so that nothing narrows the profile."""
+    """Variables that are set so that nothing narrows the profile."""
 
 
 _CYCLONE_0_7 = Cyclone("0.7", interfaces=False, lease_in_discovery=False, prunes=False)
 _CYCLONE_0_10 = Cyclone("0.10", interfaces=True, lease_in_discovery=True, prunes=False)
 _CYCLONE_11 = Cyclone("11", interfaces=True, lease_in_discovery=True, prunes=True)
 _BEFORE_IRON = {"ROS_LOCALHOST_ONLY": "0"}
-"""1 would leave 127.0.0.1 only, and silently."""
+"""1 would leave 127.0.0.1 only, without a warning."""
 _SINCE_IRON = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
-"""The other ranges overrule the profile (ROS 2 manual, Improved Dynamic Discovery)."""
+"""The other ranges override the profile (ROS 2 manual, Improved Dynamic Discovery)."""
 
 RELEASES: Mapping[str, DdsRelease] = {
     release.name: release
@@ -114,7 +114,7 @@ RELEASES: Mapping[str, DdsRelease] = {
 }
 
 GAP_S = 70
-"""The longest silence that was seen on the satellite service (FFI, 352 kbit/s, Arctic, 2019)."""
+"""The longest silence observed on the satellite service (FFI, 352 kbit/s, Arctic, 2019)."""
 
 
 SIZES: Mapping[model.RosMiddleware, standing_traffic.DdsSizes] = {
@@ -122,13 +122,13 @@ SIZES: Mapping[model.RosMiddleware, standing_traffic.DdsSizes] = {
         380, has_repeat=False, sample_head=84, reliability=standing_traffic.CycloneHeartbeats()
     ),
     model.RosMiddleware.FAST_DDS: standing_traffic.DdsSizes(
-        484, has_repeat=True, sample_head=160, reliability=standing_traffic.HeartbeatsNowAndThen()
+        484, has_repeat=True, sample_head=160, reliability=standing_traffic.PeriodicHeartbeats()
     ),
 }
 """Counted for 380 s with the satellite's profile: Cyclone DDS 11 (0.10: 372 bytes), Fast DDS 2.9; no ROS node.
 
 60 bytes of each datagram of Fast DDS are a submessage of its statistics module, which Debian's 2.9 is built with.
-Foxy's 2.1 has no such module, and nobody has looked at Humble's and Jazzy's builds: the bytes are an upper bound there.
+Foxy's 2.1 has no such module. Humble's and Jazzy's builds were not checked: the bytes are an upper bound there.
 """
 
 
@@ -137,11 +137,11 @@ class Tuning:
     """DDS settings for one kind of link."""
 
     announce_s: int
-    """Two announcements and the longest gap fit into every lease that can be declared."""
+    """Interval; two announcements and the longest gap fit into every lease that can be declared."""
     message_bytes: int
     """The largest UDP payload, so that no datagram is fragmented by IP: links drop fragments."""
     fragment_bytes: int
-    """Of a sample that is larger than a message; 100 bytes are left for the headers of RTPS."""
+    """Fragment of a sample that is larger than a message; 100 bytes are left for the headers of RTPS."""
 
 
 _FAST = Tuning(announce_s=5, message_bytes=1372, fragment_bytes=1272)
@@ -154,7 +154,7 @@ TUNING: Mapping[model.Pace, Tuning] = {
     model.Pace.MOBILE: _MOBILE,
     model.Pace.SATELLITE: _SATELLITE,
 }
-"""1200 bytes were measured over a path that drops fragments; what a satellite takes is to be measured on site."""
+"""1200 bytes were measured over a path that drops fragments; the limit of a satellite is to be measured on site."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,32 +162,31 @@ class ProfileView:
     """Values for the profile templates of one computer on one link."""
 
     host: str
-    bearer: str
-    """The link's name."""
+    link: str
     release: DdsRelease
     middleware: model.RosMiddleware
     domain: int
     address: str
-    """Of the interface, by which every version finds it: tun0 has another name on another computer."""
+    """Address of the interface, by which every version finds it: tun0 has another name on another computer."""
     peers: tuple[tuple[str, str], ...]
-    """Name and address; the computer itself is one, so that its own processes find each other."""
+    """Name and address; the computer itself is a peer, so that its own processes find each other."""
     participants: int
     processes: int
     lease_s: int
     tuning: Tuning
     over: model.DdsPath
     vpn: standing_traffic.VpnHeaders
-    """Between two sites everything goes through the VPN: the computers' own tunnels, or those of the routers."""
+    """Between two sites all traffic uses the VPN: the computers' own tunnels, or those of the routers."""
 
     @property
-    def announcing(self) -> standing_traffic.Announcing:
+    def announcing(self) -> standing_traffic.DdsAnnouncements:
         """Discovery traffic of the computer's processes.
 
         Cyclone DDS assigns indexes below `MaxAutoParticipantIndex`, and also announces itself to the port of that
         index.
         """
         ports = self.participants + (self.middleware is model.RosMiddleware.CYCLONE_DDS)
-        return standing_traffic.Announcing(self.processes, ports, self.tuning.announce_s, self.sizes)
+        return standing_traffic.DdsAnnouncements(self.processes, ports, self.tuning.announce_s, self.sizes)
 
     @property
     def messages(self) -> standing_traffic.DdsMessages:
@@ -214,33 +213,33 @@ class _DdsHost:
     site: str | None
     """None: anywhere."""
     everywhere: bool
-    """A control centre, whom everybody has to find."""
+    """Whether it is a control centre, which every computer has to find."""
     gateway: bool = False
-    """Where DDS may not cross a link of its site, a control centre does not name it: it hears it while DDS crosses."""
+    """If DDS may not use a link of its site, a control centre does not list it, but finds it while DDS may pass."""
 
 
-def profile_views(declaration: Declaration, host: Host, release: str | None = None) -> tuple[ProfileView, ...]:
+def profile_views(inventory: Inventory, host: Host, release: str | None = None) -> tuple[ProfileView, ...]:
     """Build one view for each link of the host's site, in order of preference.
 
     `release` overrides the ROS 2 release of the inventory. Raises UsageError if the inventory has no DDS, or the host
     uses no DDS.
     """
-    dds = _require_dds(declaration)
+    dds = _require_dds(inventory)
     if not isinstance(host.device, model.ServerComputer):
         there = ", ".join(
-            item.name for item in declaration.hosts.values() if isinstance(item.device, model.ServerComputer)
+            item.name for item in inventory.hosts.values() if isinstance(item.device, model.ServerComputer)
         )
         raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
     dds_release = _release(release or dds.distribution)
-    all_of_them = _participants(declaration, dds)
+    all_of_them = _participants(inventory, dds)
     local = next(entry for entry in all_of_them if entry.name == host.name)
     reachable = [peer for peer in all_of_them if local.everywhere or peer.everywhere or peer.site in {None, host.site}]
-    quiet = {name for name in declaration.sites if name != host.site and links_without_dds(declaration, name)}
+    quiet = {name for name in inventory.sites if name != host.site and links_without_dds(inventory, name)}
     peers = [peer for peer in reachable if not (peer.gateway and peer.site in quiet)]
     return tuple(
         ProfileView(
             host=host.name,
-            bearer=bearer.name,
+            link=link.name,
             release=dds_release,
             middleware=dds.middleware,
             domain=dds.domain,
@@ -249,11 +248,11 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
             participants=dds.participants,
             processes=dds.processes,
             lease_s=dds.lease_s,
-            tuning=_tuning(declaration, bearer.kind, {peer.site for peer in reachable} - {host.site}),
+            tuning=_tuning(inventory, link.kind, {peer.site for peer in reachable} - {host.site}),
             over=dds.over,
-            vpn=standing_traffic.VpnHeaders.of(declaration.pilot.vpn.transport),
+            vpn=standing_traffic.VpnHeaders.of(inventory.pilot.vpn.transport),
         )
-        for bearer in declaration.sites[host.site].bearers
+        for link in inventory.sites[host.site].bearers
     )
 
 
@@ -263,23 +262,23 @@ class MemberDds:
 
     name: str
     address: str
-    """In the VPN."""
+    """Address in the VPN."""
     pace: model.Pace
-    """Of the link that carries its tunnel."""
+    """Pace of the link that carries its tunnel."""
     peers: tuple[tuple[str, str], ...]
-    """Name and address of those whom it may find."""
+    """Name and address of the peers that it may find."""
     distribution: model.RosDistribution
 
 
-def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
+def member_view(inventory: Inventory, member: MemberDds) -> ProfileView:
     """Build the view of a partner's computer in the VPN. Raises UsageError if the inventory has no DDS.
 
     On a fast link the settings are those of a mobile link: the link at the tunnel's other end is not known.
     """
-    dds = _require_dds(declaration)
+    dds = _require_dds(inventory)
     return ProfileView(
         host=member.name,
-        bearer="the VPN",
+        link="the VPN",
         release=_release(member.distribution),
         middleware=dds.middleware,
         domain=dds.domain,
@@ -289,7 +288,7 @@ def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
         processes=dds.processes,
         lease_s=dds.lease_s,
         over=dds.over,
-        vpn=standing_traffic.VpnHeaders.of(declaration.pilot.vpn.transport),
+        vpn=standing_traffic.VpnHeaders.of(inventory.pilot.vpn.transport),
         tuning=TUNING[max(member.pace, model.Pace.MOBILE)],
     )
 
@@ -299,16 +298,16 @@ def member_files(view: ProfileView) -> dict[str, str]:
     return _files(view, services.PROFILES)
 
 
-def _tuning(declaration: Declaration, kind: model.BearerKind, sites: set[str | None]) -> Tuning:
+def _tuning(inventory: Inventory, kind: model.LinkKind, sites: set[str | None]) -> Tuning:
     """Return the settings for the slowest link between the sites: a vessel receives announcements over satellite."""
-    far = {bearer.kind for name, site in declaration.sites.items() if name in sites for bearer in site.bearers}
+    far = {link.kind for name, site in inventory.sites.items() if name in sites for link in site.bearers}
     return TUNING[max(each.traits.pace for each in {kind, *far})]
 
 
-def _require_dds(declaration: Declaration) -> model.Dds:
-    if declaration.pilot.dds is None:
+def _require_dds(inventory: Inventory) -> model.Dds:
+    if inventory.pilot.dds is None:
         raise UsageError("the pilot declares no DDS", hint="write `dds: {distribution: foxy}` below `pilot:`")
-    return declaration.pilot.dds
+    return inventory.pilot.dds
 
 
 def _release(name: str) -> DdsRelease:
@@ -320,11 +319,11 @@ def _release(name: str) -> DdsRelease:
 _KINDS = (model.ControlCentre, model.Gateway)
 
 
-def _participants(declaration: Declaration, dds: model.Dds) -> list[_DdsHost]:
+def _participants(inventory: Inventory, dds: model.Dds) -> list[_DdsHost]:
     """List hosts, then the inventory's DDS peers; on LANs also vehicles with a reservation."""
     result = [
         _DdsHost(name, dds.address_of(host.device), host.site, *(isinstance(host.device, kind) for kind in _KINDS))
-        for name, host in declaration.hosts.items()
+        for name, host in inventory.hosts.items()
         if isinstance(host.device, model.ServerComputer)
     ]
     result += [_DdsHost(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
@@ -332,24 +331,25 @@ def _participants(declaration: Declaration, dds: model.Dds) -> list[_DdsHost]:
         known_addresses = {participant.address for participant in result}
         result += [
             _DdsHost(reservation.name, str(reservation.address), name, everywhere=False)
-            for name, site in declaration.sites.items()
+            for name, site in inventory.sites.items()
             for reservation in site.lan.reservations
-            if reservation.name in declaration.vehicles and str(reservation.address) not in known_addresses
+            if reservation.name in inventory.vehicles and str(reservation.address) not in known_addresses
         ]
     return result
 
 
 LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
-"""The same for people who log in; `~/.bashrc` stays theirs.
+"""The same for login shells; `~/.bashrc` is left to the user.
 
-Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`: since Iron that may narrow the range of discovery.
+Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`, which may narrow discovery since Iron.
 """
 _READERS = (SERVICE, RECORDING, services.BRIDGE, BRIDGE_OF_PACKAGES)
-"""Units that read a profile when they start, and keep it. One that does not run is left alone; one that waits for the
-VPN is not waited for.
+"""Units that read a profile when they start, and keep it.
+
+A unit that does not run is left alone; nothing waits for a unit that itself waits for the VPN.
 """
 _NARROWS = {"ROS_LOCALHOST_ONLY": "0"}
-"""Releases since Iron still obey it where it is set."""
+"""Releases since Iron still obey it if it is set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,11 +357,11 @@ class GatewayDds:
     """DDS files of a computer; without DDS in the inventory, the role removes them."""
 
     in_use: str | None = None
-    """The link whose profile the environment names: the slowest of the site, because a process keeps what it read."""
+    """Link whose profile the environment names: the slowest of the site, because a process keeps what it read."""
     files: Mapping[str, str] = field(default_factory=dict)
     """Path -> content."""
     alone: Mapping[str, str] = field(default_factory=dict)
-    """Variables that nothing else on the computer may set otherwise: that would shut the VPN out, silently."""
+    """Variables that nothing else on the computer may set differently: that would silently exclude the VPN."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the parameters of the role's tasks."""
@@ -382,26 +382,26 @@ class GatewayDds:
         }
 
 
-def gateway_dds(declaration: Declaration, host: Host) -> GatewayDds:
+def gateway_dds(inventory: Inventory, host: Host) -> GatewayDds:
     """Build the DDS files of a host (pure); a valid inventory gives each VPN gateway an address."""
-    if declaration.pilot.dds is None:
+    if inventory.pilot.dds is None:
         return GatewayDds()
-    views = profile_views(declaration, host)
+    views = profile_views(inventory, host)
     slowest = _slowest(views)
     files = {f"{services.PROFILES}/{name}": text for view in views for name, text in profiles(view).items()}
-    files[services.ENVIRONMENT] = files[f"{services.PROFILES}/{slowest.bearer}/ros.env"]
+    files[services.ENVIRONMENT] = files[f"{services.PROFILES}/{slowest.link}/ros.env"]
     files[LOGIN] = (
         render.environment().get_template("gateway/ros-profile.sh.j2").render(environment=services.ENVIRONMENT)
     )
-    return GatewayDds(slowest.bearer, files, {**_NARROWS, **slowest.release.environment})
+    return GatewayDds(slowest.link, files, {**_NARROWS, **slowest.release.environment})
 
 
-def profile_in_use(declaration: Declaration, host: Host) -> ProfileView:
+def profile_in_use(inventory: Inventory, host: Host) -> ProfileView:
     """Return the profile that processes use on every link of a computer: that of the slowest link.
 
     Raises UsageError as `profile_views` does.
     """
-    return _slowest(profile_views(declaration, host))
+    return _slowest(profile_views(inventory, host))
 
 
 def _slowest(views: tuple[ProfileView, ...]) -> ProfileView:

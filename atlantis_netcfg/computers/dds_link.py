@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers import parts
-from atlantis_netcfg.computers.reflector import taken_away
+from atlantis_netcfg.computers.reflector import stop_step
 from atlantis_netcfg.inventory.model import ServerComputer, VpnServer
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 SERVICE = "atlantis-dds-link.service"
 _UNIT = f"/etc/systemd/system/{SERVICE}"
@@ -31,37 +31,37 @@ class DdsLink:
     """Echo test by which a gateway learns whether DDS may use the active link."""
 
     endpoint: str
-    """Where the echoes are sent; they get two hops far."""
+    """Target of the echoes, which are limited to two hops."""
     server: str
-    """The VPN's server in the tunnel."""
+    """Address of the VPN server in the tunnel."""
     interface: str = "tun0"
     every_s: int = 5
     remembered_s: int = 12
-    """A refusal counts for so long: two echoes may be lost."""
+    """Seconds for which a refusal counts: two echoes may be lost."""
 
 
-def links_without_dds(declaration: Declaration, site: str) -> tuple[str, ...]:
+def links_without_dds(inventory: Inventory, site: str) -> tuple[str, ...]:
     """Return the links of a site on which its computers must not send DDS."""
-    dds = declaration.pilot.dds
-    if dds is None or declaration.router_of(site) is None:
+    dds = inventory.pilot.dds
+    if dds is None or inventory.router_of(site) is None:
         return ()
-    return tuple(bearer.name for bearer in declaration.sites[site].bearers if not bearer.carries(dds))
+    return tuple(link.name for link in inventory.sites[site].bearers if not link.carries(dds))
 
 
-def dds_link(declaration: Declaration, host: Host) -> DdsLink | None:
+def dds_link(inventory: Inventory, host: Host) -> DdsLink | None:
     """Return the echo test of a computer with a tunnel, at a site where some links forbid DDS."""
-    assert isinstance(host.device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
-    if host.device.vpn_address is None or not links_without_dds(declaration, host.site):
+    assert isinstance(host.device, ServerComputer)  # noqa: S101 - `gateway_base` checks it
+    if host.device.vpn_address is None or not links_without_dds(inventory, host.site):
         return None
-    vpn = declaration.pilot.vpn
-    server = declaration.hosts[vpn.server].device
-    assert isinstance(server, VpnServer)  # noqa: S101 - a rule of the declaration
+    vpn = inventory.pilot.vpn
+    server = inventory.hosts[vpn.server].device
+    assert isinstance(server, VpnServer)  # noqa: S101 - a rule of the inventory
     return DdsLink(str(vpn.endpoint), str(server.vpn_address or vpn.endpoint))
 
 
 def dds_link_unit(link: DdsLink | None) -> parts.Configuration:
     """Build the unit that sends the echo (pure); None: the step that removes it."""
-    away = taken_away("stop asking whether DDS may cross the link in use", SERVICE)
+    away = stop_step("stop asking whether DDS may cross the link in use", SERVICE)
     if link is None:
         return parts.Configuration(absent=(_UNIT,), steps=(away,))
     text = environment().get_template("gateway/dds-link.service.j2").render(link=link)

@@ -14,14 +14,14 @@ from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 PREFIX = "/opt/atlantis/interop"
 SERVICE = "atlantis-data-gateway.service"
 USER = "atlantis-interop"
 
 _PACKAGES = ("ca-certificates", "cmake", "git")
-"""Besides the declared ones; the report leaves them out. colcon comes with ROS 2."""
+"""Packages installed in addition to the declared ones; not listed in the report. colcon comes with ROS 2."""
 _TEST_S = 15
 _USER = "/usr/lib/sysusers.d/atlantis-interop.conf"
 _SETUP_SCRIPT = "/usr/local/lib/atlantis/interop.sh"
@@ -53,11 +53,11 @@ class GatewayInterop:
         }
 
 
-def gateway_interop(declaration: Declaration, host: Host) -> GatewayInterop:
+def gateway_interop(inventory: Inventory, host: Host) -> GatewayInterop:
     """Build the desired state of a host (pure); a valid inventory has a ROS 2 release where a library is built."""
     assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
-    interop = declaration.pilot.gateways.interop
-    dds = declaration.pilot.dds
+    interop = inventory.pilot.gateways.interop
+    dds = inventory.pilot.dds
     if interop is None or dds is None or not host.device.has_interop:
         return GatewayInterop(configuration=_configuration(None, ""))
     ros = f"/opt/ros/{dds.distribution.value}/setup.sh"
@@ -102,7 +102,7 @@ def _configuration(interop: model.Interop | None, ros: str) -> parts.Configurati
         steps=(
             parts.ConvergeStep("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
             parts.ConvergeStep("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
-            services.with_the_vpn("start the data gateway with the VPN, or take it away", SERVICE),
+            services.vpn_bound_step("start the data gateway with the VPN, or take it away", SERVICE),
         ),
         units=units if _UNIT in file_paths else (),
         checks=_CHECKS if _UNIT in file_paths else (),
@@ -116,7 +116,7 @@ for bound in /sys/fs/cgroup/*/cpu.max; do
 done
 { zcat /proc/config.gz || cat "/boot/config-$(uname -r)"; } 2>/dev/null | grep -qx CONFIG_CFS_BANDWIDTH=y
 """
-"""Whether `CPUQuota=` is enforced: a file of either kind of control groups; without a group yet, the kernel's build."""
+"""Check that `CPUQuota=` is enforced: a file of cgroups v1 or v2; without a group yet, the kernel's build options."""
 _CHECKS = (
     parts.Check(
         ("sh", "-c", _CHECK_CPU_QUOTA),

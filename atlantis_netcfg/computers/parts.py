@@ -10,23 +10,23 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import (
-    Brought,
     Check,
     ConvergeStep,
     DesiredState,
     Directory,
     File,
+    SshRequirements,
     SymbolicLink,
     Unit,
-    WayIn,
+    UserSuppliedFile,
 )
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
-__all__ = ["Brought", "Check", "ConvergeStep", "Directory", "File", "SymbolicLink", "Unit", "WayIn"]
+__all__ = ["Check", "ConvergeStep", "Directory", "File", "SshRequirements", "SymbolicLink", "Unit", "UserSuppliedFile"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +85,9 @@ class _LanPart:
 
     interface: str
     address: str
-    """With the LAN's prefix length."""
+    """Address with the prefix length of the LAN."""
     gateway: str
-    """The site's router; it also answers DNS."""
+    """Address of the site's router, which is also the DNS server."""
     domain: str
     dhcp: bool
 
@@ -104,7 +104,7 @@ class NetworkPart:
     content: str
     mode: str
     resolver: str | None
-    """Text of /etc/resolv.conf where nothing else writes it; None: DHCP brings it."""
+    """Content of /etc/resolv.conf if no other program writes it; None: provided by DHCP."""
     replaces: tuple[str, ...]
     rollback_s: int
 
@@ -114,13 +114,13 @@ class NetworkPart:
         return {key: value for key, value in values.items() if value is not None}
 
 
-def computer_network(declaration: Declaration, host: Host) -> NetworkPart | None:
+def computer_network(inventory: Inventory, host: Host) -> NetworkPart | None:
     """Build the network part (pure); None if the inventory has none: the image's network is then kept."""
     device = host.device
     assert isinstance(device, model.SiteComputer)  # noqa: S101 - callers choose computers
     if device.network is None:
         return None
-    site = declaration.sites[host.site].lan
+    site = inventory.sites[host.site].lan
     lan = _LanPart(
         interface=device.network.interface,
         address=f"{device.address}/{site.network.prefixlen}",

@@ -19,17 +19,17 @@ from atlantis_netcfg.routeros.render import environment
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 FOLDER = "/etc/atlantis/radios"
-"""Ours alone: whatever else stands in it goes."""
+"""Folder managed by this toolkit only: any other content is removed."""
 UNIT = "/etc/systemd/system/atlantis-radio@.service"
 ACCESS_POINT_UNIT = "/etc/systemd/system/atlantis-access-point@.service"
 NETWORKS = "/etc/systemd/network"
 PREFIX = "04-atlantis-radio-"
-"""Of our files in there: before all others, for the first that names an interface holds."""
+"""Prefix of our files there. It sorts before all others, because the first file that matches an interface applies."""
 NO_RADIO = "atlantis-none"
-"""A name that no interface has: a program that reads a file for it ends when it looks for the radio."""
+"""Name that no interface has, for checking a configuration file: the program then exits for lack of a radio."""
 
 ACCEPT_HOSTAPD = (
     "sh",
@@ -45,7 +45,7 @@ ACCEPT_SUPPLICANT = (
     "sh",
     "%s",
 )
-"""wpa_supplicant cannot only check a file: here it reads it, tells what it does not understand, and finds no radio."""
+"""Check of a wpa_supplicant file. The program has no check mode: it reads the file, reports errors, finds no radio."""
 
 
 def quote_ssid(ssid: str) -> str:
@@ -58,7 +58,7 @@ class AccessPoint:
     """An access point that a radio may join."""
 
     vehicle: str
-    """Its key in the declaration."""
+    """Key of the vehicle in the inventory."""
     wifi: model.WifiEndpoint
 
     @property
@@ -151,10 +151,10 @@ class OpenedNetwork:
         return f"{self.radio.address}/{self.radio.network.prefixlen}"
 
 
-def interfaces(declaration: Declaration, host: Host) -> tuple[str, ...]:
+def interfaces(inventory: Inventory, host: Host) -> tuple[str, ...]:
     """Return the interfaces of all radios in networks of robots."""
     access_point = opened_radio(host)
-    names = [radio.interface for radio in radios(declaration, host)]
+    names = [radio.interface for radio in radios(inventory, host)]
     return tuple(names if access_point is None else [*names, access_point.interface])
 
 
@@ -163,14 +163,14 @@ def opened_radio(host: Host) -> model.GatewayAccessPoint | None:
     return host.device.access_point if isinstance(host.device, model.Gateway) else None
 
 
-def radios(declaration: Declaration, host: Host) -> tuple[JoiningRadio, ...]:
+def radios(inventory: Inventory, host: Host) -> tuple[JoiningRadio, ...]:
     """Return the radios that join a vehicle's access point; vehicles of the site's checklist, in their order."""
     if not isinstance(host.device, model.Gateway):
         return ()
-    vehicle_keys = declaration.sites[host.site].checklist.vehicles
+    vehicle_keys = inventory.sites[host.site].checklist.vehicles
     access_points: dict[str, list[AccessPoint]] = {}
-    for key in declaration.vehicles if vehicle_keys is None else vehicle_keys:
-        wifi = declaration.vehicles[key].endpoints.wifi
+    for key in inventory.vehicles if vehicle_keys is None else vehicle_keys:
+        wifi = inventory.vehicles[key].endpoints.wifi
         should_join = (
             wifi is not None and wifi.role is model.WifiRole.ACCESS_POINT and wifi.seen_from is model.SeenFrom.GATEWAY
         )
@@ -185,11 +185,11 @@ class GatewayRadios:
 
     radios: tuple[JoiningRadio, ...]
     country: str
-    """ISO 3166-1: its law holds for the radios."""
+    """Country code (ISO 3166-1) whose regulations apply to the radios."""
     access_point: OpenedNetwork | None = None
-    """The one that is an access point."""
+    """Radio that is an access point; None: there is none."""
     is_rehearsal: bool = False
-    """A machine of a rehearsal has no radio, and says so."""
+    """Whether this is a machine of a rehearsal, which has no radio; a note says so."""
 
     @property
     def packages(self) -> tuple[parts.Package, ...]:
@@ -271,12 +271,12 @@ class GatewayRadios:
             yield parts.Unit("hostapd.service", enabled=False, active=False)
 
     @property
-    def brought(self) -> tuple[parts.Brought, ...]:
+    def plugged_devices(self) -> tuple[parts.UserSuppliedFile, ...]:
         """Radios that a person has to plug in."""
         notes = {radio.interface: self._joins(radio) for radio in self.radios}
         if self.access_point is not None:
             notes[self.access_point.interface] = self._opens(self.access_point)
-        return tuple(parts.Brought(f"/sys/class/net/{name}", note) for name, note in notes.items())
+        return tuple(parts.UserSuppliedFile(f"/sys/class/net/{name}", note) for name, note in notes.items())
 
     def _joins(self, radio: JoiningRadio) -> str:
         name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
@@ -306,12 +306,12 @@ class GatewayRadios:
         return {item.placeholder: item.vehicle for radio in self.radios for item in radio.access_points}
 
 
-def gateway_radios(declaration: Declaration, host: Host, *, is_rehearsal: bool = False) -> GatewayRadios:
+def gateway_radios(inventory: Inventory, host: Host, *, is_rehearsal: bool = False) -> GatewayRadios:
     """Build the desired state of a host's radios (pure); on other computers all our files are removed."""
-    country = channels.COUNTRY_CODES[declaration.pilot.country]
+    country = channels.COUNTRY_CODES[inventory.pilot.country]
     access_point = opened_radio(host)
     return GatewayRadios(
-        radios(declaration, host), country, None if access_point is None else OpenedNetwork(access_point), is_rehearsal
+        radios(inventory, host), country, None if access_point is None else OpenedNetwork(access_point), is_rehearsal
     )
 
 
@@ -334,14 +334,14 @@ _START = """\
 systemctl daemon-reload
 [ ! -e "/sys/class/net/$2" ] || exec systemctl --no-block start "$1"
 """
-"""systemd starts it with the radio; where that is there already, this does."""
+"""Start a unit if its radio is already present; otherwise systemd starts it with the radio."""
 _ALONE = """\
 command -v nmcli >/dev/null && systemctl --quiet is-active NetworkManager.service || exit 0
 for radio; do
     case "$(nmcli --get-values GENERAL.STATE device show "$radio" 2>/dev/null)" in ''|10*) ;; *) exit 1 ;; esac
 done
 """
-"""10 is `unmanaged` (NMDeviceState)."""
+"""Check that NetworkManager does not manage the radios; state 10 is `unmanaged` (NMDeviceState)."""
 
 
 def _render(template: str, **values: object) -> str:

@@ -22,7 +22,7 @@ _FOLDER = "/etc/tmpfiles.d/atlantis-recording.conf"
 _UNIT = f"/etc/systemd/system/{SERVICE}"
 _NOT_RUNNING = "the recording does not run, though the VPN's interface is there"
 _CLOSE_S = 30
-"""The recorder closes its bag."""
+"""Seconds for the recorder to close its bag when it is stopped."""
 
 
 def packages(release: str) -> tuple[str, ...]:
@@ -44,10 +44,10 @@ def recording(config: Recording | None, release: str) -> parts.Configuration:
             parts.ConvergeStep(
                 "make the recording's folder", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
             ),
-            services.with_the_vpn("start the recording with the VPN, or take it away", SERVICE),
+            services.vpn_bound_step("start the recording with the VPN, or take it away", SERVICE),
         ),
         units=(parts.Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM), wait=False),) if files else (),
-        checks=(services.runs_with_the_vpn(_NOT_RUNNING, SERVICE),) if files else (),
+        checks=(services.vpn_bound_check(_NOT_RUNNING, SERVICE),) if files else (),
     )
 
 

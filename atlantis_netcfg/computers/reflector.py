@@ -34,7 +34,7 @@ _PACKAGE = "reflector"
 _START = f"/usr/bin/python3 -s -B -m {_PACKAGE}"
 _PRIVILEGED_PORT = 1024
 _IDLE_S = 900
-"""After so long without a packet it ends: it would have forgotten every session by then."""
+"""The reflector exits after this many seconds without a packet; by then all its sessions would have expired."""
 _TAKE_AWAY = f"""\
 [ ! -e {_UNITS}/$1 ] || exit 0
 rm -f {_UNITS}/*.wants/$1
@@ -45,8 +45,8 @@ systemctl daemon-reload
 
 def reflector(host: Host) -> parts.Configuration:
     """Build the checklist responder (pure); on a computer without VPN, remove it."""
-    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - `gateway_base` has looked
-    away = taken_away("take the answers to checklists away", SERVICE)
+    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - `gateway_base` checks it
+    away = stop_step("take the answers to checklists away", SERVICE)
     if host.device.vpn_address is None:
         return parts.Configuration(absent=(_UNIT, PROGRAM), steps=(away,))
     unit = _unit(
@@ -64,15 +64,15 @@ def reflector(host: Host) -> parts.Configuration:
     )
 
 
-def measured_at(host: str, pilot: model.Pilot) -> model.Qualify | None:
+def qualify_settings(host: str, pilot: model.Pilot) -> model.Qualify | None:
     """Return the inventory's measurement settings if this computer is the far end, else None."""
     return pilot.qualify if pilot.qualify is not None and pilot.qualify.reflector == host else None
 
 
-def far_end(host: str, pilot: model.Pilot) -> parts.Configuration:
+def link_reflector(host: str, pilot: model.Pilot) -> parts.Configuration:
     """Build the responder for measured links (pure); on other computers, remove it."""
-    away = taken_away("take the far end of measured links away", QUALIFY_SERVICE)
-    qualify = measured_at(host, pilot)
+    away = stop_step("take the far end of measured links away", QUALIFY_SERVICE)
+    qualify = qualify_settings(host, pilot)
     if qualify is None:
         return parts.Configuration(absent=(_QUALIFY_UNIT, QUALIFY_KEY), only=(QUALIFY_FOLDER,), steps=(away,))
     unit = _unit(
@@ -111,7 +111,7 @@ def _unit(**values: str | bool) -> str:
     return environment().get_template("gateway/reflector.service.j2").render(usual | values)
 
 
-def taken_away(words: str, service: str) -> parts.ConvergeStep:
+def stop_step(words: str, service: str) -> parts.ConvergeStep:
     """Return the step that stops a service without unit file."""
     return parts.ConvergeStep(words, ("sh", "-c", _TAKE_AWAY, "sh", service), (f"{_UNITS}/{service}",))
 

@@ -22,7 +22,7 @@ from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 SERVICE = "atlantis-retrieval.service"
 PROGRAM = "/usr/local/lib/atlantis/retrieval.py"
@@ -39,7 +39,7 @@ _SSHD = "/etc/ssh/sshd_config.d/50-atlantis-retrieval.conf"
 _ACCOUNT = "/usr/lib/sysusers.d/atlantis-retrieval.conf"
 _FOLDER = "/etc/tmpfiles.d/atlantis-retrieval.conf"
 _HOST_KEYS = {"ssh-ed25519": "ed25519", "ssh-rsa": "rsa"}
-"""Kind of a key to the name of its file below /etc/ssh; every other kind is of ECDSA."""
+"""Key type to the name of its file in /etc/ssh; all other types are ECDSA."""
 _TAKE_AWAY = f"""\
 [ ! -e {_UNIT} ] || exit 0
 rm -f /etc/systemd/system/*.wants/{SERVICE} {STATE}/job.json
@@ -54,39 +54,39 @@ Match User {USER}
 """
 
 
-def sources_of(declaration: Declaration, host: str) -> tuple[model.RetrievalSource | model.RetrievalRobot, ...]:
+def sources_of(inventory: Inventory, host: str) -> tuple[model.RetrievalSource | model.RetrievalRobot, ...]:
     """Return the sources that a gateway sends: its own recordings, then those of robots."""
-    retrieval = declaration.pilot.retrieval
+    retrieval = inventory.pilot.retrieval
     sources = () if retrieval is None else retrieval.all_sources
     return tuple(source for source in sources if source.host == host)
 
 
-def packages(declaration: Declaration, host: Host) -> tuple[str, ...]:
+def packages(inventory: Inventory, host: Host) -> tuple[str, ...]:
     """Return the packages needed at both ends of a transfer."""
-    retrieval = declaration.pilot.retrieval
+    retrieval = inventory.pilot.retrieval
     ends = () if retrieval is None else (retrieval.to, *(source.host for source in retrieval.all_sources))
     return PACKAGES if host.name in ends else ()
 
 
-def robot_address(declaration: Declaration, robot: model.RetrievalRobot) -> str:
+def robot_address(inventory: Inventory, robot: model.RetrievalRobot) -> str:
     """Return a robot's address: from the inventory, else from its reservation at the gateway's site."""
     if robot.address is not None:
         return str(robot.address)
-    lan = declaration.sites[declaration.hosts[robot.host].site].lan
+    lan = inventory.sites[inventory.hosts[robot.host].site].lan
     return next(str(each.address) for each in lan.reservations if each.name == robot.robot)
 
 
-def line_for_robot(declaration: Declaration, robot: model.RetrievalRobot) -> str:
+def line_for_robot(inventory: Inventory, robot: model.RetrievalRobot) -> str:
     """Return a line for the robot's `authorized_keys`: read-only access to one folder."""
-    kind, key = (_computer(declaration, robot.host).ssh.host_key or "").split(" ")[:2]
+    kind, key = (_computer(inventory, robot.host).ssh.host_key or "").split(" ")[:2]
     return f'restrict,command="rrsync -ro {robot.folder}" {kind} {key} {robot.host}'
 
 
-def retrieval(declaration: Declaration, host: Host, *, is_rehearsal: bool = False) -> parts.Configuration:
+def retrieval(inventory: Inventory, host: Host, *, is_rehearsal: bool = False) -> parts.Configuration:
     """Build the transfer configuration (pure); without one, remove it. A rehearsal uses another host key."""
-    config, sources = declaration.pilot.retrieval, sources_of(declaration, host.name)
-    sends = () if config is None or not sources else _sender(declaration, host, config, sources)
-    takes = () if config is None or config.to != host.name else _receiver(declaration, config)
+    config, sources = inventory.pilot.retrieval, sources_of(inventory, host.name)
+    sends = () if config is None or not sources else _sender(inventory, host, config, sources)
+    takes = () if config is None or config.to != host.name else _receiver(inventory, config)
     files = (*sends, *takes)
     file_paths = {file.path for file in files}
     ours = (_UNIT, PROGRAM, _ROBOT_PROGRAM, _SETTINGS, _KNOWN_HOSTS, _SSHD, _KEYS, _RECEIVER, _ACCOUNT, _FOLDER)
@@ -109,12 +109,12 @@ def retrieval(declaration: Declaration, host: Host, *, is_rehearsal: bool = Fals
 
 
 def _sender(
-    declaration: Declaration,
+    inventory: Inventory,
     host: Host,
     config: model.Retrieval,
     sources: tuple[model.RetrievalSource | model.RetrievalRobot, ...],
 ) -> tuple[parts.File, ...]:
-    centre, device = _computer(declaration, config.to), _computer(declaration, host.name)
+    centre, device = _computer(inventory, config.to), _computer(inventory, host.name)
     settings = {
         "from": str(device.vpn_address),
         "from_host": host.name,
@@ -123,7 +123,7 @@ def _sender(
         "port": centre.ssh.port,
         "user": USER,
         "key": _key_file(device),
-        "sources": {source.name: _source(declaration, source) for source in sources},
+        "sources": {source.name: _source(inventory, source) for source in sources},
     }
     robots = [source for source in sources if isinstance(source, model.RetrievalRobot)]
     host_keys = [(config.to, centre.ssh.host_key), *((robot.robot, robot.host_key) for robot in robots)]
@@ -138,23 +138,23 @@ def _sender(
     )
 
 
-def _source(declaration: Declaration, source: model.RetrievalSource | model.RetrievalRobot) -> dict[str, str | int]:
+def _source(inventory: Inventory, source: model.RetrievalSource | model.RetrievalRobot) -> dict[str, str | int]:
     if not isinstance(source, model.RetrievalRobot):
         return {"folder": source.folder}
     return {
         "folder": f"{model.COLLECTION_FOLDER}/{source.robot}",
         "budget": source.budget_mb * 1_000_000,
-        "robot_address": robot_address(declaration, source),
+        "robot_address": robot_address(inventory, source),
         "robot_port": source.port,
         "robot_user": source.user,
     }
 
 
-def _receiver(declaration: Declaration, config: model.Retrieval) -> tuple[parts.File, ...]:
+def _receiver(inventory: Inventory, config: model.Retrieval) -> tuple[parts.File, ...]:
     lines = []
     for host in dict.fromkeys(source.host for source in config.all_sources):
-        device = _computer(declaration, host)
-        names = ",".join(source.name for source in sources_of(declaration, host))
+        device = _computer(inventory, host)
+        names = ",".join(source.name for source in sources_of(inventory, host))
         command = f"/usr/bin/python3 -I {_RECEIVER} {names} {config.folder} {config.budget_mb}"
         kind, key = (device.ssh.host_key or "").split(" ")[:2]
         lines.append(f'restrict,from="{device.vpn_address}",command="{command}" {kind} {key} {host}\n')
@@ -167,9 +167,9 @@ def _receiver(declaration: Declaration, config: model.Retrieval) -> tuple[parts.
     )
 
 
-def _computer(declaration: Declaration, name: str) -> model.ServerComputer:
-    device = declaration.hosts[name].device
-    assert isinstance(device, model.ServerComputer)  # noqa: S101 - the rules of the declaration have looked
+def _computer(inventory: Inventory, name: str) -> model.ServerComputer:
+    device = inventory.hosts[name].device
+    assert isinstance(device, model.ServerComputer)  # noqa: S101 - the rules of the inventory check it
     return device
 
 

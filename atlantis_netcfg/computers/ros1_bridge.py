@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.model import Ros1Bridge
 
 SERVICE = f"atlantis-{ROS1_BRIDGE}.service"
-"""Its name is none of the declared services', among which another part removes what is not declared."""
+"""Unit name outside the pattern of declared services, because another part removes undeclared ones."""
 ROS1 = "noetic"
 _USER = f"svc-{ROS1_BRIDGE}"
 _HOME = f"/var/lib/{_USER}"
@@ -45,10 +45,10 @@ def ros1_bridge(config: Ros1Bridge | None, release: str) -> parts.Configuration:
             parts.ConvergeStep(
                 "make the bridge's folder", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
             ),
-            services.with_the_vpn(services.START_BRIDGE, SERVICE),
+            services.vpn_bound_step(services.START_BRIDGE, SERVICE),
         ),
         units=(parts.Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM, _TOPICS), wait=False),) if files else (),
-        checks=(services.runs_with_the_vpn(services.BRIDGE_RUNS_NOT, SERVICE),) if files else (),
+        checks=(services.vpn_bound_check(services.BRIDGE_RUNS_NOT, SERVICE),) if files else (),
     )
 
 

@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 FOLDER = "keys"
-"""Below the inventory; public keys only."""
+"""Folder in the inventory; public keys only."""
 _WARN = timedelta(days=60)
 
 
@@ -48,10 +48,10 @@ class ArchiveKey:
     """A public key in the format of apt."""
 
     content: bytes
-    """Binary, whatever the file was."""
+    """Binary key, also if the file was text."""
     fingerprint: str
     note: str | None = None
-    """What a technician should know of it."""
+    """Information for the technician about this key."""
 
 
 def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: datetime) -> ArchiveKey:
@@ -114,10 +114,10 @@ class Archive:
 
     url: str
     key_file: str
-    """Its name below `keys` of the inventory."""
+    """File name below `keys` in the inventory."""
     fingerprint: str
     key_url: str
-    """Where a person fetches the key."""
+    """Address from which a person can download the key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,9 +129,9 @@ class RosRelease:
     ends: date
     archives: Mapping[model.RosOrigin, Archive]
     alone: Mapping[str, str]
-    """Keeps a process on its computer: for the test of talker and listener, and for nothing else."""
+    """Environment variables that keep a process local to its computer; only for the talker and listener test."""
     ros1: Mapping[model.RosOrigin, str] = field(default_factory=dict)
-    """Archives of the ROS 1 of that Ubuntu, signed by the same keys; where there is a bridge to it."""
+    """Archives of ROS 1 for that Ubuntu version, signed by the same keys; used where there is a bridge to ROS 1."""
 
 
 _LIVE = Archive(
@@ -174,14 +174,14 @@ _SOURCE = "/etc/apt/sources.list.d/ros2.sources"
 _SOURCE_ROS1 = "/etc/apt/sources.list.d/ros1.sources"
 _SAME_ROS1 = "/etc/apt/sources.list.d/ros-latest.list"
 _SAME = ("/etc/apt/sources.list.d/ros2.list", "/etc/apt/sources.list.d/ros2-latest.list")
-"""What ROS' own instructions write: with another keyring for the same address apt refuses every source."""
+"""Files from the official ROS instructions. With a different keyring for the same address, apt rejects all sources."""
 _PINS = "/etc/apt/preferences.d/atlantis-ros2"
 _LOGIN = "/etc/profile.d/atlantis-ros2.sh"
 _TEST = "/usr/local/lib/atlantis/ros2_hears.py"
 _MESSAGES, _PATIENCE_S = 3, 90
-"""The talker says hello once a second; a board that starts Python nodes for the first time takes its time."""
+"""Messages expected from the talker (one a second), and seconds to wait: a first start of Python nodes is slow."""
 _TEST_DOMAIN = 101
-"""Of ROS: nobody else talks there."""
+"""ROS domain for the test, used by nothing else."""
 _COLCON = "python3-colcon-common-extensions"
 
 
@@ -201,7 +201,7 @@ class GatewayRos2:
 
     packages: tuple[parts.Package, ...] = ()
     sources: Mapping[str, str] = field(default_factory=dict)
-    """Path to content; that of ROS 1 only where something of it is wanted."""
+    """Path to content; ROS 1 is included only if a package of it is needed."""
     pins: str = ""
     key: ArchiveKey | None = None
     codename: str = ""
@@ -237,11 +237,11 @@ class GatewayRos2:
 
 
 def gateway_ros2(
-    declaration: Declaration, host: Host, stand_in: StandIn | None = None, now: datetime | None = None
+    inventory: Inventory, host: Host, stand_in: StandIn | None = None, now: datetime | None = None
 ) -> GatewayRos2:
     """Build the desired state; reads the archive's key, else pure. Raises UsageError. `now`: current time."""
     assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
-    ros2, dds = declaration.pilot.gateways.ros2, declaration.pilot.dds
+    ros2, dds = inventory.pilot.gateways.ros2, inventory.pilot.dds
     if ros2 is None or not host.device.has_ros2:
         return GatewayRos2()
     if dds is None:
@@ -255,7 +255,7 @@ def gateway_ros2(
     if stand_in is None:
         archive = _archive(release, ros2)
         key, url, codename, system = (
-            archive_key(declaration.root, archive, ros2.key_file, today),
+            archive_key(inventory.root, archive, ros2.key_file, today),
             str(ros2.mirror or archive.url),
             release.codename,
             "ubuntu",

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 LIST = "/etc/atlantis/services"
-"""The units that are declared, one a line: whatever else of that name stands on the computer is taken away."""
+"""List of declared units, one a line; other units of that name pattern are removed from the computer."""
 _UNITS = "/etc/systemd/system"
 _ACCOUNTS = "/usr/lib/sysusers.d/atlantis-services.conf"
 _FOLDERS = "/etc/tmpfiles.d/atlantis-services.conf"
 _PRIVILEGED_PORT = 1024
-"""Ports below belong to root (ip(7)): the unit is given that one capability."""
+"""Ports below this one require root (ip(7)): the unit gets only that capability."""
 
 _TAKE_AWAY = f"""\
 for path in {_UNITS}/atlantis-service-*.service; do
@@ -56,22 +56,22 @@ while [ "$tries" -lt 30 ]; do
 done
 exit 1
 """
-"""A process of this very unit listens: whoever else has the port is somebody else. A program may need 15 s to begin."""
+"""Check that a process of this unit listens on the port, not one of another unit. Startup may take 15 s."""
 _RUNS = """\
 before="$(systemctl show --property ActiveState,MainPID "$1")"
 sleep 1
 case "$before" in *ActiveState=active*) ;; *) exit 1 ;; esac
 [ "$before" = "$(systemctl show --property ActiveState,MainPID "$1")" ]
 """
-"""Of a service without a port: it runs, and a second later it is the same process."""
+"""Check of a service without a port: it is active, and has the same process one second later."""
 
 
 VPN_INTERFACE = "tun0"
-"""Of OpenVPN on a gateway."""
+"""Interface of OpenVPN on a gateway."""
 ENVIRONMENT = "/etc/atlantis/ros.env"
-"""Domain, middleware and profile: written by the part `gateway_dds`, which restarts what has read it."""
+"""File with ROS domain, middleware and profile, written by the part `gateway_dds`, which restarts its readers."""
 PROFILES = "/etc/atlantis/dds"
-"""Where the part `gateway_dds` lays the profiles down."""
+"""Folder of the DDS profiles, written by the part `gateway_dds`."""
 _DEVICE = f"sys-subsystem-net-devices-{VPN_INTERFACE}.device"
 _UP_OR_DOWN = f"""\
 if [ -e "{_UNITS}/$1" ]; then
@@ -82,7 +82,7 @@ rm -f {_UNITS}/*.wants/"$1"
 systemctl daemon-reload
 exec systemctl stop "$1"
 """
-"""systemd starts it with the interface; where that is up already, this does."""
+"""Start a unit if its interface is already up; otherwise systemd starts it with the interface."""
 _RUNS_WITH_THE_VPN = f"""\
 systemctl --quiet is-active {_DEVICE} || exit 0
 tries=0
@@ -100,23 +100,23 @@ class StartedService:
     """Values for the unit template."""
 
     name: str
-    """Of the unit, with its ending."""
+    """Unit name with its suffix."""
     title: str
     user: str
     folder: str
-    """The only one that it may write to."""
+    """The only folder that the service may write to."""
     command: str
     memory_mb: int | None = None
     restart: str = "always"
     stop_s: int = 20
     ends_itself: bool = False
-    """It is the program that ends whatever it has started."""
+    """The program stops its own child processes."""
     is_privileged: bool = False
-    """It listens at a port of root's."""
+    """The service listens on a privileged port (below 1024)."""
     dds: bool = False
-    """It takes part in DDS over the VPN."""
+    """The service takes part in DDS over the VPN."""
     container: PodmanContainer | None = None
-    """In the place of a program."""
+    """Container to run instead of a program."""
 
     @property
     def path(self) -> str:
@@ -129,12 +129,12 @@ class StartedService:
         return parts.File(self.path, template.render(service=self, interface=VPN_INTERFACE, environment=ENVIRONMENT))
 
 
-def with_the_vpn(words: str, service: str) -> parts.ConvergeStep:
+def vpn_bound_step(words: str, service: str) -> parts.ConvergeStep:
     """Return the step that starts a service if its unit exists, else stops it; `service` is the unit's name."""
     return parts.ConvergeStep(words, ("sh", "-c", _UP_OR_DOWN, "sh", service), (f"{_UNITS}/{service}",))
 
 
-def runs_with_the_vpn(finding: str, service: str) -> parts.Check:
+def vpn_bound_check(finding: str, service: str) -> parts.Check:
     """Return the check that the service runs while the VPN interface is present."""
     return parts.Check(("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service), finding, _tells_why(service))
 
@@ -178,14 +178,16 @@ def services(computer: model.ServerComputer, images: Mapping[str, str] | None = 
             ),
             *(box.step() for box in boxes),
             parts.ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
-            *(with_the_vpn(START_BRIDGE, each.name) for each in service_by_name.values() if each.dds),
+            *(vpn_bound_step(START_BRIDGE, each.name) for each in service_by_name.values() if each.dds),
         ),
         units=(*(containers.UNITS if boxes else ()), *map(_build_unit, service_by_name.values())),
-        brought=tuple(parts.Brought(program.path, _not_brought(service, program)) for service, program in programs),
+        brought=tuple(
+            parts.UserSuppliedFile(program.path, _not_brought(service, program)) for service, program in programs
+        ),
         checks=(
             *(box.check() for box in boxes),
             *(check for service in computer.services if service.workload is not None for check in _checks(service)),
-            *(runs_with_the_vpn(BRIDGE_RUNS_NOT, each.name) for each in service_by_name.values() if each.dds),
+            *(vpn_bound_check(BRIDGE_RUNS_NOT, each.name) for each in service_by_name.values() if each.dds),
         ),
     )
 
@@ -197,15 +199,15 @@ def packages(computer: model.ServerComputer) -> tuple[str, ...]:
     return containers.PACKAGES if has_container or (bridge is not None and bridge.archive is not None) else ()
 
 
-def secret_word(service: str, variable: str) -> str:
+def secret_placeholder(service: str, variable: str) -> str:
     """Return the placeholder of a service's secret in a file."""
     return f"@secret {variable} of {service}@"
 
 
-def secret_words(computer: model.ServerComputer) -> tuple[str, ...]:
+def secret_placeholders(computer: model.ServerComputer) -> tuple[str, ...]:
     """Return all placeholders of a computer, in inventory order."""
     return tuple(
-        secret_word(service.name, variable.name)
+        secret_placeholder(service.name, variable.name)
         for service in computer.services
         if service.container is not None
         for variable in service.container.environment
@@ -244,7 +246,7 @@ def _build_service(service: model.HostedService) -> StartedService | None:
 
 def _container(service: model.HostedService, config: model.ServiceContainer, user: str, folder: str) -> PodmanContainer:
     variables = tuple(
-        (each.name, secret_word(service.name, each.name) if each.value is None else each.value)
+        (each.name, secret_placeholder(service.name, each.name) if each.value is None else each.value)
         for each in config.environment
     )
     return PodmanContainer(
@@ -265,11 +267,11 @@ def _is_privileged(service: model.HostedService) -> bool:
 
 
 BRIDGE = "atlantis-service-ros1-bridge.service"
-"""The unit of the bridge to ROS 1."""
+"""Unit of the bridge to ROS 1."""
 START_BRIDGE = "start the bridge to ROS 1 with the VPN, or take it away"
 BRIDGE_RUNS_NOT = "the bridge to ROS 1 does not run, though the VPN's interface is there"
 _QUEUE = 10
-"""Messages that the bridge keeps for a topic on its way back to ROS 1."""
+"""Queue length of the bridge, in messages, for each topic in the direction to ROS 1."""
 _SCRATCH = "/tmp"  # noqa: S108 - inside the container, where it is its own and in memory
 _ALL_TOPICS = "ros2 run ros1_bridge dynamic_bridge --bridge-all-topics"
 _DECLARED_TOPICS = "sh -c 'rosparam load {topics} && exec ros2 run ros1_bridge parameter_bridge'"
@@ -348,4 +350,4 @@ def _checks(service: model.HostedService) -> Iterator[parts.Check]:
         )
     if service.container is not None:
         folder = service.container.data or f"/var/lib/svc-{service.name}"
-        yield containers.within_budget(service.name, folder, service.container.budget_mb)
+        yield containers.folder_budget_check(service.name, folder, service.container.budget_mb)

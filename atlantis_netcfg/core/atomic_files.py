@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 DRAFT = re.compile(r"\..+\.[0-9]+")
-"""The name of a draft; earlier versions had the number of their process at its end."""
+"""Name of a temporary draft file; earlier versions ended with their process number."""
 _DIGITS = 16
 
 

@@ -20,28 +20,28 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _SURE = 10
-"""Letters of its own from which a message is recognised whatever its values are; below, they have to be known too."""
+"""Literal letters from which a message is recognised whatever its values; with fewer, values must be known too."""
 _FEW = 6
-"""Letters of its own below which its values are data or known messages: `{name} of {site}` fits many a sentence."""
+"""Below this many literal letters, values must be data or known messages: `{name} of {site}` fits many sentences."""
 _JOINTS = ("; ", ". ", ": ", " : ", " (")
-"""What our own code puts between messages."""
+"""Separators that our code puts between messages."""
 _REFUSAL = "failure: "
-"""With it RouterOS begins most of its refusals, which stay in its own words."""
+"""Prefix of most RouterOS error messages, which are not translated."""
 _COMMAND_PREFIX = "advised_command_"
 _WORD = re.compile(r"\w+")
 _OWN_WORD = re.compile(r"(?<![\w\0])\w+(?![\w\0])")
-"""A word that no value touches, where NUL stands for the values."""
+"""A literal word that is not adjacent to a value; NUL stands for the values."""
 _MOST_TRIED = 300
-"""Parts of a line that are looked for; a line that has more keeps the rest in English."""
+"""Maximum number of look-ups for one line; what remains after that stays in English."""
 _LONGEST = 600
-"""Letters of the longest text in which joints are looked for: a line of a device can be a whole script."""
+"""Maximum length of a text in which separators are searched: a line from a device can be a whole script."""
 _PROSE = re.compile(r"(?<![\w./+-])(?!(?:ms|us|min|km|bytes)\b)[a-z]{2,}(?![\w./+-])")
-"""A word in small letters that is neither a unit nor part of a name."""
+"""A lower-case word that is neither a unit nor part of a name."""
 _MARK = re.compile(r"^ *(?:-> |\d+\. )")
-"""What stands before a hint, or an entry of a list."""
+"""Prefix of a hint or of a list entry."""
 _COLUMNS = re.compile(r"(?<=\S)( {2,})(?=\S)")
 _COMMAND = re.compile(r"(?<=`)provision [^`]*(?=`)|(?<=: )\s*provision [a-z][^`]*$")
-"""A command that a hint advises: whoever prints it may have filled in the site and the folder of the inventory."""
+"""A command suggested in a hint; the site and the inventory folder may already be filled in."""
 _QUOTED_LINES = r'"[^"\\\n]*(?:\\.[^"\\\n]*)*"\n'
 _ENTRY = re.compile(rf"^((?:#.*\n)*)msgid ((?:{_QUOTED_LINES})+)msgstr ((?:{_QUOTED_LINES})+)", re.MULTILINE)
 _FUZZY = re.compile(r"^#,.*\bfuzzy\b", re.MULTILINE)
@@ -75,7 +75,7 @@ class Template:
     """A message with placeholders."""
 
     literals: tuple[str, ...]
-    """What stands before, between and behind the values: one more than there are values."""
+    """Literal text before, between and after the values: one part more than there are values."""
     names: tuple[str, ...]
     translation: str
 
@@ -155,9 +155,9 @@ class Catalogue:
         self._known: dict[str, str | None] = {}
         self._found: dict[str, str | None] = {}
         self._tried = 0
-        """Parts of the line in hand that were looked for: a line of many joints has more than anybody waits for."""
+        """Number of look-ups for the current line, limited because a line with many separators would take too long."""
         self._unsure: set[str] = set()
-        """Texts in which a value is unknown, or may be a message and the next one behind a comma."""
+        """Texts with an unknown value, or with a value that may be two messages joined by a comma."""
         self._lists: dict[str, str | None] = {}
 
     def translate(self, text: str) -> str:

@@ -31,10 +31,10 @@ class ExitCode(IntEnum):
 
 
 TRUST = "`provision trust site=…` on a terminal shows who answers, and asks you"
-"""What to type where it is not known how a device is told from an impostor: the only command that agrees to one."""
+"""What to type if a device's identity is not pinned yet; no other command accepts an unknown identity."""
 
 REHEARSE = "rehearse the site: `provision site=… --rehearse`"
-"""What may go on with example values; a door that rehearses by itself puts its own words in its place."""
+"""What is possible with example values; callers that rehearse by themselves replace this text."""
 
 WORST_FIRST = (
     ExitCode.OUR_FAULT,
@@ -45,7 +45,7 @@ WORST_FIRST = (
     ExitCode.CHANGES,
     ExitCode.DONE,
 )
-"""The only order of exit codes: every report of several devices ends by it, and docs/exit-codes.md says it (a test)."""
+"""The only order of exit codes: reports on several devices exit with the worst. A test checks docs/exit-codes.md."""
 
 
 def worst(codes: Iterable[ExitCode]) -> ExitCode:
@@ -54,7 +54,7 @@ def worst(codes: Iterable[ExitCode]) -> ExitCode:
     return next((code for code in WORST_FIRST if code in code_set), ExitCode.NOTHING)
 
 
-def complete(text: str, *, site: str, device: str = "") -> str:
+def fill_hint(text: str, *, site: str, device: str = "") -> str:
     """Fill in `site=…`, `device=…` and `host=…` of a hint, so that it can be typed as shown.
 
     For hints of code that does not know them (pure checks, programs on a gateway); called by the first code that does.
@@ -100,7 +100,7 @@ class OutcomeUnknown(NetcfgError):
 
 
 _ALIKE = 0.65
-"""Ratio of difflib from which on two words count as one of them mistyped."""
+"""Minimum difflib ratio for two words to count as a typo of each other."""
 
 
 def nearest(word: str, candidates: Iterable[str]) -> str | None:

@@ -63,11 +63,11 @@ class EventLog:
             os.fsync(self._descriptor)
         except OSError as error:
             self.failure = self._error(error)
-            self._take_back(size, self.failure)
+            self._truncate_to(size, self.failure)
             raise self.failure from error
         except BaseException as interrupt:
             # Ctrl+C: the caller does not know of the record, so it must not be there.
-            self._take_back(size, interrupt)
+            self._truncate_to(size, interrupt)
             raise
 
     def end_torn_line(self) -> None:
@@ -95,7 +95,7 @@ class EventLog:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _take_back(self, size: int, failure: BaseException) -> None:
+    def _truncate_to(self, size: int, failure: BaseException) -> None:
         """Remove a half-written record; if that fails too, readers tolerate the incomplete line."""
         try:
             os.ftruncate(self._descriptor, size)

@@ -54,17 +54,17 @@ class Verdict(StrEnum):
     """Verdict of one check."""
 
     SKIP = "SKIP"
-    """It does not apply; the reason stands beside it."""
+    """Not applicable; a reason is given."""
     PASS = "PASS"  # noqa: S105 - a verdict
-    """It was seen to hold."""
+    """Observed to be as expected."""
     WARN = "WARN"
-    """It works, but outside the preferred band, or the evidence is weak."""
+    """It works, but outside the preferred range, or the evidence is weak."""
     INCONCLUSIVE = "INCONCLUSIVE"
-    """It could not be observed: silence where silence proves nothing."""
+    """Not observable: there was no response, which does not prove a fault."""
     FAIL = "FAIL"
-    """It was seen not to hold."""
+    """Observed not to be as expected."""
     ERROR = "ERROR"
-    """We ourselves failed."""
+    """Error in the toolkit itself."""
 
 
 _ORDER = tuple(Verdict)

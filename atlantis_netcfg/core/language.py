@@ -30,7 +30,7 @@ class Language(StrEnum):
 
 
 CATALOGUES = Path(__file__).parents[1] / "locale"
-"""Where the catalogues lie, as gettext has them; `tools/messages.py` writes them."""
+"""Folder of the catalogues in gettext's layout; written by `tools/messages.py`."""
 _FOLDERS = {Language.PORTUGUESE: "pt_PT"}
 
 _CONTRACTIONS = {
@@ -51,7 +51,7 @@ _CONTRACTIONS = {
         "a os": "aos",
     }
 }
-"""What a preposition and an article become where the article is the first word of a value."""
+"""Contractions of a preposition and an article, where the article is the first word of a value."""
 
 _current_language = Language.ENGLISH
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 
-def homes(package: str, names: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
+def lazy_getattr(package: str, names: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
     """Build a package's `__getattr__` (PEP 562) from its modules and the names that each defines."""
     home = {name: f"{package}.{module}" for module, local in names.items() for name in local}
 

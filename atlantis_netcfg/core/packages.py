@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 LOCK = "requirements/run.txt"
 RESTORE = "rm .venv/run.stamp"
-"""What to type in the checkout: the next start brings every package to its pin, from the package index."""
+"""What to type in the checkout: the next start installs every package at its pinned version from the index."""
 
 
 def pinned_packages(lock_file: str) -> dict[str, str]:

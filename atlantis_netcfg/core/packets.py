@@ -5,4 +5,4 @@ from __future__ import annotations
 from typing import Final
 
 ECHO_BYTES: Final = 84
-"""Of one echo request as an IP packet with RouterOS' usual 56 bytes of data (20 IP, 8 ICMP); the answer is as long."""
+"""Size of an echo request as an IP packet with RouterOS' default of 56 bytes (20 IP, 8 ICMP); same for the response."""

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 _MOST_CHARACTERS = 72
-"""Characters that zxcvbn takes; what comes after them makes a password no weaker."""
+"""Maximum number of characters that zxcvbn accepts; further characters do not make a password weaker."""
 _WORDS = ("atlantis", "netcfg", "provision", "openvpn", "mikrotik", "routeros")
 
 

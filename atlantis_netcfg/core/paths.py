@@ -76,7 +76,7 @@ def private_cache(name: str) -> Path | None:
     return folder if ours else None
 
 
-def from_home(path: Path) -> str:
+def shorten_home(path: Path) -> str:
     """Shorten a path below the home directory to `~/…`."""
     home = os.environ.get("HOME")
     return f"~/{path.relative_to(home)}" if home and path.is_relative_to(home) else str(path)
@@ -86,7 +86,7 @@ def private_directory(path: Path) -> Path:
     """Create a directory readable only by its owner, or correct the mode of an existing one."""
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        hold_own(path, _HINT)
+        require_own(path, _HINT)
         if path.stat().st_mode & 0o077:
             path.chmod(0o700)
     except OSError as error:
@@ -102,7 +102,7 @@ def write_private(path: Path, data: bytes) -> None:
     write_atomically(path, data, durable=False)
 
 
-def hold_own(folder: Path, hint: str) -> None:
+def require_own(folder: Path, hint: str) -> None:
     """Raise UsageError if a folder, or the link to it, belongs to another user; OSError if it cannot be read.
 
     Its owner could exchange the contents: pins, journals, the signing key. A link may also belong to root.

@@ -19,7 +19,7 @@ _UNSEEN = re.compile(
     "[\0-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb"
     "\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f]"
 )
-"""Control characters (a tabulator and a line feed are none here), and those that hide or turn the text beside them."""
+"""Control characters except tab and line feed, and characters that hide or reverse adjacent text."""
 _BMP = 0xFFFF
 
 
@@ -70,7 +70,7 @@ class Printer:
 
     def __init__(self, stream: _PrintableStream) -> None:
         self.stream = stream
-        """For those who draw on the terminal, and filter what they are told themselves."""
+        """Underlying stream, for code that draws on the terminal and filters its text itself."""
 
     def write(self, text: str, /) -> int:
         """Write the escaped text; return the length of the original."""
@@ -87,7 +87,7 @@ class Printer:
 
 
 ASCII = "atlantis-ascii"
-"""Handler of errors of a stream that shows ASCII alone: the letter without its accent, its like, else `?`."""
+"""Error handler for streams limited to ASCII: the letter without accent, a similar character, or `?`."""
 _NEAREST = {"…": "...", "–": "-", "—": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "«": '"', "»": '"', "→": "->"}  # noqa: RUF001 - as people type them
 
 
@@ -125,11 +125,11 @@ class StyledText:
 
 
 Row = str | StyledText | tuple[str | StyledText, ...]
-"""A line for `show`: text, or its pieces."""
+"""A line for `show`: text, or a tuple of pieces."""
 
 
 NARROW = 80
-"""Columns of the narrowest usual terminal."""
+"""Width in columns of the narrowest common terminal."""
 
 
 def plain(row: Row) -> str:

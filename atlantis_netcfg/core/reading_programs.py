@@ -26,7 +26,7 @@ PROGRAMS: tuple[str, ...] = (
     r"dpkg-query -W -f=\$\{Package\}=\$\{Version\}=\$\{db:Status-Status\}\\n( [a-z0-9][a-z0-9+.-]+)+",
     r"openssl storeutl -noout -text -certs /etc/openvpn/client/atlantis\.identity",
 )
-"""Full matches of the arguments joined by blanks; an argument with a blank is refused before."""
+"""Patterns for the full command line, joined by blanks; an argument with a blank is rejected earlier."""
 _PATTERNS = tuple(re.compile(program) for program in PROGRAMS)
 
 

@@ -29,12 +29,12 @@ _SMALL = Path("/tmp")  # noqa: S108 - private folders are made in it
 _LARGE = Path("/var/tmp")  # noqa: S108 - as above; /tmp may be this computer's memory
 _FOLDER_NAME = re.compile(r"atlantis-[a-z-]+-[a-z0-9_]{8}\.tmp")
 _CONTROL_SOCKET = re.compile(r"[0-9a-f]{10}")
-"""As Ansible names them; one that ssh(1) is about to open has a longer name."""
+"""Socket name used by Ansible; a socket that ssh(1) is about to open has a longer name."""
 _MOUNTS = Path("/proc/self/mountinfo")
 _OPEN = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 
 
-def roomy() -> Path:
+def large_temp_dir() -> Path:
     """Return a folder with room for images of several gigabytes: `$TMPDIR`, else /var/tmp."""
     return Path(os.environ.get("TMPDIR") or _LARGE)
 
@@ -63,15 +63,15 @@ def remove_orphans(*places: Path) -> tuple[Path, ...]:
     Searches the usual places and those of the caller, not the folders below them. Whatever cannot be read or removed is
     skipped: leftovers never make the work fail.
     """
-    every = dict.fromkeys((_SMALL, _LARGE, roomy(), Path(tempfile.gettempdir()), *places))
+    every = dict.fromkeys((_SMALL, _LARGE, large_temp_dir(), Path(tempfile.gettempdir()), *places))
     folders = [path for place in every for path in _find_by_name(_FOLDER_NAME, place) if _remove_orphan(path)]
     sockets = [path for path in _find_by_name(_CONTROL_SOCKET, _control_sockets()) if _remove_dead(path)]
     return (*folders, *sockets)
 
 
-def remaining() -> tuple[Path, ...]:
+def orphaned_folders() -> tuple[Path, ...]:
     """Return orphaned folders of this user that could not be removed."""
-    every = dict.fromkeys((_SMALL, _LARGE, roomy(), Path(tempfile.gettempdir())))
+    every = dict.fromkeys((_SMALL, _LARGE, large_temp_dir(), Path(tempfile.gettempdir())))
     return tuple(path for place in every for path in _find_by_name(_FOLDER_NAME, place) if _is_dead(path))
 
 
@@ -95,12 +95,12 @@ def _make_locked_folder(prefix: str, where: Path) -> tuple[Path, int]:
             lock = os.open(path, _OPEN)
             with suppress(OSError):  # a file system without locks: nobody can take it for an orphan
                 fcntl.flock(lock, fcntl.LOCK_EX)
-            if _is_there(path, lock):
+            if _is_same_file(path, lock):
                 return path, lock
             os.close(lock)
 
 
-def _is_there(path: Path, descriptor: int) -> bool:
+def _is_same_file(path: Path, descriptor: int) -> bool:
     """Return whether the open file is still the one at the path."""
     try:
         return os.path.samestat(path.lstat(), os.fstat(descriptor))
@@ -140,7 +140,7 @@ def _remove_orphan(path: Path) -> bool:
         lock = os.open(path, _OPEN)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.fstat(lock).st_uid == os.geteuid() and _is_there(path, lock) and not _mounted_below(path):
+            if os.fstat(lock).st_uid == os.geteuid() and _is_same_file(path, lock) and not _mounted_below(path):
                 shutil.rmtree(path, ignore_errors=True)
                 return not path.exists()
         finally:

@@ -33,4 +33,4 @@ class Version:
 
 
 NEWEST_KNOWN = Version(7, 24)
-"""The newest version whose command tree is known here; what a newer one has changed nobody has looked at."""
+"""Newest version with a known command tree; changes in later versions have not been reviewed."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Final
 
 _METRES: Final = 111_195.0
-"""Of a degree of latitude."""
+"""Metres for each degree of latitude."""
 _REACH_DBM: Final = -120
 _GOOD_DBM, _POOR_DBM = -85.0, -115.0
-"""Between them the rate falls from all to a twentieth."""
+"""Between these levels the rate falls from 100 % to 5 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class Track:
     """A voyage at constant speed along positions, back and forth."""
 
     places: tuple[tuple[float, float], ...]
-    """Latitude and longitude."""
+    """Latitude and longitude of each position."""
     speed_m_s: float = 3.0
 
     def at(self, seconds: float) -> tuple[float, float]:

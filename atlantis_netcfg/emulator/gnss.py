@@ -36,13 +36,13 @@ __all__ = ["NOT_REHEARSED", "GnssAccess", "GnssSpec", "RunningGpsd", "RunningNme
 
 
 PATH = "/dev/ttyACM0"
-"""The receiver's port, as gpsd names it."""
+"""Serial port of the receiver, as gpsd reports it."""
 _METER = 1 / 111_195.0
-"""In degrees of latitude."""
+"""One metre in degrees of latitude."""
 _GARBAGE = bytes((0xE0 + 7 * place % 32) for place in range(64))
 _QUALITY = {None: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 1, 7: 7, 8: 8}
 _INDICATOR = {None: "A", 2: "D", 3: "R", 4: "F", 5: "E", 6: "A", 7: "M", 8: "S"}
-"""gpsd's status to the quality of GGA and the mode indicator of RMC."""
+"""gpsd's status to the mode indicator of RMC."""
 
 
 def encode_reports(*objects: dict[str, Any]) -> bytes:
@@ -69,7 +69,7 @@ class GnssSource:
         self._first = self.now()
 
     @property
-    def speaks(self) -> bool:
+    def has_next(self) -> bool:
         """Whether another report will come."""
         over = self.spec.silent_after is not None and self.report_count >= self.spec.silent_after
         return self.spec.speech is not Speech.NOTHING and not over
@@ -165,7 +165,7 @@ class GnssClient:
     def __init__(self, spec: GnssSpec) -> None:
         self.spec = spec
         self.state = {"enable": False, "json": False, "nmea": False}
-        """Of the watching."""
+        """Options of the client's WATCH request."""
         self.greeting = encode_reports(_VERSION)
         self._activated = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.000Z")
 
@@ -217,9 +217,9 @@ class Speech(StrEnum):
 
     POSITIONS = "positions"
     NOTHING = "nothing"
-    """No data: the port is open, and the receiver is silent."""
+    """Open port without data."""
     GARBAGE = "garbage"
-    """A wrong baud rate, or another program."""
+    """Unreadable data, as with a wrong baud rate or from another program."""
 
 
 class GnssAccess(StrEnum):
@@ -227,11 +227,11 @@ class GnssAccess(StrEnum):
 
     OPEN = "served"
     UNREACHABLE = "refused"
-    """Nothing listens at the port."""
+    """Connections are refused: no process listens on the port."""
     IN_USE = "in use"
-    """It serves one client, and has it: the next one is hung up at once."""
+    """The only connection is in use: every other client is disconnected at once."""
     MUTE = "mute"
-    """It takes the connection and never says a word, not even a greeting."""
+    """The connection is accepted, but nothing is sent, not even a greeting."""
 
 
 class GnssSpec(BaseModel):
@@ -240,30 +240,30 @@ class GnssSpec(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     latitude: float = 41.68642
-    """The report's point in the port of Viana do Castelo."""
+    """Position in the port of Viana do Castelo, from the pilot's report."""
     longitude: float = -8.83883
     mode: int = Field(default=3, ge=1, le=3)
-    """1 no fix, 2 or 3 dimensions."""
+    """1: no fix; 2: 2D fix; 3: 3D fix."""
     every_s: float = Field(default=0.2, gt=0)
-    """Between two reports. A receiver takes a second; rehearsals are in a hurry."""
+    """Seconds between two reports. Real receivers send one a second; rehearsals use a shorter interval."""
     time_offset_s: float = 0.0
-    """Of the receiver's time to this computer's."""
+    """Offset of the receiver's time from this computer's."""
     has_time: bool = True
     """False: positions without a time (gpsd), or GGA without RMC, which has no date (NMEA)."""
     stale: bool = False
-    """The same position with the same time again and again."""
+    """The same position with the same time is repeated."""
     silent_after: int | None = None
-    """So many reports, then none."""
+    """Number of reports after which nothing more is sent; None: unlimited."""
     lost_after: int | None = None
-    """So many fixes, then none: reports go on without a fix."""
+    """Number of reports with a fix; later reports have none. None: unlimited."""
     has_swapped_axes: bool = False
-    """Latitude and longitude exchanged."""
+    """Latitude and longitude are swapped."""
     jumping_m: float = 0.0
-    """Every other report is so far north."""
+    """Metres by which every other report is shifted north."""
     null: bool = False
-    """A fix at 0, 0."""
+    """The fix is at 0, 0."""
     status: int | None = None
-    """In gpsd's words: 2 DGPS, 3 and 4 RTK, 5 dead reckoning, 7 surveyed, 8 simulated; None: a plain fix."""
+    """gpsd status: 2 DGPS, 3 and 4 RTK, 5 dead reckoning, 7 surveyed, 8 simulated; None: a plain fix."""
     eph_m: float = 17.1
     hdop: float = 0.9
     satellites: int = Field(default=9, ge=0, le=99)
@@ -272,9 +272,9 @@ class GnssSpec(BaseModel):
     device: bool = True
     """False: gpsd runs without a receiver."""
     damage_interval: int = 0
-    """Of so many reports the last is damaged (checksum, JSON); 0: none."""
+    """Interval, in reports, at which one is corrupted (checksum, JSON); 0: none."""
     piecewise: bool = False
-    """Every byte by itself."""
+    """Output is sent byte by byte."""
 
 
 _AT_MOST = 4096
@@ -286,9 +286,9 @@ class _Running:
     def __init__(self, spec: GnssSpec) -> None:
         self.spec = spec
         self.inputs: list[bytes] = []
-        """Whatever clients have sent."""
+        """All data received from clients."""
         self.forbidden: list[str] = []
-        """What of it a receiver must never be sent."""
+        """Received requests that must never be sent to a receiver."""
         self._thread = threading.Thread(target=self._run, name="twin of a GNSS receiver", daemon=True)
 
     def __enter__(self) -> Self:
@@ -335,7 +335,7 @@ class _GpsdClient:
 
     def report(self) -> bytes:
         watch = self._client.state
-        if not (watch["enable"] and self._client.spec.device and self._source.speaks):
+        if not (watch["enable"] and self._client.spec.device and self._source.has_next):
             return b""
         return self._source.next(objects=watch["json"], sentences=watch["nmea"])
 
@@ -354,7 +354,7 @@ class _NmeaClient:
         return b"", [data.decode("ascii", "replace")]
 
     def report(self) -> bytes:
-        return self._source.next(sentences=True) if self._source.speaks else b""
+        return self._source.next(sentences=True) if self._source.has_next else b""
 
 
 class _GnssServer(_Running):
@@ -475,7 +475,7 @@ class RunningNmeaPort(_Running):
                 source = GnssSource(self.spec)
                 continue
             self._hear()
-            if source.speaks:
+            if source.has_next:
                 self._send(source.next(sentences=True))
 
     def _is_open(self) -> bool:

@@ -31,13 +31,13 @@ __all__ = ["NOT_REHEARSED", "AutopilotSpec", "RunningAutopilot"]
 
 _ARMED_FLAG = 0x80
 _STABILIZE = 0x51
-"""Mode flags of a vehicle that stands: custom mode, stabilised, remote control."""
+"""Mode flags of a stationary vehicle: custom mode, stabilised, remote control."""
 _RC_RECEIVER = 0x10000
 _GYRO = 0x1
 _UNUSED_CHANNEL = 0xFFFF
 _STATION = 255
 _TURN_S = 2.0
-"""The sticks go round once in this time."""
+"""Seconds for one full cycle of the remote control's sticks."""
 
 
 @dataclass
@@ -46,7 +46,6 @@ class Rounds:
 
     spec: AutopilotSpec
     round_count: int = 0
-    """Rounds."""
     _frames: int = 0
     _packers: dict[int, Any] = field(default_factory=dict)
 
@@ -114,7 +113,7 @@ class Rounds:
 
 _LONGEST = 65535
 _IP_RECVERR = 11
-"""ip(7); the socket module has no name for it before Python 3.14."""
+"""Value from ip(7); the socket module has the name only from Python 3.14."""
 
 
 class RunningAutopilot:
@@ -130,7 +129,7 @@ class RunningAutopilot:
         self.spec = spec
         self.port = port
         self.forbidden: list[bytes] = []
-        """Datagrams that somebody has sent to it."""
+        """Datagrams received; an autopilot of this kind should receive none."""
         self._rounds = Rounds(spec)
         self._rest = b""
         self._thread = threading.Thread(target=self._run, name="twin of an autopilot", daemon=True)
@@ -201,7 +200,7 @@ class RunningAutopilot:
 
 
 _PORTS = range(20_000, 30_000)
-"""Below those that Linux gives to whoever asks for none: nobody else comes upon one of them by accident."""
+"""Ports below the kernel's ephemeral range, so that no other program gets one by chance."""
 _used_ports: set[int] = set()
 
 
@@ -223,43 +222,43 @@ class AutopilotSpec(BaseModel):
 
     system_id: int = Field(default=1, ge=1, le=255)
     version: int = Field(default=2, ge=1, le=2)
-    """Of MAVLink."""
+    """MAVLink version."""
     every_s: float = Field(default=0.1, gt=0)
-    """Between two rounds of all messages. Autopilots send heartbeats once a second; rehearsals are in a hurry."""
+    """Seconds between two rounds of all messages. Autopilots send heartbeats once a second; rehearsals are faster."""
     is_armed: bool = False
     armed_after: int | None = None
-    """Armed from so many rounds on."""
+    """Number of rounds after which the vehicle is armed; None: `is_armed` alone decides."""
     heartbeat: bool = True
     channels: int | None = Field(default=16, ge=0, le=18)
-    """`chancount`; None: no RC_CHANNELS is in the stream."""
+    """Value of `chancount`; None: the stream has no RC_CHANNELS."""
     channels_stop_after: int | None = None
-    """So many rounds with RC_CHANNELS, then without."""
+    """Number of rounds with RC_CHANNELS; later rounds have none. None: unlimited."""
     moving: int = Field(default=4, ge=0, le=18)
-    """So many channels follow the sticks, which go round; all others stand still."""
+    """Number of channels that follow the moving sticks; all others are constant."""
     odd_us: int | None = None
-    """Value of channel 3."""
+    """Value of channel 3 in microseconds; None: as for the other channels."""
     rssi: int = Field(default=200, ge=0, le=255)
-    """255: not known."""
+    """Received signal strength; 255: unknown."""
     rssi_swing: int = Field(default=0, ge=0, le=254)
-    """Every other round is so much lower."""
+    """Amount by which `rssi` is lower in every other round."""
     status: bool = True
-    """False: no SYS_STATUS is in the stream."""
+    """False: the stream has no SYS_STATUS."""
     receiver_present: bool = True
     receiver_enabled: bool = True
     receiver_healthy: bool = True
     ground_station: bool = False
-    """A ground station (system 255) is in the same stream."""
+    """The same stream also contains a ground station (system 255)."""
     other_system: int | None = None
-    """Another vehicle is in the same stream, disarmed."""
+    """System id of another, disarmed vehicle in the same stream; None: there is none."""
     corruption_interval: int = 0
-    """Of so many frames the last is damaged; 0: none."""
+    """Interval, in frames, at which one is corrupted; 0: none."""
     garbage: bool = False
-    """Another program's datagrams, no frame among them."""
+    """Datagrams of another program, without MAVLink frames."""
     silent: bool = False
     silent_after: int | None = None
-    """So many rounds, then none."""
+    """Number of rounds after which nothing more is sent; None: unlimited."""
     split: bool = False
-    """Frames go over the borders of datagrams, as a serial-to-UDP bridge cuts them."""
+    """Frames cross datagram boundaries, as with a serial-to-UDP bridge."""
 
 
 NOT_REHEARSED = ("a remote control: its radio and range, the autopilot's failsafe, and motors that start",)

@@ -33,9 +33,9 @@ class AtModemSpec(BaseModel):
 
     maker: str = "Quectel"
     card: str = "READY"
-    """What `+CPIN?` says: READY, SIM PIN, SIM PUK, or a final result like `+CME ERROR: 10`."""
+    """Response to `+CPIN?`: READY, SIM PIN, SIM PUK, or a final result like `+CME ERROR: 10`."""
     function: int = 1
-    """`+CFUN?`."""
+    """Response to `+CFUN?`."""
     eps: int | None = 1
     """`<stat>` of `+CEREG?`; None: the modem does not know the command."""
     packet: int | None = 1
@@ -44,18 +44,18 @@ class AtModemSpec(BaseModel):
     csq: str = "24,99"
     cesq: str = "99,99,255,255,21,46"
     apn: str = "internet"
-    """Of the active context."""
+    """APN of the active context."""
     address: str = "100.64.12.35"
-    """Empty: no context is active."""
+    """Address of the active context; empty: none is active."""
     echo: bool = True
     unsolicited_lines: tuple[str, ...] = ()
-    """Lines thrown in before each answer."""
+    """Lines inserted before each response."""
     noise: bytes = b""
-    """Bytes thrown in before each answer."""
+    """Bytes inserted before each response."""
     piecewise: bool = False
-    """Every byte by itself."""
+    """Output is sent byte by byte."""
     mute_after: int | None = None
-    """Answers so many commands, then none."""
+    """Number of commands that get a response; later ones get none. None: unlimited."""
 
     def answer(self, command: str) -> list[str] | None:
         """Return the response lines, final result last; None if the command is no known read."""
@@ -99,9 +99,9 @@ class RunningModem:
         self.spec = spec
         self.path = ""
         self.inputs: list[str] = []
-        """Every line that came."""
+        """All lines received."""
         self.forbidden: list[str] = []
-        """Those that are no reads that it knows."""
+        """Received lines that are not a known read command."""
         self._thread = threading.Thread(target=self._run, name="twin of a modem", daemon=True)
 
     def __enter__(self) -> Self:

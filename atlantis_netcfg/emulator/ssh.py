@@ -31,7 +31,7 @@ _FRAME = struct.Struct("!cI")
 _OUT, _ERROR, _END, _ALIVE = b"o", b"e", b"x", b"a"
 _ALIVE_S = 0.5
 _VALUES = frozenset({"-F", "-i", "-l", "-o", "-p"})
-"""Options of ssh with a value behind them."""
+"""Options of ssh that are followed by a value."""
 _PIECE = 65536
 _LOST_CODE = 255
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.udp_link import LinkShape
 
 _LEAST_TIMEOUT_S: Final = 0.2
-"""Linux; RFC 6298 has a second."""
+"""Minimum retransmission timeout of Linux; RFC 6298 has 1 s."""
 
 
 def retransmission_s(rtt_s: float) -> float:
@@ -33,7 +33,7 @@ class TcpLink:
         self.up = LinkModel(up, random.Random(seed))  # noqa: S311 - an emulation
         self.down = LinkModel(down, random.Random(seed + 1))  # noqa: S311
         self.connect_s = _typical_s(up) + _typical_s(down)
-        """What a TCP connection costs before its first octet: a round trip."""
+        """Time to open a TCP connection: one round trip."""
         self._begin: float | None = None
 
     def arrival(self, size: int, now: float, *, up: bool) -> float:

@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 HEADERS: Final = 28
-"""IPv4 and UDP."""
+"""Bytes of the IPv4 and UDP headers."""
 _LONGEST: Final = 65536
 _WAIT_S: Final = 0.05
 _RETRIES: Final = 15
-"""How often TCP sends a segment again before it gives up (Linux: tcp_retries2); here it arrives then."""
+"""Retransmissions after which TCP gives up (Linux: tcp_retries2); here the segment then arrives."""
 _LONGEST_TIMEOUT_S: Final = 60.0
 _APART_S: Final = 2.0
-"""Between two gaps that are drawn, where there is room: two that touch would be one."""
+"""Minimum time between two random gaps, if there is room: adjacent gaps would merge into one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class DrawnGap:
 
     seconds: float
     carries: bool = False
-    """True: only the other direction has it."""
+    """True: only the other direction has the gap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,25 +52,25 @@ class LinkShape:
     jitter_s: float = 0.0
     """Standard deviation of the normal distribution whose absolute value is added to the delay."""
     loss: float = 0.0
-    """Share of packets."""
+    """Share of packets lost."""
     duplicates: float = 0.0
     reordering: float = 0.0
-    """Share of packets that are delayed by `reorder_s` more."""
+    """Share of packets with an extra delay of `reorder_s`."""
     reorder_s: float = 0.0
     queue_bytes: int = 64_000
     gaps_s: tuple[tuple[float, float], ...] = ()
-    """Begin and end after the model was made: what is sent in between is lost."""
+    """Start and end of each gap, in seconds after the model was created; packets sent in between are lost."""
     mtu: int | None = None
     delays_s: tuple[float, ...] = ()
-    """Instead of `delay_s` and `jitter_s`: delays, each as likely as every other; none comes again before all have."""
+    """Delays used instead of `delay_s` and `jitter_s`, equally likely; none is repeated before all were used."""
     hold_s: float = 0.0
-    """So long each of them holds, for whatever is sent meanwhile."""
+    """Seconds for which each drawn delay applies to all packets."""
     gaps: tuple[DrawnGap, ...] = ()
-    """Each comes once in every `gap_cycle_s`; both directions draw the same moments if they have the same gaps."""
+    """Gaps, each once in every `gap_cycle_s`; both directions have the same times if they have the same gaps."""
     gap_cycle_s: float = 3600.0
     gap_seed: int = 0
     even: bool = False
-    """Loss, copies and changes of order are spread: at a share of 1 %, one of each hundred packets, no more or less."""
+    """Loss, copies and reordering are spread evenly: a share of 1 % is exactly one of each hundred packets."""
 
 
 @dataclass(slots=True)
@@ -81,19 +81,19 @@ class LinkModel:
     random: random.Random
     sent_count: int = 0
     loss_count: int = 0
-    """Lost at random."""
+    """Number of packets lost at random."""
     drop_count: int = 0
-    """For want of room in the queue, or for their length."""
+    """Number of packets dropped because the queue was full or they exceeded the MTU."""
     in_gaps: int = 0
     copies: int = 0
     sent_bytes: int = 0
     delivered_bytes: int = 0
     _free_at: float = field(default=0.0, init=False)
     _latest: float = field(default=0.0, init=False)
-    _spread: dict[str, _EvenShare] = field(default_factory=dict, init=False)
+    _spread: dict[str, _EvenSampler] = field(default_factory=dict, init=False)
     _deck: list[float] = field(default_factory=list, init=False)
     _last_draw: tuple[float, float] | None = field(default=None, init=False)
-    """The delay that was drawn, and when."""
+    """Latest random delay, and the time when it was drawn; None: none yet."""
     _cycle: tuple[int, tuple[tuple[float, float], ...]] = field(default=(-1, ()), init=False)
 
     def offer(self, size: int, now: float) -> tuple[float, ...]:
@@ -147,7 +147,7 @@ class LinkModel:
             return self.random.random() < share
         if in_gap or not share:
             return False
-        return self._spread.setdefault(what, _EvenShare(share, self.random)).next()
+        return self._spread.setdefault(what, _EvenSampler(share, self.random)).next()
 
     def _delay(self, now: float) -> float:
         shape = self.shape
@@ -187,7 +187,7 @@ class LinkModel:
         return self._free_at
 
 
-class _EvenShare:
+class _EvenSampler:
     """Random choice of a fixed share, with one hit at a random place in each interval."""
 
     def __init__(self, share: float, generator: random.Random) -> None:

@@ -11,18 +11,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.lazy_imports import homes
+from atlantis_netcfg.core.lazy_imports import lazy_getattr
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory.findings import Finding, InventoryInvalid, Mark, report
-    from atlantis_netcfg.inventory.inventory import ALL, Declaration, Host, choose
+    from atlantis_netcfg.inventory.inventory import ALL, Host, Inventory, choose
     from atlantis_netcfg.inventory.loader import load, validate
 
 __all__ = [
     "ALL",
-    "Declaration",
     "Finding",
     "Host",
+    "Inventory",
     "InventoryInvalid",
     "Mark",
     "choose",
@@ -31,10 +31,10 @@ __all__ = [
     "validate",
 ]
 
-__getattr__ = homes(
+__getattr__ = lazy_getattr(
     __name__,
     {
-        "inventory": ("ALL", "Declaration", "Host", "choose"),
+        "inventory": ("ALL", "Inventory", "Host", "choose"),
         "findings": ("Finding", "InventoryInvalid", "Mark", "report"),
         "loader": ("load", "validate"),
     },

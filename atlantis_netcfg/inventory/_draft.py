@@ -28,7 +28,7 @@ class Draft:
 
     layout: HostLayout
     nodes: dict[Part, Node] = field(default_factory=dict)
-    """Every part that is declared, valid or not."""
+    """All declared parts, valid or not."""
     pilot: Pilot | None = None
     partners: dict[str, Partner] = field(default_factory=dict)
     vehicles: dict[str, Vehicle] = field(default_factory=dict)
@@ -44,7 +44,7 @@ class Draft:
         node = self.nodes[part].at(*path)
         return node.place if isinstance(node.value, dict | list) else node.mark
 
-    def wrong(self, part: Part, path: tuple[str | int, ...], message: str, hint: str) -> Finding:
+    def finding_at(self, part: Part, path: tuple[str | int, ...], message: str, hint: str) -> Finding:
         """Build a finding at a value."""
         return Finding.at(self.mark(part, *path), message, hint)
 
@@ -53,7 +53,7 @@ class Draft:
         mark = self.mark(part, *path)
         return f"{mark.file}:{mark.line}"
 
-    def boxes(self, model: type[_Box]) -> Iterator[tuple[str, str, _Box]]:
+    def valid_devices(self, model: type[_Box]) -> Iterator[tuple[str, str, _Box]]:
         """Yield host, site and device for every valid device of a kind."""
         for host, site in self.layout.hosts.items():
             device = self.devices.get(host)
@@ -77,4 +77,4 @@ _Box = TypeVar("_Box", bound="Model")
 
 
 Rule = Callable[[Draft], Iterator[Finding]]
-"""A rule looks at the whole draft and tells every breach of it."""
+"""Checks the whole draft, and returns every violation."""

@@ -22,7 +22,7 @@ KIND_GROUPS = {
     "control_centres": "control_centre",
     "operator_stations": "operator_station",
 }
-"""Group of the inventory -> `kind` of its devices."""
+"""Group in the inventory to the `kind` of its devices."""
 _RESERVED_NAMES = ("all", "ungrouped", "sites", *KIND_GROUPS)
 
 
@@ -33,22 +33,22 @@ class HostLayout:
     start: Mark
     sites: dict[str, Mark] = field(default_factory=dict)
     hosts: dict[str, str] = field(default_factory=dict)
-    """Host -> its site."""
+    """Host to its site."""
     marks: dict[str, Mark] = field(default_factory=dict)
-    """Host -> where it stands below its site, or below its kind if it has no site."""
+    """Host to its place below its site, or below its kind if it has no site."""
     kinds: dict[str, str] = field(default_factory=dict)
-    """Host -> its kind, as the group has it."""
+    """Host to its kind, from its group."""
     kind_marks: dict[str, Mark] = field(default_factory=dict)
     misspelt: dict[str, str] = field(default_factory=dict)
-    """Host -> its kind, where the group has nearly its name: that error is told once."""
+    """Correct host name to its kind, where the group has a misspelt name: that error is reported only once."""
     findings: list[Finding] = field(default_factory=list)
 
-    def wrong(self, mark: Mark, message: str, hint: str) -> None:
+    def add_finding(self, mark: Mark, message: str, hint: str) -> None:
         """Record an error."""
         self.findings.append(Finding.at(mark, message, hint))
 
 
-def lay_out(root: Node) -> HostLayout:
+def parse_layout(root: Node) -> HostLayout:
     """Parse the groups of hosts.yml."""
     layout = HostLayout(root.mark)
     children = _block(layout, _block(layout, root, "hosts.yml", ("all",)).get("all"), "all", ("children", "vars"))
@@ -71,17 +71,17 @@ def _block(
     if node is None or node.value is None:
         return {}
     if isinstance(node.value, list):
-        layout.wrong(node.mark, f"`{name}` wants a block of keys", "write `name:` a line, without `- `")
+        layout.add_finding(node.mark, f"`{name}` wants a block of keys", "write `name:` a line, without `- `")
         return {item.text: item for item in node.value if item.text} if allowed_keys is None else {}
     if not isinstance(node.value, dict):
-        layout.wrong(node.mark, f"`{name}` wants a block of keys", "write `name:` below it, indented")
+        layout.add_finding(node.mark, f"`{name}` wants a block of keys", "write `name:` below it, indented")
         return {}
     if allowed_keys is None:
         return node.value
     block = {key: value for key, value in node.value.items() if key in allowed_keys}
     for key, value in node.value.items():
         if key not in allowed_keys:
-            layout.wrong(value.place, f"`{key}` is not known in `{name}`", suggest(key, allowed_keys, none=""))
+            layout.add_finding(value.place, f"`{key}` is not known in `{name}`", suggest(key, allowed_keys, none=""))
             block.setdefault(nearest(key, allowed_keys) or key, value)
     return block
 
@@ -93,7 +93,7 @@ def _add_site(layout: HostLayout, site: str, node: Node) -> None:
     for host, value in _block(layout, block.get("hosts"), f"{site}.hosts").items():
         if host in layout.hosts:
             message = f"`{host}` stands below two sites, `{layout.hosts[host]}` and `{site}`"
-            layout.wrong(value.place, message, "a device is at one site: remove one of the two lines")
+            layout.add_finding(value.place, message, "a device is at one site: remove one of the two lines")
             continue
         layout.hosts[host] = site
         layout.marks[host] = value.place
@@ -107,10 +107,10 @@ def _add_kind(layout: HostLayout, group: str, kind: str, node: Node | None) -> N
         _check_host(layout, host, value)
         if host not in layout.hosts:
             message = f"`{host}` is in group `{group}` but at no site"
-            layout.wrong(value.place, message, suggest(host, layout.hosts, none="add it below its site"))
+            layout.add_finding(value.place, message, suggest(host, layout.hosts, none="add it below its site"))
             layout.misspelt[nearest(host, layout.hosts) or host] = kind
         elif host in layout.kinds:
-            layout.wrong(value.place, f"`{host}` stands in two kinds of device", "remove one of the two lines")
+            layout.add_finding(value.place, f"`{host}` stands in two kinds of device", "remove one of the two lines")
         else:
             layout.kinds[host] = kind
             layout.kind_marks[host] = value.place
@@ -121,7 +121,7 @@ def _check_vars(layout: HostLayout, node: Node | None, name: str = "vars") -> No
     for key, value in _block(layout, node, name).items():
         if not key.startswith("ansible_"):
             hint = "move it to group_vars/ or host_vars/"
-            layout.wrong(value.place, f"`{key}` does not belong in hosts.yml", hint)
+            layout.add_finding(value.place, f"`{key}` does not belong in hosts.yml", hint)
 
 
 def _check_host(layout: HostLayout, host: str, node: Node) -> None:
@@ -132,11 +132,13 @@ def _check_host(layout: HostLayout, host: str, node: Node) -> None:
 def _check_names(layout: HostLayout) -> None:
     for name, mark in [*layout.sites.items(), *layout.marks.items()]:
         if why := why_no_name(name):
-            layout.wrong(mark, *why)
+            layout.add_finding(mark, *why)
     for site, mark in layout.sites.items():
         if site in _RESERVED_NAMES:
-            layout.wrong(mark, f"a site cannot be called `{site}`: that is a group of its own", "choose another name")
+            layout.add_finding(
+                mark, f"a site cannot be called `{site}`: that is a group of its own", "choose another name"
+            )
     for host, mark in layout.marks.items():
         if host in layout.sites or host in _RESERVED_NAMES:
             message = f"`{host}` is the name of a host and of a group"
-            layout.wrong(mark, message, f"rename the host, for example `{host}-router`")
+            layout.add_finding(mark, message, f"rename the host, for example `{host}-router`")

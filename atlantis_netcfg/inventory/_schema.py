@@ -106,13 +106,13 @@ _PLAIN: dict[Any, str] = {
 DEVICES: dict[str, type[BaseModel]] = {
     get_args(model.model_fields["kind"].annotation)[0]: model for model in get_args(unwrap(Device))
 }
-"""`kind` -> the model of its device."""
+"""`kind` to the model of the device."""
 MODEL = "atlantis_netcfg.inventory.model"
-"""The package that holds the models."""
+"""Package of the models."""
 
 
 FALLBACK = "cannot be understood"
-"""Of a message for an error type that nobody has put into words; tests hold that none is reachable."""
+"""Message for an error type without a text of its own; tests check that it is never used."""
 _Path = tuple[str | int, ...]
 
 

@@ -34,15 +34,15 @@ class Node:
     mark: findings.Mark
     value: dict[str, Node] | list[Node] | Scalar
     text: str = ""
-    """A scalar as it was typed."""
+    """Text of a scalar as written in the file."""
     plain: bool = False
-    """A scalar without quotes: YAML may read it as something else than text."""
+    """Whether the scalar is unquoted, so that YAML may not read it as text."""
     key: findings.Mark | None = None
-    """Where the value's own key stands, if it has one."""
+    """Place of the value's own key; None: it has none."""
     is_reported: bool = False
-    """Its error is told already: what it should have been cannot be known."""
+    """An error of this value is already reported; its intended value is unknown."""
     example: bool = False
-    """It is marked `# EXAMPLE`: nobody has said yet what it really is."""
+    """Whether it is marked `# EXAMPLE`, so that the real value is still missing."""
 
     @property
     def keys(self) -> dict[str, Node]:
@@ -90,10 +90,10 @@ class Node:
 
 TAG = "!vault"
 OLD_TAG = "!vault-encrypted"
-"""The older name of the tag; Ansible reads both (ansible-core, `parsing/yaml/constructor`)."""
+"""Older name of the tag; Ansible supports both (ansible-core, `parsing/yaml/constructor`)."""
 CANNOT_DECRYPT = "this secret cannot be decrypted"
 Decrypt = Callable[[str], str]
-"""Vault text in, secret out; whatever it raises means that the text could not be decrypted."""
+"""Decrypts vault text; any exception means that it could not be decrypted."""
 
 
 class VaultError(UsageError):

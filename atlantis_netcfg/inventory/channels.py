@@ -29,7 +29,7 @@ class Range:
     outdoors: bool
     indoors: bool
     eirp_dbm: float
-    """The most that may be radiated, antenna included."""
+    """Maximum radiated power, including antenna gain."""
     rule: str
 
 
@@ -44,16 +44,16 @@ RANGES: dict[str, dict[str, tuple[Range, ...]]] = {
     "portugal": {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ},
     "belgium": {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ},
 }
-"""Country in RouterOS' own word -> band -> ranges."""
+"""Country name in RouterOS to ranges by band."""
 COUNTRY_CODES: dict[str, str] = {"portugal": "PT", "belgium": "BE"}
-"""Country in RouterOS' own word -> that of ISO 3166-1, which Linux has."""
+"""Country name in RouterOS to its ISO 3166-1 code, as used by Linux."""
 CHANNELS: dict[str, tuple[int, ...]] = {
     "2ghz": tuple(range(2412, 2473, 5)),
     "5ghz": (*range(5180, 5321, 20), *range(5500, 5721, 20), *range(5745, 5866, 20)),
 }
 """Control channels of 20 MHz by band: 1-13; 36-64, 100-144, 149-173."""
 _ORIGINS = (5735, 5490, 5170)
-"""Lower edges from which wider channels are counted."""
+"""Lower edges in MHz from which wider channels are counted."""
 BANDS: dict[str, tuple[str, ...]] = {
     "802.11a": ("5ghz",),
     "802.11g": ("2ghz",),
@@ -61,7 +61,7 @@ BANDS: dict[str, tuple[str, ...]] = {
     "802.11ac": ("5ghz",),
     "802.11ax": ("2ghz", "5ghz"),
 }
-"""Standard -> its bands. The pilot's report (section 2.4.1) has a and g the wrong way round."""
+"""Standard to its bands. The pilot's report (section 2.4.1) has a and g the wrong way round."""
 WIDTHS: dict[str, tuple[int, ...]] = {
     "802.11a": (20,),
     "802.11g": (20,),
@@ -69,7 +69,7 @@ WIDTHS: dict[str, tuple[int, ...]] = {
     "802.11ac": (20, 40, 80),
     "802.11ax": (20, 40, 80),
 }
-"""Standard -> channel widths in MHz that it knows, as far as the declaration has them."""
+"""Standard to its channel widths in MHz, as far as the inventory supports them."""
 
 
 def is_channel(band: str, frequency: int) -> bool:

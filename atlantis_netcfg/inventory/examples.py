@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.findings import Mark
 
 DOCUMENTATION = tuple(IPv4Network(net) for net in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24"))
-"""RFC 5737."""
+"""Networks for documentation (RFC 5737)."""
 _NAMES = ("example", "example.com", "example.net", "example.org", "test", "invalid")
-"""RFC 2606."""
+"""Domain names for examples and tests (RFC 2606)."""
 _ENDINGS = tuple(f".{name}" for name in _NAMES)
 SSH_KEY = "this SSH key"
 
@@ -31,9 +31,9 @@ class Example:
     line: int
     column: int
     key: str
-    """Its key, or that of the list it stands in."""
+    """Key of the value, or of the list that contains it."""
     recognised: str | None = None
-    """What shows that it is an example, where it needs no mark."""
+    """Evidence that it is an example, for values that need no mark; None: it is marked."""
 
 
 def by_line(examples: Iterable[Example]) -> list[str]:

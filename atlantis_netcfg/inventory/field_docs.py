@@ -31,7 +31,7 @@ def field_docs(model: type[BaseModel]) -> dict[str, str]:
     return docs
 
 
-def meaning(model: type[BaseModel], name: str) -> str:
+def key_description(model: type[BaseModel], name: str) -> str:
     """Return a key's description, else that of its block or choice; empty if there is none."""
     annotation = model.model_fields[name].annotation
     item = _schema.item_of(annotation)

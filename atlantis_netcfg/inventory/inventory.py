@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.examples import Example
 
 ALL = "all"
-"""Stands for every site."""
+"""Name for all sites."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Host:
 
 
 @dataclass(frozen=True, slots=True)
-class Declaration:
+class Inventory:
     """A valid inventory; every mapping is in the files' order."""
 
     root: Path
@@ -39,15 +39,15 @@ class Declaration:
     sites: Mapping[str, model.Site]
     hosts: Mapping[str, Host]
     revision: str
-    """SHA-256 over the names and bytes of its files."""
+    """SHA-256 of the names and contents of its files."""
     examples: tuple[Example, ...] = ()
-    """Values that nobody has replaced yet, by place."""
+    """Example values not replaced yet, by place."""
     warnings: tuple[findings.Finding, ...] = ()
-    """What is allowed, and yet not as it should be, by place."""
+    """Findings on values that are allowed but not recommended, by place."""
     places: Mapping[tuple[str, str], findings.Mark] = field(default_factory=dict)
-    """Site and link to where the link is declared, for what is worked out of the declaration and said of it."""
+    """Site and link to the place of the link in the inventory, for findings on derived values."""
     decrypt: Decrypt | None = field(default=None, compare=False, repr=False)
-    """What its vaulted values were opened with, for files beside it that have some as well."""
+    """Function that decrypted its vault values, for related files that have some too; None: not available."""
 
     def site_hosts(self, site: str) -> tuple[Host, ...]:
         """Return the hosts of a site, in the order of hosts.yml."""
@@ -66,23 +66,23 @@ class Declaration:
         return computers[0] if computers else None
 
 
-def choose(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
+def choose(inventory: Inventory, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
     """Select the hosts of a site (`all`: every site), limited to `only`. Raises NoMatchError with the known names."""
-    if site != ALL and site not in declaration.sites:
-        raise NoMatchError(f"there is no site `{site}`", hint=_suggest(site, "sites", [*declaration.sites, ALL]))
-    here = tuple(host for host in declaration.hosts.values() if site in {ALL, host.site})
+    if site != ALL and site not in inventory.sites:
+        raise NoMatchError(f"there is no site `{site}`", hint=_suggest(site, "sites", [*inventory.sites, ALL]))
+    here = tuple(host for host in inventory.hosts.values() if site in {ALL, host.site})
     names = [host.name for host in here]
     for name in only:
         if name not in names:
-            raise _no_such_host(declaration, site, name, names)
+            raise _no_such_host(inventory, site, name, names)
     selection = tuple(host for host in here if not only or host.name in only)
     if not selection:
         raise NoMatchError(f"site `{site}` has no hosts", hint="add them to hosts.yml")
     return selection
 
 
-def _no_such_host(declaration: Declaration, site: str, name: str, here: Sequence[str]) -> NoMatchError:
-    elsewhere = declaration.hosts.get(name)
+def _no_such_host(inventory: Inventory, site: str, name: str, here: Sequence[str]) -> NoMatchError:
+    elsewhere = inventory.hosts.get(name)
     if elsewhere is not None:
         return NoMatchError(f"`{name}` is not at site `{site}`", hint=f"type site={elsewhere.site} only={name}")
     where = "in the inventory" if site == ALL else f"at site `{site}`"

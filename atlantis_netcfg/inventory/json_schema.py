@@ -17,7 +17,7 @@ from pydantic import BaseModel, TypeAdapter
 
 from atlantis_netcfg.inventory import _schema
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS
-from atlantis_netcfg.inventory.field_docs import meaning, sentence
+from atlantis_netcfg.inventory.field_docs import key_description, sentence
 from atlantis_netcfg.inventory.model import Guest, Name, Partner, Pilot, Site, Vehicle
 from atlantis_netcfg.inventory.model.robot import RobotFile
 from atlantis_netcfg.inventory.robots.key_names import KEY, key_paths
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 FOLDER = ".schema"
-"""Below an inventory; Ansible and our loader pass by what begins with a dot."""
+"""Folder in the inventory; Ansible and our loader ignore names that begin with a dot."""
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
 _ANSIBLE: Mapping[str, Any] = {"^ansible_": {}}
-"""Variables of Ansible itself may stand beside ours."""
+"""Ansible's own variables are allowed in addition to ours."""
 _FILES: Mapping[str, tuple[str, type[BaseModel], bool]] = {
     "pilot": ("pilot", Pilot, False),
     "partners": ("partners", Partner, True),
@@ -38,7 +38,7 @@ _FILES: Mapping[str, tuple[str, type[BaseModel], bool]] = {
     "site": ("site", Site, False),
     **{kind: ("device", model, False) for kind, model in _schema.DEVICES.items()},
 }
-"""Schema -> the variable of its file, the model, and whether the file has many of it by name."""
+"""Schema to the variable of its file, its model, and whether the file contains several of them by name."""
 
 
 def schemas() -> dict[str, dict[str, Any]]:
@@ -146,7 +146,7 @@ def _describe(model: type[BaseModel], schema: dict[str, Any]) -> None:
     schema["description"] = sentence(inspect.getdoc(model))
     for name, entry in schema["properties"].items():
         entry.pop("title", None)
-        if words := meaning(model, name):
+        if words := key_description(model, name):
             entry["description"] = words
         for bound in model.model_fields[name].metadata:
             if isinstance(bound, MaxLen) and entry.get("type") == "string":

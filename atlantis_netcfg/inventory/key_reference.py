@@ -18,7 +18,7 @@ from pydantic import BaseModel, BeforeValidator
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import _schema
 from atlantis_netcfg.inventory._yaml import Node, parse
-from atlantis_netcfg.inventory.field_docs import meaning, sentence
+from atlantis_netcfg.inventory.field_docs import key_description, sentence
 from atlantis_netcfg.inventory.model import Guest, Partner, Pilot, Site, Vehicle
 from atlantis_netcfg.inventory.model.robot import RobotFile
 
@@ -145,7 +145,7 @@ _FORMS: Mapping[str, str] = {
     "value": "harbour",
     "version": '"0.9.2-1*"',
 }
-"""What a value looks like where the shipped inventory has none and the type does not say it."""
+"""Example values where the shipped inventory has none and the type does not show one."""
 
 
 class _BlockOfKeys(NamedTuple):
@@ -204,7 +204,7 @@ def _row(model: type[BaseModel], name: str, titles: Mapping[type[BaseModel], str
     field = model.model_fields[name]
     inner = _schema.model_of(_item(field.annotation))
     example = f"[below](#{_anchor(titles[inner])})" if inner is not None else f"`{example_of(model, name, examples)}`"
-    cells = (f"`{name}`", _type(field), _unit(name, field), _default(field), meaning(model, name), example)
+    cells = (f"`{name}`", _type(field), _unit(name, field), _default(field), key_description(model, name), example)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _BYTES = 1_000_000
 _ROWS = 10_000
 _DEPTH = 3
-"""The list, its records, their values."""
+"""Maximum nesting: list, records, values."""
 _SUFFIXES = (".yml", ".yaml", ".csv")
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

@@ -1,4 +1,4 @@
-"""Load an inventory directory to a `Declaration`, or report all errors in one pass.
+"""Load an inventory directory to a `Inventory`, or report all errors in one pass.
 
 Each part is validated separately, so that an invalid part does not hide errors of others.
 """
@@ -32,7 +32,7 @@ from atlantis_netcfg.inventory.findings import (
     suggest,
     why_no_name,
 )
-from atlantis_netcfg.inventory.inventory import Declaration, Host
+from atlantis_netcfg.inventory.inventory import Host, Inventory
 from atlantis_netcfg.inventory.model import Guest, Partner, Pilot, Site, Vehicle
 from atlantis_netcfg.inventory.rules import RULES, WARNINGS
 
@@ -50,7 +50,7 @@ _HOMES = {
 }
 _OF_ALL = ("pilot", "partners", "vehicles")
 _IF_ANY = ("guests",)
-"""Of all as well, where there are some."""
+"""Variables of all hosts that are optional."""
 
 
 @dataclass(slots=True)
@@ -58,7 +58,7 @@ class Variables:
     """Blocks of the inventory before validation."""
 
     all: dict[str, _yaml.Node] = field(default_factory=dict)
-    """`pilot`, `partners`, `vehicles`, and `guests` where there are some."""
+    """Variables `pilot`, `partners`, `vehicles`, and optionally `guests`."""
     sites: dict[str, _yaml.Node] = field(default_factory=dict)
     devices: dict[str, _yaml.Node] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
@@ -196,7 +196,7 @@ class _Gatherer:
 
 HOSTS = "hosts.yml"
 _OTHERS = ("evidence", "keys", "robots")
-"""Files that terminals have exported, public keys of archives, and robots' files; ansible.cfg keeps Ansible out."""
+"""Folders with terminals' exported files, public keys of archives, and robots' files; ansible.cfg excludes them."""
 _FOLDERS = ("group_vars", "host_vars")
 _DOCUMENTS = frozenset({".md", ".rst", ".txt"})
 _BACKUPS = ("~", ".bak", ".orig", ".swp", ".old", ".save", ".rej")
@@ -213,14 +213,14 @@ class InventorySources:
 
     root: Path
     display_name: str
-    """The root's name in errors."""
+    """Name of the root folder in error messages."""
     group_vars: dict[str, list[Path]] = field(default_factory=dict)
     host_vars: dict[str, list[Path]] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     strays: set[str] = field(default_factory=set)
-    """Stems of files that nobody reads: their host or site is not without a file, the file is in a wrong place."""
+    """Stems of ignored files: their host or site is not reported as lacking a file, since the file is misplaced."""
     contents: dict[str, bytes] = field(default_factory=dict)
-    """What was read, by the files' names in errors."""
+    """Contents of the files, by their names in error messages."""
 
     def name(self, path: Path) -> str:
         """Return a file's name for errors."""
@@ -247,7 +247,7 @@ class InventorySources:
 
 
 LARGEST = 1_000_000
-"""Bytes of a file."""
+"""Maximum size of a file in bytes."""
 
 
 def content(path: Path) -> bytes:
@@ -543,7 +543,7 @@ class _Builder:
         return instance
 
 
-def load(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> Declaration:
+def load(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> Inventory:
     """Read and validate the whole inventory.
 
     Raises InventoryInvalid with every error, NoMatchError if there is no inventory, no site or no host. Without
@@ -559,7 +559,7 @@ def load(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> Declaratio
     digest = hashlib.sha256()
     for name, data in sorted(sources.contents.items()):
         digest.update(f"{name.removeprefix(sources.display_name)}\0{len(data)}\0".encode() + data)
-    return Declaration(
+    return Inventory(
         inventory,
         pilot,
         inventory_draft.partners,
@@ -570,9 +570,9 @@ def load(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> Declaratio
         examples=examples_in(inventory_draft.nodes.values()),
         warnings=tuple(sorted(finding for rule in WARNINGS for finding in rule(inventory_draft))),
         places={
-            (name, bearer.name): inventory_draft.mark(Part("site", name), "bearers", index)
+            (name, link.name): inventory_draft.mark(Part("site", name), "bearers", index)
             for name, site in inventory_draft.sites.items()
-            for index, bearer in enumerate(site.bearers)
+            for index, link in enumerate(site.bearers)
         },
         decrypt=decrypt,
     )
@@ -614,7 +614,7 @@ def _one_closed(findings: list[Finding]) -> list[Finding]:
 
 def _require_layout(root: _yaml.Node | None, findings: list[Finding], display_name: str) -> _hosts.HostLayout:
     """Return the layout of hosts.yml. Raises NoMatchError if it has no site or host and no other error."""
-    layout = _hosts.lay_out(root) if root is not None else None
+    layout = _hosts.parse_layout(root) if root is not None else None
     if layout is None or not (layout.sites or layout.findings or findings):
         raise NoMatchError(
             f"{display_name}/{HOSTS} declares no site",

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 NTP_PORT = 123
-"""RFC 5905; UDP."""
+"""UDP port of NTP (RFC 5905)."""
 VPN_TARGET = "VPN server"
-"""What the derived entry of the VPN is called."""
+"""Name of the derived entry for the VPN."""
 FAR_END_TARGET = "far end of measurements"
-"""What the derived entry of `pilot.qualify` is called."""
+"""Name of the derived entry for `pilot.qualify`."""
 
 
 def derive_targets(pilot: model.Pilot) -> tuple[model.AllowedTarget, ...]:
@@ -52,12 +52,12 @@ def far_end(pilot: model.Pilot) -> model.AllowedTarget | None:
     return model.AllowedTarget(name=FAR_END_TARGET, address=address, port=qualify.port, transport=model.Transport.UDP)
 
 
-def allowed_targets(pilot: model.Pilot, bearer: model.Bearer) -> tuple[model.AllowedTarget, ...]:
+def allowed_targets(pilot: model.Pilot, link: model.Link) -> tuple[model.AllowedTarget, ...]:
     """Return all targets that a satellite link admits, derived ones first; empty for other links."""
-    if not bearer.kind.traits.allow_list:
+    if not link.kind.traits.allow_list:
         return ()
-    canaries = (model.AllowedTarget(name=f"canary {address}", address=address) for address in bearer.canaries)
-    return (*derive_targets(pilot), *bearer.allow, *canaries)
+    probe_targets = (model.AllowedTarget(name=f"canary {address}", address=address) for address in link.canaries)
+    return (*derive_targets(pilot), *link.allow, *probe_targets)
 
 
 def admits(

@@ -26,7 +26,7 @@ class Block(Generic[_M]):
     """A parsed file with its findings; the value is None if it is invalid."""
 
     value: _M | None
-    """None: see the findings."""
+    """Parsed value; None: it has errors, see the findings."""
     findings: tuple[Finding, ...]
     root: Node
 

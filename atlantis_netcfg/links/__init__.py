@@ -8,6 +8,6 @@ cannot be read (a satellite terminal) is described in the inventory, with eviden
 
 from __future__ import annotations
 
-from atlantis_netcfg.links.status import BearerFinding, BearerStatus, LinkState, Quality
+from atlantis_netcfg.links.status import LinkFinding, LinkState, LinkStatus, Quality
 
-__all__ = ["BearerFinding", "BearerStatus", "LinkState", "Quality"]
+__all__ = ["LinkFinding", "LinkState", "LinkStatus", "Quality"]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 ACCEPT: Final = "--accept-cost"
-"""The flag with which a person agrees to pay; `--yes` does not."""
+"""Flag by which a person consents to costs; `--yes` does not."""
 _MB: Final = 1_000_000
 _KB: Final = 1_000
 _CENT: Final = Decimal("0.01")
@@ -43,12 +43,12 @@ class Tariff:
     """A provider's counting rules and prices; the fields are those of `billing:` in the inventory."""
 
     price_per_mb: Decimal
-    """For 10^6 bytes, both directions counted together."""
+    """Price for 10^6 bytes, both directions counted together."""
     currency: str = "EUR"
     min_session_bytes: int = 0
     floor_bytes_per_s: int = 0
     floor_after_s: int = 0
-    """Length of a session from which the floor holds."""
+    """Session length in seconds from which the floor applies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,9 +59,9 @@ class MeteredLink:
     site: str
     is_metered: bool
     tariff: Tariff | None = None
-    """None: nobody has looked it up."""
+    """Tariff of the link; None: not known."""
     cap_bytes: int | None = None
-    """What one action may send at most; None: no bound."""
+    """Maximum number of bytes that one action may send; None: no limit."""
 
     @property
     def cap_key(self) -> str:
@@ -83,7 +83,7 @@ class Bill:
     billed_bytes: int
     basis: Basis
     price: Decimal | None
-    """None: the tariff is not declared."""
+    """None: the inventory has no tariff."""
     currency: str | None
 
     @property
@@ -120,7 +120,7 @@ class Preview:
     link: MeteredLink
     bill: Bill
     at_most: bool = False
-    """It is a bound, because what has to be done is not known yet."""
+    """Whether the cost is an upper bound because the required work is not known yet."""
 
     @property
     def over_cap(self) -> bool:

@@ -28,7 +28,7 @@ ROUTE_PROPERTIES = (
     "dynamic",
     "blackhole",
 )
-"""What `active_bearer` looks at, as a `.proplist`; a row without `active` is not active."""
+"""Properties that `active_link` reads, as a `.proplist`; a row without `active` is not active."""
 
 DEFAULT = "0.0.0.0/0"
 MAIN = "main"
@@ -36,17 +36,17 @@ _TRUE = frozenset({"true", "yes"})
 
 
 @dataclass(frozen=True, slots=True)
-class BearerRoute:
+class LinkRoute:
     """A link as the router's routing table shows it."""
 
     name: str
     gateway: str
     address: str
-    """The router's own address on the link; a packet from it takes this link and no other."""
-    canaries: tuple[str, ...] = ()
+    """The router's own address on the link; packets from it use this link only."""
+    probe_targets: tuple[str, ...] = ()
     port: str | None = None
     kind: str = ""
-    """Of the declaration: wifi_ptp, lte, satellite, ethernet."""
+    """Link kind in the inventory: wifi_ptp, lte, satellite, ethernet."""
     is_metered: bool = False
 
 
@@ -54,30 +54,30 @@ class BearerRoute:
 class PolicyProbe:
     """A ping that tests one link: `path` with `arguments`, as the API takes them."""
 
-    bearer: str
+    link: str
     target: str
     path: str
     arguments: tuple[tuple[str, str], ...]
     wire_bytes: int
-    """What it sends and receives over the bearer if everything is answered."""
+    """Bytes sent and received on the link if every ping is answered."""
 
 
-def active_bearers(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[BearerRoute]) -> tuple[str, ...]:
-    """Return the links used by the main table's default routes now, in the order of `bearers`.
+def active_links(route_rows: Iterable[Mapping[str, str]], links: Sequence[LinkRoute]) -> tuple[str, ...]:
+    """Return the links used by the main table's default routes now, in the order of `links`.
 
     Several mean ECMP over different links; none means that the site has no default route, or none over a known link.
     """
-    owners = {_owner(row, bearers) for row in _defaults(route_rows)}
-    return tuple(bearer.name for bearer in bearers if bearer.name in owners)
+    owners = {_owner(row, links) for row in _defaults(route_rows)}
+    return tuple(link.name for link in links if link.name in owners)
 
 
-def active_bearer(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[BearerRoute]) -> str | None:
+def active_link(route_rows: Iterable[Mapping[str, str]], links: Sequence[LinkRoute]) -> str | None:
     """Return the only link that carries the traffic; None if there is none or more than one.
 
     Two probe targets of one link are two equal routes and still one link. A default route of no link beside a link's
     makes the result None, because part of the traffic goes elsewhere.
     """
-    owners = {_owner(row, bearers) for row in _defaults(route_rows)}
+    owners = {_owner(row, links) for row in _defaults(route_rows)}
     return owners.pop() if len(owners) == 1 else None
 
 
@@ -101,22 +101,22 @@ def _distance(row: Mapping[str, str]) -> int:
     return int(text) if text.isdecimal() else 1
 
 
-def _owner(row: Mapping[str, str], bearers: Sequence[BearerRoute]) -> str | None:
+def _owner(row: Mapping[str, str], links: Sequence[LinkRoute]) -> str | None:
     """Return the link that a route belongs to; None for a blackhole route (`blackhole=` or `blackhole=true`)."""
     if row.get("blackhole", "no") not in ("no", "false"):
         return None
     gateway_name = row.get("gateway", "").partition("@")[0]
     for gateway in (gateway_name, *row.get("immediate-gw", "").split(",")):
         hop, _, port = gateway.partition("%")
-        for bearer in bearers:
-            if hop and (hop == bearer.gateway or hop in bearer.canaries):
-                return bearer.name
-            if bearer.port is not None and bearer.port in (hop, port):
-                return bearer.name
+        for link in links:
+            if hop and (hop == link.gateway or hop in link.probe_targets):
+                return link.name
+            if link.port is not None and link.port in (hop, port):
+                return link.name
     return None
 
 
-def probe_commands(bearers: Sequence[BearerRoute], *, count: int = 3) -> tuple[PolicyProbe, ...]:
+def probe_commands(links: Sequence[LinkRoute], *, count: int = 3) -> tuple[PolicyProbe, ...]:
     """Return pings that test every probed link through its own routing table, without moving traffic.
 
     A routing rule sends a ping from a link's own address to the link's table, so it uses this link whether or not the
@@ -125,13 +125,13 @@ def probe_commands(bearers: Sequence[BearerRoute], *, count: int = 3) -> tuple[P
     """
     return tuple(
         PolicyProbe(
-            bearer.name,
-            canary,
+            link.name,
+            probe_target,
             "/tool/ping",
-            (("address", canary), ("src-address", bearer.address), ("count", str(count))),
+            (("address", probe_target), ("src-address", link.address), ("count", str(count))),
             2 * count * ECHO_BYTES,
         )
-        for bearer in bearers
-        if bearer.kind != "satellite"
-        for canary in bearer.canaries
+        for link in links
+        if link.kind != "satellite"
+        for probe_target in link.probe_targets
     )

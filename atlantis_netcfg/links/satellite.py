@@ -13,7 +13,7 @@ from ipaddress import AddressValueError, IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links.status import BearerFinding
+from atlantis_netcfg.links.status import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -26,10 +26,10 @@ _NAT_NETWORKS = (
     (IPv4Network("192.168.0.0/16"), "a private range, RFC 1918"),
 )
 FACTORY_ADDRESSES = ("192.168.1.1",)
-"""Where terminals answer that nobody has set up: as technicians report it, and Teltonika's default as well."""
+"""Addresses of terminals with factory settings: as technicians report, and also Teltonika's default."""
 
 
-def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tuple[BearerFinding, ...]:
+def judge_carrier_nat(link: str, address: str | None, *, forwards: bool) -> tuple[LinkFinding, ...]:
     """Report that the network gave the link an address behind its own NAT; skip an address that is unreadable.
 
     `address`: of the SIM or the terminal towards the network, from a reader or from the evidence in the inventory.
@@ -44,17 +44,17 @@ def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tu
     )
     if why is None:
         return ()
-    message = f"`{bearer}` is behind its carrier's NAT: it has {address} ({why}), so nothing reaches the site over it"
+    message = f"`{link}` is behind its carrier's NAT: it has {address} ({why}), so nothing reaches the site over it"
     if forwards:
         hint = "the forwarded ports of this router stay closed on this link: ask the provider for a public address"
-        return (BearerFinding(Verdict.FAIL, "carrier-nat-closes-forwards", message, hint),)
+        return (LinkFinding(Verdict.FAIL, "carrier-nat-closes-forwards", message, hint),)
     hint = "nothing to do: the VPN is started from the site; a public address would have to be ordered"
-    return (BearerFinding(Verdict.WARN, "carrier-nat", message, hint),)
+    return (LinkFinding(Verdict.WARN, "carrier-nat", message, hint),)
 
 
 def judge_factory_address(
     host: str, port: str, declared_address: str, *, answers: bool, answers_at_factory: str | None
-) -> tuple[BearerFinding, ...]:
+) -> tuple[LinkFinding, ...]:
     """Compare a device's expected address on a port with where it responds (ARP, which costs no airtime).
 
     `answers_at_factory`: the factory address that responds on that port, None if none does.
@@ -64,10 +64,10 @@ def judge_factory_address(
             return ()
         message = f"`{host}` does not answer at {declared_address} on {port}, nor where its factory puts it"
         hint = "is it powered and plugged into that port? A terminal takes minutes to start"
-        return (BearerFinding(Verdict.INCONCLUSIVE, "box-silent", message, hint),)
+        return (LinkFinding(Verdict.INCONCLUSIVE, "box-silent", message, hint),)
     if answers:
         message = f"on {port} `{host}` answers at {declared_address}, and something else at {answers_at_factory}"
-        return (BearerFinding(Verdict.WARN, "factory-address-answers", message, "what else is plugged in there?"),)
+        return (LinkFinding(Verdict.WARN, "factory-address-answers", message, "what else is plugged in there?"),)
     message = (
         f"`{host}` is in the wrong subnet: on {port} it answers at {answers_at_factory}, declared is {declared_address}"
     )
@@ -75,11 +75,11 @@ def judge_factory_address(
         f"set {declared_address} on its own page ({answers_at_factory} from a laptop), "
         "or declare the network that it has"
     )
-    return (BearerFinding(Verdict.FAIL, "box-in-wrong-subnet", message, hint),)
+    return (LinkFinding(Verdict.FAIL, "box-in-wrong-subnet", message, hint),)
 
 
 STALE_AFTER_DAYS = 180
-"""A campaign's length, by our own judgement: no source says how often a terminal's settings change by themselves."""
+"""Length of a campaign, by our own judgement: no source says how often a terminal's settings change by themselves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class SatelliteEvidence:
 
     firmware: str
     allow_list: bool
-    """Whether its own filter holds the declared destinations and nothing else."""
+    """Whether the terminal's filter has the declared destinations and nothing else."""
     by: str
     seen_on: date
     backup_file: str | None = None
@@ -100,13 +100,13 @@ class Backup:
     """A backup exported by the terminal and saved on this computer."""
 
     path: str
-    """As a person would type it."""
+    """Path as a person would type it."""
     sha256: str
 
 
 def judge_evidence(
     name: str, evidence: SatelliteEvidence | None, backup: Backup | None, confirmed_firmware: str | None, today: date
-) -> tuple[BearerFinding, ...]:
+) -> tuple[LinkFinding, ...]:
     """Return all findings about a terminal's evidence; empty if it is complete, recent and good.
 
     `backup`: the backup file, None if there is none; `confirmed_firmware`: the evidence's firmware when a run last
@@ -114,7 +114,7 @@ def judge_evidence(
     """
     if evidence is None:
         return (
-            BearerFinding(
+            LinkFinding(
                 Verdict.WARN,
                 "terminal-not-looked-at",
                 f"nobody has looked at the terminal {name}: its firmware and its own allow-list are unknown",
@@ -129,56 +129,56 @@ def judge_evidence(
     )
 
 
-def _age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[BearerFinding]:
+def _age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[LinkFinding]:
     days = (today - evidence.seen_on).days
     text = f"{evidence.by} looked at the terminal {name} on {evidence.seen_on.isoformat()}"
     if days > STALE_AFTER_DAYS:
         hint = f"look again, and write who and when under `evidence:` in host_vars/{name}.yml"
-        yield BearerFinding(Verdict.WARN, "terminal-evidence-old", f"{text}, {days} days ago", hint)
+        yield LinkFinding(Verdict.WARN, "terminal-evidence-old", f"{text}, {days} days ago", hint)
     elif days < 0:
         hint = f"correct `seen_on:` in host_vars/{name}.yml, or this computer's clock"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", f"{text}, which is yet to come", hint
         )
 
 
-def _filter(name: str, evidence: SatelliteEvidence) -> Iterator[BearerFinding]:
+def _filter(name: str, evidence: SatelliteEvidence) -> Iterator[LinkFinding]:
     if not evidence.allow_list:
         message = (
             f"the terminal {name} has no allow-list of its own, or another one: only the router limits what it sends"
         )
         hint = "enter the declared destinations on the terminal's page; `provision prove site=…` lists and tries them"
-        yield BearerFinding(Verdict.WARN, "terminal-without-allow-list", message, hint)
+        yield LinkFinding(Verdict.WARN, "terminal-without-allow-list", message, hint)
 
 
-def _backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> Iterator[BearerFinding]:
+def _backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> Iterator[LinkFinding]:
     declared_sha256 = evidence.backup_sha256
     if declared_sha256 is None:
         message = f"no backup of the terminal {name} is declared, so a changed setting would not be noticed"
         hint = "export one on its page and write `backup_file:` and `backup_sha256:` (sha256sum FILE)"
-        yield BearerFinding(Verdict.WARN, "terminal-without-backup", message, hint)
+        yield LinkFinding(Verdict.WARN, "terminal-without-backup", message, hint)
     elif backup is None:
         message = f"the backup of the terminal {name} that is declared is not on this computer"
         file = evidence.backup_file or "the file"
         hint = f"put {file} into inventory/evidence/, or name it: `provision prove site=… backup=FILE`"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
+        yield LinkFinding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
     elif backup.sha256 != declared_sha256:
         message = (
             f"the backup {backup.path} of the terminal {name} is not the declared one: SHA-256 {backup.sha256[:16]}…, "
             f"declared {declared_sha256[:16]}…"
         )
         hint = "its settings have changed, or the file is another one: look at its pages, then declare what is right"
-        yield BearerFinding(Verdict.FAIL, "terminal-backup-differs", message, hint)
+        yield LinkFinding(Verdict.FAIL, "terminal-backup-differs", message, hint)
 
 
-def _firmware(name: str, evidence: SatelliteEvidence, confirmed_firmware: str | None) -> Iterator[BearerFinding]:
+def _firmware(name: str, evidence: SatelliteEvidence, confirmed_firmware: str | None) -> Iterator[LinkFinding]:
     if confirmed_firmware is not None and confirmed_firmware != evidence.firmware:
         message = (
             f"the terminal {name} had firmware {confirmed_firmware} when a run last recorded it, "
             f"and has {evidence.firmware}"
         )
         hint = "a new firmware may have other defaults: look at its allow-list again, and prove it"
-        yield BearerFinding(Verdict.WARN, "terminal-firmware-changed", message, hint)
+        yield LinkFinding(Verdict.WARN, "terminal-firmware-changed", message, hint)
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,17 +186,17 @@ class NamedTarget:
     """An allow-list entry that has a DNS name."""
 
     what: str
-    """What it is for: `VPN server`."""
+    """Purpose of the target: `VPN server`."""
     dns_name: str
     address: str
-    """As declared."""
+    """Address in the inventory."""
     where: str
-    """Where that is written, for the hint: `pilot.vpn in group_vars/all/pilot.yml`."""
+    """Location of the entry, for the hint: `pilot.vpn in group_vars/all/pilot.yml`."""
 
 
 def judge_names(
     targets: Iterable[NamedTarget], addresses_by_name: Mapping[str, frozenset[str] | None], by: str
-) -> tuple[BearerFinding, ...]:
+) -> tuple[LinkFinding, ...]:
     """Compare addresses in the inventory with the DNS result; `by` names the resolver: `this computer`, `the router`.
 
     `addresses_by_name`: the IPv4 addresses of each name, an empty set if it does not exist, None if the lookup failed:
@@ -207,29 +207,29 @@ def judge_names(
     )
 
 
-def _judge(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[BearerFinding]:
+def _judge(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[LinkFinding]:
     name = f"{target.dns_name} ({target.what})"
     if addresses is None:
         message = f"{by} could not ask for {name}: whether it is still {target.address} is not known"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "allow-list-name-not-asked", message, "ask again where DNS answers")
+        yield LinkFinding(Verdict.INCONCLUSIVE, "allow-list-name-not-asked", message, "ask again where DNS answers")
     elif not addresses:
         message = f"{by} knows no address of {name}; the allow-list admits {target.address}"
         hint = f"correct `dns_name`, or the name itself ({target.where})"
-        yield BearerFinding(Verdict.WARN, "allow-list-name-unknown", message, hint)
+        yield LinkFinding(Verdict.WARN, "allow-list-name-unknown", message, hint)
     elif target.address not in addresses:
         address_list = ", ".join(sorted(addresses))
         message = f"{name} has moved: {by} resolves it to {address_list}, the allow-list admits {target.address}"
         hint = f"declare the right address ({target.where}) and provision the site before it is left with its satellite"
-        yield BearerFinding(Verdict.FAIL, "allow-list-name-moved", message, hint)
+        yield LinkFinding(Verdict.FAIL, "allow-list-name-moved", message, hint)
     elif len(addresses) > 1:
         others = ", ".join(sorted(addresses - {target.address}))
         message = f"{name} has more addresses than the allow-list admits: {target.address}, but also {others}"
         hint = "whoever takes one of the others over the satellite is dropped: add them to `allow:` if they are meant"
-        yield BearerFinding(Verdict.WARN, "allow-list-name-has-more", message, hint)
+        yield LinkFinding(Verdict.WARN, "allow-list-name-has-more", message, hint)
 
 
 WINDOW_S = 90.0
-"""The shortest time of silence after which something counts as not reached."""
+"""Minimum silence in seconds after which a target counts as not reached."""
 
 
 class ExpectedOutcome(StrEnum):
@@ -244,11 +244,11 @@ class ProbeOutcome(StrEnum):
 
     ANSWERED = "answered"
     SILENT = "silent"
-    """Nothing came back within the window."""
+    """No response within the window."""
     REFUSED_HERE = "refused here"
-    """The router itself refused the packet, so that nothing was sent."""
+    """The router itself refused the packet, so nothing was sent."""
     NOT_TRIED = "not tried"
-    """There is no way to ask this target from the router; `note` says why."""
+    """The target cannot be probed from the router; `note` gives the reason."""
 
 
 class SatelliteProbe(StrEnum):
@@ -258,11 +258,11 @@ class SatelliteProbe(StrEnum):
     TCP = "tcp"
     UDP_COUNTER = "udp, answers counted by the filter"
     TUNNEL = "openvpn, answers counted by the filter"
-    """While the tunnel is down its client asks again and again, so that here silence does count."""
+    """While the tunnel is down its client retries continuously, so silence counts as evidence."""
     TIME = "ntp, answers counted by the filter"
-    """The time client was made to ask; its server answers everybody, so that here silence does count."""
+    """The time client was made to send a request; its server answers everybody, so silence counts as evidence."""
     VPN = "openvpn, asked by this computer"
-    """The first packet of a session, led over the link; its server answers every member, so that silence counts."""
+    """First packet of a session, routed over the link; the server answers every member, so silence is evidence."""
     NONE = "none"
 
 
@@ -272,22 +272,22 @@ class Attempt:
 
     name: str
     target: str
-    """As a person would say it: `203.0.113.2 udp 1194`."""
+    """Readable target: `203.0.113.2 udp 1194`."""
     expected_outcome: ExpectedOutcome
     probe: SatelliteProbe
     outcome: ProbeOutcome
     after_s: float | None = None
-    """Until the first answer."""
+    """Seconds until the first response."""
     window_s: float = 0.0
-    """How long it was tried."""
+    """Duration of the attempt in seconds."""
     filter_open: bool = False
-    """Whether the router's filter was opened for this target, so that the terminal alone decided."""
+    """Whether the router's filter was opened for this target, so only the terminal's filter decided."""
     note: str = ""
     hint: str = ""
-    """What makes a way, where it was not tried."""
+    """What would make the probe possible, if it was not tried."""
 
 
-def judge_attempt(attempt: Attempt, *, link_seen: bool) -> BearerFinding:
+def judge_attempt(attempt: Attempt, *, link_seen: bool) -> LinkFinding:
     """Judge one attempt: PASS, FAIL, or INCONCLUSIVE if silence or a missing route proves nothing.
 
     `link_seen`: another target was reached over the satellite in the same run; over a dead link everything looks
@@ -295,52 +295,46 @@ def judge_attempt(attempt: Attempt, *, link_seen: bool) -> BearerFinding:
     """
     if attempt.outcome is ProbeOutcome.NOT_TRIED:
         message = f"{attempt.name} ({attempt.target}) could not be tried: {attempt.note}"
-        return BearerFinding(Verdict.INCONCLUSIVE, "not-tried", message, attempt.hint or None)
+        return LinkFinding(Verdict.INCONCLUSIVE, "not-tried", message, attempt.hint or None)
     if attempt.expected_outcome is ExpectedOutcome.REACHED:
         return _judge_allowed(attempt)
     if attempt.outcome is ProbeOutcome.SILENT and not link_seen:
         message = f"{attempt.name} ({attempt.target}) did not answer, but nothing else was reached over the satellite"
-        return BearerFinding(
-            Verdict.INCONCLUSIVE, "link-not-seen", message, "is the terminal connected? Then try again"
-        )
+        return LinkFinding(Verdict.INCONCLUSIVE, "link-not-seen", message, "is the terminal connected? Then try again")
     return _judge_forbidden(attempt)
 
 
-def _judge_allowed(attempt: Attempt) -> BearerFinding:
+def _judge_allowed(attempt: Attempt) -> LinkFinding:
     who = f"{attempt.name} ({attempt.target})"
     if attempt.outcome is ProbeOutcome.ANSWERED:
         after = "" if attempt.after_s is None else f" after {attempt.after_s:.0f} s"
-        return BearerFinding(Verdict.PASS, "reached", f"{who} was reached{after} over the satellite")
+        return LinkFinding(Verdict.PASS, "reached", f"{who} was reached{after} over the satellite")
     if attempt.outcome is ProbeOutcome.REFUSED_HERE:
         hint = "provision the site first: its filter is not the declared one"
-        return BearerFinding(
-            Verdict.FAIL, "refused-by-the-router", f"{who} is allowed, and the router refuses it", hint
-        )
+        return LinkFinding(Verdict.FAIL, "refused-by-the-router", f"{who} is allowed, and the router refuses it", hint)
     if attempt.window_s < WINDOW_S or attempt.probe is SatelliteProbe.UDP_COUNTER:
         why = attempt.note or f"{attempt.window_s:.0f} s of silence are an ordinary gap of this link"
-        return BearerFinding(
-            Verdict.INCONCLUSIVE, "silent", f"{who} did not answer: {why}", "try again later, or longer"
-        )
+        return LinkFinding(Verdict.INCONCLUSIVE, "silent", f"{who} did not answer: {why}", "try again later, or longer")
     message = f"{who} did not answer in {attempt.window_s:.0f} s over the satellite"
     hint = "is the terminal connected, and does its own allow-list hold this target?"
-    return BearerFinding(Verdict.FAIL, "not-reached", message, hint)
+    return LinkFinding(Verdict.FAIL, "not-reached", message, hint)
 
 
-def _judge_forbidden(attempt: Attempt) -> BearerFinding:
+def _judge_forbidden(attempt: Attempt) -> LinkFinding:
     who = f"{attempt.name} ({attempt.target})"
     if attempt.outcome is ProbeOutcome.ANSWERED:
         if attempt.filter_open:
             message = f"{who} was reached with the router's filter open: only the router enforces the allow-list"
             hint = "enter the declared destinations on the terminal's page"
-            return BearerFinding(Verdict.WARN, "only-the-router-enforces", message, hint)
+            return LinkFinding(Verdict.WARN, "only-the-router-enforces", message, hint)
         hint = "`provision site=…` brings the filter back; `provision drift site=…` first tells what has changed"
-        return BearerFinding(Verdict.FAIL, "leak", f"{who} is not allowed, and was reached over the satellite", hint)
+        return LinkFinding(Verdict.FAIL, "leak", f"{who} is not allowed, and was reached over the satellite", hint)
     if attempt.outcome is ProbeOutcome.REFUSED_HERE:
-        return BearerFinding(Verdict.PASS, "refused", f"{who} is refused by the router, nothing was sent")
+        return LinkFinding(Verdict.PASS, "refused", f"{who} is refused by the router, nothing was sent")
     if attempt.filter_open and attempt.window_s < WINDOW_S:
         message = f"{who} did not answer in {attempt.window_s:.0f} s: too short to tell a refusal from a gap"
-        return BearerFinding(Verdict.INCONCLUSIVE, "silent", message, "try again with a longer window")
+        return LinkFinding(Verdict.INCONCLUSIVE, "silent", message, "try again with a longer window")
     if attempt.filter_open:
         message = f"{who} did not answer in {attempt.window_s:.0f} s with the router's filter open"
-        return BearerFinding(Verdict.PASS, "refused-beyond", f"{message}: the terminal or the network refuses it")
-    return BearerFinding(Verdict.PASS, "refused", f"{who} was not reached in {attempt.window_s:.0f} s")
+        return LinkFinding(Verdict.PASS, "refused-beyond", f"{message}: the terminal or the network refuses it")
+    return LinkFinding(Verdict.PASS, "refused", f"{who} was not reached in {attempt.window_s:.0f} s")

@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 DAY_S: Final = 24 * 3600
 MONTH_DAYS: Final = 30
 NTP_BYTES: Final = 76
-"""A question to a time server, and its answer: 48 of NTP, 28 of UDP and IP."""
+"""Bytes of a time request or its response: 48 of NTP, 28 of UDP and IP."""
 PING_BYTES: Final = 68
-"""A keep-alive of OpenVPN over UDP: 16 of its own, 24 of the VPN, 28 of UDP and IP (facts/vpn.md, section 9)."""
+"""Bytes of an OpenVPN keep-alive over UDP: 16 payload, 24 VPN, 28 UDP and IP (facts/vpn.md, section 9)."""
 RENEGOTIATION_BYTES: Final = 5_000
-"""New keys of a session, both directions together (facts/vpn.md, section 9)."""
+"""Bytes of a session's key renegotiation, both directions together (facts/vpn.md, section 9)."""
 UDP_IP: Final = 28
 _ICMP_ERROR = 28
-"""Headers of IP and ICMP before what is refused, which is quoted whole."""
+"""Bytes of the IP and ICMP headers of an ICMP error, which quotes the refused packet in full."""
 _ICMP_AT_ONCE = 6
 _FRAGMENT = 12
-"""A part of a sample has a longer header than a whole one (DDSI-RTPS 2.5, 9.4.5)."""
+"""Additional header bytes of a fragment compared with a whole sample (DDSI-RTPS 2.5, 9.4.5)."""
 
 
 class TrafficSource(StrEnum):
@@ -58,7 +58,7 @@ class StandingFlow:
     down: float
     """To the site."""
     always: bool = False
-    """It goes over this link also while another one carries the traffic."""
+    """Whether it also uses this link while another one carries the traffic."""
 
     @property
     def both(self) -> float:
@@ -85,13 +85,13 @@ class VpnHeaders:
 NO_VPN: Final = VpnHeaders(0)
 
 
-def canaries(number: int, interval_s: float) -> StandingFlow:
+def probe_targets(number: int, interval_s: float) -> StandingFlow:
     """Return the traffic of pings to `number` probe targets every `interval_s` seconds, with their replies."""
     each = _a_day(interval_s) * number * ECHO_BYTES
     return StandingFlow(TrafficSource.CANARIES, each, each, always=True)
 
 
-def time_questions(servers: int, interval_s: float) -> StandingFlow:
+def ntp_traffic(servers: int, interval_s: float) -> StandingFlow:
     """Return the traffic of NTP requests to `servers` time servers, with their responses."""
     each = _a_day(interval_s) * servers * NTP_BYTES
     return StandingFlow(TrafficSource.TIME, each, each)
@@ -118,7 +118,7 @@ class LinkPace:
     """The speed of a link, as far as reliable topics depend on it."""
 
     rtt_s: float
-    """Round trip to the subscriber without load."""
+    """Round trip time to the subscriber without load."""
     up_bps: float
     """From the site."""
 
@@ -133,7 +133,7 @@ class SteadyTopic:
 
     rate_hz: float
     size_bytes: int
-    """Of one message, serialised."""
+    """Serialised size of one message."""
     reliable: bool = False
 
 
@@ -142,7 +142,7 @@ class MessageCost:
     """The mean cost of one message on the link to one subscriber, with all related traffic."""
 
     fragments: int
-    """Datagrams that the message itself needs."""
+    """Number of datagrams that the message itself needs."""
     bytes_up: float
     packets_up: float
     bytes_down: float = 0.0
@@ -165,14 +165,14 @@ class CycloneHeartbeats:
     """
 
     heartbeat: int = 32
-    """In the datagram of a message, the last one where there are more."""
+    """Bytes of a heartbeat in a message's datagram (the last one if there are several)."""
     fragment_heartbeat: int = 28
-    """In each of the others."""
+    """Bytes of a heartbeat in each of the other datagrams."""
     alone: int = 80
-    """A heartbeat as a packet of its own."""
+    """Bytes of a heartbeat as a separate packet."""
     acknowledgement: int = 92
     every_s: float = 0.1
-    """`HeartbeatInterval`, and its default."""
+    """Default of `HeartbeatInterval`."""
 
     def cost(self, topic: SteadyTopic, message: MessageCost, pace: LinkPace, vpn: VpnHeaders) -> MessageCost:
         """Return the cost of a message; if the next one precedes the acknowledgement, one is always unacknowledged."""
@@ -189,7 +189,7 @@ class CycloneHeartbeats:
 
 
 @dataclass(frozen=True, slots=True)
-class HeartbeatsNowAndThen:
+class PeriodicHeartbeats:
     """Fast DDS: a heartbeat every few seconds, and one after a certain number of bytes since the last.
 
     A message that is larger than that has one in each fragment. If the link needs longer for a fragment than the
@@ -199,20 +199,20 @@ class HeartbeatsNowAndThen:
     """
 
     heartbeat: int = 32
-    """In the datagram of a message."""
+    """Bytes of a heartbeat in the datagram of a message."""
     alone: int = 156
-    """A heartbeat as a packet of its own."""
+    """Bytes of a heartbeat as a separate packet."""
     acknowledgement: int = 152
     every_s: float = 3.0
-    """Between two that go alone, while something is not acknowledged."""
+    """Interval of separate heartbeats while a message is unacknowledged."""
     after_bytes: int = 4800
-    """Of messages, from which on one goes with the next of them."""
+    """Message bytes after which the next message has a heartbeat."""
     history: int = 10
-    """So many messages that are not acknowledged fill the history of a topic: the next one has a heartbeat."""
+    """Number of unacknowledged messages that fill a topic's history; the next one then has a heartbeat."""
     answered_after_s: float = 0.005
-    """`heartbeatResponseDelay`, and its default."""
+    """Default of `heartbeatResponseDelay`."""
     answer_share: float = 0.9
-    """Share of the heartbeats that have an answer where fragments are sent again."""
+    """Share of the heartbeats with a response if fragments are sent again."""
 
     def cost(self, topic: SteadyTopic, message: MessageCost, pace: LinkPace, vpn: VpnHeaders) -> MessageCost:
         """Return the cost of a message; one in fragments is acknowledged once if all arrive before the response."""
@@ -224,7 +224,7 @@ class HeartbeatsNowAndThen:
         elif topic.size_bytes > self.after_bytes:
             heartbeats, answers = packets, 1.0
         else:
-            heartbeats = answers = max(topic.size_bytes / self.after_bytes, self._of_history(topic, pace))
+            heartbeats = answers = max(topic.size_bytes / self.after_bytes, self._full_history_share(topic, pace))
         return MessageCost(
             message.fragments,
             message.bytes_up * repeats + heartbeats * self.heartbeat + alone * (self.alone + vpn.bytes),
@@ -238,7 +238,7 @@ class HeartbeatsNowAndThen:
         slow = pace.sends_in_s(message.bytes_up / message.fragments) > self.answered_after_s
         return (message.fragments + 1) / 2 if slow else 1.0
 
-    def _of_history(self, topic: SteadyTopic, pace: LinkPace) -> float:
+    def _full_history_share(self, topic: SteadyTopic, pace: LinkPace) -> float:
         """Return the share of messages that find the history full; each does until the acknowledgement arrives."""
         if topic.rate_hz * self.every_s <= self.history:
             return 0.0
@@ -251,22 +251,22 @@ class DdsSizes:
     """Packet sizes of a DDS implementation, in bytes as IP packets."""
 
     announcement: int
-    """A participant's announcement to one port of one peer."""
+    """Size of a participant's announcement to one port of one peer."""
     has_repeat: bool
-    """To a participant that is known already it goes a second time."""
+    """Whether an announcement to an already known participant is sent twice."""
     sample_head: int
-    """Of a message with one sample that fits into it, UDP and IP included."""
+    """Header bytes of a message with one sample that fits into it, UDP and IP included."""
     reliability: Reliability
 
 
 @dataclass(frozen=True, slots=True)
-class Announcing:
+class DdsAnnouncements:
     """How a computer's DDS processes announce themselves, as its profile configures it."""
 
     processes: int
-    """That run, on each computer."""
+    """Number of DDS processes running on each computer."""
     ports: int
-    """To so many ports of each peer a process sends its announcement, whether or not somebody listens there."""
+    """Number of ports of each peer to which a process sends its announcement, whether or not they are open."""
     every_s: float
     sizes: DdsSizes
 
@@ -290,9 +290,9 @@ class DdsMessages:
     """How a computer's profile makes DDS fragment messages, and the protocol overhead."""
 
     message_bytes: int
-    """The largest UDP payload."""
+    """Maximum UDP payload."""
     fragment_bytes: int
-    """Of a sample that is larger."""
+    """Fragment size of a larger sample."""
     sizes: DdsSizes
     vpn: VpnHeaders
 
@@ -321,9 +321,9 @@ class StandingTraffic:
 
     link: MeteredLink
     flows: tuple[StandingFlow, ...]
-    """Of each source one, in the order of `TrafficSource`."""
+    """One flow for each source, in the order of `TrafficSource`."""
     pace: str = ""
-    """How its canaries keep to their budget, where they have one."""
+    """How its probes to probe targets are paced to meet their budget, if they have one."""
 
     @property
     def day_bytes(self) -> int:
@@ -380,7 +380,7 @@ class StandingTraffic:
         }
 
 
-def added_up(flows: Iterable[StandingFlow]) -> tuple[StandingFlow, ...]:
+def sum_by_source(flows: Iterable[StandingFlow]) -> tuple[StandingFlow, ...]:
     """Sum the flows per source, in the order of `TrafficSource`; sources without a byte are left out."""
     sums: dict[TrafficSource, StandingFlow] = {}
     for flow in flows:

@@ -21,24 +21,23 @@ class LinkState(StrEnum):
     """Whether the link carries traffic."""
 
     UP = "up"
-    """It was seen to carry traffic, or its own device says that it is connected."""
+    """It was observed to carry traffic, or its own device reports a connection."""
     DOWN = "down"
-    """It was seen not to."""
+    """It was observed to carry no traffic."""
     SEARCHING = "searching"
-    """Its device is on the way: searching a network, waiting for radar, registering."""
+    """Its device is in transition: searching for a network, waiting for radar, registering."""
     UNKNOWN = "unknown"
-    """It cannot be told from here: not probed on purpose, or its device does not answer."""
+    """It cannot be determined from here: deliberately not probed, or its device does not respond."""
 
 
 @dataclass(frozen=True, slots=True)
-class BearerFinding:
+class LinkFinding:
     """A finding about a link."""
 
     verdict: Verdict
     code: str
-    """A stable word for programs: `roaming-not-allowed`."""
+    """Stable identifier for programs: `roaming-not-allowed`."""
     message: str
-    """What is so, in one sentence."""
     hint: str | None = None
     """What a technician can do about it."""
 
@@ -48,24 +47,24 @@ class BearerFinding:
 
 
 Quality = dict[str, str | int | float | None]
-"""Normalised readings by name with their unit in the name (`signal_dbm`, `rsrp_dbm`, `rtt_ms`); None: not readable."""
+"""Normalised readings by name, with the unit in the name (`signal_dbm`, `rsrp_dbm`, `rtt_ms`); None: not readable."""
 
 
 @dataclass(frozen=True, slots=True)
-class BearerStatus:
+class LinkStatus:
     """The current state of a link; a value that could not be read is None, never zero."""
 
     name: str
     kind: str
-    """Of the declaration: wifi_ptp, lte, satellite, ethernet."""
+    """Link kind in the inventory: wifi_ptp, lte, satellite, ethernet."""
     state: LinkState
     active: bool | None
     """Whether it carries the site's traffic now."""
     is_metered: bool
     quality: Quality
     month_bytes: int | None
-    """Counted this month in both directions, as far as we have looked."""
-    findings: tuple[BearerFinding, ...] = ()
+    """Bytes counted this month in both directions, as far as the counters were read."""
+    findings: tuple[LinkFinding, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -92,12 +91,12 @@ class Query:
     """A read-only command of the API."""
 
     menu: str
-    """In the form of the API: `/interface/wireless`."""
+    """Menu in the API's notation: `/interface/wireless`."""
     command: str
     """`print`, `monitor`, `show-capabilities`."""
     arguments: tuple[tuple[str, str], ...] = ()
     proplist: tuple[str, ...] = ()
-    """Properties to ask for; empty: all. What must not leave the device (IMEI, IMSI, ICCID) is left out here."""
+    """Requested properties; empty: all. Excludes what must not leave the device (IMEI, IMSI, ICCID)."""
 
     @property
     def path(self) -> str:
@@ -120,7 +119,7 @@ _SPAN = re.compile(r"(?:\d+(?:\.\d+)?(?:ms|w|d|h|m|s))+")
 _CLOCK = re.compile(r"(?:(\d+)w)?(?:(\d+)d)?(\d+):(\d\d):(\d\d)(?:\.\d+)?")
 _SECONDS = {"w": 604_800.0, "d": 86_400.0, "h": 3600.0, "m": 60.0, "s": 1.0, "ms": 1e-3}
 _BARE_BITS = 1_000_000
-"""A bare number at least so large is a rate in bit/s; a smaller one could be anything."""
+"""A number without unit from this value on is a rate in bit/s; a smaller one is ambiguous."""
 
 
 def decibels(text: str | None, low: float, high: float, unit: str = "dBm") -> float | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.status import (
-    BearerFinding,
+    LinkFinding,
     LinkState,
     Quality,
     Query,
@@ -38,12 +38,12 @@ class WifiCondition(StrEnum):
     """The radio's condition; an unrecognised value is `unknown`, never a failure."""
 
     RUNNING = "running"
-    """An access point on the air, whether or not anybody is registered."""
+    """An access point that transmits, with or without registered clients."""
     CONNECTED = "connected"
-    """A station in the cell of an access point."""
+    """A station that is connected to an access point."""
     SEARCHING = "searching"
     RADAR = "radar"
-    """It listens for radar before it may send."""
+    """The radio listens for radar before it may transmit."""
     DISABLED = "disabled"
     UNKNOWN = "unknown"
 
@@ -53,24 +53,24 @@ class WifiPeer:
     """A registered peer and the signal in both directions: a row of the registration table."""
 
     mac: str | None = None
-    """Upper case."""
+    """MAC address in upper case."""
     radio_name: str | None = None
-    """The family `wireless` only."""
+    """Only in the family `wireless`."""
     signal_dbm: float | None = None
-    """How this end hears the other."""
+    """Signal of the other end as received here."""
     tx_signal_dbm: float | None = None
-    """How the other end says that it hears this one."""
+    """Signal of this end as reported by the other end."""
     chains_dbm: tuple[float | None, ...] = ()
-    """`signal_dbm` of each chain of the receiver, the first one first."""
+    """`signal_dbm` of each receiver chain, in order."""
     snr_db: float | None = None
     tx_rate_mbps: float | None = None
-    """Of the latest frame: on an idle link that may be a frame of management at the lowest rate."""
+    """Rate of the latest frame; on an idle link this may be a management frame at the lowest rate."""
     rx_rate_mbps: float | None = None
     tx_ccq_percent: float | None = None
     rx_ccq_percent: float | None = None
     uptime_s: float | None = None
     is_authorised: bool | None = None
-    """Whether the key was right; None: not said."""
+    """Whether the key was right; None: not reported."""
 
     @property
     def imbalance_db(self) -> float | None:
@@ -86,25 +86,25 @@ class WifiReading:
     family: Family
     condition: WifiCondition = WifiCondition.UNKNOWN
     status: str | None = None
-    """The device's own word."""
+    """Status as the device words it."""
     channel: str | None = None
-    """As the device writes it: `5500/20/an`."""
+    """Channel in the device's notation: `5500/20/an`."""
     channel_mhz: int | None = None
     wait_left_s: float | None = None
-    """Until the radar wait ends, where the device says so."""
+    """Seconds until the radar wait ends, if the device reports it."""
     overall_ccq_percent: float | None = None
-    """Of an access point in the family `wireless`: of all its clients together."""
+    """Of an access point in the family `wireless`: CCQ of all its clients together."""
     peers: tuple[WifiPeer, ...] = ()
     is_associated: bool | None = None
-    """Whether somebody is registered; None: it cannot be told."""
+    """Whether a peer is registered; None: cannot be determined."""
 
 
 IMBALANCE_DB = 6.0
 LOW_CCQ_PERCENT = 60.0
 LOW_RATE_MBPS = 13.0
-"""Below it a link of 20 MHz uses its two most robust modulations only (IEEE 802.11n, MCS 0 and 1 with one stream)."""
+"""Below it a 20 MHz link uses only its two most robust modulations (IEEE 802.11n, MCS 0 and 1 with one stream)."""
 _LONG_RADAR_WAIT_MHZ = (5600, 5650)
-"""Weather radar: ETSI EN 301 893 wants 10 minutes of listening there, and 1 minute elsewhere."""
+"""Weather radar band: ETSI EN 301 893 requires 10 minutes of listening there, and 1 minute elsewhere."""
 _HALF_CHANNEL_MHZ = 10
 
 
@@ -113,9 +113,9 @@ class WifiSettings:
     """The settings of this end in the inventory."""
 
     peer: str
-    """The inventory's name of the other end."""
+    """Name of the other end in the inventory."""
     peer_macs: frozenset[str] = frozenset()
-    """Of the other end's radio, upper case; empty if nobody knows."""
+    """MAC addresses of the other end's radio, upper case; empty if not known."""
     peer_radio_name: str | None = None
     access_point: bool
     ssid: str
@@ -127,11 +127,11 @@ class WifiSettings:
     strongest_dbm: float = -35.0
 
 
-def judge(reading: WifiReading, settings: WifiSettings) -> tuple[BearerFinding, ...]:
+def judge(reading: WifiReading, settings: WifiSettings) -> tuple[LinkFinding, ...]:
     """Return all findings about the bridge; empty if it matches the inventory and its signal is good."""
     if reading.is_associated:
         return tuple(_association(reading, settings))
-    return (_apart(reading, settings),)
+    return (_not_registered(reading, settings),)
 
 
 def link_state(reading: WifiReading) -> LinkState:
@@ -146,7 +146,7 @@ def link_state(reading: WifiReading) -> LinkState:
 
 
 def quality(reading: WifiReading, settings: WifiSettings | None = None) -> Quality:
-    """Return the quality readings for a `BearerStatus`: of the expected peer if registered, else of the first one."""
+    """Return the quality readings for a `LinkStatus`: of the expected peer if registered, else of the first one."""
     peer = _declared_peer(reading, settings)
     result: Quality = {"status": reading.status, "channel": reading.channel}
     names = ("signal_dbm", "tx_signal_dbm", "snr_db", "tx_rate_mbps", "rx_rate_mbps", "tx_ccq_percent")
@@ -172,34 +172,34 @@ def _is_declared(peer: WifiPeer, settings: WifiSettings) -> bool | None:
     return None
 
 
-def _apart(reading: WifiReading, settings: WifiSettings) -> BearerFinding:
+def _not_registered(reading: WifiReading, settings: WifiSettings) -> LinkFinding:
     """Return the finding that tells why no peer is registered."""
     if reading.condition is WifiCondition.DISABLED:
         hint = "run the site to enable it, or look who has disabled it"
-        return BearerFinding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
+        return LinkFinding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
     if reading.condition is WifiCondition.RADAR:
         return _radar(reading, settings)
     if reading.is_associated is None:
         status = f"`{reading.status}`" if reading.status else "nothing"
         message = f"it cannot be told whether {settings.peer} is registered: the radio's state is {status}"
         hint = "look at the radio's own status page, or ask again in a minute"
-        return BearerFinding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
+        return LinkFinding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
     if settings.access_point:
         message = f"the access point is on the air, but {settings.peer} is not registered"
         hint = (
             f"has {settings.peer} power, and does it point here? Then compare SSID, key, protocol and channel at both"
             " ends; after a radar event it may take ten minutes"
         )
-        return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
+        return LinkFinding(Verdict.FAIL, "not-associated", message, hint)
     message = f"the station searches for `{settings.ssid}` of {settings.peer} and does not find it"
     hint = (
         f"is {settings.peer} on, or does it wait for radar? Then align the antennas, and compare SSID, key,"
         f" protocol ({settings.protocol}) and channel ({settings.frequency_mhz} MHz) at both ends"
     )
-    return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
+    return LinkFinding(Verdict.FAIL, "not-associated", message, hint)
 
 
-def _radar(reading: WifiReading, settings: WifiSettings) -> BearerFinding:
+def _radar(reading: WifiReading, settings: WifiSettings) -> LinkFinding:
     low, high = _LONG_RADAR_WAIT_MHZ
     channel = reading.channel_mhz or settings.frequency_mhz
     reach = max(_HALF_CHANNEL_MHZ, settings.width_mhz - _HALF_CHANNEL_MHZ)
@@ -210,25 +210,25 @@ def _radar(reading: WifiReading, settings: WifiSettings) -> BearerFinding:
         how_long = f"up to 10 minutes at {low}-{high} MHz" if long else "60 s"
     message = f"the radio listens for radar at {channel} MHz before it may send ({how_long})"
     hint = "wait, then look again; if it comes back often, choose another channel: radars are near ports and ships"
-    return BearerFinding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
+    return LinkFinding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
 
 
-def _association(reading: WifiReading, settings: WifiSettings) -> Iterator[BearerFinding]:
+def _association(reading: WifiReading, settings: WifiSettings) -> Iterator[LinkFinding]:
     yield from _company(reading, settings)
     peer = _declared_peer(reading, settings)
     if peer is None or peer.signal_dbm is None:
         message = "somebody is registered, but the radio does not say how well it is heard"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
+        yield LinkFinding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
     if peer is None:
         return
     if peer.is_authorised is False:
         message = f"{settings.peer} is registered but not authorised: the keys differ"
-        yield BearerFinding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
+        yield LinkFinding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
     yield from _levels(peer, settings)
     yield from _flow(reading, peer)
 
 
-def _company(reading: WifiReading, settings: WifiSettings) -> Iterator[BearerFinding]:
+def _company(reading: WifiReading, settings: WifiSettings) -> Iterator[LinkFinding]:
     by_peer = [(peer, _is_declared(peer, settings)) for peer in reading.peers]
     strangers = [peer.radio_name or peer.mac or "somebody" for peer, is_match in by_peer if is_match is False]
     if not strangers:
@@ -236,44 +236,44 @@ def _company(reading: WifiReading, settings: WifiSettings) -> Iterator[BearerFin
     names = ", ".join(strangers)
     if any(is_match for _, is_match in by_peer):
         message = f"besides {settings.peer}, {names} is registered"
-        yield BearerFinding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
+        yield LinkFinding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
     else:
         message = f"registered to {names}, which is not {settings.peer}"
         hint = "compare SSID and key; if the other end's radio was exchanged, run the site again"
-        yield BearerFinding(Verdict.FAIL, "wrong-peer", message, hint)
+        yield LinkFinding(Verdict.FAIL, "wrong-peer", message, hint)
 
 
-def _levels(peer: WifiPeer, settings: WifiSettings) -> Iterator[BearerFinding]:
+def _levels(peer: WifiPeer, settings: WifiSettings) -> Iterator[LinkFinding]:
     level = peer.signal_dbm
     if level is not None and level < settings.weakest_dbm:
         message = f"{settings.peer} is heard with {level:g} dBm, below {settings.weakest_dbm:g} dBm"
         hint = "align both antennas, look for what stands in between, and check the antenna's cables"
-        yield BearerFinding(Verdict.WARN, "signal-weak", message, hint)
+        yield LinkFinding(Verdict.WARN, "signal-weak", message, hint)
     if level is not None and level > settings.strongest_dbm:
         message = (
             f"{settings.peer} is heard with {level:g} dBm, above {settings.strongest_dbm:g} dBm: receivers saturate"
         )
-        yield BearerFinding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
+        yield LinkFinding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
     imbalance = peer.imbalance_db
     if imbalance is not None and imbalance > IMBALANCE_DB:
         message = f"the chains hear {imbalance:g} dB apart, more than {IMBALANCE_DB:g} dB"
         hint = "check polarisation and alignment, then the connector of the weaker chain"
-        yield BearerFinding(Verdict.WARN, "chain-imbalance", message, hint)
+        yield LinkFinding(Verdict.WARN, "chain-imbalance", message, hint)
 
 
-def _flow(reading: WifiReading, peer: WifiPeer) -> Iterator[BearerFinding]:
+def _flow(reading: WifiReading, peer: WifiPeer) -> Iterator[LinkFinding]:
     quality_of = [value for value in (peer.tx_ccq_percent, peer.rx_ccq_percent) if value is not None]
     if not quality_of and reading.overall_ccq_percent is not None:
         quality_of = [reading.overall_ccq_percent]
     if quality_of and min(quality_of) < LOW_CCQ_PERCENT and reading.family is Family.WIRELESS:
         message = f"the connection quality (CCQ) is {min(quality_of):g} %, below {LOW_CCQ_PERCENT:g} %"
         hint = "frames are repeated: look for others on the channel, a signal that is too strong, or a bad connector"
-        yield BearerFinding(Verdict.WARN, "ccq-low", message, hint)
+        yield LinkFinding(Verdict.WARN, "ccq-low", message, hint)
     rates = [value for value in (peer.tx_rate_mbps, peer.rx_rate_mbps) if value is not None]
     if rates and min(rates) < LOW_RATE_MBPS:
         message = f"the rate is {min(rates):g} Mbit/s, below {LOW_RATE_MBPS:g} Mbit/s"
         hint = "an idle link shows the rate of its management frames: look again while traffic flows, then align"
-        yield BearerFinding(Verdict.WARN, "rate-low", message, hint)
+        yield LinkFinding(Verdict.WARN, "rate-low", message, hint)
 
 
 _WORDS = {
@@ -288,7 +288,7 @@ _WORDS = {
 }
 _RADAR = re.compile(r"radar|\bdfs\b|\bcac\b")
 _SIGNAL_DBM = (-120.0, -1.0)
-"""A level of 0 is what a driver writes that has none."""
+"""Plausible range: a driver without a measured level reports 0."""
 _SNR_DB = (0.0, 120.0)
 _CHAIN = re.compile(r"signal(?:-strength)?-ch(\d)")
 _MHZ = re.compile(r"\d{4}")

@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.inventory.model import Access
     from atlantis_netcfg.runs.records import Record
 
 SSH_PORT = 22
-"""Of service `ssh`; neither the factory nor the site's template moves it."""
+"""Port of service `ssh`; neither the factory settings nor the site's template change it."""
 _KNOCK_S = 5.0
-"""On a cable a device that is there answers at once."""
+"""Connection timeout in seconds: a device on a cable responds at once."""
 _CABLE_S = 60.0
 
 
@@ -171,7 +171,7 @@ class AdoptionResult:
 class Adoption:
     """The adoption of one device, with the routes to it."""
 
-    declaration: Declaration
+    inventory: Inventory
     host: Host
     state: Path
     command: str
@@ -181,15 +181,15 @@ class Adoption:
     address: str = FACTORY_ADDRESS
     is_rehearsal: bool = False
     locate: Callable[[str, int], tuple[str, int]] = lambda address, port: (address, port)
-    """Rehearsal: where a service port of an address really is."""
+    """Rehearsal: maps the address and port of a service to the emulated device's real ones."""
     take_over: bool = False
     is_replacement: bool = False
     wait_s: float = 600.0
     target: AdoptionTarget = field(init=False)
 
     def __post_init__(self) -> None:
-        refuse_examples(self.declaration, is_rehearsal=self.is_rehearsal)
-        self.target = target_of(self.declaration, self.host)
+        refuse_examples(self.inventory, is_rehearsal=self.is_rehearsal)
+        self.target = target_of(self.inventory, self.host)
 
     def plan(self) -> AdoptionResult:
         """Read the device and return the planned steps; nothing is changed or recorded. Raise NetcfgError."""
@@ -239,7 +239,7 @@ class Adoption:
 
     @property
     def _access(self) -> Access:
-        return get_managed_device(self.declaration, self.host).access
+        return get_managed_device(self.inventory, self.host).access
 
     def _ways(self, pin: str | None) -> ConsoleAccess:
         key = HostKey(pin)
@@ -256,7 +256,7 @@ class Adoption:
 
     def _result(self, outcome: AdoptionOutcome, code: errors.ExitCode, message: str, run: str) -> AdoptionResult:
         notes = (
-            *(errors.complete(note, site=self.host.site) for note in outcome.notes),
+            *(errors.fill_hint(note, site=self.host.site) for note in outcome.notes),
             *self._missing(outcome),
             *self._stale(),
         )
@@ -269,7 +269,7 @@ class Adoption:
     def _missing(self, outcome: AdoptionOutcome) -> Iterator[str]:
         """Yield what `provision site=...` will require and adoption cannot create."""
         there = {row.get("name") for row in outcome.facts.certificates} if outcome.facts else set()
-        for prerequisite in get_managed_device(self.declaration, self.host).prerequisites():
+        for prerequisite in get_managed_device(self.inventory, self.host).prerequisites():
             if (
                 prerequisite.menu == "/certificate"
                 and prerequisite.name not in there
@@ -295,7 +295,7 @@ class Adoption:
     def _start_record(self) -> runs.RunStart:
         return runs.RunStart(
             site=self.host.site,
-            revision=self.declaration.revision,
+            revision=self.inventory.revision,
             tool=__version__,
             hosts=(self.host.name,),
             rehearsed=self.is_rehearsal,
@@ -337,14 +337,14 @@ def _status(error: errors.NetcfgError, *, has_changes: bool) -> str:
     return _HALF if has_changes else "refused"
 
 
-def target_of(declaration: Declaration, host: Host) -> AdoptionTarget:
+def target_of(inventory: Inventory, host: Host) -> AdoptionTarget:
     """Return the target state of a device at adoption; raise NoMatchError for kinds that the engine lacks."""
     if not is_supported(host):
         raise errors.NoMatchError(
             f"{host.name} is a {host.device.kind.replace('_', ' ')}: only RouterOS devices are adopted",
             hint="its own pages say how it is set up",
         )
-    managed_device = get_managed_device(declaration, host)
+    managed_device = get_managed_device(inventory, host)
     access, place = managed_device.access, managed_device.place
     desired_state = parse(managed_device.texts()[0].text, source=f"the desired text of {host.name}")
     return AdoptionTarget(

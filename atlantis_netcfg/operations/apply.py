@@ -15,14 +15,14 @@ from atlantis_netcfg.core.crash_report import report_crash
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.processes.worker import run_until_settled
 from atlantis_netcfg.operations.common import schedule
-from atlantis_netcfg.operations.common.costs import Costs, gate
+from atlantis_netcfg.operations.common.costs import Costs, require_consent
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.common.request import (
     EventStream,
     Mode,
     Request,
-    declaration_of,
+    open_inventory,
     open_request,
     refuse_examples,
 )
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.routeros.pair import Pair
 
@@ -66,9 +66,9 @@ class SiteRun:
     """
 
     def __init__(
-        self, declaration: Declaration, site: str, hosts: Sequence[Host], request: Request, run_name: RunName
+        self, inventory: Inventory, site: str, hosts: Sequence[Host], request: Request, run_name: RunName
     ) -> None:
-        self._declaration = declaration
+        self._inventory = inventory
         self._run_name = run_name
         self._site = site
         self._request = request
@@ -79,7 +79,7 @@ class SiteRun:
         self._opened = False
         self.journal: runs.Recorder = runs.NoJournal()
         self.run = ""
-        """The run's name, as `provision runs` lists it; empty before the site's turn, and for a plan."""
+        """Run name as listed by `provision runs`; empty before the site's turn, and for a plan."""
         self.confirmed: Mapping[str, runs.SavedState] = {}
 
     def begin(self) -> None:
@@ -121,7 +121,7 @@ class SiteRun:
         self.journal = runs.NoJournal()
 
     def _journal(self, store: runs.Store) -> runs.Journal:
-        request, revision = self._request, self._declaration.revision
+        request, revision = self._request, self._inventory.revision
         if request.mode is Mode.RESUME and request.run is not None:
             record = runs.RunResume(revision=revision, tool=__version__, command=request.command)
             with suppress(runs.NoSuchRun):  # it had not come to this site, which has the other end of a bridge
@@ -145,7 +145,7 @@ class SiteRun:
 
 _FINE = (ExitCode.DONE, ExitCode.CHANGES)
 _REHEARSED_GRACE_S = 0.5
-"""An emulated radio changes at once: either its answer is here by then, or it is heard when the link is back."""
+"""An emulated radio changes at once: its response arrives within this time, or after the link is back."""
 
 
 def perform(
@@ -161,7 +161,7 @@ def perform(
     Hosts that the engine does not handle are skipped and have no entry.
     """
     with open_request(request, plan_only=plan_only) as (run_request, channel):
-        results = _perform(declaration_of(inventory, decrypt), hosts, run_request, channel)
+        results = _perform(open_inventory(inventory, decrypt), hosts, run_request, channel)
     return _for_ansible(results, hosts)
 
 
@@ -173,26 +173,24 @@ def _log_fault(result: DeviceResult, request: Request) -> DeviceResult:
 
 
 def _perform(
-    declaration: Declaration, names: Sequence[str], request: Request, channel: EventStream
+    inventory: Inventory, names: Sequence[str], request: Request, channel: EventStream
 ) -> dict[str, Mapping[str, Any]]:
     """Return each device's result as data; the engine's objects, with rows and plans, are released one by one."""
-    refuse_examples(declaration, is_rehearsal=request.rehearsed)
-    members = schedule.members_of(
-        declaration, [name for name in names if is_supported(declaration.hosts[name])], request
-    )
+    refuse_examples(inventory, is_rehearsal=request.rehearsed)
+    members = schedule.members_of(inventory, [name for name in names if is_supported(inventory.hosts[name])], request)
     hosts = [host for member in members for host in member.hosts]
-    gate(declaration, hosts, request)
-    store, costs = runs.Store(request.state, is_rehearsal=request.rehearsed), Costs(declaration, request)
+    require_consent(inventory, hosts, request)
+    store, costs = runs.Store(request.state, is_rehearsal=request.rehearsed), Costs(inventory, request)
     run_name = RunName()
     site_runs = {
-        site: SiteRun(declaration, site, hosts, request, run_name) for site in sorted({item.site for item in hosts})
+        site: SiteRun(inventory, site, hosts, request, run_name) for site in sorted({item.site for item in hosts})
     }
     results: dict[str, Mapping[str, Any]] = {}
     bridge_ends = [member.bridge.ends for member in members if member.bridge is not None]
     others = {end.name: other_end.name for ends in bridge_ends for end, other_end in (ends, ends[::-1])}
 
     def finish(result: DeviceResult) -> None:
-        site = declaration.hosts[result.name].site
+        site = inventory.hosts[result.name].site
         cost_report = costs.report(result, site_runs[site].journal, store)
         final_result = runs.mark_unrecorded(_log_fault(result, request), site_runs[site].finish(result))
         notes = list(dict.fromkeys((*cost_report["notes"], *final_result.notes)))
@@ -217,7 +215,7 @@ def _perform(
 
 def _waiting(
     costs: Costs, members: Sequence[schedule.RunUnit], site_runs: Mapping[str, SiteRun], channel: EventStream
-) -> list[fleet.Waiting]:
+) -> list[fleet.PendingJob]:
     """Return one pending job per device, site by site; raise what prevents a request's only site from starting.
 
     A bridge to another site waits for its turn in any case: only its two ends fail if that site is in use.
@@ -230,8 +228,8 @@ def _waiting(
 
     def job_of(host: Host) -> DeviceJob:
         site_run = start_site(host.site)
-        job = device_job(costs.declaration, host, costs.request, site_run.journal, channel.event)
-        return costs.beside(replace(job, confirmed_state=site_run.confirmed.get(host.name)))
+        job = device_job(costs.inventory, host, costs.request, site_run.journal, channel.event)
+        return costs.with_meter(replace(job, confirmed_state=site_run.confirmed.get(host.name)))
 
     def make(member: schedule.RunUnit) -> DeviceJob | Pair:
         if member.bridge is None:
@@ -240,14 +238,14 @@ def _waiting(
             start_site(site)
         near, far = (job_of(host) for host in member.bridge.ends)
         pair = schedule.pair_of(
-            member.bridge, near, replace(far, bearer=schedule.far_bearer(costs.declaration, member.bridge, near))
+            member.bridge, near, replace(far, link=schedule.far_link(costs.inventory, member.bridge, near))
         )
         return replace(pair, grace_s=_REHEARSED_GRACE_S) if costs.request.rehearsed else pair
 
     alone = len({host.site for member in members if member.bridge is None for host in member.hosts}) == 1
     ordered_members = sorted(members, key=lambda member: member.hosts[0].site)
     return [
-        fleet.Waiting(
+        fleet.PendingJob(
             member.hosts[0].name,
             partial(_ready, make(member)) if alone and member.bridge is None else partial(make, member),
             member.bridge.far.name if member.bridge is not None else None,

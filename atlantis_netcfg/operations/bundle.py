@@ -31,9 +31,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.inventory import Host, Inventory
+
 
 IMAGES = "images"
-"""Folder of the inventory with the archives of containers' images."""
+"""Inventory folder with the archives of container images."""
 _STATUS = "/var/lib/dpkg/status"
 _READ_STATUS = f"gzip -9c {_STATUS}"
 
@@ -49,7 +51,7 @@ def from_file(path: Path) -> requirements.BundleTarget:
     return requirements.read_target(status, str(path))
 
 
-def from_image(host: inventory.Host, image: Path, tell: Callable[[int, int], None]) -> requirements.BundleTarget:
+def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> requirements.BundleTarget:
     """Read the dpkg status from the vendor's image of the host's card; raise BundleError or ImageError."""
     if not image.is_file():
         raise ImageError(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
@@ -60,7 +62,7 @@ def from_image(host: inventory.Host, image: Path, tell: Callable[[int, int], Non
         if isinstance(device, model.SiteComputer) and device.image is not None
         else model.ImageLayout.PLAIN
     )
-    with temporary.folder("bundle", temporary.roomy()) as folder:
+    with temporary.folder("bundle", temporary.large_temp_dir()) as folder:
         copy = folder / "image"
         expand(image, copy, checksum(image), tell)
         root = ext4.Ext4(copy, ext4.find(copy, ext4.LAYOUTS[layout]).root)
@@ -71,9 +73,9 @@ def from_image(host: inventory.Host, image: Path, tell: Callable[[int, int], Non
     return requirements.read_target(status, image.name)
 
 
-def from_board(declaration: inventory.Declaration, host: inventory.Host, request: Request) -> requirements.BundleTarget:
+def from_board(inventory: Inventory, host: Host, request: Request) -> requirements.BundleTarget:
     """Read the dpkg status from the board by SSH; raise BundleError, always for a metered link."""
-    access = PARTS[ACCESS](declaration, host, request)
+    access = PARTS[ACCESS](inventory, host, request)
     others = "`status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE` says what is on it"
     if access.get("metered"):
         raise requirements.BundleError(
@@ -95,10 +97,10 @@ def from_board(declaration: inventory.Declaration, host: inventory.Host, request
     return requirements.read_target(status, f"{host.name}:{_STATUS}")
 
 
-def bundle_hosts(declaration: inventory.Declaration, site: str, only: Sequence[str] = ()) -> tuple[inventory.Host, ...]:
+def bundle_hosts(pilot_inventory: Inventory, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
     """Return the hosts that a bundle is made for; raise NoMatchError if there are none."""
     hosts = tuple(
-        host for host in inventory.choose(declaration, site, only) if isinstance(host.device, model.SiteComputer)
+        host for host in inventory.choose(pilot_inventory, site, only) if isinstance(host.device, model.SiteComputer)
     )
     if not hosts:
         scope = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
@@ -109,9 +111,9 @@ def bundle_hosts(declaration: inventory.Declaration, site: str, only: Sequence[s
     return hosts
 
 
-def wish_of(
-    declaration: inventory.Declaration,
-    host: inventory.Host,
+def host_requirements(
+    inventory: Inventory,
+    host: Host,
     request: Request,
     *,
     parts: Mapping[str, Part] = PARTS,
@@ -122,7 +124,7 @@ def wish_of(
     `tokens`: include the tokens that read the library; the inventory must have been loaded with its secrets.
     """
     result = [
-        part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)
+        part(inventory, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)
     ]
     expected_release: Mapping[str, Any] = next((each["expected"] for each in result if each.get("expected")), {})
     return requirements.HostRequirements(
@@ -146,24 +148,24 @@ def wish_of(
         pins=tuple(
             dict.fromkeys(requirements.PackageSource(row["path"], row["content"]) for row in _all(result, "pins"))
         ),
-        libraries=_libraries(declaration, tokens=tokens) if _builds(host) else (),
-        archives=_archives(declaration, host),
+        libraries=_libraries(inventory, tokens=tokens) if _builds(host) else (),
+        archives=_archives(inventory, host),
         distribution=expected_release.get("distribution"),
         codename=expected_release.get("codename"),
     )
 
 
-def _builds(host: inventory.Host) -> bool:
+def _builds(host: Host) -> bool:
     return isinstance(host.device, model.ServerComputer) and host.device.has_interop
 
 
-def _archives(declaration: inventory.Declaration, host: inventory.Host) -> tuple[requirements.ContainerArchive, ...]:
+def _archives(inventory: Inventory, host: Host) -> tuple[requirements.ContainerArchive, ...]:
     """Return the image archives of a computer's containers, from the inventory's folder `images`."""
     if not isinstance(host.device, model.ServerComputer):
         return ()
     boxes = (*(service.container for service in host.device.services), host.device.ros1_bridge)
     archives = [
-        (declaration.root / IMAGES / box.archive, box.sha256.lower())
+        (inventory.root / IMAGES / box.archive, box.sha256.lower())
         for box in boxes
         if box is not None and box.archive is not None and box.sha256 is not None
     ]
@@ -174,19 +176,19 @@ def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str
     return (row for part in result for row in part.get(name) or ())
 
 
-def has_tokens(declaration: inventory.Declaration) -> bool:
+def has_tokens(inventory: Inventory) -> bool:
     """Return whether a token reads the library: then the inventory must be loaded with its secrets."""
-    return any(repository.token is not None for repository in _repositories(declaration))
+    return any(repository.token is not None for repository in _repositories(inventory))
 
 
-def _repositories(declaration: inventory.Declaration) -> tuple[model.Repository, ...]:
-    interop = declaration.pilot.gateways.interop
+def _repositories(inventory: Inventory) -> tuple[model.Repository, ...]:
+    interop = inventory.pilot.gateways.interop
     repositories = (interop.library, interop.examples) if interop is not None else ()
     return tuple(repository for repository in repositories if repository is not None)
 
 
-def _libraries(declaration: inventory.Declaration, *, tokens: bool) -> tuple[requirements.Library, ...]:
-    return tuple(_library(repository, tokens=tokens) for repository in _repositories(declaration))
+def _libraries(inventory: Inventory, *, tokens: bool) -> tuple[requirements.Library, ...]:
+    return tuple(_library(repository, tokens=tokens) for repository in _repositories(inventory))
 
 
 def _library(repository: model.Repository, *, tokens: bool) -> requirements.Library:
@@ -198,14 +200,14 @@ def _library(repository: model.Repository, *, tokens: bool) -> requirements.Libr
 class BundleRequest:
     """A person's bundle request; the inventory has its secrets if the library needs a token."""
 
-    declaration: inventory.Declaration
+    inventory: Inventory
     site: str
-    hosts: tuple[inventory.Host, ...]
+    hosts: tuple[Host, ...]
     place: Path
     request: Request
     status: Path | None = None
     image: Path | None = None
-    """Of these two at most one; neither: each host is asked itself."""
+    """At most one of `status` and `image` is set; if neither is, each host is queried."""
     mirror: str | None = None
     keyring: Path | None = None
 
@@ -214,11 +216,11 @@ def make_bundle(
     bundle_request: BundleRequest, notify: events.Subscriber, on_size: Callable[[build.BundleSize], None]
 ) -> manifest.Manifest:
     """Make the bundle; `on_size` receives the download size before it starts. Raise UsageError, mostly BundleError."""
-    refuse_examples(bundle_request.declaration, is_rehearsal=False)
+    refuse_examples(bundle_request.inventory, is_rehearsal=False)
     manifest.require_programs()
     purposes = tuple(_purpose(bundle_request, host, notify) for host in bundle_request.hosts)
     order = build.BundleOrder(
-        bundle_request.site, bundle_request.declaration.revision, purposes, bundle_request.place, bundle_request.image
+        bundle_request.site, bundle_request.inventory.revision, purposes, bundle_request.place, bundle_request.image
     )
 
     def tell(words: str, share: float | None) -> None:
@@ -230,8 +232,8 @@ def make_bundle(
 
 
 def open_for_hosts(
-    declaration: inventory.Declaration,
-    hosts: Sequence[inventory.Host],
+    inventory: Inventory,
+    hosts: Sequence[Host],
     place: Path,
     request: Request,
     *,
@@ -241,12 +243,12 @@ def open_for_hosts(
 
     `accept`: a key that a person has typed; bundles made with it are accepted from now on.
     """
-    wishes = [wish_of(declaration, host, request) for host in hosts]
+    wishes = [host_requirements(inventory, host, request) for host in hosts]
     return open_bundle(place, manifest.Keys.of(request.state), wishes, accept=accept)
 
 
-def _purpose(bundle_request: BundleRequest, host: inventory.Host, notify: events.Subscriber) -> build.BundlePurpose:
-    request = wish_of(bundle_request.declaration, host, bundle_request.request, tokens=True)
+def _purpose(bundle_request: BundleRequest, host: Host, notify: events.Subscriber) -> build.BundlePurpose:
+    request = host_requirements(bundle_request.inventory, host, bundle_request.request, tokens=True)
     target = _target(bundle_request, host, notify)
     notify(events.Event(host.name, events.Stage.OBSERVED, f"{target.title}, {len(target.installed_packages)} packages"))
     missing = any(not each.fits(target.installed_packages.get(each.name)) for each in request.packages)
@@ -255,9 +257,7 @@ def _purpose(bundle_request: BundleRequest, host: inventory.Host, notify: events
     )
 
 
-def _target(
-    bundle_request: BundleRequest, host: inventory.Host, notify: events.Subscriber
-) -> requirements.BundleTarget:
+def _target(bundle_request: BundleRequest, host: Host, notify: events.Subscriber) -> requirements.BundleTarget:
     if bundle_request.status is not None:
         return from_file(bundle_request.status)
     if bundle_request.image is not None:
@@ -265,4 +265,4 @@ def _target(
         notify(events.Event(host.name, events.Stage.CONNECTING, f"looking into {name}"))
         return from_image(host, bundle_request.image, lambda _count, _total: None)
     notify(events.Event(host.name, events.Stage.CONNECTING, "asking what is installed"))
-    return from_board(bundle_request.declaration, host, bundle_request.request)
+    return from_board(bundle_request.inventory, host, bundle_request.request)

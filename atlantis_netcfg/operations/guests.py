@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import errors
-from atlantis_netcfg.inventory import Declaration, load, model
+from atlantis_netcfg.inventory import Inventory, load, model
 from atlantis_netcfg.inventory.new_inventory.yaml_text import document
 from atlantis_netcfg.inventory.robots.reading import FOLDER
 from atlantis_netcfg.runs import os_errors_as
@@ -49,7 +49,7 @@ class GuestEntry:
     until: str
     sites: tuple[str, ...]
     cells: tuple[str, ...]
-    """Columns of the checklist."""
+    """Cells of the checklist row."""
     distribution: str | None = None
     openvpn: str | None = None
 
@@ -109,9 +109,9 @@ def without_guest(text: str, name: str) -> str | None:
     return None if remaining_text == "\n".join([*_HEAD, "---", "guests:"]) + "\n" else remaining_text
 
 
-def declared_guest(declaration: Declaration, name: str) -> model.Guest | None:
+def declared_guest(inventory: Inventory, name: str) -> model.Guest | None:
     """Return the guest of that name, None if there is none; raise UsageError for a vehicle that is no guest."""
-    result = declaration.vehicles.get(name)
+    result = inventory.vehicles.get(name)
     if result is None or isinstance(result, model.Guest):
         return result
     hint = "remove it there by hand: these commands write and remove what stands in guests.yml alone"
@@ -129,15 +129,15 @@ def members_of(authority: Authority, name: str) -> tuple[Member, ...]:
     return tuple(member for member in members if member.vehicle == name and member.partner is not None)
 
 
-def unknown(declaration: Declaration, name: str) -> errors.NoMatchError:
+def unknown(inventory: Inventory, name: str) -> errors.NoMatchError:
     """Return the error for a guest that does not exist."""
-    guests = [key for key, vehicle in declaration.vehicles.items() if isinstance(vehicle, model.Guest)]
+    guests = [key for key, vehicle in inventory.vehicles.items() if isinstance(vehicle, model.Guest)]
     near = errors.nearest(name, guests)
     hint = f"did you mean `{near}`?" if near else f"there are: {', '.join(guests) or 'none'}"
     return errors.NoMatchError(f"there is no guest `{name}`", hint=hint)
 
 
-def remove_handouts(authority: Authority, members: Sequence[Member]) -> None:
+def remove_packages(authority: Authority, members: Sequence[Member]) -> None:
     """Delete the enrolment packages of these members, which have become useless."""
     for member in members:
         for certificate in member.certificates:

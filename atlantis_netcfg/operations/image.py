@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.computers.image.blocks import BlockDevice
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 @dataclass(slots=True)
@@ -40,12 +40,12 @@ class Receipt:
     content: dict[str, Any]
 
     @classmethod
-    def of(cls, state: Path, declaration: Declaration, host: Host, image: Mapping[str, str]) -> Receipt:
+    def of(cls, state: Path, inventory: Inventory, host: Host, image: Mapping[str, str]) -> Receipt:
         """Return a receipt that is not yet on disk."""
         began = datetime.now(UTC)
         folder = paths.private_directory(Store(state).root / host.site / "images")
         path = folder / f"{began:%Y%m%dT%H%M%S.%fZ}-{host.name}.json"
-        about = {"host": host.name, "site": host.site, "revision": declaration.revision, "tool": __version__}
+        about = {"host": host.name, "site": host.site, "revision": inventory.revision, "tool": __version__}
         return cls(path, {**about, "image": dict(image), "began": began.isoformat()})
 
     @contextmanager
@@ -101,10 +101,10 @@ def layout_of(host: Host) -> ext4.DiskLayout:
     return ext4.LAYOUTS[_image_of(host)[1].layout]
 
 
-def wish_of(declaration: Declaration, host: Host, source: str) -> facts.ImageRequest:
+def wish_of(inventory: Inventory, host: Host, source: str) -> facts.ImageRequest:
     """Return the customisation of the host's image; `source` names the vendor's file. Raise UsageError."""
     device, image = _image_of(host)
-    lan, pilot = declaration.sites[host.site].lan, declaration.pilot
+    lan, pilot = inventory.sites[host.site].lan, inventory.pilot
     static = None
     if image.address_by is model.AddressBy.STATIC:
         address = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
@@ -138,11 +138,11 @@ class ImageInterruptError(errors.DeviceError):
 class ImageOrder:
     """An order for a host's image, made from the vendor's file."""
 
-    declaration: Declaration
+    inventory: Inventory
     host: Host
     image: Path
     sha256: str | None
-    """As a person has typed it; None: what lies beside the image, if anything."""
+    """SHA-256 as typed by a person; None: taken from a file beside the image, if there is one."""
     state: Path
 
     def check(self) -> None:
@@ -161,23 +161,23 @@ class MadeImage:
     order: ImageOrder
     image: UnpackedImage
     notes: tuple[str, ...]
-    """What a person should know."""
+    """Notes for the person."""
     notify: events.Subscriber
 
-    def onto(self, card: writer.Card) -> tuple[writer.WrittenCard, Path]:
+    def write_to_card(self, card: writer.Card) -> tuple[writer.WrittenCard, Path]:
         """Write the image to a card; return verified result and record path. Raise BlockDeviceError, CardWriteError."""
         order = self.order
         size = -(-self.image.size // card.disk.sector) * card.disk.sector
-        card.still(size)
+        card.require_unchanged(size)
         values = image_told(order.image.name, self.image)
-        receipt = Receipt.of(order.state, order.declaration, order.host, values)
+        receipt = Receipt.of(order.state, order.inventory, order.host, values)
         parts = segments(self.image.path, size, self.image.spans)
         with receipt.writing(card.disk):
             result = writer.write(self.image.path, parts, card, self._tell)
         receipt.write_result(result)
         return result, receipt.path
 
-    def into(self, file: Path) -> int:
+    def save_as_file(self, file: Path) -> int:
         """Save the image as a file, atomically; return its size. Raise UsageError."""
         try:
             with temporary.folder("image", file.parent) as scratch:
@@ -202,7 +202,7 @@ class MadeImage:
 @contextmanager
 def prepare_image(order: ImageOrder, notify: events.Subscriber) -> Iterator[MadeImage]:
     """Unpack and customise the vendor's image; raise ImageError or ImageInterruptError. No card is touched."""
-    place = temporary.roomy()
+    place = temporary.large_temp_dir()
     if not re.fullmatch(r"[A-Za-z0-9._/+-]+", str(place)):
         raise errors.UsageError(
             f"no work can be done in {place}", hint="TMPDIR: a directory without blanks in its name"
@@ -221,7 +221,7 @@ def _make(order: ImageOrder, folder: Path, notify: events.Subscriber) -> MadeIma
     meter = writer.WriteMeter(writer.WriterStep.UNPACKING, lambda progress: notify(_event(name, progress)))
     image = expand(order.image, folder / "image", checksum(order.image, order.sha256), meter)
     source = f"{order.image.name}, SHA-256 {image.sha256}"
-    notes = customise(image.path, layout_of(order.host), wish_of(order.declaration, order.host, source))
+    notes = customise(image.path, layout_of(order.host), wish_of(order.inventory, order.host, source))
     notify(events.Event(name, events.Stage.PLANNED, "customised, and every change read back"))
     if not image.told_by:
         notes = (f"nobody has confirmed the checksum of {order.image.name}: {image.sha256}", *notes)

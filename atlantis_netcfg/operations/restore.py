@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 _UNIT = {"/ip/service": frozenset({"certificate"})}
-"""Properties that stay what they are on the replacement."""
+"""Properties by menu that keep their value on the replacement device."""
 
 
 def for_replacement(saved_state: _items.DesiredState, desired_state: _items.DesiredState) -> _items.DesiredState:
@@ -32,7 +32,7 @@ def for_replacement(saved_state: _items.DesiredState, desired_state: _items.Desi
     state never has: they come from the inventory, if it has them.
     """
     items = {
-        path: tuple(_with_secrets(_unit(item), _twins(item, desired_state)) for item in rows)
+        path: tuple(_with_secrets(_unit(item), _emulators(item, desired_state)) for item in rows)
         for path, rows in saved_state.items.items()
     }
     return replace(saved_state, items=items, notes=(*saved_state.notes, *_newer(saved_state, desired_state)))
@@ -56,23 +56,23 @@ def _unit(item: RowItem) -> RowItem:
     return replace(item, values=values, unknown=item.unknown | local)
 
 
-def _twins(item: RowItem, desired_state: _items.DesiredState) -> list[RowItem]:
+def _emulators(item: RowItem, desired_state: _items.DesiredState) -> list[RowItem]:
     """Return the inventory's rows that match the saved one; rows without keys have no secrets."""
     if not MENUS[item.menu].keys:
         return []
     return [other for other in desired_state.items.get(item.menu, ()) if other.identity == item.identity]
 
 
-def _with_secrets(item: RowItem, twins: list[RowItem]) -> RowItem:
+def _with_secrets(item: RowItem, emulators: list[RowItem]) -> RowItem:
     known_values: Mapping[str, str | None] = {
-        name: twin.values[name] for twin in twins for name in item.unknown if twin.values.get(name)
+        name: emulator.values[name] for emulator in emulators for name in item.unknown if emulator.values.get(name)
     }
     secrets = {name: value for name, value in known_values.items() if name in MENUS[item.menu].secrets}
     return replace(item, values={**item.values, **secrets}, unknown=item.unknown - secrets.keys())
 
 
 LATEST = "latest"
-"""Instead of a run: the last one that confirmed a state of the device."""
+"""Instead of a run: selects the last one that confirmed a state of the device."""
 
 _MAX_RUNS = 5
 

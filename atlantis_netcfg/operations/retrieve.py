@@ -20,7 +20,7 @@ from atlantis_netcfg.computers.retrieval import PROGRAM, line_for_robot, sources
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.cost import Bill, Preview, bill, preview, size
-from atlantis_netcfg.operations.common.session_link import FAST_S, bearer_of
+from atlantis_netcfg.operations.common.session_link import FAST_S, site_link_of
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
 from atlantis_netcfg.operations.computers.remote_session import ssh_command
@@ -28,7 +28,7 @@ from atlantis_netcfg.operations.computers.remote_session import ssh_command
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.links.cost import MeteredLink
     from atlantis_netcfg.operations.common.request import Request
 
@@ -37,17 +37,17 @@ SHARES: Final[Mapping[model.RetrievalPriority, float]] = {
     model.RetrievalPriority.NORMAL: 0.5,
     model.RetrievalPriority.HIGH: 0.8,
 }
-"""Of the upward rate that the link is declared with."""
+"""Share of the link's declared upload rate by priority."""
 WIRE: Final = 1.2
-"""As the gateway's program counts: headers of TCP, IP and the VPN, acknowledgements, some losses."""
+"""Wire overhead as the gateway's program counts it: TCP, IP and VPN headers, acknowledgements, some losses."""
 SILENCE_S: Final = 120
-"""How long a connection may be silent: a satellite is, for 70 s."""
+"""Maximum silence of a connection in seconds: a satellite link may be silent for 70 s."""
 _CONNECTION: Final = 12_000
-"""Bytes of one SSH connection before its first file; there are three where nothing goes wrong."""
+"""Bytes of one SSH connection before its first file; a transfer without errors has three connections."""
 _ROW: Final = 250
-"""Bytes that are said about a file, both ways."""
+"""Bytes of metadata per file, both directions."""
 _SPARE: Final = 1.25
-"""How much more than expected may be sent before the transfer ends by itself: connections that had to be made anew."""
+"""Multiple of the expected volume at which the transfer stops; the excess allows for repeated connections."""
 _ANSWER_S: Final = 300.0
 _NO_PROGRAM: Final = "can't open file"
 _ACTIVE_STATES: Final = ("collecting", "sending", "waiting")
@@ -66,22 +66,22 @@ class NotBegun(errors.DeviceError):
     """The gateway refused to start and gave the reason."""
 
 
-def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[Source, Host]:
+def source_at(inventory: Inventory, site: str, name: str | None) -> tuple[Source, Host]:
     """Return the only or the named source of a site, and its gateway; raise NoMatchError or UsageError."""
-    if declaration.pilot.retrieval is None:
+    if inventory.pilot.retrieval is None:
         raise errors.NoMatchError(
             "no recordings are declared to be retrieved",
             hint="write `retrieval:` in group_vars/all/pilot.yml: docs/retrieve.md has an example",
         )
-    if site not in declaration.sites:
-        near = errors.nearest(site, declaration.sites)
-        site_names = f"the sites are: {', '.join(declaration.sites)}"
+    if site not in inventory.sites:
+        near = errors.nearest(site, inventory.sites)
+        site_names = f"the sites are: {', '.join(inventory.sites)}"
         raise errors.UsageError(
             f"`site={site}`: recordings are retrieved from one site at a time",
             hint=f"did you mean `site={near}`? {site_names}" if near else site_names,
         )
     sources = {
-        source.name: source for host in declaration.site_hosts(site) for source in sources_of(declaration, host.name)
+        source.name: source for host in inventory.site_hosts(site) for source in sources_of(inventory, host.name)
     }
     if not sources:
         raise errors.NoMatchError(
@@ -99,7 +99,7 @@ def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[So
             f"`from={source_name}`: no recordings of it are declared at {site}",
             hint=f"did you mean `from={near}`? {choices}" if near else choices,
         )
-    return source, declaration.hosts[source.host]
+    return source, inventory.hosts[source.host]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class RetrievalSelection:
 
     pattern: str = "*"
     again: bool = False
-    """Also compare what was retrieved before."""
+    """Also compare recordings that were retrieved before."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the selection in the form of the gateway's program."""
@@ -122,12 +122,12 @@ class RobotLook:
     name: str
     gateway: str
     state: str
-    """`answers`, or `away`: what is on it was not looked at."""
+    """`answers`, or `away`: then its folder was not read."""
     files: int
-    """That are to be collected first."""
+    """Number of files to collect from the robot first."""
     bytes: int
     lacking: int
-    """Bytes that are missing on the gateway for them."""
+    """Bytes of free space that the gateway lacks for these files."""
     why: str = ""
 
     def lines(self) -> list[str]:
@@ -159,14 +159,14 @@ class RetrievalPlan:
     """The volume and cost of a transfer over the active link, before it starts."""
 
     link: MeteredLink
-    bearer: model.Bearer
+    site_link: model.Link
     priority: model.RetrievalPriority
     look: Mapping[str, Any]
-    """What the gateway has seen in its folder."""
+    """The gateway's report about its folder."""
     rtt_max_s: float | None
-    """An answer that takes longer comes over another link, which is paid by the byte; None: there is none such."""
+    """A response that takes longer came over another link, which is metered; None: there is no such link."""
     robot: RobotLook | None = None
-    """None: the gateway's own recordings."""
+    """None: the recordings are the gateway's own."""
 
     @property
     def files(self) -> int:
@@ -176,7 +176,7 @@ class RetrievalPlan:
     @property
     def rate_bps(self) -> int:
         """The transfer's share of the link's rate in the inventory."""
-        return round(SHARES[self.priority] * self.bearer.rate.up_kbps * 1000)
+        return round(SHARES[self.priority] * self.site_link.rate.up_kbps * 1000)
 
     @property
     def wire_bytes(self) -> int:
@@ -186,7 +186,7 @@ class RetrievalPlan:
     @property
     def seconds(self) -> float:
         """The minimum duration: the link has gaps, and other traffic uses it."""
-        return 8 * self.wire_bytes / self.rate_bps + 12 * self.bearer.rate.rtt_ms / 1000
+        return 8 * self.wire_bytes / self.rate_bps + 12 * self.site_link.rate.rtt_ms / 1000
 
     @property
     def cost(self) -> Preview:
@@ -241,23 +241,23 @@ class RetrievalPlan:
         }
 
 
-def plan(declaration: Declaration, source: Source, link: str, look: Mapping[str, Any]) -> RetrievalPlan:
+def plan(inventory: Inventory, source: Source, link: str, look: Mapping[str, Any]) -> RetrievalPlan:
     """Compute the plan (pure); `link` is the link that carries the traffic of the source's site."""
-    site = declaration.hosts[source.host].site
-    bearers = declaration.sites[site].bearers
-    bearer = next(each for each in bearers if each.name == link)
+    site = inventory.hosts[source.host].site
+    links = inventory.sites[site].bearers
+    site_link = next(each for each in links if each.name == link)
     slower = [
         other.rate.rtt_ms
-        for other in bearers
-        if other.name != link and other.metered and other.rate.rtt_ms > _APART * bearer.rate.rtt_ms
+        for other in links
+        if other.name != link and other.metered and other.rate.rtt_ms > _APART * site_link.rate.rtt_ms
     ]
-    between = math.sqrt(bearer.rate.rtt_ms * min(slower)) / 1000 if slower else None
+    between = math.sqrt(site_link.rate.rtt_ms * min(slower)) / 1000 if slower else None
     robot = robot_look(source, look)
-    return RetrievalPlan(link_of(declaration, site, link), bearer, source.priority, look, between, robot)
+    return RetrievalPlan(link_of(inventory, site, link), site_link, source.priority, look, between, robot)
 
 
 _APART: Final = 3
-"""By how much the round trips of two links differ that can be told apart by them."""
+"""Ratio from which the round trip times of two links are distinguishable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,9 +266,9 @@ class RetrievalStatus:
 
     answer: Mapping[str, Any]
     link: MeteredLink | None
-    """None: there was no transfer, or its link is declared no more."""
+    """None: there was no transfer, or its link is no longer in the inventory."""
     source: str = ""
-    """Whose recordings they are."""
+    """Source of the recordings."""
 
     @property
     def state(self) -> str:
@@ -371,26 +371,26 @@ class RetrievalStatus:
         }
 
 
-def program_by_ssh(declaration: Declaration, source: Source, request: Request) -> RetrievalProgram:
+def program_by_ssh(inventory: Inventory, source: Source, request: Request) -> RetrievalProgram:
     """Return the program on a source's gateway, called over SSH."""
-    host = declaration.hosts[source.host]
-    access = computer_access(declaration, host, request)
+    host = inventory.hosts[source.host]
+    access = computer_access(inventory, host, request)
 
     def command(verb: str) -> list[str]:
         line = f"python3 -I {PROGRAM} {verb}"
         return [*ssh_command(access), f"sudo -H -n sh -c {shlex.quote(line)}" if access["become"] else line]
 
-    slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
-    return RetrievalProgram(declaration, source, command, slow=slow)
+    slow = site_link_of(inventory, host, request.via.get(host.name)).rtt_s >= FAST_S
+    return RetrievalProgram(inventory, source, command, slow=slow)
 
 
 class RetrievalProgram:
     """The program of a gateway for one source; `command` returns the local command for a verb."""
 
     def __init__(
-        self, declaration: Declaration, source: Source, command: Callable[[str], list[str]], *, slow: bool = False
+        self, inventory: Inventory, source: Source, command: Callable[[str], list[str]], *, slow: bool = False
     ) -> None:
-        self._declaration, self.source, self.host = declaration, source, declaration.hosts[source.host]
+        self._declaration, self.source, self.host = inventory, source, inventory.hosts[source.host]
         self._command, self.slow = command, slow
 
     def look(self, selection: RetrievalSelection) -> dict[str, Any]:
@@ -459,7 +459,7 @@ class RetrievalProgram:
         return self._status(answer)
 
     def _status(self, answer: Mapping[str, Any]) -> RetrievalStatus:
-        links = {bearer.name for bearer in self._declaration.sites[self.host.site].bearers}
+        links = {site_link.name for site_link in self._declaration.sites[self.host.site].bearers}
         name = answer.get("link")
         link = link_of(self._declaration, self.host.site, str(name)) if name in links else None
         return RetrievalStatus(answer, link, self.source.name)

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.computers.retrieval import PROGRAM, retrieval
 from atlantis_netcfg.core import errors, temporary
 from atlantis_netcfg.emulator import ssh
-from atlantis_netcfg.emulator.lab.relay import Relay, RelayWay
+from atlantis_netcfg.emulator.lab.relay import Relay, RelayLink
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.cost import size
 from atlantis_netcfg.operations import retrieve
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 GAP_S: Final = 20.0
-"""In the place of 70 s, at most: the link is given back when the connection was lost."""
+"""Maximum gap instead of 70 s: the link is restored as soon as the connection is lost."""
 SILENCE_S: Final = 3
-"""In the place of 120 s: how long a connection may be silent."""
+"""Maximum silence of a connection in seconds, instead of 120 s."""
 NOT_REHEARSED: Final = (
     f"a gap of 70 s: the link is cut until the connection is lost, which may be silent for {SILENCE_S} s, not 120 s",
     "SSH, its keys and accounts, and the VPN: the two programs are joined without them",
@@ -52,30 +52,30 @@ _LEAST_BYTES, _MOST_BYTES = 20_000, 3_000_000
 _LOOK_S: Final = 0.2
 _BUFFER: Final = 16384
 _EXAMPLE_KEY: Final = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
-"""Of no computer: no key is used."""
+"""Key of no computer; it is never used."""
 
 
-def with_example(declaration: Declaration, site: str) -> tuple[Declaration, str | None]:
+def with_example(inventory: Inventory, site: str) -> tuple[Inventory, str | None]:
     """Return the inventory, and the example added if it has no recordings; raise NoMatchError."""
-    if declaration.pilot.retrieval is not None or site not in declaration.sites:
-        return declaration, None
-    gateway = _first(declaration.site_hosts(site), model.Gateway)
-    centre = _first(declaration.hosts.values(), model.ControlCentre)
+    if inventory.pilot.retrieval is not None or site not in inventory.sites:
+        return inventory, None
+    gateway = _first(inventory.site_hosts(site), model.Gateway)
+    centre = _first(inventory.hosts.values(), model.ControlCentre)
     if gateway is None or centre is None:
         raise errors.NoMatchError(
             f"{site} has no gateway in the VPN, or the pilot has no control centre there",
             hint="docs/retrieve.md says what a transfer of recordings needs",
         )
-    hosts = dict(declaration.hosts)
+    hosts = dict(inventory.hosts)
     for name in (gateway, centre):
         device = hosts[name].device
         assert isinstance(device, model.ServerComputer)  # noqa: S101 - `_first` has looked
         ssh_settings = device.ssh.model_copy(update={"host_key": device.ssh.host_key or _EXAMPLE_KEY})
         hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": ssh_settings}))
     example = model.Retrieval.model_validate({"to": centre, "budget_mb": 1000, "sources": [{"host": gateway}]})
-    pilot = declaration.pilot.model_copy(update={"retrieval": example})
+    pilot = inventory.pilot.model_copy(update={"retrieval": example})
     words = f"no recordings are declared to be retrieved: this is an example, from {gateway} to {centre}"
-    return replace(declaration, hosts=hosts, pilot=pilot), words
+    return replace(inventory, hosts=hosts, pilot=pilot), words
 
 
 def _first(hosts: Iterable[Host], kind: type[model.ServerComputer]) -> str | None:
@@ -91,10 +91,10 @@ class RehearsedTransfer:
     recordings: Path
     target_folder: Path
     _relay: Relay
-    _way: RelayWay
+    _way: RelayLink
     cut_s: float = 0.0
     is_lost: bool = False
-    """The connection, in the gap."""
+    """Whether the connection was lost in the gap."""
 
     @property
     def sent_bytes(self) -> int:
@@ -149,36 +149,34 @@ class RehearsedTransfer:
 
 
 @contextmanager
-def rehearsed_transfer(
-    declaration: Declaration, source: retrieve.Source, bearer: model.Bearer
-) -> Iterator[RehearsedTransfer]:
+def rehearsed_transfer(inventory: Inventory, source: retrieve.Source, link: model.Link) -> Iterator[RehearsedTransfer]:
     """Install and connect both ends until the context ends; raise UsageError."""
     if shutil.which("rsync") is None:
         raise errors.UsageError(
             "rsync is not installed on this computer, and the rehearsal sends by it",
             hint="type `sudo apt install rsync`, then the same again",
         )
-    settings = declaration.pilot.retrieval
+    settings = inventory.pilot.retrieval
     assert settings is not None  # noqa: S101 - the source is of it
     with temporary.folder("retrieve") as root:
         for name in (source.host, settings.to):
-            for file in retrieval(declaration, declaration.hosts[name], is_rehearsal=True).files:
+            for file in retrieval(inventory, inventory.hosts[name], is_rehearsal=True).files:
                 place = root / file.path.lstrip("/")
                 place.parent.mkdir(parents=True, exist_ok=True)
                 place.write_text(file.content)
         recordings = root / "recordings"
         _record(
-            recordings, round(retrieve.SHARES[source.priority] * bearer.rate.up_kbps * 125 * _SECONDS / retrieve.WIRE)
+            recordings, round(retrieve.SHARES[source.priority] * link.rate.up_kbps * 125 * _SECONDS / retrieve.WIRE)
         )
         environment = _environment(root, recordings)
         server = ssh.CommandServer(_receiver(root, source.host), environment)
         relay = Relay(socket.socket, server.address, buffer=_BUFFER)
-        way = RelayWay(shapes=link_shapes(bearer))
+        way = RelayLink(shapes=link_shapes(link))
         relay.set(way)
         _settle(root, source, recordings, relay.port)
         words = [f"{name}={value}" for name, value in environment.items()]
         program = retrieve.RetrievalProgram(
-            declaration, source, lambda verb: ["env", "-i", *words, *_run(root, PROGRAM), verb]
+            inventory, source, lambda verb: ["env", "-i", *words, *_run(root, PROGRAM), verb]
         )
         target_folder = root / settings.folder.lstrip("/") / source.name
         try:

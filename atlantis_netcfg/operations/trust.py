@@ -25,13 +25,13 @@ from atlantis_netcfg.runs import Store
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.request import Request
 
 _SSH: Final = 22
 _COMPARE: Final = "compare it with `fingerprint` on its own console (cable, Winbox):  /certificate print detail"
 _WAIT_S: Final = 150.0
-"""A connection may begin in a gap of 70 s."""
+"""Timeout in seconds: a connection may begin in a gap of 70 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +43,13 @@ class DeviceIdentity:
     """`certificate` or `SSH host key`."""
     actual_key: str
     declared_key: str | None
-    """In the inventory, which counts before what is kept on this computer."""
+    """Key in the inventory; it takes precedence over the one stored on this computer."""
     pinned_key: str | None
-    """On this computer."""
+    """Key stored on this computer."""
     compare: str = (
         "compare it where nobody can be in between: at the device itself, on a cable that leads to nothing else"
     )
-    """Where the device itself says it."""
+    """How to compare the key at the device itself."""
 
     @property
     def is_known(self) -> bool:
@@ -63,11 +63,11 @@ def has_identity(host: Host) -> bool:
     return is_supported(host) or unit or is_computer(host)
 
 
-def identities(declaration: Declaration, host: Host, request: Request) -> tuple[DeviceIdentity, ...]:
+def identities(inventory: Inventory, host: Host, request: Request) -> tuple[DeviceIdentity, ...]:
     """Read the identities of a device that is no computer, without a login; raise DeviceError or UsageError."""
     pins = Store(request.state).pins
     if is_supported(host):
-        access = get_managed_device(declaration, host).access
+        access = get_managed_device(inventory, host).access
         certificate = asyncio.run(certificate_of(endpoint_of(host, access, request)))
         result = [
             DeviceIdentity(host.name, "certificate", certificate, access.fingerprint, pins.get(host.name), _COMPARE)
@@ -109,7 +109,7 @@ class KeyState(Enum):
 class TrustedComputer:
     """A gateway or the VPN server: OpenSSH itself shows its key, asks, and records the answer."""
 
-    declaration: Declaration
+    inventory: Inventory
     host: Host
     request: Request
 
@@ -145,7 +145,7 @@ class TrustedComputer:
 
     def _words(self, *options: str) -> Sequence[str]:
         """Return the ssh command; `options` come first, as OpenSSH uses the first value of each option."""
-        access = PARTS[ACCESS](self.declaration, self.host, self.request)
+        access = PARTS[ACCESS](self.inventory, self.host, self.request)
         alone = ("ControlPath=none", "PreferredAuthentications=none", "LogLevel=ERROR", "ConnectTimeout=120")
         words = ["ssh", "-T", *options, *(word for option in alone for word in ("-o", option))]
         words += shlex.split(access["ssh_args"])

@@ -17,22 +17,22 @@ from atlantis_netcfg.core import errors, events
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.links.cost import MeteredLink, Preview, preview
-from atlantis_netcfg.operations.common.costs import gate, unpaid
+from atlantis_netcfg.operations.common.costs import require_consent, unpaid
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.request import Mode as RequestMode
 from atlantis_netcfg.operations.common.request import Request
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.routeros import api, apply
 from atlantis_netcfg.routeros.console.ssh import upload
-from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
+from atlantis_netcfg.routeros.estimate import LinkMetrics, beforehand
 from atlantis_netcfg.routeros.packages import InstalledSystem, Npk, RouterOsPackage, Upgrade, plan, read_npk
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 _PROGRESS_STEPS = 20
 
@@ -44,7 +44,7 @@ class WaitingUpgrade:
     until_s: float = 900.0
     poll_s: float = 5.0
     connect_s: float = 15.0
-    """For one attempt; an attempt that meets a device still booting must not use up all of the time."""
+    """Timeout of one attempt; an attempt that meets a booting device must not use up the whole time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Upgrading:
     name: str
     endpoint: api.Endpoint
     ssh: apply.SshEndpoint
-    """Where files go; without a pinned host key none is sent."""
+    """Destination of the files; without a pinned host key no file is sent."""
     packages: tuple[Npk, ...]
     give_up: tuple[str, ...] = ()
     notify: events.Subscriber = lambda _event: None
@@ -257,15 +257,15 @@ class PreparedUpgrade:
     upgrading: Upgrading
     observation: SeenPackages
     upgrade: Upgrade
-    bearer: BearerProfile
+    link: LinkMetrics
     cost: Preview
-    """What sending comes to, with saving and reading back; the reboot itself sends nothing."""
+    """Cost of sending the files, with backup and read-back; the reboot itself sends nothing."""
     job: apply.DeviceJob = field(repr=False)
 
     @classmethod
     def of(  # noqa: PLR0913 - all that a command line says
         cls,
-        declaration: Declaration,
+        inventory: Inventory,
         host: Host,
         files: Sequence[Path],
         request: Request,
@@ -283,32 +283,32 @@ class PreparedUpgrade:
                 f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded"
             )
         packages = tuple(read_npk(path) for path in files)
-        gate(declaration, [host], request.model_copy(update={"mode": RequestMode.PLAN}))
-        job = device_job(declaration, host, request, runs.NoJournal(), notify)
-        assert job.ssh is not None  # noqa: S101 - every router of the declaration has it
+        require_consent(inventory, [host], request.model_copy(update={"mode": RequestMode.PLAN}))
+        job = device_job(inventory, host, request, runs.NoJournal(), notify)
+        assert job.ssh is not None  # noqa: S101 - every router of the inventory has it
         upgrading = Upgrading(host.name, job.endpoint, job.ssh, packages, tuple(give_up), notify, waiting)
         observation, upgrade = asyncio.run(upgrading.look())
-        bearer = bearer_of(declaration, host, request.via.get(host.name))
-        cost = _cost(upgrade, bearer, link_of(declaration, host.site, bearer.name))
-        return cls(upgrading, observation, upgrade, bearer, cost, job)
+        link = site_link_of(inventory, host, request.via.get(host.name))
+        cost = _cost(upgrade, link, link_of(inventory, host.site, link.name))
+        return cls(upgrading, observation, upgrade, link, cost, job)
 
     @property
     def seconds(self) -> float:
         """The duration of the upload at the link's rate in the inventory, without the reboot."""
-        return self.upgrade.size * _OVERHEAD * 8 / self.bearer.rate_up_bps
+        return self.upgrade.size * _OVERHEAD * 8 / self.link.rate_up_bps
 
-    def carry_out(self, declaration: Declaration, request: Request) -> UpgradeResult:
+    def carry_out(self, inventory: Inventory, request: Request) -> UpgradeResult:
         """Carry out the upgrade under the site's lock, with a journal.
 
         Raises CostRefusal, SiteBusy and JournalError before anything is sent.
         """
         self.affordable(request)
-        if self.bearer.is_metered and not request.rehearsed and not request.accept_cost:
+        if self.link.is_metered and not request.rehearsed and not request.accept_cost:
             raise unpaid([self.cost.words], request.command)
         store = runs.Store(request.state, is_rehearsal=request.rehearsed)
         with (
             store.lock(self.job.site, request.command),
-            store.start(self._start_record(declaration, request)) as journal,
+            store.start(self._start_record(inventory, request)) as journal,
         ):
             result = self._run_with_journal(journal)
             outcome = runs.Outcome(
@@ -343,10 +343,10 @@ class PreparedUpgrade:
             packages=self.upgrade.expected_packages,
         )
 
-    def _start_record(self, declaration: Declaration, request: Request) -> runs.RunStart:
+    def _start_record(self, inventory: Inventory, request: Request) -> runs.RunStart:
         return runs.RunStart(
             site=self.job.site,
-            revision=declaration.revision,
+            revision=inventory.revision,
             tool=__version__,
             hosts=(self.job.name,),
             rehearsed=request.rehearsed,
@@ -360,7 +360,7 @@ class PreparedUpgrade:
             back, differs = asyncio.run(self._run(journal))
         except errors.NetcfgError as failure:
             status = apply.Status.UNKNOWN if failure.exit is errors.ExitCode.UNKNOWN else apply.Status.LEFT_AS_FOUND
-            hint = failure.hint and errors.complete(failure.hint, site=self.job.site, device=self.job.name)
+            hint = failure.hint and errors.fill_hint(failure.hint, site=self.job.site, device=self.job.name)
             return UpgradeResult(self.job.name, status, failure.exit, str(failure), hint, before, run=journal.run)
         after = str(back.software.version)
         return UpgradeResult(
@@ -386,11 +386,11 @@ class PreparedUpgrade:
         return back, await apply.converge(self.job, mode=apply.JobMode.PLAN)
 
 
-def _cost(upgrade: Upgrade, bearer: BearerProfile, link: MeteredLink) -> Preview:
-    beside = (beforehand(bearer, exports=True), beforehand(bearer), beforehand(bearer))
+def _cost(upgrade: Upgrade, site_link: LinkMetrics, link: MeteredLink) -> Preview:
+    beside = (beforehand(site_link, exports=True), beforehand(site_link), beforehand(site_link))
     sent_bytes = ceil(upgrade.size * _OVERHEAD) + sum(each.wire_bytes for each in beside)
     return preview(
-        sent_bytes, upgrade.size * _OVERHEAD * 8 / bearer.rate_up_bps + sum(each.seconds for each in beside), link
+        sent_bytes, upgrade.size * _OVERHEAD * 8 / site_link.rate_up_bps + sum(each.seconds for each in beside), link
     )
 
 
@@ -407,7 +407,7 @@ def _configuration(result: apply.DeviceResult, site: str) -> str:
 
 
 REBOOTED_WITHIN_S = 5.0
-"""How far the device's count of its uptime and our clock may be apart."""
+"""Tolerated difference in seconds between the device's uptime and our clock."""
 
 _RESOURCE = "version,architecture-name,board-name,free-hdd-space,factory-software,uptime"
 _READS = (
@@ -431,7 +431,7 @@ class SeenPackages:
     software: InstalledSystem
     uptime_s: float
     files: Mapping[str, Mapping[str, str]]
-    """Package files on its flash, by name, as `/file` shows them."""
+    """Package files on the device's flash by name, as `/file` shows them."""
 
     def holds(self, package: Npk) -> bool:
         """Return whether this package is complete on the flash: of its size, and recognised by the device."""

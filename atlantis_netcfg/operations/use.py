@@ -19,8 +19,8 @@ from atlantis_netcfg.operations.common.request import LinkOrder
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.links.cost import MeteredLink, Preview
     from atlantis_netcfg.operations.links.collect import LinksStatus
 
@@ -29,7 +29,7 @@ LONGEST_S: Final = 86_400
 _SPAN = re.compile(r"(?:(\d+)h)?(?:(\d+)m)?")
 _BITS = 8
 PROOF_S: Final = 3600
-"""How long a proof holds: by our own judgement, since no source says how long a satellite stays as it was."""
+"""Validity of a proof in seconds, by our own judgement: no source says how long a satellite link stays the same."""
 _UNPROVED_HINT = "add `--unproved` if you know that it works, or want to find out"
 
 
@@ -56,19 +56,19 @@ def span_s(text: str) -> int:
     return seconds
 
 
-def router_of(declaration: Declaration, site: str) -> Host:
+def router_of(inventory: Inventory, site: str) -> Host:
     """Return the router that selects among a site's links; raise UsageError if there is nothing to select."""
-    if site not in declaration.sites:
-        near = errors.nearest(site, declaration.sites)
-        choices = f"the sites are: {', '.join(declaration.sites)}"
+    if site not in inventory.sites:
+        near = errors.nearest(site, inventory.sites)
+        choices = f"the sites are: {', '.join(inventory.sites)}"
         raise errors.UsageError(
             f"`site={site}`: a link is put in use at one site",
             hint=f"did you mean `site={near}`? {choices}" if near else choices,
         )
-    router = declaration.router_of(site)
-    bearers = declaration.sites[site].bearers
-    if router is None or len(bearers) < 2:  # noqa: PLR2004 - to choose among
-        only = f"`{bearers[0].name}` is its only link" if bearers else "it has no links"
+    router = inventory.router_of(site)
+    links = inventory.sites[site].bearers
+    if router is None or len(links) < 2:  # noqa: PLR2004 - to choose among
+        only = f"`{links[0].name}` is its only link" if links else "it has no links"
         raise errors.UsageError(
             f"`{site}` has no links to choose among: {only}",
             hint=f"declare a second link in group_vars/{site}.yml, in the order of preference",
@@ -81,10 +81,10 @@ class UseRequest:
     """A request to use a link for a time."""
 
     site: str
-    bearer: Bearer
+    link: Link
     for_s: int
     allow_unproved: bool = False
-    """A person has said that the link may be taken although nobody has seen that it works."""
+    """A person has accepted the use of the link without proof that it works."""
 
     def order(self, status: LinksStatus, now: datetime | None = None, *, proof: datetime | None = None) -> LinkOrder:
         """Return the order for the router; raise LinkNotFit with the observed state of the link.
@@ -96,7 +96,7 @@ class UseRequest:
         self._refuse_unfit(status, is_proved=proof is not None and 0 <= (now - proof).total_seconds() <= PROOF_S)
         until = now + timedelta(seconds=self.for_s)
         return LinkOrder(
-            link=self.bearer.name,
+            link=self.link.name,
             since_uptime_s=uptime_s,
             until_uptime_s=uptime_s + self.for_s,
             until=until.replace(second=0, microsecond=0),
@@ -105,7 +105,7 @@ class UseRequest:
 
     def cost(self, link: MeteredLink) -> Preview:
         """Return the maximum cost of the site's traffic: the link's full rate in the inventory, both ways."""
-        rate = self.bearer.rate
+        rate = self.link.rate
         most = round((rate.up_kbps + rate.down_kbps) * 1000 / _BITS * self.for_s)
         return preview(most, self.for_s, link, at_most=True)
 
@@ -124,24 +124,24 @@ class UseRequest:
         return int(status.uptime_s)
 
     def _refuse_unfit(self, status: LinksStatus, *, is_proved: bool) -> None:
-        bearer_status = next(bearer for bearer in status.bearers if bearer.name == self.bearer.name)
-        if self.allow_unproved or bearer_status.state is LinkState.UP:
+        link_status = next(link for link in status.links if link.name == self.link.name)
+        if self.allow_unproved or link_status.state is LinkState.UP:
             return
-        why = "; ".join(finding.message for finding in bearer_status.findings)
-        if bearer_status.state in {LinkState.DOWN, LinkState.SEARCHING}:
+        why = "; ".join(finding.message for finding in link_status.findings)
+        if link_status.state in {LinkState.DOWN, LinkState.SEARCHING}:
             raise LinkNotFit(
-                f"{self.bearer.name} is down, so nothing was changed: {why or 'nobody answers'}", hint=_UNPROVED_HINT
+                f"{self.link.name} is down, so nothing was changed: {why or 'nobody answers'}", hint=_UNPROVED_HINT
             )
         if is_proved:
             return
         hint = f"give it two `canaries:` in group_vars/{self.site}.yml, which are asked then; or {_UNPROVED_HINT}"
-        if self.bearer.kind.traits.allow_list:
+        if self.link.kind.traits.allow_list:
             hint = (
-                f"`provision prove site={self.site} bearer={self.bearer.name} --try-all` tries the VPN over it, which "
+                f"`provision prove site={self.site} bearer={self.link.name} --try-all` tries the VPN over it, which "
                 f"counts for an hour; or {_UNPROVED_HINT}"
             )
         raise LinkNotFit(
-            f"whether {self.bearer.name} works is not proved, so nothing was changed: nobody asks over it",
+            f"whether {self.link.name} works is not proved, so nothing was changed: nobody asks over it",
             hint=hint,
         )
 
@@ -150,7 +150,7 @@ def _unread_hint(site: str, status: LinksStatus) -> str:
     """Return a hint on the router's missing response, the known cause if there is one."""
     hint = next((item.hint for item in status.unreachable if item.hint), None)
     return (
-        errors.complete(hint, site=site)
+        errors.fill_hint(hint, site=site)
         if hint
         else f"`provision links site={site}` shows which link carries the traffic"
     )

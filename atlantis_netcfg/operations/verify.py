@@ -16,7 +16,7 @@ from atlantis_netcfg.links.cost import Preview, preview
 from atlantis_netcfg.links.lte import rutos_read
 from atlantis_netcfg.operations.common.jobs import endpoint_of
 from atlantis_netcfg.operations.common.kinds import get_managed_device
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.lte import assumptions as rutos
 from atlantis_netcfg.operations.lte.units import LteUnit
@@ -29,15 +29,15 @@ from atlantis_netcfg.runs import Store
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.request import Request
 
 _FLIGHT_BYTES = 160
-"""One small question and its answer, both with their records of TLS."""
+"""Bytes of one small request and its response, both with their TLS records."""
 _READ_BYTES = 45_000
-"""The history of a hundred entries is most of it, then a list that is asked for ten times."""
+"""Bytes of all reads: mostly the history of a hundred entries, then a list that is requested ten times."""
 _TRY_BYTES = 40_000 + 2 * verify.ON_EVENT
-"""Scratch rows, a long job there and back, ids of the history and of names, a question a second for some seconds."""
+"""Bytes of scratch rows, a long job both ways, ids of history and names, and one request a second for some seconds."""
 _READ_SESSIONS, _TRY_SESSIONS = 2, 7
 _SECONDS = 20.0
 _WORDS = {
@@ -62,7 +62,7 @@ class VerifiedDevice:
     round_trips: int
     bytes: int
     file: Path | None = None
-    """Where the same was written, to be sent back."""
+    """File with the same result, to be sent back."""
 
     def number(self, verdict: events.Verdict) -> int:
         """Return the number of assumptions with this verdict."""
@@ -129,25 +129,25 @@ class VerifiedDevice:
 class Verifying:
     """The verification of one device."""
 
-    declaration: Declaration
+    inventory: Inventory
     host: Host
     request: Request
     notify: events.Subscriber
     tries: bool = False
-    """Also by scratch rows under safe mode."""
+    """Also test with scratch rows under safe mode."""
     silence: bool = False
-    """Also by a session that falls silent for ten minutes."""
+    """Also test a session that is silent for ten minutes."""
     _traffic: list[Traffic] = field(default_factory=list)
 
     @property
     def cost(self) -> Preview:
         """The maximum cost over the link in use; raises UsageError for a link that the site does not have."""
-        bearer = bearer_of(self.declaration, self.host, self.request.via.get(self.host.name))
+        link = site_link_of(self.inventory, self.host, self.request.via.get(self.host.name))
         payload = READING_WINDOW * _FLIGHT_BYTES + _READ_BYTES + _TRY_BYTES * (self.tries + self.silence)
         sessions = _READ_SESSIONS + _TRY_SESSIONS * (self.tries + self.silence)
         total = on_the_wire(payload + sessions * HANDSHAKE_BYTES, sessions)
-        seconds = _SECONDS * (1 + self.tries) + verify.UNDO_S * self.silence + bearer.rtt_s * 4 * sessions
-        return preview(total, seconds, link_of(self.declaration, self.host.site, bearer.name), at_most=True)
+        seconds = _SECONDS * (1 + self.tries) + verify.UNDO_S * self.silence + link.rtt_s * 4 * sessions
+        return preview(total, seconds, link_of(self.inventory, self.host.site, link.name), at_most=True)
 
     def run(self) -> VerifiedDevice:
         """Query the device; raise DeviceError, or OutcomeUnknown if scratch rows may remain."""
@@ -160,7 +160,7 @@ class Verifying:
             look = await asyncio.to_thread(rutos_read.read, unit.endpoint)
             self._traffic.append(Traffic(look.requests, look.sent_bytes, look.received_bytes))
             return self._result(rutos.judge(look))
-        plain_endpoint = endpoint_of(self.host, get_managed_device(self.declaration, self.host).access, self.request)
+        plain_endpoint = endpoint_of(self.host, get_managed_device(self.inventory, self.host).access, self.request)
         endpoint = replace(plain_endpoint, opening=self._traffic.append)
         self._say(events.Stage.CONNECTING, "to be read, not changed")
         answers = await verify.read(endpoint)

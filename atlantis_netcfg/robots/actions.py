@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 STEP_S: Final = 1.0
-"""How long a step of a plan takes, and how often there is feedback of a command."""
+"""Duration of a plan's step, and interval of a command's feedback, in seconds."""
 COMMAND_STEPS: Final = 3
 MOST_GOALS: Final = 64
-"""Of one action: active ones, and those whose result is kept."""
+"""Maximum number of goals of one action, both active and finished with a stored result."""
 RESULT_TIMEOUT_S: Final = 900.0
 MOST_REQUESTS: Final = 8
-"""Requests for the result of one goal that wait for its end."""
+"""Maximum number of requests that wait for the result of one goal."""
 MOST_STEPS: Final = 200
 MOST_PLAN_CHARACTERS: Final = 64_000
-"""Of all steps of a plan: the whole plan is in every feedback."""
+"""Maximum length of all steps of a plan: every feedback has the whole plan."""
 _NO_GOAL: Final = bytes(16)
 
 
@@ -101,13 +101,13 @@ class Goal:
     identity: bytes
     stamp_ns: int
     plan: Sequence[PlanStep]
-    """Empty for a command."""
+    """Steps of the plan; empty for a command."""
     due: float = 0.0
     status: GoalStatus = GoalStatus.ACCEPTED
     stamps_ns: list[int] = field(default_factory=list)
-    """When its first step began, and when each ended."""
+    """Time at which the first step began, and the end of each step."""
     requests: list[Any] = field(default_factory=list)
-    """For its result: they are answered at its end."""
+    """Result requests that are answered when the goal ends."""
 
     @property
     def steps(self) -> int:
@@ -125,7 +125,7 @@ class ActionServer:
     """Goals of one action of one robot."""
 
     one_at_a_time: bool = False
-    """A second goal is refused while one is carried out."""
+    """Whether a second goal is refused while another is executed."""
     goals: dict[bytes, Goal] = field(default_factory=dict)
 
     def accept(self, identity: bytes, plan: Sequence[PlanStep], now: float, stamp_ns: int) -> Goal:

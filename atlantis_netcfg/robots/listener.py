@@ -28,30 +28,30 @@ from typing import Any, Callable, Mapping
 POLL_S = 0.02
 _AT_ONCE = 64
 _CONTENT_LIMIT = 3
-"""Different messages that are remembered of a topic."""
+"""Maximum number of different messages stored per topic."""
 _MOST_WRITERS = 2000
-"""Publishers that are listened to: a network of robots has fewer."""
+"""Maximum number of publishers; a network of robots has fewer."""
 _MOST_TEXTS = 200
 _LONGEST = 1_000_001
-"""Bytes of a configuration: one more than a robot's file may have."""
+"""Maximum bytes of a configuration: one more than a robot's file may have."""
 CONFIGURATION_TYPE = "std_msgs/msg/String"
 _ALIVE_S = 5.0
 _LOOK_S = 1.0
-"""Between two looks at the publishers that ROS 2 knows."""
+"""Seconds between two queries for the publishers known to ROS 2."""
 _BASES = {"byte": "uint8", "char": "uint8", "octet": "uint8"}
 _PREFIX_BYTES = 12
-"""Of an endpoint's identity: those of its participant (DDSI-RTPS 8.2.4)."""
+"""Leading bytes of an endpoint's GUID that identify its participant (DDSI-RTPS 8.2.4)."""
 _SHORT = 1000
-"""Octets of a message whose length is told to the octet."""
+"""Messages up to this size (bytes) are counted without Cyclone's padding."""
 _BODY = 4
-"""Where a message begins, after the four bytes that say how it is encoded."""
+"""Offset of the message body, after the 4-byte encapsulation header."""
 _STAMP_END = 12
 
 
 _DOMAINS = range(102)
-"""`ROS_DOMAIN_ID`: 0 to 101."""
+"""Valid values of `ROS_DOMAIN_ID`: 0 to 101."""
 _GROUP = "239.255.0.1"
-"""To which participants announce themselves (DDSI-RTPS 9.6.2.2), at a port of their domain."""
+"""Multicast group of participant announcements (DDSI-RTPS 9.6.2.2); the port depends on the domain."""
 _SPDP_WRITER = b"\x00\x01\x00\xc2"
 _MOST_FOREIGN = 50
 
@@ -64,7 +64,7 @@ class OtherDomains:
 
     def __init__(self, number: int, address: str) -> None:
         self.domains: dict[str, list[int]] = {}
-        """Address to its domains."""
+        """Maps an address to the domains seen from it."""
         self._sockets = selectors.DefaultSelector()
         for domain in _DOMAINS:
             if domain != number:
@@ -185,7 +185,7 @@ class _HeardLog:
         self.participants: dict[str, str] = {}
         self.writers: dict[str, dict[str, Any]] = {}
         self.texts: dict[str, str] = {}
-        """Key of a writer to the last configuration that it sent."""
+        """Maps a writer's key to the last configuration that it sent."""
         self.unread: dict[str, str] = {}
         self._began = time.monotonic()
 
@@ -398,7 +398,7 @@ class RosListener:
         self._node = rclpy.create_node(self._name)
         self._subscriptions: dict[tuple[str, str], Any] = {}
         self._publishers: dict[str, set[str]] = {}
-        """Topic to the participants that publish it."""
+        """Maps a topic to the participants that publish it."""
         self._look_s = 0.0
 
     def poll(self) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cyclonedds.idl import IdlStruct
 
 INTERFACES = "interfaces"
-"""Below `robots/` of an inventory: `<package>/msg/<Name>.msg` and `<package>/action/<Name>.action`."""
+"""Folder below `robots/` of an inventory: `<package>/msg/<Name>.msg` and `<package>/action/<Name>.action`."""
 _ACTION_PARTS = ("Goal", "Result", "Feedback")
 _REQUEST_ID = {"client": "uint64", "number": "int64"}
 _GOAL_ID = {"goal_id": "unique_identifier_msgs/UUID"}
@@ -32,14 +32,14 @@ _ACTION_MESSAGES = {
     "GetResult_Response": _REQUEST_ID | {"status": "int8", "result": "{action}_Result"},
     "FeedbackMessage": _GOAL_ID | {"feedback": "{action}_Feedback"},
 }
-"""What is sent of an action, as rosidl composes it of the parts: the type of each field."""
+"""Messages of an action, as rosidl composes them from its parts: the type of each field."""
 _CANCEL_MESSAGES = {
     "action_msgs/srv/CancelGoal_Request": _REQUEST_ID | {"goal_info": "action_msgs/GoalInfo"},
     "action_msgs/srv/CancelGoal_Response": _REQUEST_ID
     | {"return_code": "int8", "goals_canceling": "action_msgs/GoalInfo[]"},
 }
 _NAMED_TYPE, _SEQUENCE = 2, 4
-"""Of rosbags' kinds of fields."""
+"""Field kinds of rosbags."""
 _ZEROS: dict[str, Any] = {"bool": False, "float32": 0.0, "float64": 0.0, "string": "", "wstring": ""}
 
 
@@ -51,14 +51,14 @@ class MessageTypes:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415 - it brings numpy
 
         self.store = get_typestore(Stores.ROS2_FOXY)
-        """For rosbags; of the files' types it has the definitions alone, for their classes would be made by `exec`."""
+        """Type store for rosbags. File types are added as definitions only: creating their classes would use `exec`."""
         definitions: dict[str, Any] = self.store.fielddefs
         for name, fields in _CANCEL_MESSAGES.items():
             (definitions[name],) = get_types_from_msg(_text(fields), name).values()
         for path in sorted(folder.glob("*/*/*")) if folder is not None and folder.is_dir() else ():
             definitions.update(_read(path))
         self.fields = {name: fields for name, (_, fields) in definitions.items()}
-        """As `listener.IdlTypes` takes them, ready for JSON."""
+        """Field definitions in the format of `listener.IdlTypes`, ready for JSON."""
         self._types = IdlTypes(self.fields)
         self._unchecked: dict[str, type[IdlStruct]] = {}
 

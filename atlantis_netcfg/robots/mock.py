@@ -28,14 +28,14 @@ RATES_HZ: Mapping[TopicKind, float] = {
     TopicKind.IMAGE: 4.0,
     TopicKind.POINT_CLOUD: 0.5,
 }
-"""Inside the guidelines of the report's section 3.3.3."""
+"""Publishing rate of each kind of topic, within the guidelines of the report's section 3.3.3."""
 _RADIUS_M: Final = 5.0
 _ROUND_S: Final = 60.0
-"""It sails a small circle once a minute."""
+"""Seconds for one lap of the small circle that the robot sails."""
 _METRES_A_DEGREE: Final = 111_320.0
 _WIDTH, _HEIGHT = 80, 60
 _CHANGE_S: Final = 60.0
-"""A boolean that a condition names is false for so long, then true for so long."""
+"""Seconds after which a boolean used in a condition alternates between false and true."""
 
 
 @dataclass(slots=True)
@@ -44,7 +44,7 @@ class MockRobot:
 
     robot: RobotFile
     text: str
-    """Its configuration as it publishes it."""
+    """The configuration as the robot publishes it."""
     latitude: float
     longitude: float
     types: MessageTypes
@@ -54,7 +54,7 @@ class MockRobot:
     message_counts: dict[str, int] = field(default_factory=dict)
     actions: list[MockAction] = field(init=False)
     _changing: frozenset[str] = field(init=False)
-    """Booleans that a condition names."""
+    """Boolean topics used in a condition."""
     _began: float | None = field(default=None, init=False)
     _now: float = field(default=0.0, init=False)
 

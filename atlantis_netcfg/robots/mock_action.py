@@ -32,9 +32,9 @@ class MockAction:
         self.name, self._kind, self._types = action.name, action.action_type, types
         self._publisher, self._require = publisher, require
         self.counts: Counter[str] = Counter()
-        """`accepted`, `refused` and `unreadable`."""
+        """Number of requests by result: `accepted`, `refused` and `unreadable`."""
         self.notices: deque[str] = deque(maxlen=_NOTICES)
-        """For a person, and of a flood the last ones: `counts` has all."""
+        """Latest messages for the user; `counts` contains all requests."""
         self._server = actions.ActionServer(one_at_a_time=require is None)
         self._results = publisher.service(f"{self.name}/_action/get_result", f"{self._kind}_GetResult")
         self._services: Mapping[RosService, Callable[[Any, float, int], Any]] = {

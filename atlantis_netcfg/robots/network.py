@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 ANNOUNCE_S: Final = 10
 _LEASE_S: Final = 120
-"""Longer than a satellite is silent: after that messages come again, without finding each other anew."""
+"""DDS lease, longer than the gaps of a satellite link: messages continue afterwards without new discovery."""
 _DEPTH: Final = 10
-"""Of a topic, as rmw has it."""
+"""History depth of a topic, the default of rmw."""
 _BLOCK_MS: Final = 100
-"""How long a reader that takes nothing may hold the robot up."""
+"""Maximum milliseconds for which a reader that does not acknowledge may block the robot."""
 _REQUESTS_AT_ONCE: Final = 32
-"""Of one service; of more the oldest are lost, as in a node of ROS, which keeps 10."""
+"""Queue length of one service; older requests are lost, as in a ROS node, which keeps 10."""
 _LONGEST_REQUEST: Final = 1_000_000
 _ALIGNMENT: Final = 4
-"""Messages are padded to it."""
+"""Messages are padded to a multiple of this many bytes."""
 
 
 def profile(address: str, peers: Sequence[str], participants: int) -> str:

@@ -13,7 +13,7 @@ from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.robots.reading import read_published
 from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.robots.reading import RobotSource
 
 _CONFIGURATION_HZ: Final = (0.8, 1.25)
-"""The report's 1 Hz (3.4), as a laptop's clock and a busy robot have it."""
+"""Accepted rates for the report's 1 Hz (3.4), with tolerance for a laptop's clock and a busy robot."""
 _FEWEST: Final = 3
-"""Messages from which a rate is told."""
+"""Minimum number of messages from which a rate is computed."""
 _TOLERANCE: Final = 1.1
-"""Above a guideline: a rate that is measured is never exact."""
+"""Tolerance factor for measured rates compared with a guideline."""
 _CHECK_ITS_FILE: Final = "ask its partner for the file that it publishes, and check that: `provision robot validate`"
 _MOST_FOREIGN: Final = 3
-"""Addresses in other domains that are named at a robot that is missing."""
+"""Maximum number of addresses in other domains that are reported for a missing robot."""
 _SURELY_FROZEN: Final = 10
-"""Messages without a change from which it is no chance any more."""
+"""Number of identical messages from which coincidence is ruled out."""
 _PAUSE_S: Final = 5.0
 _PAUSE_PERIODS: Final = 5
-"""A topic that pauses for longer than both, while others of the robot go on, has ended."""
+"""A pause longer than both limits, while the robot's other topics continue, means that the topic has ended."""
 _STALE_S: Final = 5.0
-"""Stamps that differ so much from the time of arrival are of another clock, or of an old message."""
+"""A larger difference between stamp and arrival time means a different clock or an old message."""
 
 
 @dataclass(slots=True)
@@ -47,19 +47,19 @@ class HeardWriter:
     participant: str
     topic: str
     type: str
-    """In ROS' words where it is a type of ROS."""
+    """Type name; in ROS notation if it is a ROS type."""
     reliable: bool = False
     transient_local: bool = False
-    """Its last messages are kept for whoever comes later."""
+    """Whether the last messages are kept for late joiners."""
     messages: int = 0
     octets: int = 0
-    """Of all messages, serialised."""
+    """Serialised bytes of all messages."""
     first_s: float = 0.0
     last_s: float = 0.0
     contents: set[bytes] = field(default_factory=set)
-    """A short hash of each different message, without its stamp; at most 3 are kept."""
+    """Short hashes of different messages, without the stamp; at most 3 are kept."""
     stamp_age_s: float | None = None
-    """The oldest stamp, as it arrived; None: its messages have no stamp."""
+    """Largest age of a stamp on arrival; None: the messages have no stamp."""
 
     @property
     def rate_hz(self) -> float | None:
@@ -80,7 +80,7 @@ class HeardConfiguration:
 
     writer: HeardWriter
     text: bytes = field(repr=False)
-    """The last one. It holds the robot's token: it is never shown."""
+    """The latest configuration. It contains the robot's token and is never shown."""
 
 
 @dataclass(slots=True)
@@ -89,15 +89,15 @@ class RobotObservation:
 
     seconds: float
     participants: dict[str, str] = field(default_factory=dict)
-    """Key to the addresses that it names."""
+    """Maps a participant's key to the addresses that it announces."""
     writers: list[HeardWriter] = field(default_factory=list)
     configurations: list[HeardConfiguration] = field(default_factory=list)
     unread: dict[str, str] = field(default_factory=dict)
-    """Topics of types whose definition is not known: they were seen, and their messages not counted."""
+    """Topics whose type definition is unknown: detected, but their messages are not counted."""
     program: str = "cyclonedds"
-    """Or `rclpy`, which does not say who sent a message (`listener.py`)."""
+    """Listening library: `cyclonedds`, or `rclpy`, which does not report a message's sender (`listener.py`)."""
     other_domains: dict[str, list[int]] = field(default_factory=dict)
-    """Addresses whose participants announce themselves in other domains, as far as that was heard."""
+    """Addresses whose participants were seen announcing themselves in other domains."""
 
 
 class RobotState(StrEnum):
@@ -115,7 +115,7 @@ class RobotReport:
     namespace: str
     state: RobotState
     vehicle: str | None
-    findings: tuple[BearerFinding, ...]
+    findings: tuple[LinkFinding, ...]
     topics: tuple[HeardWriter, ...] = ()
 
     @property
@@ -147,7 +147,7 @@ def judge(
         if robot is None:
             who = observation.participants.get(configuration.writer.participant, "an unknown address")
             message = f"{who} publishes a configuration that cannot be read: {error}"
-            finding = BearerFinding(Verdict.FAIL, "configuration-unreadable", message, _CHECK_ITS_FILE)
+            finding = LinkFinding(Verdict.FAIL, "configuration-unreadable", message, _CHECK_ITS_FILE)
             reports.append(RobotReport(who, RobotState.UNKNOWN, None, (finding,)))
         else:
             introductions.setdefault(robot.name, []).append((configuration, robot))
@@ -184,19 +184,19 @@ def _missing(source: RobotSource, observation: RobotObservation) -> RobotReport:
     topic = next((writer.topic for writer in observation.writers if writer.topic in declared_topics), None)
     message = f"nothing was heard of it in {observation.seconds:.0f} s"
     hint = "is it switched on, in the network, and in the domain of `dds.domain`?"
-    findings = [BearerFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)]
+    findings = [LinkFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)]
     if topic is not None:
         message = f"somebody publishes {topic}, and no configuration of it was heard"
         hint = "a robot that is registered stops publishing it: start its program again"
-        findings = [BearerFinding(Verdict.INCONCLUSIVE, "configuration-missing", message, hint)]
+        findings = [LinkFinding(Verdict.INCONCLUSIVE, "configuration-missing", message, hint)]
     for address, domains in list(observation.other_domains.items())[:_MOST_FOREIGN]:
         message = f"{address} speaks in domain {', '.join(map(str, domains))}, which is not that of `dds.domain`"
         hint = "if that is this robot: set its ROS_DOMAIN_ID as declared, and start its programs anew"
-        findings.append(BearerFinding(Verdict.INCONCLUSIVE, "other-domain", message, hint))
+        findings.append(LinkFinding(Verdict.INCONCLUSIVE, "other-domain", message, hint))
     return RobotReport(name, RobotState.MISSING, source.vehicle, tuple(findings))
 
 
-def _unknown(name: str, sources_by_name: Mapping[str, RobotSource]) -> BearerFinding:
+def _unknown(name: str, sources_by_name: Mapping[str, RobotSource]) -> LinkFinding:
     near = nearest(name, sources_by_name)
     message = f"no robot of this inventory has the namespace `{name}`"
     if near is not None:
@@ -205,7 +205,7 @@ def _unknown(name: str, sources_by_name: Mapping[str, RobotSource]) -> BearerFin
         f"if a person approves it: `provision guest add name={vehicle_key(name)} partner=PARTNER kind=auv until=DAY "
         f"site=… cells=wifi` with its own words, then `provision robot discover site=… save={name}`"
     )
-    return BearerFinding(Verdict.WARN, "robot-unknown", message, hint)
+    return LinkFinding(Verdict.WARN, "robot-unknown", message, hint)
 
 
 def vehicle_key(namespace: str) -> str:
@@ -213,33 +213,33 @@ def vehicle_key(namespace: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", namespace.lower()).strip("-")
 
 
-def _past_guest(vehicle: str, past: Mapping[str, str]) -> BearerFinding:
+def _past_guest(vehicle: str, past: Mapping[str, str]) -> LinkFinding:
     message = f"it was a guest until {past[vehicle]}"
-    return BearerFinding(Verdict.WARN, "robot-unknown", message, f"`provision guest end name={vehicle}` puts it out")
+    return LinkFinding(Verdict.WARN, "robot-unknown", message, f"`provision guest end name={vehicle}` puts it out")
 
 
 def _copies(
     name: str, copies: Sequence[tuple[HeardConfiguration, RobotFile]], observation: RobotObservation
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     keys = dict.fromkeys(configuration.writer.participant for configuration, _ in copies)
     if len(keys) > 1:
         where = " and ".join(observation.participants.get(key, "an unknown address") for key in keys)
         message = f"{len(keys)} participants introduce themselves as `{name}`: {where}"
-        yield BearerFinding(Verdict.FAIL, "namespace-twice", message, "give each robot a namespace of its own")
+        yield LinkFinding(Verdict.FAIL, "namespace-twice", message, "give each robot a namespace of its own")
 
 
-def _configuration(configuration: HeardConfiguration) -> Iterator[BearerFinding]:
+def _configuration(configuration: HeardConfiguration) -> Iterator[LinkFinding]:
     rate = configuration.writer.rate_hz
     low, high = _CONFIGURATION_HZ
     if rate is None:
         message = f"its configuration was heard {configuration.writer.messages} times: too few to tell the rate"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "configuration-rate-unknown", message, "listen longer: `for=60s`")
+        yield LinkFinding(Verdict.INCONCLUSIVE, "configuration-rate-unknown", message, "listen longer: `for=60s`")
     elif not low <= rate <= high:
         message = f"its configuration comes at {rate:.2g} Hz, where the report has 1 Hz"
-        yield BearerFinding(Verdict.FAIL, "configuration-rate", message, "look at the program that publishes it")
+        yield LinkFinding(Verdict.FAIL, "configuration-rate", message, "look at the program that publishes it")
 
 
-def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerFinding]:
+def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[LinkFinding]:
     """Yield differences between a robot and its file; the token is compared if it could be decrypted."""
     file = source.robot
     if file is None:
@@ -247,30 +247,30 @@ def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerF
     if source.token_is_sealed:
         message = "its token, which is vaulted, was not compared"
         hint = "`provision robot discover site=… --ask-vault-pass` compares it"
-        yield BearerFinding(Verdict.WARN, "token-sealed", message, hint)
+        yield LinkFinding(Verdict.WARN, "token-sealed", message, hint)
     elif robot.token != file.token:
         message = "its token is not the one of its file"
-        yield BearerFinding(Verdict.FAIL, "token", message, "ask its partner: another robot may use its name")
+        yield LinkFinding(Verdict.FAIL, "token", message, "ask its partner: another robot may use its name")
     token_update = {"token": file.token}
     if robot.model_copy(update=token_update) != file:
         message = "its configuration is not the one of its file"
-        yield BearerFinding(Verdict.FAIL, "configuration-differs", message, _CHECK_ITS_FILE)
+        yield LinkFinding(Verdict.FAIL, "configuration-differs", message, _CHECK_ITS_FILE)
 
 
 def topic_findings(
     robot: RobotFile, writers: Sequence[HeardWriter], observation: RobotObservation
-) -> Iterator[tuple[PublishedTopic, BearerFinding]]:
+) -> Iterator[tuple[PublishedTopic, LinkFinding]]:
     """Yield findings on each topic in a robot's configuration; `writers` are that robot's publishers."""
     for topic in robot.topics():
         rows = [writer for writer in writers if writer.topic == topic.name]
         if not rows:
             message = f"it does not publish {topic.name}, which its configuration names"
             hint = "look at the program that publishes it"
-            yield topic, BearerFinding(Verdict.FAIL, "topic-missing", message, hint)
+            yield topic, LinkFinding(Verdict.FAIL, "topic-missing", message, hint)
         elif observation.unread.get(topic.name) == topic.message_type:
             message = f"the type of {topic.name} is not known here, so that nothing of it was counted"
             hint = f"put {observation.unread[topic.name]} into robots/interfaces of the inventory"
-            yield topic, BearerFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
+            yield topic, LinkFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
         else:
             for writer in rows:
                 yield from ((topic, finding) for finding in _topic(topic, writer, observation.seconds))
@@ -279,28 +279,28 @@ def topic_findings(
 
 def _check_silence(
     topic: PublishedTopic, rows: Sequence[HeardWriter], writers: Sequence[HeardWriter]
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     """Report a topic that stopped while the robot's other topics continued; a robot switched off is not reported."""
     rates = [writer.rate_hz for writer in rows if writer.rate_hz]
     silence_s = max(writer.last_s for writer in writers) - max(writer.last_s for writer in rows)
     if rates and silence_s > max(_PAUSE_S, _PAUSE_PERIODS / min(rates)):
         message = f"nothing more was heard on {topic.name} in the last {silence_s:.0f} s of the robot"
-        yield BearerFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
+        yield LinkFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
 
 
-def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[BearerFinding]:
+def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[LinkFinding]:
     if writer.type != topic.message_type:
         message = f"{topic.name} has the type {writer.type}, where its configuration means {topic.message_type}"
-        yield BearerFinding(Verdict.FAIL, "topic-type", message, "write `type:` at the topic, or correct the program")
+        yield LinkFinding(Verdict.FAIL, "topic-type", message, "write `type:` at the topic, or correct the program")
         return
     rate = writer.rate_hz
     if not writer.messages:
         message = f"nothing was heard on {topic.name} in {seconds:.0f} s, though it is published"
-        yield BearerFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
+        yield LinkFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
         return
     if rate is None and beside_guideline(topic.kind.data, 0.0) is not None:
         message = f"{topic.name} was heard {writer.messages} times in {seconds:.0f} s: too few to tell its rate"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "topic-rate-unknown", message, "listen longer: `for=60s`")
+        yield LinkFinding(Verdict.INCONCLUSIVE, "topic-rate-unknown", message, "listen longer: `for=60s`")
     if rate is not None:
         way, guideline = beside_guideline(topic.kind.data, rate) or ("", "")
         is_near = beside_guideline(topic.kind.data, rate / _TOLERANCE if way == "above" else rate * _TOLERANCE) is None
@@ -308,20 +308,20 @@ def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterat
             message = f"{topic.name} comes at {rate:.2g} Hz, below the report's guideline"
             if way == "above":
                 message = f"{topic.name} comes at {rate:.2g} Hz, above the report's guideline"
-            yield BearerFinding(Verdict.WARN, f"topic-rate-{way}", message, f"{guideline} (report, 3.3.3)")
+            yield LinkFinding(Verdict.WARN, f"topic-rate-{way}", message, f"{guideline} (report, 3.3.3)")
     if topic.kind.moves and writer.messages < _FEWEST and len(writer.contents) == 1:
         message = f"{topic.name} was heard {writer.messages} times: too few to tell whether it changes"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "topic-frozen", message, "listen longer: `for=60s`")
+        yield LinkFinding(Verdict.INCONCLUSIVE, "topic-frozen", message, "listen longer: `for=60s`")
     elif topic.kind.moves and len(writer.contents) == 1:
         # A receiver on the quay may give one position a few times; ten in a row is nobody's navigation.
         verdict = Verdict.FAIL if writer.messages >= _SURELY_FROZEN else Verdict.WARN
         message = f"{topic.name} says the same in all of {writer.messages} messages"
         hint = "a robot on the water never keeps quite still: is its navigation running?"
-        yield BearerFinding(verdict, "topic-frozen", message, hint)
+        yield LinkFinding(verdict, "topic-frozen", message, hint)
     if writer.stamp_age_s is not None and abs(writer.stamp_age_s) > _STALE_S:
         message = f"the stamps of {topic.name} are {abs(writer.stamp_age_s):.0f} s away from the listener's clock"
         hint = "compare the clocks of the robot and of the computer that listens"
-        yield BearerFinding(Verdict.FAIL, "topic-stale", message, hint)
+        yield LinkFinding(Verdict.FAIL, "topic-stale", message, hint)
 
 
 def read_heard(values: object) -> RobotObservation:

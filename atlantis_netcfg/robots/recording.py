@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.robots.observation import HeardWriter
 
 LARGEST_BAG: Final = 1_000_000_000
-"""Bytes of messages that a bag may hold."""
+"""Maximum bytes of messages in a bag."""
 _FREE: Final = 500_000_000
-"""Bytes that stay free on the disk."""
+"""Bytes that must stay free on the disk."""
 _LOOK_EVERY: Final = 1_000_000
-"""Bytes after which the disk is looked at."""
+"""Bytes written between two checks of the free disk space."""
 _VERSION: Final = 8
-"""Of the metadata: the newest whose QoS Foxy understands; it passes over keys that it does not know."""
+"""Metadata version: the newest whose QoS format Foxy understands; Foxy ignores unknown keys."""
 _DEPTH: Final = 10
 
 
@@ -41,7 +41,7 @@ class BagRecorder:
         self.folder = folder
         self.messages = self.octets = 0
         self.reason = ""
-        """Why it ended before its time."""
+        """Why the recording ended early."""
         self._types, self._most, self._free = types, most, free
         self._octets_at_look = -_LOOK_EVERY
         self._bag: Any = None  # of rosbags

@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.robots.message_types import MessageTypes
 
 _MEET_S: Final = 2.0
-"""Before the first message, so that whoever listens already misses none: announcements come every 2 s."""
+"""Wait before the first message, so that present listeners miss none: announcements come every 2 s."""
 _MOST_TOPICS: Final = 2000
 MOST_ROBOTS: Final = 15
-"""In a bag: each is a participant of its own on this computer."""
+"""Maximum number of robots in a bag: each is a separate participant on this computer."""
 _ANOTHER: Final = "ask who recorded it for another one; `ros2 bag info` says what is in it"
 _PADDING: Final = 3
-"""Bytes behind a message with which writers fill it to a multiple of 4."""
+"""Maximum padding bytes after a message: writers fill it to a multiple of 4."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +64,11 @@ class Bag:
     files: tuple[Path, ...]
     topics: dict[str, BagTopic] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)
-    """Topic to a type that is not known here, or is the second one of its name."""
+    """Maps a topic to its type, if the type is unknown or a second type of that topic."""
     owners: dict[str, str] = field(default_factory=dict)
-    """Topic to the namespace of the robot whose configuration names it."""
+    """Maps a topic to the namespace of the robot whose configuration names it."""
     robots: dict[str, str] = field(default_factory=dict)
-    """A short hash of each configuration to the namespace in it; empty: it cannot be read."""
+    """Maps a short hash of each configuration to its namespace; empty: the configuration is unreadable."""
     first_ns: int = 2**63
     last_ns: int = 0
 

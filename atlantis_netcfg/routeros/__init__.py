@@ -16,21 +16,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.lazy_imports import homes
+from atlantis_netcfg.core.lazy_imports import lazy_getattr
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros import desired, fleet
     from atlantis_netcfg.routeros.api import Endpoint
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Patience, Status, converge
-    from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
+    from atlantis_netcfg.routeros.estimate import Estimate, LinkMetrics
 
 __all__ = [
-    "BearerProfile",
     "DeviceJob",
     "DeviceResult",
     "Endpoint",
     "Estimate",
     "JobMode",
+    "LinkMetrics",
     "Patience",
     "Status",
     "converge",
@@ -38,11 +38,11 @@ __all__ = [
     "fleet",
 ]
 
-__getattr__ = homes(
+__getattr__ = lazy_getattr(
     __name__,
     {
         "api": ("Endpoint",),
         "apply": ("DeviceJob", "DeviceResult", "JobMode", "Patience", "Status", "converge"),
-        "estimate": ("BearerProfile", "Estimate"),
+        "estimate": ("LinkMetrics", "Estimate"),
     },
 )

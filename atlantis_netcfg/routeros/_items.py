@@ -21,12 +21,12 @@ class RowItem:
 
     menu: str
     values: Mapping[str, str | None]
-    """Properties in the order of the text, keys included; None is `!name`: as if it had never been set."""
+    """Properties in the order of the text, keys included; None is `!name`, which unsets the property."""
     line: int = 0
     exists: bool = False
-    """The text only sets it: the row must be on the device already."""
+    """The text only modifies the row: it must already exist on the device."""
     unknown: frozenset[str] = frozenset()
-    """Properties about which the text cannot say anything (an export hides secrets): they stay as they are."""
+    """Properties whose value the text does not contain (an export hides secrets): they stay unchanged."""
 
     @property
     def defined_values(self) -> dict[str, str]:
@@ -53,7 +53,7 @@ class RunTime:
     declared_value: str
     instead: str
     temporary: bool = False
-    """Only while a bearer is in use for a time (`routeros/link_use.py`)."""
+    """Only while a link is selected for a limited time (`routeros/link_use.py`)."""
 
     def covers(self, menu: menus.Menu, name: str, desired_value: str | None, row: Row) -> bool:
         """Return True if the row's value is the one that the device substitutes for the desired value."""
@@ -72,23 +72,23 @@ class DesiredState:
 
     source: str
     items: Mapping[str, tuple[RowItem, ...]]
-    """By menu; within a menu in the order of the text. A menu may be there without rows."""
+    """Rows by menu, in the order of the text. A menu may have no rows."""
     entire: frozenset[str] = frozenset()
-    """Menus that are ours entirely: rows that the text does not name are removed, whoever added them."""
+    """Exclusively managed menus: rows that the text does not contain are removed, whoever added them."""
     undeclared_values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    """By menu of fixed rows: what those rows shall have that the text does not name."""
+    """Expected values that the text does not contain, by menu of fixed rows."""
     restores: bool = False
-    """The text is a saved state: in its entire menus, what it leaves out is at its default."""
+    """The text is a saved state: in exclusively managed menus, omitted properties have their default."""
     notes: tuple[str, ...] = ()
-    """What could not be taken over from the text."""
+    """Parts of the text that could not be adopted."""
     pin_refusal: str = ""
-    """Why the PIN of the text must not be sent once more; empty: nothing is known against it."""
+    """Why the PIN in the text must not be sent again; empty: no known reason."""
     run_time: tuple[RunTime, ...] = ()
-    """Values that the device changes by itself: neither drift nor anything to put right."""
+    """Values that the device changes by itself: neither drift nor to be corrected."""
     partial: frozenset[str] = frozenset()
-    """Menus of which the text names some rows alone: the others are not looked at, whosever they are."""
+    """Menus of which the text contains only some rows; the other rows are ignored, whoever owns them."""
     remarks: tuple[tuple[str, str], ...] = ()
-    """A menu, and what whoever agrees to a change of it should know."""
+    """Pairs of a menu and a remark for the user who consents to a change in it."""
 
     @property
     def menus(self) -> tuple[str, ...]:

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.versions import Version
 
 FEW_FOREIGN: Final = 100
-"""So many rows of others may go from menus that are ours entirely without being asked for apart."""
+"""Maximum foreign rows removed from exclusively managed menus without separate consent."""
 
 Row = Mapping[str, str]
-"""One item of a menu as the device's API returned it: property name to the device's own string, `.id` included."""
+"""One item of a menu as returned by the device's API: property name to the device's own string, with `.id`."""
 
 
 def is_bare(row: Row) -> bool:
@@ -37,14 +37,14 @@ class Facts:
     device_mode: Mapping[str, str]
     packages: tuple[str, ...]
     policies: frozenset[str] | None
-    """What our user may do; None: not asked yet, empty: the device does not tell."""
+    """Policies of our user; None: not requested yet, empty: not reported by the device."""
     has_safe_mode: bool
     safe_mode_owner: str | None
-    """Who holds safe mode now, or None when nobody does (or the device has no safe mode)."""
+    """Session that holds safe mode now; None: nobody, or the device has no safe mode."""
     session_address: str
     """The address from which the device sees our session (`/user/active`)."""
     history: int
-    """Entries in `/system/history` before the run."""
+    """Number of entries in `/system/history` before the run."""
 
     def upgrade(self, to: Version) -> str:
         """Return the hint for a device whose version is below `to`."""
@@ -59,11 +59,11 @@ class PortCounts:
     """Byte counters of the ports, counted since the device started, for all traffic and not only ours."""
 
     at: datetime
-    """When the answer was here, by this computer's clock, in UTC."""
+    """When the reply arrived, by this computer's clock, in UTC."""
     uptime_s: float | None
-    """Since the device was started; None: it did not say."""
+    """Seconds since the device started; None: not reported."""
     ports: Mapping[str, tuple[int, int]]
-    """Name of a port to the bytes that it has received and sent."""
+    """Maps a port name to its received and sent bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +73,13 @@ class Observation:
     facts: Facts
     rows: Mapping[str, tuple[Row, ...]]
     counts: tuple[PortCounts, ...] = field(default=(), compare=False)
-    """What its ports had carried before and after the reading, where that was asked and cost no round trip."""
+    """Port counters before and after reading, if requested and possible without a round trip."""
     modem: Row | None = field(default=None, compare=False)
-    """What the modem says of its SIM, where a text declares one."""
+    """Status of the SIM reported by the modem, if a text declares a modem."""
     jobs: tuple[Row, ...] = field(default=(), compare=False)
-    """Jobs of ours that its scheduler had armed."""
+    """Our jobs that were armed in the device's scheduler."""
     uptime_s: float | None = field(default=None, compare=False)
-    """Since the device was started; None: it did not say."""
+    """Seconds since the device started; None: not reported."""
 
 
 class Verb(StrEnum):
@@ -95,15 +95,15 @@ class Layer(IntEnum):
     """Order of dependence: a row may only refer to rows of lower layers; rows are removed last."""
 
     NAMES = -1
-    """Names of ports, before anything speaks of them."""
+    """Names of ports, before any row refers to them."""
     FOUNDATION = 0
-    """Names that others refer to: bridges, interface lists, routing tables, pools, address lists, settings."""
+    """Names that other rows refer to: bridges, interface lists, routing tables, pools, address lists, settings."""
     ATTACHMENT = 1
-    """What hangs on them: bridge ports, addresses, list members, DHCP servers, VPN clients."""
+    """Rows that refer to the foundation: bridge ports, addresses, list members, DHCP servers, VPN clients."""
     POLICY = 2
-    """What uses those: firewall, NAT, queues, leases, routes, routing rules."""
+    """Rows that use the attachments: firewall, NAT, queues, leases, routes, routing rules."""
     CLEANUP = 3
-    """What closes doors or takes things away: removals, services, default routes that move traffic."""
+    """Steps that remove access or rows: removals, services, default routes that move traffic."""
 
 
 class RowOwner(StrEnum):
@@ -123,19 +123,19 @@ class Action:
     """API path, e.g. `/ip/firewall/filter`."""
     verb: Verb
     subject: str
-    """What a person calls the row, e.g. `10.64.1.1/24 on bridge-lan`."""
+    """Readable name of the row, e.g. `10.64.1.1/24 on bridge-lan`."""
     ids: tuple[str, ...] = ()
     """`.id`s of existing rows for set, move and remove; empty for add and for a set of a settings menu."""
     values: tuple[tuple[str, str], ...] = ()
-    """Properties to write; a name that starts with `!` is unset."""
+    """Properties to write; a leading `!` unsets the property."""
     before: str | None = None
-    """add, move: the `.id` of the existing row to stand before; None is the end of the menu."""
+    """For add and move: `.id` of the row before which the new position is; None is the end of the menu."""
     secrets: frozenset[str] = frozenset()
-    """Names in `values` that are never shown."""
+    """Names of properties in `values` that are never shown."""
     inert: bool = False
     """Cannot by itself change traffic, access or the management path (a pool, an address-list entry of a new list)."""
     line: int = 0
-    """Where the text declares the row; 0: nowhere."""
+    """Line of the text that declares the row; 0: none."""
 
     @property
     def weight(self) -> int:
@@ -156,7 +156,7 @@ class Drift:
     owner: RowOwner
     message: str
     id: str = ""
-    """The row's `.id`."""
+    """`.id` of the row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,12 +175,12 @@ class Plan:
     device: str
     actions: tuple[Action, ...]
     diff: str
-    """The same in the device's own export language with margins `+`, `-`; secrets masked; empty: nothing changes."""
+    """The changes in the device's export language with margins `+`, `-`; secrets masked; empty: no changes."""
     drift: tuple[Drift, ...] = ()
     hidden_secrets: tuple[HiddenSecret, ...] = ()
     notes: Sequence[str] = field(default_factory=tuple)
     foreign: tuple[tuple[str, int], ...] = ()
-    """Menus (as a person writes them) that are ours entirely, and how many rows without our mark go from each."""
+    """Exclusively managed menus (display names), with the number of unmarked rows removed from each."""
 
     @property
     def foreign_rows(self) -> int:

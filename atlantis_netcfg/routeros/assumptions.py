@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Final
 
 READS: Final = "by reading"
-"""How most rows are shown: `provision verify` reads the device."""
+"""Assumption shown by reading: `provision verify` reads the device."""
 TRY: Final = "needs --try"
-"""It takes scratch rows under safe mode: `provision verify --try`."""
+"""Assumption that needs scratch rows under safe mode: `provision verify --try`."""
 SILENCE: Final = "needs --silence"
-"""It takes a scratch row and ten minutes of silence: `provision verify --try --silence`."""
+"""Assumption that needs a scratch row and ten minutes of silence: `provision verify --try --silence`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Assumption:
     id: str
     sentence: str
     rests: str
-    """What depends on it, and what happens where it does not hold."""
+    """What depends on the assumption, and the consequence if it is wrong."""
     proof: str
     """READS, TRY, SILENCE, or `needs a person: …`."""
 
@@ -443,7 +443,7 @@ ASSUMPTIONS: Final = (
         person("rename an unused port that a bridge port and a queue name, and print both"),
     ),
 )
-"""In the order of the page docs/verify.md."""
+"""All assumptions, in the order of the page docs/verify.md."""
 
 
 def summarize_assumptions() -> str:

@@ -80,20 +80,20 @@ def script_command(text: str) -> Command:
 
 
 ROOM: Final = 18
-"""Sentences that fit beside what is read before a change, in one flight."""
+"""Sentences that fit in one flight with the reads before a change."""
 _LINES = 25
-"""Commands of one script: so many are parsed before the device says something again."""
+"""Commands of one script: the device replies only after parsing all of them."""
 _BYTES = 40_000
-"""Of the lines of one script, before they are quoted twice: `/execute` takes 64 kB (manual, API and Scripting)."""
+"""Maximum bytes of a script's lines before they are quoted twice: `/execute` takes 64 kB (manual, API, Scripting)."""
 # Recorded of other menus and arguments; where it is taken instead, that is said. Assumption: parse-words
 _CONTROL = "/system/identity/set atlantis=no"
-"""What every version refuses: it has no such argument."""
+"""Command that every version refuses: it has no such argument."""
 _PLACEHOLDER = "00000000"
-"""Stands for a secret, which the parser need not see."""
+"""Replaces a secret, which the parser does not need."""
 # Recorded on 7.22.1 (tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md), where of 47 words with one property
 # each some were lost once in a hundred times, and of 15 none. Assumption: inspect-whole
 _COMPLETE = 30
-"""Words of an offered list that is taken for whole: over the API long ones lose some."""
+"""Maximum words of a completion list that counts as complete: over the API long lists lose some."""
 ENUMERATIONS: Final = frozenset(
     {
         ("/interface/bridge", "protocol-mode"),
@@ -107,7 +107,7 @@ ENUMERATIONS: Final = frozenset(
         ("/tool/netwatch", "type"),
     }
 )
-"""Menus and arguments that take a word of a closed list, and nothing else."""
+"""Menus and arguments that accept only a word of a closed list."""
 
 _ANSWER = re.compile(r"^(\d+) ", re.MULTILINE)
 _PLACE_OF = r"\(line \d+ column (\d+)\)"
@@ -120,7 +120,7 @@ _REFUSALS = (
 _NOT_UNDERSTOOD = "its parser answers in words that are not known here"
 
 _Argument = tuple[str, str]
-"""Menu and name."""
+"""Menu and argument name."""
 
 
 def script(lines: Iterable[str]) -> str:
@@ -142,14 +142,14 @@ class Examination:
     """Check of a plan by the device's parser: requests and results, without any I/O."""
 
     refusals: dict[str, str] = field(default_factory=dict)
-    """By line: the device's words, empty for a line that it takes."""
+    """Maps a line to the device's error message; empty if the device accepts the line."""
     unclear: str = ""
-    """Why not every line was judged."""
+    """Why not every line was checked."""
     _scripts: list[list[str]] = field(default_factory=list)
     _values: list[tuple[_Argument, tuple[str, ...]]] = field(default_factory=list)
     _good: set[tuple[_Argument, str]] = field(default_factory=set)
     _lists: dict[_Argument, tuple[str, ...] | None] = field(default_factory=dict)
-    """Whole lists; None: the device offers none, or not surely all of it."""
+    """Complete lists; None: the device offers none, or the list may be incomplete."""
     _whole: list[_Argument] = field(default_factory=list)
 
     def questions(

@@ -48,19 +48,19 @@ class DriftKind(StrEnum):
     """Kind of difference of one row, or of the settings of one menu."""
 
     MISSING = "missing"
-    """Declared, and not there."""
+    """Declared, but missing on the device."""
     CHANGED = "changed"
-    """Declared and there, with other values."""
+    """Declared and present, with other values."""
     ADDED = "added"
-    """There and not declared, where all is ours: a run would remove it."""
+    """Present but not declared, in an exclusively managed menu: a run would remove it."""
     ORDER = "order"
-    """Declared and there, at another place of a list in which the first match decides."""
+    """Declared and present, at a different position of a list in which the first match decides."""
     FOREIGN = "foreign"
-    """Somebody else's row beside ours: a run leaves it alone."""
+    """A foreign row beside ours: a run ignores it."""
     HIDDEN = "hidden"
-    """Declared, and the device does not show it, so that it cannot be compared."""
+    """Declared, but not shown by the device, so that it cannot be compared."""
     OPEN = "open"
-    """Safe mode, a job of the scheduler or a marker: what a run or a person has not closed."""
+    """Safe mode, a scheduler job or a marker that a run or a user has not closed."""
 
 
 class Owner(StrEnum):
@@ -68,22 +68,22 @@ class Owner(StrEnum):
 
     DECLARED = "declared"
     FORMER = "formerly declared"
-    """It carries our mark, but the declaration has it no more."""
+    """The row has our mark, but is no longer in the inventory."""
     TECHNICIAN = "technician"
-    """No mark: somebody made it on the device."""
+    """No mark: somebody created it on the device."""
     RUN = "a run"
-    """A run of this tool has armed it, or marked the device with it."""
+    """Armed, or set as a marker, by a run of this tool."""
     SESSION = "a session"
-    """Somebody who is logged in, or was when the link died."""
+    """A user who is logged in, or was when the connection was lost."""
 
 
 class Since(StrEnum):
     """Time of origin, relative to the last state that a run read back."""
 
     AFTER = "after"
-    """The device was otherwise then: somebody has changed it since."""
+    """The device was different then: somebody has changed it since."""
     ALREADY = "already"
-    """The device was so then: not the device has changed, but the declaration."""
+    """The device already had this value: not the device has changed, but the inventory."""
     UNKNOWN = "unknown"
 
 
@@ -110,14 +110,14 @@ class Difference:
     """One difference between desired and actual state."""
 
     menu: str
-    """As the console writes it: `/ip firewall filter`."""
+    """Menu in console notation: `/ip firewall filter`."""
     subject: str
     kind: DriftKind
     owner: Owner
     mark: str = ""
-    """The comment by which the declaration or its owner explains the row."""
+    """The comment by which the inventory or the owner explains the row."""
     row: str = ""
-    """The whole row in the device's own language, where all of it is missing or too much."""
+    """The whole row in the device's own language, if the row is missing or superfluous."""
     fields: tuple[FieldDifference, ...] = ()
     since: Since = Since.UNKNOWN
     why_unknown: str = ""
@@ -157,10 +157,10 @@ class Comparison:
     """A device compared with its desired state."""
 
     menus: tuple[str, ...]
-    """All that were compared, also where nothing differs."""
+    """All compared menus, including those without differences."""
     differences: tuple[Difference, ...]
     run: str | None = None
-    """The run that last read the device's state back."""
+    """The run that last read the device's state back; None: no such run."""
     at: datetime | None = None
 
     @property
@@ -260,7 +260,7 @@ def _together(menu: Menu, desired_row: Mapping[str, str], row: _types.Row) -> Ra
     return raw if raw.differing(menu) else Raw(DriftKind.ORDER, desired_row, row)
 
 
-def alone(key: _Key, rows: Iterable[_T]) -> dict[Hashable, _T]:
+def index_unique(key: _Key, rows: Iterable[_T]) -> dict[Hashable, _T]:
     """Return the rows by key, for keys that only one row has; rows with key None are omitted."""
     groups: dict[Hashable, list[_T]] = {}
     for row in rows:
@@ -277,7 +277,7 @@ def _pairs(menu: Menu, missing: list[_Values], removed_rows: list[_Values]) -> l
 
 
 def _paired_by(key: _Key, missing: list[_Values], removed_rows: list[_Values]) -> list[tuple[_Values, _Values]]:
-    desired_by_key, there = alone(key, missing), alone(key, removed_rows)
+    desired_by_key, there = index_unique(key, missing), index_unique(key, removed_rows)
     pairs = [(values, there[value]) for value, values in desired_by_key.items() if value in there]
     paired_ids = {id(row) for pair in pairs for row in pair}
     for rows in (missing, removed_rows):
@@ -466,7 +466,7 @@ class _RowIndex:
     @classmethod
     def of(cls, menu: Menu, rows: Sequence[Mapping[str, str]]) -> _RowIndex:
         key = menu.identity if menu.keys else lambda values: content(menu, values)
-        return cls({key(row): row for row in reversed(rows)}, alone(mark_of, rows))
+        return cls({key(row): row for row in reversed(rows)}, index_unique(mark_of, rows))
 
 
 @dataclass(frozen=True, slots=True)
@@ -476,9 +476,9 @@ class Past:
     run: str
     at: datetime
     rows: Mapping[str, tuple[Mapping[str, str], ...]]
-    """By menu; only what is not at its default."""
+    """Rows by menu; only values that differ from the default."""
     indices: dict[str, _RowIndex] = field(default_factory=dict)
-    """By menu, made when a menu is asked for."""
+    """Row indices by menu, created on first use."""
 
     @classmethod
     def read(cls, run: str, at: datetime, text: str) -> Past:

@@ -26,47 +26,47 @@ if TYPE_CHECKING:
 
 
 PREFLIGHT: Final = 6
-"""Sentences that ask about the device itself."""
+"""Sentences that request facts about the device itself."""
 AGAIN: Final = 2
-"""So many of them are asked when a run reads it a second time."""
+"""Number of those sentences when a run reads the device a second time."""
 SCRIPT: Final = 60_000
-"""Bytes of one script at most."""
+"""Maximum bytes of one script."""
 HANDSHAKE_TRIPS: Final = 3
-"""Round trips before the login: TCP one, TLS 1.2 two. Assumption: tls-version"""
+"""Round trips before the login: one for TCP, two for TLS 1.2. Assumption: tls-version"""
 CHECKPOINT_TRIPS: Final = 2
-"""Releasing safe mode and taking it again; a session, which proves the way in, comes to it."""
+"""Round trips to release safe mode and take it again; the session that verifies access is added."""
 RECORD_BYTES: Final = 29
-"""What TLS 1.2 adds to a record; a device sends about one for each answer."""
+"""Bytes that TLS 1.2 adds to a record; a device sends about one record for each reply."""
 HANDSHAKE_BYTES: Final = 1_800
-"""Certificate and keys of one session, both directions: less with a key on an elliptic curve, more with RSA."""
+"""Certificate and keys of one session, both directions: fewer with an elliptic-curve key, more with RSA."""
 HEADERS: Final = 0.12
-"""Bytes that come to one byte of TCP's payload: TCP and IP headers, acknowledgements."""
+"""Overhead bytes per byte of TCP payload: TCP and IP headers, acknowledgements."""
 CONNECTION_BYTES: Final = 600
-"""Packets without payload that open and close a connection."""
+"""Bytes of the packets without payload that open and close a connection."""
 EXECUTE_S: Final = 0.01
-"""A device's time for one action of a script."""
+"""Seconds that a device needs for one action of a script."""
 READ_S: Final = 0.05
-"""A device's time for one batch of reads."""
+"""Seconds that a device needs for one batch of reads."""
 LOGIN_BYTES: Final = 60
 TAG_BYTES: Final = 9
-"""`.tag=` and a number, in a sentence and in every answer."""
+"""Bytes of `.tag=` and a number, in a sentence and in every reply."""
 DONE_BYTES: Final = 16
-"""`!done` with its tag."""
+"""Bytes of `!done` with its tag."""
 LATER_UP: Final = 400
 LATER_DOWN: Final = 1_900
-"""Users, groups, certificates and device-mode, which are read where something is to change."""
+"""Bytes for users, groups, certificates and device-mode, which are read before a change."""
 PARSE_FACTOR: Final = 1.3
-"""Bytes that come to one of a script when the device's parser is shown it first, at most."""
+"""Maximum bytes sent per byte of script when the device's parser checks it first."""
 CONTROL_DOWN: Final = 60
-"""What it answers where nothing is wrong: the refusal of a command that has to be refused."""
+"""Bytes of the parser's reply without errors: only the refusal of the control command."""
 OFFERED_DOWN: Final = 60
-"""One word of a list, with its tag and its record."""
+"""Bytes of one word of a completion list, with its tag and its record."""
 COUNT_UP: Final = 45
 COUNT_DOWN: Final = 25
-"""The question for the number of a menu's rows, and its answer."""
+"""Bytes of the request for a menu's row count (`COUNT_UP`), and of the reply."""
 PREFLIGHT_UP: Final = 400
 PREFLIGHT_DOWN: Final = 1_500
-"""What the device says of itself; `/system/device-mode` is the longest."""
+"""Bytes of the device's facts; `/system/device-mode` is the longest."""
 EXPORT_HEAD: Final = 200
 TYPICAL_MENUS: Final = tuple(
     path
@@ -74,20 +74,20 @@ TYPICAL_MENUS: Final = tuple(
     if path == "/interface/wifi"
     or (path != "/routing/settings" and not path.startswith(("/interface/wi", "/interface/w60g", "/interface/lte")))
 )
-"""What a router of a site needs: the radio of an access point; no settings whose arguments come with RouterOS 7.21."""
+"""Menus of a site's router: the radio of an access point; no settings whose arguments need RouterOS 7.21."""
 TYPICAL_ROWS: Final = 55_000
-"""Bytes of all rows of a configured router, where nothing was observed."""
+"""Bytes of all rows of a configured router, for a device that was not read yet."""
 TYPICAL_EXPORT: Final = 32_000
 TYPICAL_LINE: Final = 80
-"""Bytes of a line of a desired text."""
+"""Bytes of one line of a desired text."""
 TYPICAL_FOREIGN: Final = {"list": "blocklist", "address": "198.51.100.100", "comment": "blocked", "disabled": "false"}
-"""A row of others of which nothing was read yet."""
+"""A foreign row, for a device that was not read yet."""
 MOST_TEXT: Final = 45_000
-"""Bytes of a desired text: a third more than the longest of the pilot's routers (a test holds that)."""
+"""Maximum bytes of a desired text: a third more than the longest of the pilot's routers (checked by a test)."""
 
 
 @dataclass(frozen=True, slots=True)
-class BearerProfile:
+class LinkMetrics:
     """The link that carries the session to the device."""
 
     name: str
@@ -101,7 +101,7 @@ class BearerProfile:
 class Estimate:
     """Expected cost of a run."""
 
-    bearer: str
+    link: str
     round_trips: int
     bytes_up: int
     bytes_down: int
@@ -188,7 +188,7 @@ def _look_again(tally: _CostTally, rows: Mapping[str, Sequence[_types.Row]]) -> 
     tally.spend(trips=0, up=(len(rows) - len(short)) * COUNT_UP, down=(len(rows) - len(short)) * COUNT_DOWN)
 
 
-def estimate(plan: _types.Plan, bearer: BearerProfile, observation: _types.Observation | None = None) -> Estimate:
+def estimate(plan: _types.Plan, link: LinkMetrics, observation: _types.Observation | None = None) -> Estimate:
     """Estimate the cost of applying a plan; for an empty plan, the cost of the read.
 
     With `observation`, from which the plan was made, the sizes of reads are real ones instead of typical ones.
@@ -202,7 +202,7 @@ def estimate(plan: _types.Plan, bearer: BearerProfile, observation: _types.Obser
     _read(tally, menus, observation.rows if observation is not None else None)
     if plan.actions:
         _change(tally, plan, observation, menus)
-    return _build_estimate(tally, bearer)
+    return _build_estimate(tally, link)
 
 
 def _whole(rows: tuple[_types.Row, ...]) -> tuple[_types.Row, ...]:
@@ -214,7 +214,7 @@ def _whole(rows: tuple[_types.Row, ...]) -> tuple[_types.Row, ...]:
     return tuple({**sample, ".id": row[".id"]} if _types.is_bare(row) else row for row in rows)
 
 
-def beforehand(bearer: BearerProfile, *, writes: bool = False, plans: bool = False, exports: bool = False) -> Estimate:
+def beforehand(link: LinkMetrics, *, writes: bool = False, plans: bool = False, exports: bool = False) -> Estimate:
     """Estimate a run on a device that was not read yet, so that the cost is known before the first byte.
 
     The device is read once. With `plans`, a whole desired text is checked by its parser. With `writes`, it is also
@@ -224,7 +224,7 @@ def beforehand(bearer: BearerProfile, *, writes: bool = False, plans: bool = Fal
     tally.log_in()
     if exports:
         tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
-        return _build_estimate(tally, bearer)
+        return _build_estimate(tally, link)
     _read(tally, TYPICAL_MENUS, None)
     if plans or writes:
         tally.spend(up=ceil(PARSE_FACTOR * MOST_TEXT) + LATER_UP, down=LATER_DOWN)
@@ -239,11 +239,11 @@ def beforehand(bearer: BearerProfile, *, writes: bool = False, plans: bool = Fal
         tally.log_in()
         _read(tally, TYPICAL_MENUS, None, AGAIN)
         tally.spend(trips=1, up=120, down=120)
-    return _build_estimate(tally, bearer)
+    return _build_estimate(tally, link)
 
 
-def _build_estimate(tally: _CostTally, bearer: BearerProfile) -> Estimate:
-    return Estimate(bearer.name, tally.round_trips, tally.up, tally.down, _seconds(tally, bearer), tally.sessions)
+def _build_estimate(tally: _CostTally, link: LinkMetrics) -> Estimate:
+    return Estimate(link.name, tally.round_trips, tally.up, tally.down, _seconds(tally, link), tally.sessions)
 
 
 def _change(
@@ -371,7 +371,7 @@ def _word(text: str) -> int:
     return size + (1 if size < 0x80 else 2 if size < 0x4000 else 3)  # noqa: PLR2004 - the limits of the format
 
 
-def _seconds(tally: _CostTally, bearer: BearerProfile) -> float:
-    up = tally.up * (1 + HEADERS) * 8 / bearer.rate_up_bps
-    down = tally.down * (1 + HEADERS) * 8 / bearer.rate_down_bps
-    return tally.round_trips * bearer.rtt_s + up + down + tally.device_s
+def _seconds(tally: _CostTally, link: LinkMetrics) -> float:
+    up = tally.up * (1 + HEADERS) * 8 / link.rate_up_bps
+    down = tally.down * (1 + HEADERS) * 8 / link.rate_down_bps
+    return tally.round_trips * link.rtt_s + up + down + tally.device_s

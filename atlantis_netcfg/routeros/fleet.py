@@ -16,17 +16,17 @@ from atlantis_netcfg.routeros import apply
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 
 AT_ONCE = 32
-"""Devices in work at the same time; each holds its rows in memory only while it is in work."""
+"""Devices in progress at the same time; each keeps its rows in memory only while in progress."""
 PATIENCE_S = 10.0
-"""A device that is in work for longer (dead, or far away) gives its place to the next one and goes on beside it."""
+"""A device in progress for longer (dead, or far away) frees its slot for the next one and continues in parallel."""
 MOST = 256
-"""Devices in work at the same time, whatever they wait for: what bounds memory where very many are dead or slow."""
+"""Limit of devices in progress, waiting ones included: bounds memory if very many are dead or slow."""
 
 ResultCallback = Callable[[apply.DeviceResult], object]
 
 
 @dataclass(frozen=True, slots=True)
-class Waiting:
+class PendingJob:
     """A device whose job is created only when its turn comes, to save memory.
 
     A NetcfgError from `make` is that device's result: nothing on it was changed.
@@ -35,11 +35,11 @@ class Waiting:
     name: str
     make: Callable[[], apply.DeviceJob | Pair]
     other: str | None = None
-    """A pair: its far end; `name` is the near one."""
+    """Far end of a pair, whose near end is `name`; None: not a pair."""
     after: tuple[str, ...] = ()
-    """Devices of the run that the way to this one leads through: it begins when they have ended, however they ended.
+    """Devices of the run on the route to this one: it starts when they have ended, with any result.
 
-    They must not wait for anything themselves.
+        They must not wait for any device themselves.
     """
 
 
@@ -62,16 +62,16 @@ async def run(
 
 
 async def stream(
-    jobs: Iterable[Waiting], on_result: ResultCallback, *, mode: str = apply.JobMode.APPLY, at_once: int = AT_ONCE
+    jobs: Iterable[PendingJob], on_result: ResultCallback, *, mode: str = apply.JobMode.APPLY, at_once: int = AT_ONCE
 ) -> None:
     """Converge every device like `run`, but keep no results: `on_result` gets each as soon as it exists."""
     await _all([(job, on_result) for job in jobs], apply.JobMode(mode), at_once, None)
 
 
-def _waiting(job: apply.DeviceJob | Pair) -> Waiting:
+def _waiting(job: apply.DeviceJob | Pair) -> PendingJob:
     if isinstance(job, Pair):
-        return Waiting(job.near.name, partial(_itself, job), job.far.name)
-    return Waiting(job.name, partial(_itself, job))
+        return PendingJob(job.near.name, partial(_itself, job), job.far.name)
+    return PendingJob(job.name, partial(_itself, job))
 
 
 def _itself(job: apply.DeviceJob | Pair) -> apply.DeviceJob | Pair:
@@ -79,7 +79,10 @@ def _itself(job: apply.DeviceJob | Pair) -> apply.DeviceJob | Pair:
 
 
 async def _all(
-    turns: Sequence[tuple[Waiting, ResultCallback]], mode: apply.JobMode, at_once: int, on_result: ResultCallback | None
+    turns: Sequence[tuple[PendingJob, ResultCallback]],
+    mode: apply.JobMode,
+    at_once: int,
+    on_result: ResultCallback | None,
 ) -> None:
     room = _Room(at_once)
     ways = {name for job, _ in turns for name in job.after}
@@ -97,7 +100,7 @@ async def _all(
 
 
 async def _device(  # noqa: PLR0913, PLR0917 - one call, from one place
-    job: Waiting,
+    job: PendingJob,
     mode: apply.JobMode,
     room: _Room,
     over: Mapping[str, asyncio.Event],
@@ -141,11 +144,11 @@ class _Room:
                     timer.cancel()
 
 
-def _names(job: Waiting) -> tuple[str, ...]:
+def _names(job: PendingJob) -> tuple[str, ...]:
     return (job.name,) if job.other is None else (job.name, job.other)
 
 
-async def _converge(waiting: Waiting, mode: apply.JobMode) -> tuple[apply.DeviceResult, ...]:
+async def _converge(waiting: PendingJob, mode: apply.JobMode) -> tuple[apply.DeviceResult, ...]:
     try:
         job = waiting.make()
     except NetcfgError as refusal:

@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 
 ROUTES = "/ip/route"
 TICK_S = 10
-"""The job looks so often; the use ends so much earlier at most."""
+"""Interval of the job in seconds; the use ends at most this much earlier."""
 SETTLED_S = 120
-"""A router that was started later has not judged its links yet, and a second start could not be told from the first."""
+"""A router with less uptime has not judged its links yet, and a second start looks like the first."""
 _STARTING, _IN_USE, _HOLDING = "4", "5", "6"
 _OVERRIDES = frozenset({_STARTING, _IN_USE, _HOLDING})
 _DEFAULT = "0.0.0.0/0"
 _JOB_STEP = _items.RunTime(ROUTES, "distance", _STARTING, _IN_USE)
-"""What the first run of the job changes."""
+"""The value that the first run of the job changes."""
 _NOT_PROBED = ", not probed"
 _STAMP = "%Y-%m-%d %H:%M"
 _COMMENT = re.compile(rf"{MARK}: (\S+) in use until (\d{{4}}-\d\d-\d\d \d\d:\d\d) UTC, uptime (\d+)s")
@@ -51,9 +51,9 @@ class LinkUse:
 
     link: str
     until: datetime
-    """By the clock of the computer that began it, in UTC."""
+    """End of the use by the clock of the computer that started it, in UTC."""
     until_uptime_s: int
-    """Of the router."""
+    """Uptime of the router at the end of the use."""
 
     @property
     def comment(self) -> str:

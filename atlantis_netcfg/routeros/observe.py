@@ -39,7 +39,7 @@ def counting(ports: Sequence[str]) -> api.Command:
     return api.Command("/interface/print", (properties,), (f"?default-name={first}", *either))
 
 
-def looks(ports: Sequence[str], beside: int, window: int) -> tuple[list[api.Command], list[api.Command]]:
+def counter_reads(ports: Sequence[str], beside: int, window: int) -> tuple[list[api.Command], list[api.Command]]:
     """Return counter reads to send before and after `beside` other commands, only as far as round trips have room.
 
     `window`: sentences in flight at once. With room for one read it is the later one, which counts for the month.
@@ -51,7 +51,7 @@ def looks(ports: Sequence[str], beside: int, window: int) -> tuple[list[api.Comm
     return ([look] if room > 1 else []), [look]
 
 
-def closing(ports: Sequence[str]) -> list[api.Command]:
+def final_reads(ports: Sequence[str]) -> list[api.Command]:
     """Return the final read of counters and uptime, sent with a run's last commands; for `read_counts`."""
     return [counting(ports), _UPTIME_ONLY] if ports else []
 
@@ -87,7 +87,7 @@ _HISTORY = api.Command("/system/history/print", (("count-only", ""),))
 _IDENTITY, _USER, _GROUP = "/system/identity", "/user", "/user/group"
 CERTIFICATES: Final = "/certificate"
 LATER = (CERTIFICATES, _USER, _GROUP)
-"""Menus that matter once something is to change: whether it may be changed, and by us. No other menu changes them."""
+"""Menus needed only for a change: is it permitted, and for our user? No other menu changes them."""
 LEAVES: Final = frozenset(
     {
         "/ip/dhcp-server/lease",
@@ -104,19 +104,19 @@ LEAVES: Final = frozenset(
         "/tool/netwatch",
     }
 )
-"""Menus of which a row may come, go or change and no row of another menu changes with it."""
+"""Menus whose rows can be added, removed or changed without effect on rows of another menu."""
 BRIEF: Final = ("/ip/dns/static", "/ip/firewall/address-list")
-"""Menus of which rows may be read bare: what one of them means does not hang on the rows beside it."""
+"""Menus whose foreign rows may be read in short form: no row's meaning depends on other rows."""
 WHOLE: Final = frozenset({"/interface/bridge", "/ip/dhcp-server", "/ip/firewall/mangle", "/ip/firewall/nat"})
-"""Lists of few rows of which the names of all properties are longer than what else a row has."""
+"""Menus with few rows, in which a list of all property names is longer than the rest of a row."""
 HISTORY: Final = 100
-"""Entries that a device's history keeps: beyond them their number does not tell whether somebody has changed it."""
+"""Entries that a device's history keeps: beyond them their number does not reveal changes by others."""
 _MISSING = ("no such command", "no such directory")
 _FORBIDDEN = "not enough permissions"
 _OURS = (f"?<comment={MARK}", "?#!", f"?<comment={MARK[:-1]}{chr(ord(MARK[-1]) + 1)}", "?#&", "?dynamic=true", "?#|")
-"""Rows whose comment begins with our mark, and rows that the device has made. Assumption: api-query-order."""
+"""Rows whose comment starts with our mark, and dynamic rows of the device. Assumption: api-query-order."""
 _FOLLOWING: Final = {"/ip/route": ("?connect=true", "?#!")}
-"""Rows that follow from an address, which is read, are not asked for; that a device sends them is as good."""
+"""Rows derived from an address, which is read anyway, are not requested; receiving them does no harm."""
 _SAMPLES: Final = 3
 
 
@@ -139,7 +139,18 @@ class _Preflight:
 # Last, so that who holds safe mode is the latest that is known.
 _PREFLIGHT = (_RESOURCE, READ, _ACTIVE, _HISTORY, READ_JOBS, _DEVICE_MODE)
 _AGAIN = 2
-"""So many of them are asked of a device that is known already: what it runs, and who holds safe mode."""
+"""Number of those requests to an already known device: its version, and the holder of safe mode."""
+
+
+def _complete_facts(facts: _types.Facts, known_facts: _types.Facts, *, with_policies: bool) -> _types.Facts:
+    """Add what was read earlier in this run and is not read again."""
+    return replace(
+        facts,
+        device_mode=known_facts.device_mode,
+        session_address=known_facts.session_address,
+        history=known_facts.history,
+        policies=known_facts.policies if with_policies else facts.policies,
+    )
 
 
 async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known already
@@ -171,7 +182,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     commands = [*reading, *map(counting_rows, counted_menus), *about]
     modem = [pin.MONITOR] if pin.LTE in required_menus else []
     commands = [*modem, *commands]
-    first, last = looks(counted_ports, len(commands), api.WINDOW if modem else endpoint.window)
+    first, last = counter_reads(counted_ports, len(commands), api.WINDOW if modem else endpoint.window)
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
     replies = replies[len(first) : len(first) + len(commands)]
@@ -197,13 +208,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     counts = (read_counts(reply, preflight.resource) for reply in counters)
     facts = _facts(preflight, endpoint, version, present_rows, is_requested=is_requested)
     if known_facts is not None:
-        facts = replace(
-            facts,
-            device_mode=known_facts.device_mode,
-            session_address=known_facts.session_address,
-            history=known_facts.history,
-        )
-        facts = facts if is_requested else replace(facts, policies=known_facts.policies)
+        facts = _complete_facts(facts, known_facts, with_policies=not is_requested)
     found_counts = tuple(each for each in counts if each is not None)
     monitor = pin.monitor_of(present_rows.get(pin.LTE, ()))
     modem_now = modem_row(result[0] if monitor == pin.MONITOR else await session.command(monitor)) if result else None
@@ -228,7 +233,7 @@ async def read_back(
         path for path in observation.rows if path not in touched_menus and MENUS[path].shape is not Shape.SINGLETON
     ]
     commands = [*map(printing, touched_menus), *map(counting_rows, others), _RESOURCE, READ]
-    first, last = looks(counted_ports, len(commands), endpoint.window)
+    first, last = counter_reads(counted_ports, len(commands), endpoint.window)
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
     replies = replies[len(first) : len(first) + len(commands)]

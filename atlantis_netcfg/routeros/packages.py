@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 MAIN = "routeros"
-"""The bundle that is RouterOS itself; its header says `system`, `/system/package` says `routeros`."""
+"""RouterOS itself; its header says `system`, `/system/package` says `routeros`."""
 
 _MAGIC = bytes.fromhex("1ef1d0ba")
 _HEAD = struct.Struct("<4sI")
@@ -59,12 +59,12 @@ class Npk:
 
     path: Path
     name: str
-    """As `/system/package` will say it: `routeros`, `wireless`, `wifi-qcom` …"""
+    """Name as in `/system/package`: `routeros`, `wireless`, `wifi-qcom` …"""
     version: Version
     architecture: str
-    """As `/system/resource` says it: `arm64`, `mipsbe` …; x86 is `x86`."""
+    """Architecture as in `/system/resource`: `arm64`, `mipsbe` …; x86 is `x86`."""
     size: int
-    """Bytes."""
+    """Size in bytes."""
     sha256: str
 
 
@@ -167,7 +167,7 @@ def _agree(path: Path, what: str, from_name: str, inside: str) -> None:
 
 
 SPLIT = Version(7, 13)
-"""The first version whose bundle has no `wireless`."""
+"""First version whose bundle does not contain `wireless`."""
 _LEGACY_RADIO, _NEW_RADIO = "wireless", ("wifi-qcom", "wifi-qcom-ac", "wifi-qcom-be", "wifi-mediatek")
 _SUCCESSORS = {"wifiwave2": ("wifi-qcom", "wifi-qcom-ac"), "lora": ("lora", "iot")}
 _BUNDLE_PACKAGES = (
@@ -182,10 +182,10 @@ _BUNDLE_PACKAGES = (
     "advanced-tools",
     "wireless",
 )
-"""What version 6 lists beside its bundle, and version 7 has inside."""
+"""Packages that version 6 lists beside its bundle, and that version 7 includes."""
 _CHR = {"x86_64": "x86"}
 _SPARE_BYTES = 512 * 1024
-"""Kept free on the flash beside the files: the device writes while it installs. Assumption: upgrade-free-flash"""
+"""Flash kept free beside the files: the device writes during installation. Assumption: upgrade-free-flash"""
 
 
 class UpgradeError(DeviceError):
@@ -210,11 +210,11 @@ class InstalledSystem:
     board: str
     packages: tuple[RouterOsPackage, ...]
     free_bytes: int
-    """Of its flash (`free-hdd-space`)."""
+    """Free bytes of the flash (`free-hdd-space`)."""
     radios: tuple[str, ...] = ()
-    """Names of its Wi-Fi interfaces, of either family."""
+    """Names of the Wi-Fi interfaces, of either family."""
     factory: Version | None = None
-    """The oldest version that the board accepts (`factory-software`)."""
+    """Oldest version that the board accepts (`factory-software`)."""
 
     @property
     def bundle(self) -> bool:
@@ -227,11 +227,11 @@ class Upgrade:
     """What to send, in which order, and what to read back after the reboot; empty if already up to date."""
 
     send: tuple[Npk, ...]
-    """RouterOS itself last: a device that reboots before finds packages that it cannot install, and stays as it is."""
+    """Packages to send, RouterOS last: a device that reboots earlier cannot install the others and stays unchanged."""
     version: Version
-    """Of the system afterwards."""
+    """System version after the upgrade."""
     expected_packages: tuple[str, ...]
-    """Names of the packages that have to be there afterwards."""
+    """Packages that must be installed after the upgrade."""
     notes: tuple[str, ...] = ()
 
     @property

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 LTE = "/interface/lte"
 MODEMS = Command(f"{LTE}/print", ((".proplist", "default-name,name"),))
-"""What `monitor_of` needs to know."""
+"""Reads the names that `monitor_of` needs."""
 _MODEM = "lte1"
-"""The first modem, by its default name: the only one that is declared."""
+"""Default name of the first modem: the only one that can be declared."""
 
 
 def monitor_of(modems: Iterable[Row] = ()) -> Command:
@@ -45,9 +45,9 @@ def monitor_of(modems: Iterable[Row] = ()) -> Command:
 
 
 MONITOR = monitor_of()
-"""Asked together with the menus of a text that declares the modem; once more where these tell that it was renamed."""
+"""Sent with the menus of a text that declares the modem; repeated if they show that it was renamed."""
 STATUS_FIELDS = ("pin-status", "status", "registration-status")
-"""What of its answer is kept: nothing that names the SIM."""
+"""Fields of the reply that are kept: none that identifies the SIM."""
 _FIELD = "pin"
 
 _PUK = re.compile(r"\bpuk2?\b")
@@ -61,10 +61,10 @@ class PinSim(Enum):
     """PIN state of the SIM."""
 
     FREE = auto()
-    """It asks for none, or has taken one."""
+    """The SIM requires no PIN, or has accepted one."""
     ASKS = auto()
     WRONG_PIN = auto()
-    """It has refused the one that was entered."""
+    """The SIM has refused the PIN that was entered."""
     PUK = auto()
     UNKNOWN = auto()
 

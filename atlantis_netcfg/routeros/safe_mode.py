@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Channel
 
 BUDGET = 82
-"""Entries of history that one safe mode may take. The device keeps 100 (manual, Configuration Management); beyond them
-it leaves safe mode without a word. Counted per row.
+"""History entries that one safe mode may use. The device keeps 100 (manual, Configuration Management); beyond
+
+them it silently leaves safe mode. Counted per row.
 
 Assumption: safe-mode-counts-rows
 Assumption: safe-mode-undoes-scripts
@@ -31,7 +32,7 @@ Assumption: safe-mode-current
 Assumption: safe-mode-idle
 """
 DEAD_SESSION_S = 600.0
-"""Until safe mode of a dead session is undone: about nine minutes (manual, Configuration Management), and some."""
+"""Undo time for safe mode of a dead session: about nine minutes (manual, Configuration Management) and a margin."""
 
 READ = Command("/safe-mode/print")
 TAKE, RELEASE, UNROLL = (Command(f"/safe-mode/{word}") for word in ("take", "release", "unroll"))
@@ -54,7 +55,7 @@ class Holder:
 
     is_taken: bool
     ours: bool = False
-    """This session holds it."""
+    """This session holds safe mode."""
     who: str = ""
 
     @classmethod
@@ -66,7 +67,7 @@ class Holder:
         return cls(True, row.get("current") in _TRUE, row.get("owner") or row.get("user") or "somebody")
 
 
-def held_by(who: str) -> SafeModeUnavailable:
+def holder_error(who: str) -> SafeModeUnavailable:
     """Return the error that somebody else already holds safe mode."""
     return SafeModeUnavailable(
         f"{who} holds safe mode, and there is only one",
@@ -77,7 +78,7 @@ def held_by(who: str) -> SafeModeUnavailable:
 def _take_failed(take: Reply, holder: Holder) -> SafeModeUnavailable:
     """Return the error with the reason why safe mode could not be taken."""
     if holder.is_taken and not holder.ours:
-        return held_by(holder.who)
+        return holder_error(holder.who)
     words = take.trap.message if take.trap is not None else "it says it is not taken"
     failure = SafeModeUnavailable(f"safe mode could not be taken: {words}")
     failure.reason = words
@@ -88,7 +89,7 @@ class SafeMode(Protocol):
     """Interface of the executor to the mechanism that undoes a change."""
 
     beside: tuple[Command, ...]
-    """Asked in the same round trip as every turn of writing; `read_holder` reads the answers."""
+    """Commands sent in the same round trip as every write turn; `read_holder` reads the replies."""
 
     def read_holder(self, answers: Sequence[Reply]) -> Holder | None:
         """Return the holder according to the replies to `beside`; None if they do not show it."""
@@ -97,7 +98,7 @@ class SafeMode(Protocol):
         """Take safe mode. Raises DeviceError if it is not ours afterwards."""
 
     taking: tuple[Command, ...]
-    """What takes it, to be sent beside other things; `confirm_take` reads the answers."""
+    """Commands that take safe mode, to be sent with others; `confirm_take` reads the replies."""
 
     async def confirm_take(self, session: Channel, answers: Sequence[Reply]) -> Holder:
         """Read the replies to `taking`. Raises SafeModeUnavailable if it is not ours, SessionLost."""

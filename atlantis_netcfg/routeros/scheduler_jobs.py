@@ -37,7 +37,7 @@ MENU = "/system/scheduler"
 _PRINT = f"{MENU}/print"
 _EITHER = (f"?name={DEAD_MAN}", f"?name={PAIR}", "?#|", f"?name={USE}", "?#|")
 READ_JOBS = Command(_PRINT, ((".proplist", ".id,name,comment"),), _EITHER)
-"""Reads the jobs of ours; a device without any answers with a few bytes."""
+"""Reads our jobs; a device without jobs replies with a few bytes."""
 _READ_BACK = ((".proplist", ".id,name,comment,disabled,invalid,.about"),)
 _FALSE, _TRUE = ("false", "no"), ("true", "yes")
 _DEAD_MAN_PREFIX = (
@@ -62,7 +62,7 @@ class ArmedJob:
     id: str
     name: str
     owner: str
-    """Whose run has armed it, as its comment says."""
+    """Owner of the run that armed it, from the job's comment."""
 
 
 def jobs_of(rows: Iterable[Row]) -> tuple[ArmedJob, ...]:
@@ -79,9 +79,9 @@ class DeadMan:
     """An armed dead-man job."""
 
     id: str
-    """Empty: it was sent, and not read back."""
+    """`.id` of the job; empty: sent, but not read back."""
     armed_at: float
-    """On the loop's clock, before the job was sent."""
+    """Loop time before the job was sent."""
     after_s: float
 
     def is_near(self, now: float) -> bool:

@@ -27,7 +27,7 @@ OF_THE_BOX = frozenset(
         ("/ip/address", "network"),
     }
 )
-"""Properties of rows that the device gives itself: a replacement has its own."""
+"""Properties that the device assigns itself: a replacement device has its own."""
 
 
 def write(device: str, desired_state: DesiredState, observation: Observation) -> str:
@@ -61,7 +61,7 @@ def _rows(menu: Menu, items: tuple[RowItem, ...], rows: tuple[Row, ...]) -> Iter
 
     The routing menus of RouterOS 7 export exactly what was set, so that the state is identical.
     """
-    # Rows of first-match menus have no keys: what ties them to the declaration is our comment.
+    # Rows of first-match menus have no keys: what ties them to the inventory is our comment.
     identity = menu.identity if menu.keys or menu.shape is Shape.SINGLETON else lambda values: values.get("comment")
     names_by_key: dict[object, frozenset[str]] = {}
     for item in items:

@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
 
 MARK: Final = "atlantis: scratch row of verify"
-"""Comment of the scratch rows, by which a person would know them."""
+"""Comment by which a person recognises the scratch rows."""
 CLOSE_S: Final = 10.0
 UNDO_S: Final = 720.0
-"""How long a dead session may keep safe mode: about nine minutes, and some more."""
+"""Maximum time for which a dead session keeps safe mode: about nine minutes, and a margin."""
 _SOON_S: Final = 60.0
-"""A device that has heard of the end of a session undoes what it held before that."""
+"""Timeout for changes to be undone when the device knows of the end of the session."""
 _MENU: Final = "/ip/dns/static"
 _SAFE_MODE: Final = safe_mode.ApiSafeMode()
 _ISO = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d")
@@ -42,7 +42,7 @@ _NAMES_A_ROW = re.compile(r"/(set|remove|move|enable|disable|comment|unset)\b|[ 
 
 Judgement = tuple[Verdict, str]
 _WHO = re.compile(r"\S+@(?=\S)|\b\d{1,3}(?:\.\d{1,3}){3}\b|\b[0-9A-Fa-f]{0,4}(?::[0-9A-Fa-f]{0,4}){3,}")
-"""A user before an address, addresses of either family, MAC addresses: a device's words may name them."""
+"""A user before an address, addresses of either family, MAC addresses: they may occur in a device's messages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +51,9 @@ class AssumptionFinding:
 
     id: str
     verdict: Verdict
-    """PASS: it holds; FAIL: it does not; SKIP: this device cannot show it now; INCONCLUSIVE: no usable answer."""
+    """PASS: it holds; FAIL: it does not; SKIP: cannot be shown on this device now; INCONCLUSIVE: no usable reply."""
     evidence: str
-    """Without addresses and names of users: it is sent to others."""
+    """Evidence without addresses and user names: it is sent to others."""
 
     @classmethod
     def of(cls, name: str, judgement: Judgement) -> AssumptionFinding:
@@ -223,7 +223,7 @@ def _judge_refusal(replies: Sequence[api.Reply]) -> Judgement | None:
 
 
 _PARSE_LINES = ("/system/identity/print", "/system/identity/set atlantis=no", "/atlantis")
-"""A line that every version takes, one with an unknown argument, one with an unknown menu."""
+"""A line that every version accepts, one with an unknown argument, one with an unknown menu."""
 
 
 def _parse_words(replies: Sequence[api.Reply]) -> Judgement:
@@ -261,7 +261,7 @@ def _ambiguous(replies: Sequence[api.Reply]) -> Judgement:
 _LIST_ARGUMENT = ("/interface/bridge", "protocol-mode")
 _QUERY_WORDS = ("none", "rstp")
 _TIMES = 10
-"""How often the same list is asked for: over the API a long one loses a word now and then."""
+"""Number of requests for the same list: over the API a long list sometimes loses a word."""
 
 
 def _judge_inspection(replies: Sequence[api.Reply]) -> Judgement:
@@ -309,7 +309,7 @@ CHECKS: Final[Mapping[str, AssumptionCheck]] = {
         _judge_inspection,
     ),
 }
-"""Beside these `read` shows `api-flight-100` and `tls-version`, which are of the session and not of an answer."""
+"""Checks of single replies. `api-flight-100` and `tls-version` are shown by `read`: they belong to the session."""
 _RESOURCE = _print("/system/resource", "version,board-name,architecture-name")
 
 
@@ -354,7 +354,7 @@ def _forbidden(reply: api.Reply) -> bool:
 # With scratch rows.
 
 TRIES: Final = tuple(each.id for each in ASSUMPTIONS if each.proof == TRY)
-"""What `try_out` shows."""
+"""Assumptions that `try_out` shows."""
 
 
 def _scratch(name: str) -> tuple[tuple[str, str], ...]:
@@ -382,7 +382,7 @@ def _scratch_query(menu: str) -> api.Command:
 _SCRATCH_ROWS = _scratch_query(_MENU)
 _ROUTE, _BRIDGE, _JOB = "/ip/route", "/interface/bridge", "/system/scheduler"
 _SCRATCH_MENUS = (_MENU, _ROUTE, _BRIDGE, _JOB)
-"""Where rows may be left, in the order in which they are removed."""
+"""Menus with scratch rows, in the order of removal."""
 _EVERY_MARKED = tuple(map(_scratch_query, _SCRATCH_MENUS))
 _BY_HAND = "; ".join(
     f'{menu.replace("/", " ").replace(" ", "/", 1)} remove [find comment="{MARK}"]' for menu in _SCRATCH_MENUS
@@ -390,7 +390,7 @@ _BY_HAND = "; ".join(
 _ALL = _print(_MENU, ".id")
 _HISTORY = _print("/system/history", ".id")
 _SCRIPT_ROWS: Final = 3
-"""Rows that the first script adds."""
+"""Number of rows that the first script adds."""
 _NOT_TRIED = (Verdict.INCONCLUSIVE, "not tried: the session was lost before")
 
 

@@ -42,11 +42,11 @@ class Log:
 
     entries: tuple[LogEntry, ...]
     damage: tuple[str, ...] = ()
-    """Each damaged line, with its device where that can still be read."""
+    """Each damaged line, with its device if still readable."""
     has_torn_end: bool = False
-    """The last line has no end: the run was killed while it wrote it, or the file has lost its tail."""
+    """The last line is incomplete: the run was killed while writing, or the file has lost its end."""
     checksum: bytes = b""
-    """Of the last line: the next one continues from it."""
+    """Checksum of the last line: the next one continues from it."""
 
     @property
     def records(self) -> tuple[Record, ...]:
@@ -119,7 +119,7 @@ def _entry(text: bytes) -> LogEntry | None:
 
 FILE = "journal.jsonl"
 NOT_RECORDED = "not recorded"
-"""What a result says that is not in the journal."""
+"""Text in the message of a result that is not in the journal."""
 
 
 def utc_now() -> datetime:

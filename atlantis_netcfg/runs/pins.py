@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _HOST_KEY = "ssh "
-"""Before a device's name where its host key is kept; names have no spaces."""
+"""Prefix of a device's name for its host key; names contain no spaces."""
 _WINDOW = "window "
-"""Before a device's name where is kept how many questions it bears at once."""
+"""Prefix of a device's name for the number of parallel requests that it supports."""
 
 
 class Pins:

@@ -20,38 +20,38 @@ class CostRecord:
     kind: Literal["cost-counted"] = "cost-counted"
     device: str
     bearer: str
-    """The link that carried it, as far as it is known; `declared` is the one that was to."""
+    """The link that carried the traffic, if known; `declared` is the intended one."""
     declared: str
     accepted: bool
-    """Whether a person had agreed to pay."""
+    """Whether the user had consented to the cost."""
     expected_bytes: int | None
     sent_bytes: int
-    """Counted by us, in both directions, with what TLS and TCP add."""
+    """Counted by us, in both directions, including TLS and TCP overhead."""
     router_bytes: int | None
-    """What the router's own counter rose by meanwhile, others' traffic included; None: not read."""
+    """Increase of the router's counter during the run, including other traffic; None: not read."""
     billed_bytes: int
     price: str | None
-    """In `currency`; None: no tariff is declared."""
+    """Price in `currency`; None: no tariff is declared."""
     currency: str | None
 
 
 SETTLED_STATUSES = frozenset(
     {"unchanged", "changed", "planned", "drifted", "refused", "rolled-back", "left-as-found", "half-adopted"}
 )
-"""Outcomes after which nothing of the run is open on the device; the other one is `unknown`."""
+"""Outcomes after which nothing of the run is open on the device; the only other one is `unknown`."""
 
 
 class Purpose(StrEnum):
     """Purpose of a run: only a run of the same purpose completes one that was killed."""
 
     CONFIGURE = "configure"
-    """To the declared state, or to a saved one."""
+    """Apply the declared state, or a saved one."""
     BACKUP = "backup"
     """Nothing is changed, so nothing is ever left open."""
     ADOPT = "adopt"
     UPGRADE = "upgrade"
     INSTALL = "install"
-    """An identity of the VPN on a router."""
+    """Install a VPN identity on a router."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,14 +68,14 @@ class RunStart:
     rehearsed: bool
     command: str
     back_to: str | None = None
-    """Rollback: the run whose state before it is put back."""
+    """Rollback: the run whose initial state is restored."""
     restore: str | None = None
-    """Restore: the run whose confirmed state is put on the device."""
+    """Restore: the run whose confirmed state is written to the device."""
     purpose: Purpose = Purpose.CONFIGURE
     prepares: bool = False
-    """It configured fresh emulated devices for another command, and nobody asked for the state before it."""
+    """It only prepared fresh emulated devices for another command; `latest` skips it: its old state is not needed."""
     by: str = ""
-    """Adoption: who typed it, and on which computer, as these are called there; empty: it was not recorded."""
+    """Adoption: user and computer name of the operator, as set there; empty: not recorded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,7 +139,7 @@ class PlanRecord:
     kind: Literal["planned"] = "planned"
     device: str
     plan: str
-    """The plan's hash."""
+    """Hash of the plan."""
     actions: tuple[PlannedAction, ...]
 
 
@@ -291,7 +291,7 @@ class Outcome:
     exit: int
     message: str
     open: bool = False
-    """The device may still hold safe mode or a job of this run, also where nothing was changed."""
+    """The device may still hold safe mode or a job of this run, even if nothing was changed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _COMPLETE_STATUSES = frozenset({"unchanged", "changed"})
-"""Outcomes that stand for a device that was read back as it was to be."""
+"""Outcomes of a device that was read back in the expected state."""
 
 _TOUCHING = (SignRecord, ProtectionRecord, LayerSent, Releasing)
 """Records after which something of the run may be open on the device."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 RESULT = "result.json"
-"""Beside a run's journal: what its command has reported, the object of `--json`. Nothing of ours reads it."""
+"""File beside a run's journal with the command's report, the object of `--json`. We do not read it."""
 _ATTEMPTS = 10
 _PAUSE_S = 0.02
 
@@ -141,7 +141,7 @@ def _may_live(holder: LockHolder) -> bool:
 
 
 KEPT_RUNS = 10
-"""So many of the latest runs of a site are listed and searched; older ones are archived once nothing needs them."""
+"""Number of latest runs of a site that are listed and searched; older ones are archived when no longer needed."""
 _ARCHIVE = "archive"
 
 

@@ -28,12 +28,14 @@ if TYPE_CHECKING:
 
 _WHAT = "the bytes of this month"
 _BOOT_SLACK = timedelta(seconds=120)
-"""A device that was not restarted seems to have been started at another moment by so much: clocks are set, and an
-answer over a satellite may be 70 s old."""
+"""Tolerance of the computed start time of a device that was not restarted: clocks are set, and a reply over a
+
+satellite link may be 70 s old.
+"""
 _KEPT_MONTHS = 13
-"""Months that are kept of each bearer."""
+"""Number of months kept for each link."""
 _GAPS = 20
-"""Gaps that are kept of each month: the latest."""
+"""Number of gaps kept for each month: the latest."""
 _Count = Annotated[int, Field(ge=0)]
 
 
@@ -47,12 +49,12 @@ class Counters(_Data):
     device: str
     interface: str
     rx_bytes: _Count
-    """Into the port: from the bearer to the site."""
+    """Bytes into the port: from the link to the site."""
     tx_bytes: _Count
     at: AwareDatetime
-    """When, by this computer's clock, with its time zone."""
+    """Time of the reading by this computer's clock, with time zone."""
     uptime_s: float | None = None
-    """Since the device was started, in seconds; None: not asked."""
+    """Seconds since the device started; None: not requested."""
 
     @property
     def bytes(self) -> int:
@@ -66,13 +68,13 @@ class _Month(_Data):
     gaps: tuple[str, ...] = ()
 
 
-class _BearerUsage(_Data):
+class _LinkUsage(_Data):
     last: Counters
     months: dict[str, _Month] = {}
 
 
 class _UsageFile(_Data):
-    bearers: dict[str, _BearerUsage] = {}
+    bearers: dict[str, _LinkUsage] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +82,11 @@ class MonthBytes:
     """Bytes that a link has carried in a calendar month (UTC), as far as the counters were read."""
 
     bytes: int | None = None
-    """Both directions; a lower bound where there are gaps. None: nobody has looked in this month."""
+    """Bytes in both directions; a lower bound if there are gaps. None: no reading in this month."""
     since: datetime | None = None
-    """From when on it was counted: the first look, which may be of an earlier month."""
+    """Start of counting: the first reading, which may be from an earlier month."""
     gaps: tuple[str, ...] = ()
-    """What was not counted, and why, oldest first."""
+    """Uncounted periods with the reason, oldest first."""
 
 
 class Usage:
@@ -93,13 +95,13 @@ class Usage:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def record(self, bearer: str, counters: Counters) -> int | None:
+    def record(self, link: str, counters: Counters) -> int | None:
         """Store a reading; return the increase since the last one, None if unknown.
 
         Raises JournalError if it cannot be written, DamagedStateError if the file is damaged.
         """
-        with self._writing() as bearers:
-            usage = bearers.get(bearer)
+        with self._writing() as links:
+            usage = links.get(link)
             rise, gap = _rise(usage.last if usage else None, counters)
             months = dict(usage.months) if usage else {}
             name = _month(counters.at)
@@ -107,37 +109,37 @@ class Usage:
             month = months.get(name, _Month(since=since))
             gaps = (*month.gaps, gap)[-_GAPS:] if gap is not None else month.gaps
             months[name] = _Month(bytes=month.bytes + (rise or 0), since=month.since, gaps=gaps)
-            bearers[bearer] = _BearerUsage(
+            links[link] = _LinkUsage(
                 last=counters, months={each: months[each] for each in sorted(months)[-_KEPT_MONTHS:]}
             )
         return rise
 
-    def month(self, bearer: str, now: datetime) -> MonthBytes:
+    def month(self, link: str, now: datetime) -> MonthBytes:
         """Return the known usage in the month of `now`. Raises DamagedStateError."""
-        usage = self._read().get(bearer)
+        usage = self._read().get(link)
         month = usage.months.get(_month(now)) if usage is not None else None
         return MonthBytes() if month is None else MonthBytes(month.bytes, month.since, month.gaps)
 
-    def last(self, bearer: str) -> Counters | None:
+    def last(self, link: str) -> Counters | None:
         """Return the latest reading. Raises DamagedStateError."""
-        usage = self._read().get(bearer)
+        usage = self._read().get(link)
         return None if usage is None else usage.last
 
     @contextmanager
-    def _writing(self) -> Iterator[dict[str, _BearerUsage]]:
+    def _writing(self) -> Iterator[dict[str, _LinkUsage]]:
         with files.os_errors_as(_WHAT, self._path):
             files.make_private(self._path.parent)
             guard = open_lock(self._path.with_suffix(".lock"))
             try:
                 fcntl.flock(guard, fcntl.LOCK_EX)
-                bearers = self._read()
-                yield bearers
-                text = _UsageFile(bearers=bearers).model_dump_json(indent=1)
+                links = self._read()
+                yield links
+                text = _UsageFile(bearers=links).model_dump_json(indent=1)
                 write_atomically(self._path, text.encode() + b"\n")
             finally:
                 os.close(guard)
 
-    def _read(self) -> dict[str, _BearerUsage]:
+    def _read(self) -> dict[str, _LinkUsage]:
         try:
             return dict(_UsageFile.model_validate(json.loads(self._path.read_bytes())).bearers)
         except FileNotFoundError:

@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 CONF = "/etc/openvpn/client/atlantis.conf"
 IDENTITY = "/etc/openvpn/client/atlantis.identity"
-"""Certificates and keys of the gateway, as `handout.identity_file` writes them."""
+"""Certificates and keys of the gateway, as written by `enrolment_package.identity_file`."""
 SERVICE = "openvpn-client@atlantis.service"
 
 _DROP_IN = f"/etc/systemd/system/{SERVICE}.d/atlantis.conf"
 _INTERFACE = "tun0"
 _RETRY_MAX_S = {MemberLink.FIBRE: 300, MemberLink.LTE: 300, MemberLink.SATELLITE: 900}
-"""Longest pause between two attempts: one that is refused costs 12 kB (facts 9)."""
+"""Longest pause between two attempts: a refused attempt costs 12 kB (facts 9)."""
 _RESTART_S = {MemberLink.FIBRE: 10, MemberLink.LTE: 30, MemberLink.SATELLITE: 300}
-"""Pause after the server has told it to leave, which ends the program."""
+"""Pause after the server has disconnected the client, which ends the program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class OpenvpnClient:
     packages: tuple[parts.Package, ...]
     configuration: parts.Configuration
     identity: Path | None
-    """File of this computer whose content belongs in `IDENTITY`; None: what the gateway has stays."""
+    """Local file whose content belongs in `IDENTITY`; None: the gateway keeps its own."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the parameters of the role's modules."""
@@ -54,7 +54,7 @@ class OpenvpnClient:
         }
 
 
-def openvpn_client(declaration: Declaration, host: Host, identity: Path | None) -> OpenvpnClient:
+def openvpn_client(inventory: Inventory, host: Host, identity: Path | None) -> OpenvpnClient:
     """Build the part; pure. `identity` is a file of this computer or None; it is not read here."""
     if _tunnel_address(host) is None:
         absent_files = (CONF, _DROP_IN, IDENTITY)
@@ -64,9 +64,9 @@ def openvpn_client(declaration: Declaration, host: Host, identity: Path | None) 
     return OpenvpnClient(
         packages=(parts.Package("openvpn"),),
         configuration=parts.Configuration(
-            files=(parts.File(CONF, _conf(declaration, host)), parts.File(_DROP_IN, _drop_in(declaration, host))),
+            files=(parts.File(CONF, _conf(inventory, host)), parts.File(_DROP_IN, _drop_in(inventory, host))),
             units=(parts.Unit(SERVICE, enabled=runs, active=runs, after=(CONF, _DROP_IN, IDENTITY)),),
-            brought=() if identity is not None else (parts.Brought(IDENTITY, _nobody(host)),),
+            brought=() if identity is not None else (parts.UserSuppliedFile(IDENTITY, _nobody(host)),),
         ),
         identity=identity,
     )
@@ -79,9 +79,9 @@ _LINKS = {
 }
 
 
-def site_link(declaration: Declaration, site: str) -> MemberLink:
+def site_link(inventory: Inventory, site: str) -> MemberLink:
     """Return the slowest link kind of a site's tunnel: satellite before 4G before the rest."""
-    return _LINKS[max((bearer.kind.traits.pace for bearer in declaration.sites[site].bearers), default=model.Pace.FAST)]
+    return _LINKS[max((link.kind.traits.pace for link in inventory.sites[site].bearers), default=model.Pace.FAST)]
 
 
 def _tunnel_address(host: Host) -> IPv4Address | None:
@@ -96,15 +96,15 @@ def _nobody(host: Host) -> str:
     )
 
 
-def _conf(declaration: Declaration, host: Host) -> str:
-    vpn = declaration.pilot.vpn
-    link = site_link(declaration, host.site)
+def _conf(inventory: Inventory, host: Host) -> str:
+    vpn = inventory.pilot.vpn
+    link = site_link(inventory, host.site)
     ping_s, ping_restart_s = TIMERS[link]
     udp = vpn.transport is model.Transport.UDP
     view = {
         "name": host.name,
         "proto": "udp4" if udp else "tcp4-client",
-        "remote": _remote(declaration, host),
+        "remote": _remote(inventory, host),
         "port": vpn.port,
         "interface": _INTERFACE,
         "server": vpn.server,
@@ -119,14 +119,14 @@ def _conf(declaration: Declaration, host: Host) -> str:
     return environment().get_template("openvpn/client.conf.j2").render(client=view)
 
 
-def _remote(declaration: Declaration, host: Host) -> IPv4Address:
+def _remote(inventory: Inventory, host: Host) -> IPv4Address:
     """Return the server's address as seen by the host: the public one, or in the server's own site its LAN address."""
-    server = declaration.hosts[declaration.pilot.vpn.server]
+    server = inventory.hosts[inventory.pilot.vpn.server]
     if server.site == host.site and isinstance(server.device, model.VpnServer):
         return server.device.address
-    return declaration.pilot.vpn.endpoint
+    return inventory.pilot.vpn.endpoint
 
 
-def _drop_in(declaration: Declaration, host: Host) -> str:
-    view = {"restart_s": _RESTART_S[site_link(declaration, host.site)], "identity": IDENTITY}
+def _drop_in(inventory: Inventory, host: Host) -> str:
+    view = {"restart_s": _RESTART_S[site_link(inventory, host.site)], "identity": IDENTITY}
     return environment().get_template("openvpn/client-service.conf.j2").render(client=view)

@@ -49,7 +49,7 @@ SYSTEMS: Mapping[MemberKind, tuple[ClientSystem, ...]] = {
     MemberKind.ROUTER: (ClientSystem.ROUTEROS,),
     MemberKind.HOST: (),
 }
-"""What each kind of member may run. Where there is no choice it need not be said."""
+"""Systems permitted for each kind of member; with a single choice it may be omitted."""
 
 
 class MemberLink(StrEnum):
@@ -65,13 +65,17 @@ TIMERS: Mapping[MemberLink, tuple[int, int]] = {
     MemberLink.LTE: (25, 120),
     MemberLink.SATELLITE: (170, 600),
 }
-"""`ping` and `ping-restart` in seconds. Satellite: 69 kB a day, and RouterOS forgets a silent UDP stream after 180 s;
-4G [inferred]: mobile networks forget a silent UDP flow after half a minute."""
+"""`ping` and `ping-restart` in seconds. Satellite: 69 kB a day, and RouterOS drops a silent UDP stream after 180 s.
+
+4G [inferred]: mobile networks drop a silent UDP flow after half a minute.
+"""
 RENEGOTIATION_S = 24 * 3600
-"""A session gets new keys so often: `reneg-sec` of the server and of each member that takes it. Whoever is revoked is
-cut at once by the server's management interface, which does not wait for new keys (facts 5)."""
+"""Interval of new session keys: `reneg-sec` of the server and of each member that supports it. A revoked member is
+
+disconnected at once through the server's management interface, which does not wait for new keys (facts 5).
+"""
 ROUTEROS_RENEGOTIATION_S = 3600
-"""RouterOS has no such option: it is taken to do as OpenVPN does by default."""
+"""RouterOS has no such option: it is assumed to use OpenVPN's default."""
 
 
 class Wrap(StrEnum):
@@ -92,11 +96,11 @@ class CertificateStatus(StrEnum):
     """The status of a certificate."""
 
     ISSUED = "issued"
-    """Good, and not yet seen in use."""
+    """Valid, and not yet seen in use."""
     SEEN = "seen"
-    """Good, and the server has seen it."""
+    """Valid, and seen by the server."""
     SUPERSEDED = "superseded"
-    """Its successor was seen: the server admits it no more, and the next list will hold it."""
+    """Its successor was seen: the server no longer accepts it, and the next list will contain it."""
     REVOKED = "revoked"
 
 
@@ -105,17 +109,17 @@ class Certificate:
     """One certificate of a member."""
 
     common_name: str
-    """The member's name, and for a successor `.2`, `.3`, …: each has its own file at the server, and is seen alone."""
+    """Member name, plus `.2`, `.3`, … for successors: each has its own file at the server and its own sightings."""
     serial: int
     sha256: str
-    """Of its DER form, hex."""
+    """SHA-256 of the DER form, hex."""
     not_before: datetime
     not_after: datetime
     wrap: Wrap
     key: KeyType
     standing: CertificateStatus
     seen: datetime | None = None
-    """Last time that the server was seen to have a session of it."""
+    """Last time when the server had a session of this certificate; None: never."""
     revoked: datetime | None = None
     reason: str = ""
 
@@ -133,18 +137,18 @@ class Member:
     """`PARTNER-DEVICE`, or the name of a declared host."""
     kind: MemberKind
     partner: str | None
-    """Key in the declaration; None: the pilot's own."""
+    """Key in the inventory; None: the pilot's own member."""
     device: str
     address: IPv4Address
     link: MemberLink
     vehicle: str | None
-    """Key in the declaration of the robot that it is; None: none of them."""
+    """Inventory key of this robot; None: not a declared robot."""
     certificates: tuple[Certificate, ...]
     """Oldest first."""
     system: ClientSystem | None = None
-    """What its tunnel is started on; None: nobody has said it."""
+    """System that runs the tunnel; None: unknown."""
     distribution: RosDistribution | None = None
-    """Release of ROS 2, as said at onboarding; what the declaration says of its vehicle counts more."""
+    """ROS 2 release given at onboarding; the inventory's value for the vehicle takes precedence."""
 
     @property
     def good(self) -> tuple[Certificate, ...]:
@@ -157,13 +161,13 @@ class MembershipList:
     """The members according to the ledger."""
 
     members: Mapping[str, Member]
-    """By name, in the order of their onboarding."""
+    """Members by name, in order of onboarding."""
     crl_number: int
     crl_sha256: str
-    """Of the list that was published last."""
+    """SHA-256 of the last published list."""
     crl_next_update: datetime
     queued_names: tuple[str, ...]
-    """Common names that were revoked, and of which the server has not confirmed that they are dead."""
+    """Revoked common names that the server has not yet confirmed as disconnected."""
 
     def certificates(self) -> Iterator[tuple[Member, Certificate]]:
         """Yield every certificate with its member."""
@@ -179,9 +183,9 @@ class Identity:
     member: Member
     certificate: Certificate
     ca: str
-    """PEM, as all of these."""
+    """Certificate of the CA; PEM, like all of these."""
     cert: str
     key: Secret
-    """PKCS #8, not encrypted."""
+    """Private key, PKCS #8, not encrypted."""
     wrap_key: Secret
-    """tls-crypt-v2 client key, or the shared tls-crypt key, as `certificate.wrap` says."""
+    """tls-crypt-v2 client key, or the shared tls-crypt key, according to `certificate.wrap`."""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.vpn.authority.signer import Signer
     from atlantis_netcfg.vpn.identity import Identity, Member
 
@@ -39,11 +39,11 @@ class OperatorContext:
 
     authority: Authority
     who: str
-    """For the record."""
+    """User name for the ledger."""
     waiting: Callable[[str], None]
-    """Is told for whom the command waits, if it does."""
+    """Called with the lock holder's description while the command waits."""
     trust_clock: bool = False
-    """A person has said that this computer's clock is right, although the record's last entry is later."""
+    """The user confirms this computer's clock, although the ledger's last entry is later."""
 
     def unlock(self, passphrase: Callable[[], Secret]) -> AbstractContextManager[Signer]:
         """Open a signing session, see `Authority.unlock`."""
@@ -55,14 +55,14 @@ _CONTACT_MAX = 200
 
 
 @dataclass(frozen=True, slots=True)
-class HandoutTarget:
+class PackageTarget:
     """Recipients of enrolment packages, and the folder for copies."""
 
     recipients: Mapping[str, str] = field(default_factory=dict)
-    """Public key by the name of the member; the others get a one-time passphrase."""
+    """Public keys by member name; other members get a one-time passphrase."""
     copies: Path | None = None
     contact: str = CONTACT
-    """Whom the owner of a device calls, on the page of instructions."""
+    """Contact for the owner of a device, printed on the instruction page."""
 
     def __post_init__(self) -> None:
         """Raise UsageError for values that would fail during issuing."""
@@ -76,29 +76,27 @@ class HandoutTarget:
 
 
 @dataclass(frozen=True, slots=True)
-class HandedOut:
+class DeliveredMember:
     """A member, its newest certificate, and the file for the owner of the device."""
 
     result: model.IssueResult
     file: Path
     copy: Path | None = None
     cover_note: Path | None = None
-    """What is sent along with the file; None where nothing is sent, or it was made before."""
+    """Text sent together with the file; None: nothing is sent, or it was created before."""
     passphrase: Secret | None = None
-    """Opens the file; it is shown this one time only."""
+    """Passphrase of the file, shown only this once."""
 
 
-def reserved_addresses(
-    declaration: Declaration, requests: Sequence[model.EnrolmentRequest] = ()
-) -> frozenset[IPv4Address]:
+def reserved_addresses(inventory: Inventory, requests: Sequence[model.EnrolmentRequest] = ()) -> frozenset[IPv4Address]:
     """Return addresses reserved by the inventory: of the server, computers and DDS peers.
 
     An address named by a request is available for that member.
     """
-    pilot = declaration.pilot
-    server = getattr(declaration.hosts[pilot.vpn.server].device, "vpn_address", None)
+    pilot = inventory.pilot
+    server = getattr(inventory.hosts[pilot.vpn.server].device, "vpn_address", None)
     peers = pilot.dds.peers if pilot.dds is not None else ()
-    used_addresses = {*computers(declaration).values(), *(peer.address for peer in peers)}
+    used_addresses = {*computers(inventory).values(), *(peer.address for peer in peers)}
     return frozenset(
         {*used_addresses, *([] if server is None else [server])} - {request.address for request in requests}
     )
@@ -108,12 +106,12 @@ def reserved_addresses(
 class Onboarding:
     """The issuing of one command: delivered files are kept by common name until the command prints them."""
 
-    declaration: Declaration
+    inventory: Inventory
     operator: OperatorContext
-    target: HandoutTarget
+    target: PackageTarget
     _packages: dict[str, tuple[Path, Path | None, Path, Secret | None]] = field(default_factory=dict)
 
-    def find_existing(self, requests: Sequence[model.EnrolmentRequest]) -> tuple[HandedOut, ...]:
+    def find_existing(self, requests: Sequence[model.EnrolmentRequest]) -> tuple[DeliveredMember, ...]:
         """Return the members if all exist exactly as requested, so that no passphrase is needed.
 
         Empty if anything remains to be done. Raises NameTaken.
@@ -124,19 +122,21 @@ class Onboarding:
         same = all(_same(request, member) for request, member in pairs)
         return tuple(self._there(member) for _, member in pairs) if same and len(pairs) == len(requests) else ()
 
-    def _there(self, member: Member) -> HandedOut:
+    def _there(self, member: Member) -> DeliveredMember:
         newest = member.good[-1]
         path = _place(self.operator.authority.folder, newest.common_name)
         if member.partner is None and not path.exists():
             path = enrolment_package.host_identity(self.operator.authority.folder, member.name)
         digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
-        return HandedOut(model.IssueResult(member, newest, model.HandoutFile(str(path), digest), already=True), path)
+        return DeliveredMember(
+            model.IssueResult(member, newest, model.EnrolmentFile(str(path), digest), already=True), path
+        )
 
     def issue(
         self, requests: Sequence[model.EnrolmentRequest], passphrase: Callable[[], Secret]
-    ) -> tuple[HandedOut, ...]:
+    ) -> tuple[DeliveredMember, ...]:
         """Create the members. Raises UsageError for refused requests, and the errors of `Authority.unlock`."""
-        addresses = reserved_addresses(self.declaration, requests)
+        addresses = reserved_addresses(self.inventory, requests)
         with self.operator.unlock(passphrase) as signer:
             return tuple(
                 self._handed_out(item) for item in signer.issue(requests, self._deliver, reserved_addresses=addresses)
@@ -144,18 +144,18 @@ class Onboarding:
 
     def renew(
         self, renewals: Sequence[tuple[Member, model.RenewalRequest]], passphrase: Callable[[], Secret]
-    ) -> tuple[HandedOut, ...]:
+    ) -> tuple[DeliveredMember, ...]:
         """Issue a successor for each certificate, with the changes of its request."""
         with self.operator.unlock(passphrase) as signer:
             return tuple(
                 self._handed_out(signer.renew(member.name, self._deliver, change)) for member, change in renewals
             )
 
-    def _handed_out(self, result: model.IssueResult) -> HandedOut:
+    def _handed_out(self, result: model.IssueResult) -> DeliveredMember:
         name = result.certificate.common_name
-        return HandedOut(result, *self._packages.get(name, (Path(result.file.path), None, None, None)))
+        return DeliveredMember(result, *self._packages.get(name, (Path(result.file.path), None, None, None)))
 
-    def _deliver(self, identity: Identity) -> model.HandoutFile:
+    def _deliver(self, identity: Identity) -> model.EnrolmentFile:
         """Write the member's file, before its delivery is recorded."""
         recipient = self.target.recipients.get(identity.member.name)
         if identity.member.partner is None:
@@ -163,7 +163,7 @@ class Onboarding:
             if recipient is None and self.target.copies is None:
                 return package_file
         sealing = enrolment_package.OneTimePassphrase() if recipient is None else enrolment_package.Recipient(recipient)
-        package = enrolment_package.handout(self.declaration, identity, sealing, contact=self.target.contact)
+        package = enrolment_package.build_package(self.inventory, identity, sealing, contact=self.target.contact)
         common_name = identity.certificate.common_name
         place = _place(self.operator.authority.folder, common_name)
         private_directory(place.parent)
@@ -173,15 +173,15 @@ class Onboarding:
         copy = self._write_copy(package.file_name, package.data)
         note = self._write_copy(note.name, text) or note
         self._packages[common_name] = (place, copy, note, package.passphrase)
-        return model.HandoutFile(str(place), package.sha256)
+        return model.EnrolmentFile(str(place), package.sha256)
 
-    def _keep(self, identity: Identity) -> model.HandoutFile:
+    def _keep(self, identity: Identity) -> model.EnrolmentFile:
         """Store the identity of an inventory computer, for the role that installs it."""
         data = identity_file(identity).reveal().encode()
         place = enrolment_package.host_identity(self.operator.authority.folder, identity.member.name)
         private_directory(place.parent)
         write_atomically(place, data)
-        return model.HandoutFile(str(place), sha256(data).hexdigest())
+        return model.EnrolmentFile(str(place), sha256(data).hexdigest())
 
     def _write_copy(self, name: str, data: bytes) -> Path | None:
         if self.target.copies is None:
@@ -228,20 +228,20 @@ def revoke(
         return signer.revoke([member.name for member in members], reason)
 
 
-def server_names(declaration: Declaration) -> model.ServerNames:
+def server_names(inventory: Inventory) -> model.ServerNames:
     """Return the names in the server's certificate; RouterOS compares them with the address it connects to."""
-    vpn = declaration.pilot.vpn
-    lan = getattr(declaration.hosts[vpn.server].device, "address", None)
+    vpn = inventory.pilot.vpn
+    lan = getattr(inventory.hosts[vpn.server].device, "address", None)
     addresses = (vpn.endpoint,) if lan is None else (vpn.endpoint, lan)
-    return model.ServerNames(server_name(declaration), (vpn.endpoint_name,), addresses)
+    return model.ServerNames(server_name(inventory), (vpn.endpoint_name,), addresses)
 
 
-def existing_authority(folder: Path, declaration: Declaration) -> Authority | None:
+def existing_authority(folder: Path, inventory: Inventory) -> Authority | None:
     """Return the existing authority. Raises UsageError if its server differs from the inventory's."""
     if not Authority.exists(folder):
         return None
     authority = Authority.open(folder)
-    names, declared_names = authority.server(), server_names(declaration)
+    names, declared_names = authority.server(), server_names(inventory)
     if names != declared_names:
         raise UsageError(
             f"{folder} has an authority whose server is {_names_text(names)}, and the inventory declares "
@@ -252,9 +252,9 @@ def existing_authority(folder: Path, declaration: Declaration) -> Authority | No
     return authority
 
 
-def refuse_example_authority(declaration: Declaration, *, is_explicit: bool) -> None:
+def refuse_example_authority(inventory: Inventory, *, is_explicit: bool) -> None:
     """Raise UsageError if the inventory has example values, unless an explicit folder makes this a trial."""
-    if declaration.pilot.example_values and not is_explicit:
+    if inventory.pilot.example_values and not is_explicit:
         raise UsageError(
             "the inventory still holds example values, and nobody could use what is made of them",
             hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, "

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Member, MembershipList
 
 LONGEST = 48
-"""Characters of a name; with a successor's `.2` it stays below the 64 of a common name (RFC 5280, ub-common-name)."""
+"""Maximum characters; with a successor's `.2` below the 64 of a common name (RFC 5280, ub-common-name)."""
 NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,46}[a-z0-9])?")
-"""The grammar, to be matched in full: `$` would let a newline at the end through."""
+"""Name syntax, for `fullmatch`: `$` would accept a newline at the end."""
 
 _OPENVPN = "default server"
-"""OpenVPN's file for clients that have none of their own (`DEFAULT`, whatever the case of a disk), and the server."""
+"""OpenVPN's file for clients without their own (`DEFAULT`, in any case if the disk ignores case), and the server."""
 _NFT = """
     accept add after ah all and any arp at audit auth before bridge burst bypass bytes bypassed cgroup chain chains
     classid code comment comp confirmed constant continue count counter counters cpu create ct daddr day dccp delete
@@ -34,7 +34,7 @@ _NFT = """
     udplite undefine until update used version vlan vmap vxlan wscale xt xor zone
 """
 RESERVED_WORDS = frozenset(f"{_OPENVPN} {_NFT}".split())
-"""Words that mean something else where a name is used: nft cannot tell a set called `log` from the statement."""
+"""Words with another meaning where a name is used: nft cannot distinguish a set called `log` from the statement."""
 
 _MAX_SHOWN = 60
 _WHY = {

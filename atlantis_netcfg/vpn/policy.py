@@ -21,7 +21,7 @@ from atlantis_netcfg.vpn import identity
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 class Protocol(StrEnum):
@@ -78,7 +78,7 @@ class Permission:
     destination: Zone | None
     traffic: PolicyTraffic
     why: str
-    """A few words, in the firewall a comment."""
+    """Short reason, used as a comment in the firewall."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +95,11 @@ class Policy:
 
     server: Party
     server_addresses: frozenset[IPv4Address]
-    """Of the tunnel and of its LAN: whatever is sent to them, the server itself receives."""
+    """Addresses of the server in the tunnel and in its LAN: packets to them are for the server itself."""
     members: Mapping[str, tuple[IPv4Network, ...]]
-    """Whom the server admits, by name: the tunnel address, and of a site's router also what lies behind it."""
+    """Admitted members by name: the tunnel address, and for a site's router also the networks behind it."""
     beside: Zone
-    """The LAN in which the server stands, and what its router joins to it: reached without the tunnel."""
+    """LAN of the server, and networks that its router connects to it: reached without the tunnel."""
     permissions: tuple[Permission, ...]
 
     @cached_property
@@ -154,24 +154,24 @@ def zone_of(name: str, networks: Iterable[IPv4Network]) -> Zone:
     )
 
 
-def policy(declaration: Declaration, membership: identity.MembershipList) -> Policy:
+def policy(inventory: Inventory, membership: identity.MembershipList) -> Policy:
     """Return the policy of a pilot, without revoked members and those whose partner or host left the inventory."""
-    return _PolicyDraft(declaration, membership).policy()
+    return _PolicyDraft(inventory, membership).policy()
 
 
 _HOST_KINDS = frozenset({identity.MemberKind.HOST, identity.MemberKind.ROUTER})
-"""Of the pilot's own members these are hosts of the declaration."""
+"""Kinds of the pilot's own members that are hosts in the inventory."""
 
 
 class _PolicyDraft:
     """Builder of a policy from the zones of a pilot."""
 
-    def __init__(self, declaration: Declaration, membership: identity.MembershipList) -> None:
-        self._pilot = declaration.pilot
-        self._partners = declaration.partners
-        self._sites = declaration.sites
-        self._hosts = declaration.hosts
-        self._all_vehicles = declaration.vehicles
+    def __init__(self, inventory: Inventory, membership: identity.MembershipList) -> None:
+        self._pilot = inventory.pilot
+        self._partners = inventory.partners
+        self._sites = inventory.sites
+        self._hosts = inventory.hosts
+        self._all_vehicles = inventory.vehicles
         self._members = [item for item in membership.members.values() if item.good and self._is_declared(item)]
         self._behind = {member.name: self._networks(member) for member in self._members}
 
@@ -328,23 +328,23 @@ def _addresses(host: Host, *, lan: bool) -> tuple[IPv4Address, ...]:
 
 
 TABLE = "p_atlantis_vpn"
-"""Of family inet."""
+"""Name of the nftables table, family inet."""
 MEMBERS_SET = "p_members"
-"""The set without which nothing passes: an element that is taken out of it has no traffic from then on."""
+"""Firewall set of admitted members: an element that is removed has no traffic from then on."""
 _PING = "icmp type { echo-request, echo-reply }"
 _ANSWER = "ct state established ct direction reply"
 
 
-def firewall(declaration: Declaration, membership: identity.MembershipList) -> str:
+def firewall(inventory: Inventory, membership: identity.MembershipList) -> str:
     """Return the rules for `nft -f`, which loads them atomically; loading is idempotent.
 
     Established connections are not matched: each packet is checked on its own, and only replies of services are
     recognised by their connection. Therefore traffic that the policy no longer permits is cut as soon as the rules are
     loaded.
     """
-    vpn = declaration.pilot.vpn
+    vpn = inventory.pilot.vpn
     ends_s = None if vpn.shared_key_until is None else _end_of_day_s(vpn.shared_key_until)
-    return text(policy(declaration, membership), shared_key_ends_s=ends_s, port=vpn.port)
+    return text(policy(inventory, membership), shared_key_ends_s=ends_s, port=vpn.port)
 
 
 def _end_of_day_s(day: str) -> int:

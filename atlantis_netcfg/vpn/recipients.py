@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 _LONGEST = 20_000
-"""Characters of a file with a public key: RSA keys and comments have a few thousand."""
+"""Maximum characters of a public key file: RSA keys and comments have a few thousand."""
 _PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
 
 

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 NOT_REHEARSED = ("the VPN: clients run with identities of the rehearsal, and no server answers them",)
 _DAYS = 397
 
 
-def rehearsed_identity(declaration: Declaration, host: Host, wrap: Wrap = Wrap.TLS_CRYPT_V2) -> Identity:
+def rehearsed_identity(inventory: Inventory, host: Host, wrap: Wrap = Wrap.TLS_CRYPT_V2) -> Identity:
     """Return the identity of an inventory computer or router. Raises UsageError if it is not a VPN member."""
     address = _address(host)
     if address is None:
@@ -56,7 +56,7 @@ def rehearsed_identity(declaration: Declaration, host: Host, wrap: Wrap = Wrap.T
         partner=None,
         device=host.name,
         address=address,
-        link=site_link(declaration, host.site),
+        link=site_link(inventory, host.site),
         vehicle=None,
         certificates=(certificate,),
     )
@@ -91,12 +91,12 @@ def vpn_server(identity: Identity) -> Iterator[int]:
                 process.terminate()
 
 
-def identities(declaration: Declaration, hosts: Iterable[Host], folder: Path) -> Path:
+def identities(inventory: Inventory, hosts: Iterable[Host], folder: Path) -> Path:
     """Write the identities of member hosts where a request expects them; return the folder."""
     (folder / "hosts").mkdir(mode=0o700, parents=True)
     for host in hosts:
         if _address(host) is not None:
-            text = identity_file(rehearsed_identity(declaration, host)).reveal()
+            text = identity_file(rehearsed_identity(inventory, host)).reveal()
             write_atomically(folder / "hosts" / f"{host.name}.identity", text.encode())
     return folder
 

@@ -125,7 +125,7 @@ class Audit:
 
     entries: tuple[LedgerEntry, ...]
     agreement: Agreement | None
-    """None: the ledger is damaged, and none of its entries is told as true."""
+    """None: the ledger is damaged, and none of its entries is reported as true."""
     broken: tuple[errors.NetcfgError, ...]
 
     @property

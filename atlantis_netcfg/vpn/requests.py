@@ -24,12 +24,12 @@ from atlantis_netcfg.vpn.client import site_link
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 _Word = TypeVar("_Word", bound=StrEnum)
 _MOST_DAYS = 1825
-"""Of a member's certificate: it must end well before the authority does."""
+"""Maximum validity of a member's certificate: it must expire well before the authority does."""
 
 
 class InvalidRequest(UsageError):
@@ -96,12 +96,12 @@ def quote(value: str) -> str:
     return f"`{text[:60]}…`" if len(text) > 60 else f"`{text}`"  # noqa: PLR2004 - of a line
 
 
-def request_of_host(declaration: Declaration, check: RequestCheck) -> EnrolmentRequest | None:
+def request_of_host(inventory: Inventory, check: RequestCheck) -> EnrolmentRequest | None:
     """Return the request for an inventory host; None on errors, which are in `check`."""
     for word in ("partner", "device", "kind", "vehicle", "address", "system", "distribution", "openvpn"):
         if check.words[word] is not None:
             check.wrong(f"`{word}=` does not go with `host=`", "the inventory says it of a declared computer")
-    host = _find_declared_host(declaration, check)
+    host = _find_declared_host(inventory, check)
     link, wrap = check.choice("link", list(identity.MemberLink)), check.choice("wrap", list(identity.Wrap))
     key, days = check.choice("key", list(identity.KeyType)), check.days()
     if host is None or check.run_check(lambda: names.check_name(host.name, "host")) is None:
@@ -112,20 +112,20 @@ def request_of_host(declaration: Declaration, check: RequestCheck) -> EnrolmentR
         kind=identity.MemberKind.ROUTER if router else identity.MemberKind.HOST,
         partner=None,
         device=host.name,
-        address=computers(declaration)[host.name],
-        link=link or site_link(declaration, host.site),
-        wrap=wrap or systems.wrap_of_host(declaration, host),
+        address=computers(inventory)[host.name],
+        link=link or site_link(inventory, host.site),
+        wrap=wrap or systems.wrap_of_host(inventory, host),
         key=key or (identity.KeyType.RSA if router else identity.KeyType.EC),
         days=days or CLIENT_DAYS,
     )
 
 
-def _find_declared_host(declaration: Declaration, check: RequestCheck) -> Host | None:
-    host_name, inside = str(check.words["host"]), computers(declaration)
+def _find_declared_host(inventory: Inventory, check: RequestCheck) -> Host | None:
+    host_name, inside = str(check.words["host"]), computers(inventory)
     if host_name in inside:
-        return declaration.hosts[host_name]
+        return inventory.hosts[host_name]
     there = f"those in the VPN: {', '.join(inside)}"
-    if host_name in declaration.hosts:
+    if host_name in inventory.hosts:
         check.wrong(f"`{host_name}` is no client of the VPN: it has no tunnel address, or it is the server", there)
         return None
     near = nearest(host_name, inside)
@@ -135,10 +135,10 @@ def _find_declared_host(declaration: Declaration, check: RequestCheck) -> Host |
     return None
 
 
-def computers(declaration: Declaration) -> dict[str, IPv4Address]:
+def computers(inventory: Inventory) -> dict[str, IPv4Address]:
     """Return the inventory's VPN clients (computers and routers) with their tunnel addresses."""
-    address_by_name = {name: _tunnel_address(host) for name, host in declaration.hosts.items()}
-    server = declaration.pilot.vpn.server
+    address_by_name = {name: _tunnel_address(host) for name, host in inventory.hosts.items()}
+    server = inventory.pilot.vpn.server
     return {name: address for name, address in address_by_name.items() if address is not None and name != server}
 
 
@@ -151,16 +151,16 @@ def _tunnel_address(host: Host) -> IPv4Address | None:
 _KINDS = tuple(kind for kind in identity.MemberKind if kind is not identity.MemberKind.HOST)
 
 
-def request_of_device(declaration: Declaration, check: RequestCheck) -> EnrolmentRequest | None:
+def request_of_device(inventory: Inventory, check: RequestCheck) -> EnrolmentRequest | None:
     """Return the request for a partner's device; None on errors, which are in `check`."""
-    partner, device, kind = _partner(declaration, check), _device(check), _kind(check)
+    partner, device, kind = _partner(inventory, check), _device(check), _kind(check)
     link, client = check.choice("link", list(identity.MemberLink)), _client_words(check, kind)
     key, days = _key(check, kind), check.days()
     if partner is None or device is None or kind is None:
         return None
-    name = _member(declaration, check, partner, device)
-    vehicle = _vehicle(declaration, check, partner, device, kind)
-    address = _address(declaration, check, partner)
+    name = _member(inventory, check, partner, device)
+    vehicle = _vehicle(inventory, check, partner, device, kind)
+    address = _address(inventory, check, partner)
     if name is None:
         return None
     return EnrolmentRequest(
@@ -169,30 +169,30 @@ def request_of_device(declaration: Declaration, check: RequestCheck) -> Enrolmen
         partner=partner,
         device=device,
         address=address,
-        pool=declaration.partners[partner].vpn_pool,
+        pool=inventory.partners[partner].vpn_pool,
         link=link or identity.MemberLink.FIBRE,
         vehicle=vehicle,
-        wrap=_wrap(declaration, check, client, kind, vehicle),
+        wrap=_wrap(inventory, check, client, kind, vehicle),
         key=key,
-        days=_days_of(declaration, check, vehicle, days),
+        days=_days_of(inventory, check, vehicle, days),
         system=client.system,
         distribution=client.distribution,
     )
 
 
-def days_left(declaration: Declaration, guest: Guest, now: datetime) -> int:
+def days_left(inventory: Inventory, guest: Guest, now: datetime) -> int:
     """Return the maximum validity in whole days, so that a certificate expires by the guest's last day."""
-    zone = ZoneInfo(declaration.pilot.time_zone)
+    zone = ZoneInfo(inventory.pilot.time_zone)
     end = datetime.combine(date.fromisoformat(guest.until) + timedelta(days=1), time.min, zone)
     return (end - now).days
 
 
-def _days_of(declaration: Declaration, check: RequestCheck, vehicle: str | None, days: int | None) -> int:
+def _days_of(inventory: Inventory, check: RequestCheck, vehicle: str | None, days: int | None) -> int:
     """Return the validity of the certificate in days; for a guest not beyond its last day."""
-    guest = declaration.vehicles.get(vehicle or "")
+    guest = inventory.vehicles.get(vehicle or "")
     if not isinstance(guest, Guest):
         return days or CLIENT_DAYS
-    most = days_left(declaration, guest, datetime.now(UTC))
+    most = days_left(inventory, guest, datetime.now(UTC))
     if most < 1:
         check.wrong(f"the guest `{vehicle}` was here until {guest.until}", "write a later day at `until:`, or end it")
     elif days is not None and days > most:
@@ -225,10 +225,10 @@ def _client_words(check: RequestCheck, kind: identity.MemberKind | None) -> _Cli
 
 
 def _wrap(
-    declaration: Declaration, check: RequestCheck, client: _ClientWords, kind: identity.MemberKind, vehicle: str | None
+    inventory: Inventory, check: RequestCheck, client: _ClientWords, kind: identity.MemberKind, vehicle: str | None
 ) -> identity.Wrap:
     """Return a key type that the device's OpenVPN supports; contradictory arguments are collected as errors."""
-    declared_vehicle = declaration.vehicles[vehicle] if vehicle is not None else None
+    declared_vehicle = inventory.vehicles[vehicle] if vehicle is not None else None
     for word in ("distribution", "openvpn"):
         value, declared_value = getattr(client, word), getattr(declared_vehicle, word, None)
         if None not in (value, declared_value) and value != declared_value:
@@ -236,13 +236,13 @@ def _wrap(
                 f"`{word}={value}`: the vehicle `{vehicle}` is declared with `{word}: {declared_value}`",
                 f"leave `{word}=` out, or correct vehicles.yml",
             )
-    version = systems.openvpn(declaration, kind, vehicle, version=client.openvpn, release=client.distribution)
+    version = systems.openvpn(inventory, kind, vehicle, version=client.openvpn, release=client.distribution)
     if client.wrap is identity.Wrap.TLS_CRYPT_V2 and version is OpenVpnVersion.V2_4:
         check.wrong(
             f"`wrap={client.wrap}`: the device's OpenVPN is 2.4, which cannot read such a profile",
             "leave `wrap=` out; if it has a newer OpenVPN, say which: `openvpn=2.6`",
         )
-    usual = systems.wrap_for(version, force_cookie=declaration.pilot.vpn.force_cookie)
+    usual = systems.wrap_for(version, force_cookie=inventory.pilot.vpn.force_cookie)
     if (
         client.wrap is identity.Wrap.TLS_CRYPT_V2
         and usual is identity.Wrap.TLS_CRYPT
@@ -255,8 +255,8 @@ def _wrap(
     return client.wrap or usual
 
 
-def _partner(declaration: Declaration, check: RequestCheck) -> str | None:
-    partner, partners = check.words["partner"], declaration.partners
+def _partner(inventory: Inventory, check: RequestCheck) -> str | None:
+    partner, partners = check.words["partner"], inventory.partners
     if partner is None:
         check.wrong("`partner=` is missing: whose device it is", "add it, or name a declared computer by `host=`")
     elif partner not in partners:
@@ -289,29 +289,29 @@ def _key(check: RequestCheck, kind: identity.MemberKind | None) -> identity.KeyT
     )
 
 
-def _member(declaration: Declaration, check: RequestCheck, partner: str, device: str) -> str | None:
+def _member(inventory: Inventory, check: RequestCheck, partner: str, device: str) -> str | None:
     name = check.run_check(lambda: names.member_name(partner, device))
-    if name in declaration.hosts:
+    if name in inventory.hosts:
         check.wrong(f"`{name}` is a declared computer", f"another name for the device, or `host={name}`")
     return name
 
 
 def _vehicle(
-    declaration: Declaration, check: RequestCheck, partner: str, device: str, kind: identity.MemberKind
+    inventory: Inventory, check: RequestCheck, partner: str, device: str, kind: identity.MemberKind
 ) -> str | None:
     value = check.words["vehicle"]
     if kind is not identity.MemberKind.ROBOT:
         if value is not None:
             check.wrong(f"a {kind} is no vehicle", "leave `vehicle=` out, or say `kind=robot`")
         return None
-    key = _find_vehicle(declaration, device if value is None else value)
+    key = _find_vehicle(inventory, device if value is None else value)
     if key is None:
         if value is not None:
-            near = nearest(value, declaration.vehicles)
-            choices = f"the vehicles are: {', '.join(declaration.vehicles)}"
+            near = nearest(value, inventory.vehicles)
+            choices = f"the vehicles are: {', '.join(inventory.vehicles)}"
             check.wrong(f"there is no vehicle {quote(value)}", f"did you mean `vehicle={near}`?" if near else choices)
         return None
-    owner = declaration.vehicles[key].partner
+    owner = inventory.vehicles[key].partner
     if owner not in {None, partner}:
         check.wrong(
             f"the vehicle `{key}` is `{owner}`'s, and not `{partner}`'s",
@@ -320,9 +320,9 @@ def _vehicle(
     return key
 
 
-def _find_vehicle(declaration: Declaration, name: str) -> str | None:
+def _find_vehicle(inventory: Inventory, name: str) -> str | None:
     """Return the key of the vehicle with this key or alias, ignoring case and spaces; None if there is none."""
-    for key, vehicle in declaration.vehicles.items():
+    for key, vehicle in inventory.vehicles.items():
         if _plain(name) in {_plain(key), *(_plain(alias) for alias in vehicle.aliases)}:
             return key
     return None
@@ -332,8 +332,8 @@ def _plain(name: str) -> str:
     return name.casefold().replace(" ", "-")
 
 
-def _address(declaration: Declaration, check: RequestCheck, partner: str) -> IPv4Address | None:
-    value, pool = check.words["address"], declaration.partners[partner].vpn_pool
+def _address(inventory: Inventory, check: RequestCheck, partner: str) -> IPv4Address | None:
+    value, pool = check.words["address"], inventory.partners[partner].vpn_pool
     if value is None:
         return None
     hint = f"one of {pool}, or leave `address=` out"
@@ -372,17 +372,17 @@ class DeviceWords:
 
 
 KEYS = tuple(field.name for field in fields(DeviceWords) if field.name != "place")
-"""What a record of a file may hold; the words of the command are the same."""
+"""Keys that a record of a file may contain; the command has the same arguments."""
 
 
-def requests_of(declaration: Declaration, device_requests: Iterable[DeviceWords]) -> tuple[EnrolmentRequest, ...]:
+def requests_of(inventory: Inventory, device_requests: Iterable[DeviceWords]) -> tuple[EnrolmentRequest, ...]:
     """Return the requests in the order in which they were typed. Raises InvalidRequest with all errors."""
     requests: list[EnrolmentRequest] = []
     errors: list[NetcfgError] = []
     first_by_name: dict[str, DeviceWords] = {}
     for item in device_requests:
         try:
-            request = request_of(declaration, item)
+            request = request_of(inventory, item)
         except UsageError as error:
             errors += [_with_place(item, each) for each in getattr(error, "errors", (error,))]
             continue
@@ -403,10 +403,10 @@ def _with_place(item: DeviceWords, error: NetcfgError) -> NetcfgError:
     return UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error
 
 
-def request_of(declaration: Declaration, item: DeviceWords) -> EnrolmentRequest:
+def request_of(inventory: Inventory, item: DeviceWords) -> EnrolmentRequest:
     """Return the request for a partner's device or an inventory host. Raises UsageError or InvalidRequest (several)."""
     check = RequestCheck(asdict(item))
-    request = request_of_host(declaration, check) if item.host is not None else request_of_device(declaration, check)
+    request = request_of_host(inventory, check) if item.host is not None else request_of_device(inventory, check)
     check.close()
     if request is None:
         raise AssertionError("refused without a reason")
@@ -430,7 +430,7 @@ def change_of(**words: str | None) -> RenewalRequest:
 
 
 def change_for(
-    declaration: Declaration, member: identity.Member, change: RenewalRequest, openvpn: str | None
+    inventory: Inventory, member: identity.Member, change: RenewalRequest, openvpn: str | None
 ) -> RenewalRequest:
     """Complete the changes for this member: a partner's device gets a key that its OpenVPN supports.
 
@@ -442,15 +442,15 @@ def change_for(
         for word in [word for word, value in words.items() if value is not None]:
             check.wrong(f"`{word}=` does not go with `{member.name}`", "the inventory says it of a declared computer")
         check.close()
-        if change.wrap is None and declaration.pilot.vpn.force_cookie and member.name in declaration.hosts:
-            return replace(change, wrap=systems.wrap_of_host(declaration, declaration.hosts[member.name]))
+        if change.wrap is None and inventory.pilot.vpn.force_cookie and member.name in inventory.hosts:
+            return replace(change, wrap=systems.wrap_of_host(inventory, inventory.hosts[member.name]))
         return change
     client = _client_words(check, member.kind)
     if change.distribution is None:
         client = replace(client, distribution=member.distribution)
-    vehicle = member.vehicle if member.vehicle in declaration.vehicles else None
-    fitting = _wrap(declaration, check, client, member.kind, vehicle)
-    days = _days_of(declaration, check, vehicle, change.days)
+    vehicle = member.vehicle if member.vehicle in inventory.vehicles else None
+    fitting = _wrap(inventory, check, client, member.kind, vehicle)
+    days = _days_of(inventory, check, vehicle, change.days)
     check.close()
     wrap = fitting if change.wrap is not None or fitting is identity.Wrap.TLS_CRYPT else None
     return replace(change, wrap=wrap, days=days)

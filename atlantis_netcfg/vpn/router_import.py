@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Identity
 
 PEM, PROFILE = "atlantis-vpn.pem", "atlantis-vpn.ovpn"
-"""Files on the router, for seconds."""
+"""Files on the router, which exist for seconds."""
 _MENU, _CERTIFICATES = "/interface/ovpn-client", "/certificate"
 _IMPORT_PREFIX = "ovpn-import"
-"""What an import calls its interface, before the second in which it was made (seen in others' exports)."""
+"""Name prefix of an imported interface, before the second of its creation (seen in others' exports)."""
 _TRIES, _PAUSE_S = 15, 1.0
-"""An import goes on in the background of a real router: others' scripts wait five seconds for it."""
+"""A real router imports in the background: scripts by others wait five seconds for it."""
 _DATE = re.compile(r"\d{4}-\d\d-\d\d")
-"""As RouterOS 7.10 and later write a day."""
+"""Date format of RouterOS 7.10 and later."""
 _SAME = {"true": "yes", "false": "no"}
 
 
@@ -44,20 +44,20 @@ class RouterObservation:
     """One observation of a router."""
 
     interface: Mapping[str, str] | None
-    """The row of the declared name."""
+    """Row of the interface with the declared name; None: missing."""
     certificate: Mapping[str, str] | None
-    """The row of this identity's certificate, if its key is there, too."""
+    """Row of this identity's certificate; None: the certificate or its key is missing."""
     authority: bool
-    """Whether the authority's certificate is there."""
+    """Whether the authority's certificate is present."""
     conflict: Mapping[str, str] | None
-    """Another certificate under the declared name."""
+    """Different certificate with the declared name; None: no conflict."""
     stale: tuple[str, ...]
-    """Ids of interfaces that a cut run of ours has left."""
+    """`.id`s of interfaces left by our interrupted runs."""
     files: tuple[str, ...]
     changes: tuple[str, ...]
     notes: tuple[str, ...]
     by_tunnel: bool
-    """Whether our own session comes through the tunnel that would be replaced."""
+    """Whether our session uses the tunnel that would be replaced."""
 
 
 @dataclass(frozen=True, slots=True)

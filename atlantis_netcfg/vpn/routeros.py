@@ -21,14 +21,14 @@ from atlantis_netcfg.routeros.rsc import quote
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.vpn.identity import Identity
 
 INTERFACE = "ovpn-atlantis"
-"""Of a partner's router; a router of ours has the declared name."""
+"""Interface name on a partner's router; our routers have the declared name."""
 SINCE = Version(7, 17)
 USER_MAX = 27
-"""Characters of a user, which RouterOS wants even beside a certificate, and which our server ignores."""
+"""Maximum characters of a user, which RouterOS requires even with a certificate, and which our server ignores."""
 
 _IMPORT_SINCE = Version(7, 9)
 _UDP_SINCE = Version(7, 0)
@@ -38,7 +38,7 @@ _LACKS = (
     (SINCE, "knows no tls-crypt, without which the server does not answer"),
 )
 _AUTH = "sha256"
-"""tls-crypt wants it, and from 7.17 on a GCM cipher may have it."""
+"""tls-crypt requires it, and from 7.17 on a GCM cipher may have it."""
 
 
 class RouterTooOld(DeviceError):
@@ -58,7 +58,7 @@ class Tunnel:
     password: Secret
     comment: str
     certificate: str
-    """The client's certificate on the device."""
+    """Name of the client's certificate on the device."""
 
     def values(self) -> Mapping[str, str]:
         """Return the values that can be set and read back; the password is omitted, as the server ignores it."""
@@ -92,9 +92,9 @@ def check_version(version: Version, *, where: str = "the router", upgrade: str =
             )
 
 
-def find_tunnel(declaration: Declaration, host: Host) -> Tunnel | None:
+def find_tunnel(inventory: Inventory, host: Host) -> Tunnel | None:
     """Return the tunnel of one of our routers; None if it is not its site's end of the VPN."""
-    tunnel = router_view(declaration, host).tunnel
+    tunnel = router_view(inventory, host).tunnel
     if tunnel is None:
         return None
     return Tunnel(
@@ -110,9 +110,9 @@ def find_tunnel(declaration: Declaration, host: Host) -> Tunnel | None:
     )
 
 
-def handed_out(declaration: Declaration, identity: Identity) -> Tunnel:
+def handed_out(inventory: Inventory, identity: Identity) -> Tunnel:
     """Return the tunnel of a partner's router. Its user is the member's name, truncated to RouterOS's limit."""
-    vpn = declaration.pilot.vpn
+    vpn = inventory.pilot.vpn
     return Tunnel(
         name=INTERFACE,
         connect_to=vpn.endpoint_name,
@@ -121,16 +121,16 @@ def handed_out(declaration: Declaration, identity: Identity) -> Tunnel:
         cipher=vpn.cipher,
         user=identity.member.name[:USER_MAX],
         password=Secret(""),
-        comment=f"VPN of {declaration.pilot.name}",
+        comment=f"VPN of {inventory.pilot.name}",
         certificate=identity.certificate.common_name,
     )
 
 
-def profile(declaration: Declaration, identity: Identity) -> Secret:
+def profile(inventory: Inventory, identity: Identity) -> Secret:
     """Return the `.ovpn` for RouterOS, with options from its manual only, as it refuses unknown ones."""
-    vpn = declaration.pilot.vpn
+    vpn = inventory.pilot.vpn
     view = {
-        "title": f"VPN of {declaration.pilot.name}: {identity.member.name}, for RouterOS {SINCE} and later.",
+        "title": f"VPN of {inventory.pilot.name}: {identity.member.name}, for RouterOS {SINCE} and later.",
         "proto": "udp" if vpn.transport is Transport.UDP else "tcp",
         "remote": vpn.endpoint_name,
         "port": vpn.port,
@@ -140,12 +140,12 @@ def profile(declaration: Declaration, identity: Identity) -> Secret:
     return Secret(environment().get_template("openvpn/routeros.ovpn.j2").render(view=view))
 
 
-def script(declaration: Declaration, identity: Identity, file: str) -> str:
+def script(inventory: Inventory, identity: Identity, file: str) -> str:
     """Return the `.rsc` script: import `file`, rename and configure the interface, remove the file; no secrets.
 
     It can be run again: leftovers of an earlier run under the same names are removed first.
     """
-    tunnel = handed_out(declaration, identity)
+    tunnel = handed_out(inventory, identity)
     values = {name: text for name, text in tunnel.values().items() if name != "certificate"}
     settings = " ".join(f"{name}={quote(text)}" for name, text in sorted(values.items()))
     view = {"file": file, "tunnel": tunnel, "settings": settings, "since": SINCE}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address, IPv4Network
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 FOLDER = "/etc/openvpn/atlantis"
 CONF = "/etc/openvpn/server/atlantis.conf"
@@ -41,7 +41,7 @@ FLOOR: Mapping[str, Any] = {
         {"branch": "2.7", "upstream": "2.7.5", "packages": []},
     ],
 }
-"""Facts 11: below it an authenticated client keeps its session although it is told to go, or stops the server."""
+"""Facts 11: below it, an authenticated client can keep its session despite a disconnect order, or stop the server."""
 
 NO_CONF = "this openvpn does not know an option of it: `openvpn --version` on the server tells which one it is"
 
@@ -52,10 +52,10 @@ _SEEN_TIMER = "atlantis-vpn-seen.timer"
 _SEEN_SERVICE = "atlantis-vpn-seen.service"
 _GUARD = f"{_UNITS}/atlantis-vpn-guard.service"
 _UPGRADES = "/etc/apt/apt.conf.d/60-atlantis-upgrades"
-"""After Debian's and Ubuntu's own, which choose the security updates and nothing else."""
+"""Loaded after Debian's and Ubuntu's own settings, which select only the security updates."""
 _UPGRADE_DROP_IN = f"{_UNITS}/apt-daily-upgrade.service.d/atlantis-vpn.conf"
 _UPGRADE_TIMERS = ("apt-daily.timer", "apt-daily-upgrade.timer")
-"""The first fetches the lists, the second installs."""
+"""The first fetches the package lists, the second installs."""
 _SEEN_PROGRAM = "/usr/local/lib/atlantis/vpn_seen.py"
 _SYSCTL = "/etc/sysctl.d/60-atlantis-vpn.conf"
 
@@ -69,7 +69,7 @@ _FROM_OTHER_ROUTERS = tuple(
     for key in keys
     for interface in ("all", "default", "*")
 )
-"""What a kernel takes from routers that nobody declared."""
+"""Kernel settings that accept routes from undeclared routers."""
 KERNEL_STEPS = (
     parts.ConvergeStep("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),
     parts.ConvergeStep("send members no ICMP redirects", ("sh", "-c", _NO_REDIRECTS), (_SYSCTL,)),
@@ -112,12 +112,12 @@ def _render(template: str, **values: object) -> str:
 
 
 CCD = f"{FOLDER}/ccd"
-"""One file for each certificate that is admitted, by its common name; ours alone."""
+"""Folder with one file for each accepted certificate, by its common name; only we write it."""
 INTERFACE = "tun0"
 MANAGEMENT = "/run/atlantis-vpn/management.sock"
-"""Takes one client at a time: a second one hangs without a word (facts 5)."""
+"""Socket that accepts one client at a time: a second one hangs silently (facts 5)."""
 STATUS = "/run/atlantis-vpn/status"
-"""Status version 3, written in place every 10 s."""
+"""Status file, version 3, rewritten in place every 10 s."""
 
 _CURRENT = """\
 installed=$(dpkg-query -W -f '${Version}' openvpn)
@@ -130,7 +130,7 @@ IS_CURRENT = parts.Check(
     "on the server: `apt-get update && apt-get install --only-upgrade openvpn`, then `systemctl restart "
     f"{SERVICE}`; members connect again by themselves",
 )
-"""As far as the package lists of the server tell."""
+"""Check against the server's package lists."""
 PACKAGES = ("conntrack", "nftables", "openssl", "openvpn", "python3", "unattended-upgrades")
 _CIPHERS = ("AES-256-GCM", "CHACHA20-POLY1305", "AES-128-GCM")
 _COMMON_NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,46}[a-z0-9])?(?:\.[1-9][0-9]{0,5})?")
@@ -141,7 +141,7 @@ _SECRETS = {
     f"{FOLDER}/tls-crypt-v2.key": "server/tls-crypt-v2.key",
     f"{FOLDER}/tls-crypt.key": "server/tls-crypt.key",
 }
-"""Path on the server, and in the folder of the authority."""
+"""Maps a path on the server to the path in the authority's folder."""
 
 _LIST = f"{FOLDER}/crl.pem"
 _SIGNATURE_CHECK = """\
@@ -158,8 +158,10 @@ lost=$({ serials "$1"; echo; serials "$3"; } | awk '!NF { old = 1 } !old { new[$
 echo "list $here is in its place, and this is list $new, which lacks $lost of those that are revoked there" >&2
 exit 1
 """
-"""`openssl crl -verify` ends with 0 whatever it finds. A list of before would let in whom a later one keeps out, and so
-would one of a restored copy of the authority, which gives out the numbers of the lists that it does not know again."""
+"""`openssl crl -verify` exits with 0 in any case. An older list would admit members revoked by a later one. So would
+
+one from a restored copy of the authority, which reuses the numbers of lists that it does not know.
+"""
 _FOREIGN = (
     "it is not signed by this authority, or older than the one in its place: with it a revoked member would be let in. "
     "Look at `provision vpn status`, and type the same again"
@@ -173,7 +175,7 @@ class OpenvpnServer:
     packages: tuple[parts.Package, ...]
     configuration: parts.Configuration
     secrets: Mapping[str, Path]
-    """Path on the server to the file of the authority whose content belongs there, which is nowhere in here."""
+    """Maps a path on the server to the authority's file whose content belongs there; the content is not included."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the parameters of the role's modules."""
@@ -187,7 +189,7 @@ class OpenvpnServer:
 
 
 def openvpn_server(
-    declaration: Declaration, host: Host, membership: identity.MembershipList, authority: Path
+    inventory: Inventory, host: Host, membership: identity.MembershipList, authority: Path
 ) -> OpenvpnServer:
     """Build the part; reads public files of the authority's folder. Raises UsageError if one is missing."""
     ca, cert = (_read(authority, name).decode("ascii") for name in ("ca.crt", "server/server.crt"))
@@ -196,13 +198,13 @@ def openvpn_server(
     for source in secrets.values():
         if not source.is_file():
             raise _missing(authority, str(source.relative_to(authority)))
-    text = server_conf(declaration, host)
+    text = server_conf(inventory, host)
     files = (
         parts.File(_CA, ca),
         parts.File(_CERT, cert),
         parts.File(CONF, text, validate=("openvpn", "--config", "%s", "--show-ciphers"), hint=NO_CONF),
         *system_files(),
-        *live_files(declaration, membership, crl, ca=ca),
+        *live_files(inventory, membership, crl, ca=ca),
     )
     return OpenvpnServer(
         packages=tuple(parts.Package(name) for name in PACKAGES),
@@ -219,7 +221,7 @@ def openvpn_server(
 
 
 def live_files(
-    declaration: Declaration, membership: identity.MembershipList, crl: bytes, *, ca: str = ""
+    inventory: Inventory, membership: identity.MembershipList, crl: bytes, *, ca: str = ""
 ) -> tuple[parts.File, ...]:
     """Return files that change while the tunnel is up: members' settings, revocation list, and firewall.
 
@@ -228,23 +230,23 @@ def live_files(
     validation = ("sh", "-c", _SIGNATURE_CHECK, "sh", "%s", ca, _LIST) if ca else ()
     return (
         *(
-            parts.File(f"{CCD}/{certificate.common_name}", ccd(member, certificate, declaration), mode="0640")
+            parts.File(f"{CCD}/{certificate.common_name}", ccd(member, certificate, inventory), mode="0640")
             for member, certificate in sorted(membership.certificates(), key=lambda pair: pair[1].common_name)
             if certificate.good
         ),
         parts.File(_LIST, crl.decode("ascii"), validate=validation, hint=_FOREIGN if ca else ""),
-        parts.File(FIREWALL, firewall(declaration, membership), mode="0600", validate=("nft", "-c", "-f", "%s")),
+        parts.File(FIREWALL, firewall(inventory, membership), mode="0600", validate=("nft", "-c", "-f", "%s")),
     )
 
 
-def server_conf(declaration: Declaration, host: Host) -> str:
+def server_conf(inventory: Inventory, host: Host) -> str:
     """Render the server's own configuration; from the inventory alone, so that no enrolment restarts the tunnel."""
-    vpn = declaration.pilot.vpn
+    vpn = inventory.pilot.vpn
     device = host.device
     assert isinstance(device, VpnServer)  # noqa: S101 - callers give the server
     udp = vpn.transport.value == "udp"
     ping_s, ping_restart_s = identity.TIMERS[identity.MemberLink.FIBRE]
-    local = tunnel_address(declaration, host)
+    local = tunnel_address(inventory, host)
     view = {
         "proto": "udp4" if udp else "tcp4-server",
         "local": device.address,
@@ -254,7 +256,7 @@ def server_conf(declaration: Declaration, host: Host) -> str:
         "next_hop": next(address for address in vpn.network.hosts() if address != local),
         "netmask": vpn.network.netmask,
         "folder": FOLDER,
-        "routes": tuple(network for name in declaration.hosts for network in _behind(declaration, name)),
+        "routes": tuple(network for name in inventory.hosts for network in _behind(inventory, name)),
         "ciphers": ":".join(
             sorted(_CIPHERS, key=lambda cipher: cipher.replace("-", "") != _normalize_cipher(vpn.cipher))
         ),
@@ -271,13 +273,13 @@ def server_conf(declaration: Declaration, host: Host) -> str:
     return environment().get_template("openvpn/server.conf.j2").render(server=view)
 
 
-def ccd(member: identity.Member, certificate: identity.Certificate, declaration: Declaration) -> str:
+def ccd(member: identity.Member, certificate: identity.Certificate, inventory: Inventory) -> str:
     """Render OpenVPN's file for a certificate name: address, timers, and the networks behind the member.
 
     Raises UsageError for an invalid file name, and for an address outside the VPN: OpenVPN completes a partial address
     to somebody else's (facts 6).
     """
-    vpn = declaration.pilot.vpn
+    vpn = inventory.pilot.vpn
     if not _COMMON_NAME.fullmatch(certificate.common_name):
         raise UsageError(f"`{certificate.common_name!a}` is no common name of this authority", hint=_BROKEN)
     if member.address not in vpn.network:
@@ -288,7 +290,7 @@ def ccd(member: identity.Member, certificate: identity.Certificate, declaration:
     view = {
         "address": member.address,
         "netmask": vpn.network.netmask,
-        "networks": tuple(_behind(declaration, member.name)) if member.partner is None else (),
+        "networks": tuple(_behind(inventory, member.name)) if member.partner is None else (),
         "timers": identity.TIMERS[member.link] if member.link is not identity.MemberLink.FIBRE else None,
     }
     return environment().get_template("openvpn/ccd.j2").render(member=view)
@@ -297,14 +299,14 @@ def ccd(member: identity.Member, certificate: identity.Certificate, declaration:
 _BROKEN = "the ledger is not as this toolkit writes it: `provision vpn audit`"
 
 
-def tunnel_address(declaration: Declaration, host: Host) -> IPv4Address:
+def tunnel_address(inventory: Inventory, host: Host) -> IPv4Address:
     """Return the server's own VPN address. Raises UsageError if the inventory has none."""
     device = host.device
     address = device.vpn_address if isinstance(device, VpnServer) else None
     if address is None:
         raise UsageError(
             f"the VPN server {host.name} has no address in its own VPN",
-            hint=f"write `vpn_address:` in host_vars/{host.name}.yml, one of {declaration.pilot.vpn.infrastructure}",
+            hint=f"write `vpn_address:` in host_vars/{host.name}.yml, one of {inventory.pilot.vpn.infrastructure}",
         )
     return address
 
@@ -313,12 +315,12 @@ def _normalize_cipher(cipher: str) -> str:
     return cipher.replace("-", "").upper()
 
 
-def _behind(declaration: Declaration, name: str) -> Iterator[IPv4Network]:
+def _behind(inventory: Inventory, name: str) -> Iterator[IPv4Network]:
     """Yield the networks behind a member: for a router that is its site's VPN end, LAN and management port."""
-    host = declaration.hosts.get(name)
+    host = inventory.hosts.get(name)
     if host is None or not isinstance(host.device, Router) or host.device.vpn_client is None:
         return
-    site = declaration.sites[host.site]
+    site = inventory.sites[host.site]
     yield from (site.lan.network, site.management.network)
 
 

@@ -14,7 +14,7 @@ from atlantis_netcfg.vpn import identity
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 UBUNTU: Mapping[model.RosDistribution, tuple[str, model.OpenVpnVersion]] = {
@@ -22,7 +22,7 @@ UBUNTU: Mapping[model.RosDistribution, tuple[str, model.OpenVpnVersion]] = {
     model.RosDistribution.HUMBLE: ("22.04", model.OpenVpnVersion.V2_5),
     model.RosDistribution.JAZZY: ("24.04", model.OpenVpnVersion.V2_6),
 }
-"""The Ubuntu that a release of ROS 2 is made for (REP 2000), and the OpenVPN in its archive."""
+"""Ubuntu version for each ROS 2 release (REP 2000), with the OpenVPN in its archive."""
 
 
 def system_of(member: identity.Member) -> identity.ClientSystem | None:
@@ -32,16 +32,16 @@ def system_of(member: identity.Member) -> identity.ClientSystem | None:
 
 
 def distribution(
-    declaration: Declaration, vehicle: str | None, onboarding_release: model.RosDistribution | None = None
+    inventory: Inventory, vehicle: str | None, onboarding_release: model.RosDistribution | None = None
 ) -> model.RosDistribution | None:
     """Return the ROS 2 release of a device: from the vehicle, else from the enrolment, else from the pilot."""
-    vehicle_config = declaration.vehicles.get(vehicle or "")
-    pilot = declaration.pilot.dds.distribution if declaration.pilot.dds is not None else None
+    vehicle_config = inventory.vehicles.get(vehicle or "")
+    pilot = inventory.pilot.dds.distribution if inventory.pilot.dds is not None else None
     return (vehicle_config.distribution if vehicle_config is not None else None) or onboarding_release or pilot
 
 
 def openvpn(
-    declaration: Declaration,
+    inventory: Inventory,
     kind: identity.MemberKind,
     vehicle: str | None,
     *,
@@ -55,15 +55,15 @@ def openvpn(
     """
     if kind is not identity.MemberKind.ROBOT:
         return version or (UBUNTU[release][1] if release is not None else None)
-    vehicle_config = declaration.vehicles.get(vehicle or "")
+    vehicle_config = inventory.vehicles.get(vehicle or "")
     if vehicle_config is not None and vehicle_config.openvpn is not None:
         return vehicle_config.openvpn
     if version is not None:
         return version
     chosen_release = (vehicle_config.distribution if vehicle_config is not None else None) or release
-    if chosen_release is None and declaration.pilot.vpn.robot_openvpn is not None:
-        return declaration.pilot.vpn.robot_openvpn
-    effective_release = chosen_release or distribution(declaration, vehicle)
+    if chosen_release is None and inventory.pilot.vpn.robot_openvpn is not None:
+        return inventory.pilot.vpn.robot_openvpn
+    effective_release = chosen_release or distribution(inventory, vehicle)
     return UBUNTU[effective_release][1] if effective_release is not None else None
 
 
@@ -81,16 +81,16 @@ def wrap_for(version: model.OpenVpnVersion | None, *, force_cookie: bool = False
     return identity.Wrap.TLS_CRYPT if version is model.OpenVpnVersion.V2_4 else identity.Wrap.TLS_CRYPT_V2
 
 
-def wrap_of_host(declaration: Declaration, host: Host) -> identity.Wrap:
+def wrap_of_host(inventory: Inventory, host: Host) -> identity.Wrap:
     """Return the best key type for our own host: a gateway's Ubuntu 20.04 has OpenVPN 2.4 (facts 10)."""
     version = model.OpenVpnVersion.V2_4 if isinstance(host.device, model.Gateway) else None
-    return wrap_for(version, force_cookie=declaration.pilot.vpn.force_cookie)
+    return wrap_for(version, force_cookie=inventory.pilot.vpn.force_cookie)
 
 
-def wrap_of(declaration: Declaration, member: identity.Member) -> identity.Wrap:
+def wrap_of(inventory: Inventory, member: identity.Member) -> identity.Wrap:
     """Return the best key type for a member, as far as its OpenVPN is known."""
-    host = declaration.hosts.get(member.name) if member.partner is None else None
+    host = inventory.hosts.get(member.name) if member.partner is None else None
     if host is not None:
-        return wrap_of_host(declaration, host)
-    version = openvpn(declaration, member.kind, member.vehicle, release=member.distribution)
-    return wrap_for(version, force_cookie=declaration.pilot.vpn.force_cookie)
+        return wrap_of_host(inventory, host)
+    version = openvpn(inventory, member.kind, member.vehicle, release=member.distribution)
+    return wrap_for(version, force_cookie=inventory.pilot.vpn.force_cookie)

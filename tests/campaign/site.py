@@ -112,14 +112,14 @@ def specification(root: Path, version: str) -> SiteSpec:
     declaration = load(root, decrypt=_opened)
     spec = site_spec(declaration, [declaration.hosts[name] for name in ADDRESSES], along={FAR})
     twins = []
-    for twin in spec.twins:
+    for twin in spec.emulators:
         name = twin.router.name
         users = (*twin.router.users, STRANGER, ADMIN)
         changes = {"users": users, **({"version": version} if name == "coastal-router" else {})}
         twins.append(twin.model_copy(update={"router": twin.router.model_copy(update=changes)}))
     air = Air(association_s=0.3, dfs_wait_s=0.5, weather_wait_s=0.5)
     pairs = tuple(pair.model_copy(update={"air": air}) for pair in spec.pairs)
-    return spec.model_copy(update={"twins": tuple(twins), "pairs": pairs})
+    return spec.model_copy(update={"emulators": tuple(twins), "pairs": pairs})
 
 
 @contextmanager

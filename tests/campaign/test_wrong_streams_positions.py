@@ -31,7 +31,7 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation, RouterosGps, StreamGps
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 from campaign import positions
 from campaign.positions import Ride, Stream
@@ -69,7 +69,7 @@ def routeros(ridden: Ride) -> ProbeResult:
 
 
 @cache
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load(CHECKOUT / "inventory")
 
 

@@ -16,7 +16,7 @@ from own_world import NETPLAN, World, own_steps
 
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
-from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, _check_registration
+from atlantis_netcfg.checklist.probes.link_probe import LinkProbe, _check_registration
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, StickMovementProbe
 from atlantis_netcfg.checklist.probes.satellite import _there
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, RegisteredProbe
@@ -67,7 +67,7 @@ def plain(answer: probes.Answer) -> Told:
         case probes.Rows():
             return {"rows": answer.rows, "asked": answer.request_time, "heard": answer.response_time}
         case probes.LinkStatusResult():
-            return {"bearer": copy.deepcopy(dict(answer.bearer or {}))}
+            return {"bearer": copy.deepcopy(dict(answer.link or {}))}
         case probes.DhcpOffers():
             return {"offers": [(one.server, one.mac, one.address, one.router) for one in answer.offers]}
         case probes.RouterAdvertisements():
@@ -701,9 +701,9 @@ SEEN: Mapping[str, tuple[probes.Probe, Callable[[Random], dict[str, Told]], Mapp
         registered,
         REGISTRATION,
     ),
-    "wifi bridge": (BearerProbe("wifi-ptp"), link("wifi_ptp"), UP),
-    "4G": (BearerProbe("4g", _check_registration), link("lte"), UP),
-    "satellite": (BearerProbe("satellite", _there), link("satellite"), TERMINAL),
+    "wifi bridge": (LinkProbe("wifi-ptp"), link("wifi_ptp"), UP),
+    "4G": (LinkProbe("4g", _check_registration), link("lte"), UP),
+    "satellite": (LinkProbe("satellite", _there), link("satellite"), TERMINAL),
 }
 
 

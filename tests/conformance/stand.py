@@ -21,7 +21,7 @@ from waiting import HANG_S
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, User, WireBehaviour, spawn
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Status, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
@@ -38,7 +38,7 @@ PRESENT = pytest.mark.skipif(
 
 
 @cache
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     """The shipped inventory."""
     return load(ROOT / "inventory")
 
@@ -64,7 +64,7 @@ class Stand:
 
     def provision(self, mode: JobMode = JobMode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceJob
         """Run our engine on it, in the technician's name."""
-        spec = site_spec(declaration(), [declaration().hosts[ROUTER]]).twins[0].router
+        spec = site_spec(declaration(), [declaration().hosts[ROUTER]]).emulators[0].router
         user = spec.users[0]
         endpoint = Endpoint(
             host="127.0.0.1",
@@ -144,12 +144,12 @@ def environment(folder: Path) -> dict[str, str]:
 @contextmanager
 def stand(folder: Path, *, version: str = "7.18.2", knobs: WireBehaviour | None = None, **box: Any) -> Iterator[Stand]:  # noqa: ANN401
     """Start the coastal router as `provision adopt` leaves it, without a link in between; `box`: fields of its spec."""
-    (twin,) = site_spec(declaration(), [declaration().hosts[ROUTER]]).twins
+    (twin,) = site_spec(declaration(), [declaration().hosts[ROUTER]]).emulators
     wanted = {"version": version, "users": (*twin.router.users, STRANGER), **box}
     changes = {"link": RouterLink(), "router": twin.router.model_copy(update=wanted)}
     twin = twin.model_copy(update=changes if knobs is None else {**changes, "knobs": knobs})
     with ExitStack() as stack:
-        twins = stack.enter_context(spawn(SiteSpec(name="coastal", twins=(twin,)), folder))
+        twins = stack.enter_context(spawn(SiteSpec(name="coastal", emulators=(twin,)), folder))
         stood = Stand(folder, twins, version)
         certificate = ssl.get_server_certificate(("127.0.0.1", stood.ready["api_ssl"]))
         (folder / "router.pem").write_text(certificate, encoding="ascii")

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from datetime import datetime
 
     from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.links.qualify.record import QualifyRecord
     from atlantis_netcfg.links.status import Query
     from atlantis_netcfg.robots.observation import RobotObservation
@@ -34,11 +34,11 @@ class Place(StrEnum):
     """Where a request is sent from."""
 
     GATEWAY = "gateway"
-    """The site's gateway computer: all its questions travel in one SSH command."""
+    """The site's gateway computer: all its requests travel in one SSH command."""
     LAPTOP = "laptop"
     """This computer."""
     ROUTER = "router"
-    """A RouterOS device, by its API: all its questions in one session."""
+    """A RouterOS device, by its API: all its requests travel in one session."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +47,10 @@ class Say:
 
     data: bytes
     until: bytes
-    """Regular expression, searched in what has come since; the next thing is said when it matches.
+    """Regular expression, searched in the data received since; a match sends the next message.
 
-    When it does not match within the time, nothing more is said: whatever stands after it in the script depends on it,
-    a transmission on the answer that allows it. The listening (`Listen.listen_s`) goes on all the same.
+    Without a match in time, nothing more is sent: later messages depend on it.
+    For example, a transmission depends on the response that allows it. Listening (`Listen.listen_s`) continues.
     """
     within_s: float = 5.0
 
@@ -64,23 +64,23 @@ class Listen:
     """
 
     name: str
-    """Of the answer, unlike all others of the same probe."""
+    """Name of the response, unique within the probe."""
     place: Place
     transport: Literal["tcp", "udp", "serial"]
-    """udp: datagrams that arrive at `port` are taken, nothing is sent."""
+    """udp: datagrams that arrive at `port` are received, nothing is sent."""
     address: str = ""
     port: int = 0
     device: str = ""
     baud: int = 0
     say: tuple[Say, ...] = ()
     listen_s: float = 0.0
-    """After the last thing was said; the stream is closed then."""
+    """Time to listen after the last message was sent; the stream is closed then."""
     enough: bytes = b""
-    """Regular expression over all that was heard: listening ends early; empty: it does not."""
+    """Regular expression over all received data; a match ends listening early. Empty: none."""
     connect_s: float = 10.0
     max_bytes: int = 262_144
     turn: str = ""
-    """Questions with the same word are asked one after another, whatever end they go to: they share a medium."""
+    """Requests with the same value run one after another, whatever their endpoint: they share a medium."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ class RunProgram:
     argv: tuple[str, ...]
     within_s: float = 20.0
     turn: str = ""
-    """Questions with the same word are asked one after another, in the order of the items."""
+    """Requests with the same value run one after another, in the order of the items."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,10 +102,10 @@ class DhcpDiscoverRequest:
     name: str
     place: Place
     interface: str
-    """Its name, or an address: then the interface that has that address, since few sites declare a name."""
+    """Name of the interface, or its address, since few sites declare a name."""
     within_s: float = 8.0
     cards: tuple[str, ...] = ()
-    """In whose name it is asked besides: a server may answer only those that it knows. Of the interface, always."""
+    """Further cards to send requests for: a server may serve only known cards. The interface's own is always used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +115,9 @@ class RouterSolicitRequest:
     name: str
     place: Place
     interface: str
-    """As of `DhcpDiscoverRequest`."""
+    """As in `DhcpDiscoverRequest`."""
     within_s: float = 8.0
-    """Routers answer within 0.5 s, and within 3.5 s if they have just advertised (RFC 4861, 6.2.6)."""
+    """Routers respond within 0.5 s, and within 3.5 s if they have just advertised (RFC 4861, 6.2.6)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +127,10 @@ class DdsDiscoverRequest:
     name: str
     place: Place
     address: str
-    """Where others of the pilot look for them."""
+    """Address at which others of the pilot look for the participants."""
     domain: int
     ports: tuple[int, ...]
-    """Where they hear announcements."""
+    """Ports at which the participants receive announcements."""
     within_s: float = 3.0
 
 
@@ -144,12 +144,12 @@ class ReflectRequest:
     name: str
     place: Place
     source: str
-    """Address of the computer that asks, in the VPN."""
+    """VPN address of the computer that sends the request."""
     address: str
     port: int
     count: int = 3
     within_s: float = 10.0
-    """How long the answers are waited for."""
+    """Time to wait for the responses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +167,7 @@ class LinkStatusRequest:
     """Status of a link of the site, as in `provision links`; read once for all items that need it."""
 
     name: str
-    bearer: str
+    link: str
     place: Literal[Place.ROUTER] = Place.ROUTER
 
 
@@ -176,7 +176,7 @@ class AllowListTestRequest:
     """Test whether the satellite allows exactly the traffic in the inventory: `provision prove`. It costs data."""
 
     name: str
-    bearer: str
+    link: str
     place: Literal[Place.ROUTER] = Place.ROUTER
 
 
@@ -186,7 +186,7 @@ class LinkRecordRequest:
 
     name: str
     site: str
-    bearer: str
+    link: str
     place: Literal[Place.LAPTOP] = Place.LAPTOP
 
 
@@ -196,7 +196,7 @@ class RobotsHeardRequest:
 
     name: str
     host: str = ""
-    """The computer of the pilot that listens, by its name; empty: this one."""
+    """Name of the pilot's computer that listens; empty: this one."""
     seconds: float = 20.0
     place: Literal[Place.LAPTOP] = Place.LAPTOP
 
@@ -229,9 +229,9 @@ class Trouble(StrEnum):
     """Reason why there is no complete response."""
 
     REFUSED = "refused"
-    """A computer is there, but nothing listens, or it turned us away."""
+    """A computer is there, but nothing listens, or it refused the connection."""
     SILENT = "silent"
-    """Nobody answered at that address within the time."""
+    """No response from that address within the time."""
     UNREACHABLE = "unreachable"
     """No route, or no such host."""
     BUSY = "busy"
@@ -239,11 +239,11 @@ class Trouble(StrEnum):
     MISSING = "missing"
     """No such serial port, no such program on that computer."""
     DENIED = "denied"
-    """We may not."""
+    """Permission denied."""
     CLOSED = "closed"
-    """The other end hung up at once, as one does that serves one client only."""
+    """The other end closed the connection at once, like a server that accepts one client only."""
     NO_PLACE = "no place"
-    """The computer or router that should have asked was not reached: nothing is known."""
+    """The computer or router that should have sent the request was not reached: nothing is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,15 +252,15 @@ class Transcript:
 
     trouble: Trouble | None
     words: str = ""
-    """The trouble in the words of the system or of the place."""
+    """Error message of the system or of the place."""
     chunks: tuple[tuple[float, bytes], ...] = ()
-    """Seconds since `began`, and what came then: as it came from a stream, one datagram each from UDP."""
+    """Seconds since `began` and the data received then: as it came from a stream, or one UDP datagram each."""
     began: float = 0.0
     """Seconds since 1970 by the clock of the computer that listened."""
     ended_s: float = 0.0
-    """When the listening ended, seconds since `began`."""
+    """End of listening, seconds since `began`."""
     senders: tuple[str, ...] = ()
-    """Of UDP: the address that each of `chunks` came from; empty: nobody has looked, or it is no UDP."""
+    """UDP only: sender address of each of `chunks`; empty: not recorded, or not UDP."""
 
     @property
     def data(self) -> bytes:
@@ -280,9 +280,9 @@ class CommandResult:
     began: float = 0.0
     """Seconds since 1970 by the clock of the computer that ran it."""
     request_time: float = 0.0
-    """Seconds since 1970 by this computer's clock, when the question left; 0: nobody has looked."""
+    """When the request was sent, seconds since 1970 by this computer's clock; 0: not recorded."""
     response_time: float = 0.0
-    """The same, when its answer was here: what the other clock showed in between tells how wrong it is."""
+    """When its response arrived; the other clock's reading in between shows how wrong that clock is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,9 +294,9 @@ class Rows:
     rows: tuple[Mapping[str, str], ...] | None = None
     """None: the device does not know the menu, or refused."""
     request_time: float = 0.0
-    """Seconds since 1970 by this computer's clock, when the question left; 0: nobody has looked."""
+    """When the request was sent, seconds since 1970 by this computer's clock; 0: not recorded."""
     response_time: float = 0.0
-    """The same, when its answer was here: what the other clock showed in between tells how wrong it is."""
+    """When its response arrived; the other clock's reading in between shows how wrong that clock is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,7 +305,7 @@ class LinkStatusResult:
 
     trouble: Trouble | None
     words: str = ""
-    bearer: Mapping[str, Any] | None = None
+    link: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,11 +314,11 @@ class AllowListTestResult:
 
     trouble: Trouble | None
     words: str = ""
-    findings: tuple[BearerFinding, ...] = ()
+    findings: tuple[LinkFinding, ...] = ()
     bill: str = ""
-    """What it has cost, in words."""
+    """Cost of the test, in words."""
     seconds: float = 0.0
-    """How long silent targets were asked."""
+    """How long silent targets were tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,11 +328,11 @@ class LinkRecordResult:
     trouble: Trouble | None
     words: str = ""
     record: QualifyRecord | None = None
-    """None without trouble: there is none."""
+    """None without trouble: no record exists."""
     now: datetime | None = None
     """When it was read, by this computer's clock."""
     is_rehearsal: bool = False
-    """A rehearsal's, of an emulated link; else such a measurement counts for nothing."""
+    """Whether it is from a rehearsal on an emulated link; otherwise such a measurement does not count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -340,13 +340,13 @@ class DhcpOffer:
     """Offer of one DHCP server."""
 
     server: str
-    """Its identifier (RFC 2132, option 54), else the address that the packet came from."""
+    """Server identifier (RFC 2132, option 54), otherwise the address that the packet came from."""
     mac: str | None
-    """Of the card that sent it, in lower case with colons; None: the system does not tell."""
+    """Network card that sent it, in lower case with colons; None: not reported by the system."""
     address: str
-    """That it would give."""
+    """Offered address."""
     router: str | None = None
-    """Default gateway that it would give (option 3), the first."""
+    """Offered default gateway (option 3), the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,11 +364,11 @@ class RouterAdvertisement:
 
     address: str
     mac: str
-    """Of the card that sent it, in lower case with colons."""
+    """Network card that sent it, in lower case with colons."""
     lifetime_s: int
-    """As a default router; 0: it is none."""
+    """Lifetime as a default router; 0: it is not a default router."""
     prefixes: tuple[str, ...] = ()
-    """From which computers give themselves addresses, or which they reach without a router."""
+    """Prefixes from which computers form their addresses, or which they reach without a router."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -387,7 +387,7 @@ class DdsDiscoverResult:
     trouble: Trouble | None
     words: str = ""
     prefix: bytes = b""
-    """Identity of the one that announced itself, made up anew each time (GUID prefix, DDSI-RTPS 9.3.1)."""
+    """Identity of the participant that announced itself, new each time (GUID prefix, DDSI-RTPS 9.3.1)."""
     datagrams: tuple[tuple[str, bytes], ...] = ()
     """Address of the sender, and the message."""
 
@@ -397,11 +397,11 @@ class ReflectReply:
     """A datagram received while waiting for responses."""
 
     sender: str
-    """The address that it came from."""
+    """Address that it came from."""
     interface: str
-    """By which it came in."""
+    """Interface on which it arrived."""
     delay_s: float
-    """Since the message left whose token it bears; since the first one where it bears none."""
+    """Time since the message with its token was sent; without a token, since the first message."""
     data: bytes
 
 
@@ -412,7 +412,7 @@ class ReflectResult:
     trouble: Trouble | None
     words: str = ""
     tokens: tuple[str, ...] = ()
-    """Of the messages that were sent, made up anew each time."""
+    """Tokens of the sent messages, new each time."""
     answers: tuple[ReflectReply, ...] = ()
 
 
@@ -432,9 +432,9 @@ class VpnMember:
     name: str
     vehicle: str
     has_certificate: bool
-    """Whether it has a certificate that was not revoked."""
+    """Whether it has a certificate that is not revoked."""
     session: str = ""
-    """Address and port from which it is connected now; empty: it is not."""
+    """Address and port from which it is connected now; empty: not connected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -466,8 +466,8 @@ Answer = (
 class ProbeResult:
     """Findings and evidence of a probe. A result without findings never passes."""
 
-    findings: tuple[BearerFinding, ...]
-    """The worst comes to the item's verdict; its message is the first of those."""
+    findings: tuple[LinkFinding, ...]
+    """The worst finding is the item's verdict; its message is the first of the worst ones."""
     evidence: tuple[report.Evidence, ...] = ()
 
     @property
@@ -497,7 +497,7 @@ class Consent:
     prompt: str = ""
     """What the person does while the tool listens: `ask the pilot to move the right stick in circles`."""
     cost: bool = False
-    """It costs on a metered link: `--accept-cost` or a yes is asked as well."""
+    """Whether it costs on a metered link, so that `--accept-cost` or a yes is required as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -537,26 +537,26 @@ class Step:
     """Definition of one checklist item: a probe or a check by a person."""
 
     name: str
-    """Third part of the item's id; empty for the column's own, main item."""
+    """Third part of the item's id; empty for the main item of the column."""
     title: str
     kind: report.ItemKind
     phase: report.Phase
     probe: Probe | None = None
-    """None: a person looks."""
+    """None: a person checks."""
     do: str = ""
     """For a person: what to do."""
     look_for: str = ""
-    """For a person: what tells that it is well."""
+    """For a person: what shows that it is well."""
     consent: Consent | None = None
-    """Of an active step."""
+    """Consent that an active step needs."""
     unless: str = ""
     """Why it does not apply: the item is a SKIP with this reason."""
     concerns: tuple[str, ...] = ()
-    """Names of hosts that it speaks of, for the drawing."""
+    """Names of hosts that it concerns, for the drawing."""
     by: tuple[str, ...] = ()
-    """For a person: names of those who alone may answer or override it; empty: anybody."""
+    """For a person: names of the only people who may answer or override it; empty: anybody."""
     evidence: EvidenceRequest = EvidenceRequest()
-    """For a person: what has to be given besides the answer."""
+    """For a person: evidence that is required besides the answer."""
 
     def __post_init__(self) -> None:
         """Check that the fields fit the kind: automatic, active or by a person."""
@@ -569,9 +569,9 @@ class Step:
 SITE = "site"
 """The endpoint of the site's own checks."""
 ITEMS = "items"
-"""The endpoint of what the pilot declares below `checklist.items`."""
+"""The endpoint of the items that the pilot declares in `checklist.items`."""
 ROBOT = "robot"
-"""The endpoint of what robots publish, beside their files."""
+"""Endpoint of the data that robots publish, checked against their files."""
 INTEGRATION = "integration"
 """The endpoint of the integration record of a robot."""
 
@@ -580,16 +580,16 @@ INTEGRATION = "integration"
 class Cell:
     """Input from which the steps of a column are built: a cell of the table."""
 
-    declaration: Declaration
+    inventory: Inventory
     site: str
     vehicle: str | None
-    """Key; None: the location."""
+    """Key of the vehicle; None: the location."""
     endpoint: str
     """A column of Table 3, `ethernet`, `site`, `items`, `robot` or `integration`."""
     mission: str = ""
-    """Name of the mission whose items are asked as well; empty: none."""
+    """Name of the mission whose items are included as well; empty: none."""
     robots: RobotFiles | None = field(default=None, compare=False, repr=False)
-    """The files of the robots that are tested at the site, for the endpoints that need them."""
+    """Files of the robots that are tested at the site, for the endpoints that need them."""
 
     @property
     def row(self) -> str:
@@ -599,29 +599,29 @@ class Cell:
     @property
     def name(self) -> str:
         """Title of the row for people."""
-        return self.site_config.title if self.vehicle is None else self.declaration.vehicles[self.vehicle].name
+        return self.site_config.title if self.vehicle is None else self.inventory.vehicles[self.vehicle].name
 
     @property
     def site_config(self) -> model.Site:
         """The site."""
-        return self.declaration.sites[self.site]
+        return self.inventory.sites[self.site]
 
     @property
     def endpoints(self) -> model.Endpoints:
         """Endpoints of the row in the inventory."""
         if self.vehicle is not None:
-            return self.declaration.vehicles[self.vehicle].endpoints
+            return self.inventory.vehicles[self.vehicle].endpoints
         return self.site_config.location.endpoints
 
     @property
     def gateway(self) -> Host | None:
         """Computer from which the site's probes run: its gateway, otherwise its control centre."""
-        return self.declaration.computer_of(self.site)
+        return self.inventory.computer_of(self.site)
 
     @property
     def router(self) -> Host | None:
         """The site's router."""
-        return self.declaration.router_of(self.site)
+        return self.inventory.router_of(self.site)
 
     @property
     def wifi(self) -> model.WifiEndpoint | None:
@@ -670,30 +670,30 @@ def number(value: object, unit: str = "") -> str:
 
 
 PLACES = {Place.GATEWAY: "the gateway", Place.LAPTOP: "this computer", Place.ROUTER: "the router"}
-"""A place in words."""
+"""Place -> its name in messages."""
 _PACKAGES = {"ping": "iputils-ping", "ip": "iproute2"}
-"""Where the package of Debian and Ubuntu is not called as its program is."""
+"""Program -> its package in Debian and Ubuntu, where the names differ."""
 
 
-def no_answer_finding(who: str, answer: Answer | None) -> BearerFinding:
+def no_answer_finding(who: str, answer: Answer | None) -> LinkFinding:
     """Return the finding for a request that could not be sent to `who`; it never fails, as nothing is known."""
     words = getattr(answer, "words", "") or "it does not answer"
     hint = f"make {who} reachable first, then ask again"
-    return BearerFinding(Verdict.INCONCLUSIVE, "not-asked", f"{who} could not be asked: {words}", hint)
+    return LinkFinding(Verdict.INCONCLUSIVE, "not-asked", f"{who} could not be asked: {words}", hint)
 
 
-def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[BearerFinding]:
+def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[LinkFinding]:
     """Yield why a program has no usable output; nothing if it ran."""
     where = PLACES[place]
     if not isinstance(ran, CommandResult):
         yield no_answer_finding(where, ran)
     elif ran.trouble is Trouble.MISSING:
         hint = f"on it: sudo apt install {_PACKAGES.get(program, program)}"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "program-missing", f"{where} has no program `{program}`", hint)
+        yield LinkFinding(Verdict.INCONCLUSIVE, "program-missing", f"{where} has no program `{program}`", hint)
     elif ran.trouble is Trouble.SILENT:
         hint = f"look whether {where} is overloaded, then ask again"
         message = f"`{program}` did not come to an end in time on {where}"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "program-slow", message, hint)
+        yield LinkFinding(Verdict.INCONCLUSIVE, "program-slow", message, hint)
     elif ran.trouble is not None:
         yield no_answer_finding(where, ran)
 

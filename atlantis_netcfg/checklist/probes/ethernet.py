@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.probes.ping import (
 )
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import ETHERNET, EthernetEndpoint
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 _COUNTERS = ("name", "default-name", "running", "disabled", "rx-error", "tx-error", "link-downs")
 _TRUE = frozenset({"true", "yes"})
 _SLOW = frozenset({"10Mbps"})
-"""What a cable with a broken pair, or an end set by hand, falls back to."""
+"""Link rates that a cable with a broken pair, or an end set by hand, falls back to."""
 _PORT_VALUES = (("rate", "rate"), ("full-duplex", "full duplex"), ("rx-error", "frames received broken"))
 _MORE = (("tx-error", "frames not sent"), ("link-downs", "times that the link was lost"))
 
@@ -65,49 +65,47 @@ def judge_port(router: str, port: str, results: Mapping[str, base.Answer]) -> ba
         problem = f"is called {socket['name']} there" if socket is not None else "is another socket there"
         message = f"port {port} of {router} {problem}, so that what is told under that name is not about it"
         hint = "run the site, which gives ports their names back"
-        return base.ProbeResult((BearerFinding(Verdict.FAIL, "port-renamed", message, hint),))
+        return base.ProbeResult((LinkFinding(Verdict.FAIL, "port-renamed", message, hint),))
     if interfaces is not None and interface is None:
         message = f"{router} has no port {port}"
         hint = "correct `endpoints.ethernet.router_port`: the name is the router's own"
-        return base.ProbeResult((BearerFinding(Verdict.FAIL, "no-port", message, hint),))
+        return base.ProbeResult((LinkFinding(Verdict.FAIL, "no-port", message, hint),))
     local = [row for row in monitor or () if row.get("name", port) == port]
     values = {**(interface or {}), **(local[0] if local else {})}
     return base.ProbeResult(tuple(_findings(router, port, values)), _evidence(router, port, values))
 
 
-def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[BearerFinding]:
+def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[LinkFinding]:
     if values.get("disabled") in _TRUE:
         hint = "run the site to enable it, or look who has disabled it"
-        yield BearerFinding(Verdict.FAIL, "port-disabled", f"port {port} of {router} is switched off", hint)
+        yield LinkFinding(Verdict.FAIL, "port-disabled", f"port {port} of {router} is switched off", hint)
         return
     status = values.get("status") or {"true": "link-ok", "false": "no-link"}.get(values.get("running", ""), "")
     if status == "no-link":
         hint = "is the cable plugged in at both ends, and is the other end switched on?"
-        yield BearerFinding(Verdict.FAIL, "port-down", f"port {port} of {router} has no link", hint)
+        yield LinkFinding(Verdict.FAIL, "port-down", f"port {port} of {router} has no link", hint)
         return
     if status != "link-ok":
         text = f"`{status}`" if status else "nothing"
         message = f"{router} says {text} of the link of port {port}"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "port-unknown", message, "look at the lamps of the port")
+        yield LinkFinding(Verdict.INCONCLUSIVE, "port-unknown", message, "look at the lamps of the port")
         return
     rate = values.get("rate")
-    yield BearerFinding(Verdict.PASS, "link", f"port {port} of {router} has a link{f' of {rate}' if rate else ''}")
+    yield LinkFinding(Verdict.PASS, "link", f"port {port} of {router} has a link{f' of {rate}' if rate else ''}")
     yield from _quality(router, port, values)
 
 
-def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[BearerFinding]:
+def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[LinkFinding]:
     hint = "change the cable, and set both ends to negotiate the rate themselves"
     if values.get("rate") in _SLOW:
-        yield BearerFinding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at {values['rate']} only", hint)
+        yield LinkFinding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at {values['rate']} only", hint)
     if values.get("full-duplex") in {"false", "no"}:
-        yield BearerFinding(Verdict.WARN, "half-duplex", f"port {port} of {router} runs in half duplex", hint)
+        yield LinkFinding(Verdict.WARN, "half-duplex", f"port {port} of {router} runs in half duplex", hint)
     for name, words in (("rx-error", "received broken"), ("tx-error", "not sent")):
         count = values.get(name, "")
         if count.isdecimal() and int(count):
             message = f"port {port} of {router} has counted {count} frames {words} since it was started"
-            yield BearerFinding(
-                Verdict.WARN, f"{name}s", message, "change the cable, then look whether the number grows"
-            )
+            yield LinkFinding(Verdict.WARN, f"{name}s", message, "change the cable, then look whether the number grows")
 
 
 def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[report.Evidence, ...]:
@@ -118,7 +116,7 @@ def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[report
 
 
 FAIL_LOSS_PERCENT = 10.0
-"""A cable loses nothing; what loses so much is broken: our own judgement. In between it warns."""
+"""A cable loses nothing; with this loss it is broken (our own judgement). In between, the item warns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,9 +133,9 @@ class CabledProbe:
     endpoint: EthernetEndpoint
     address: str | None
     mac: str | None
-    """Upper case; None: nobody has declared it."""
+    """Upper case; None: not declared."""
     router: str | None
-    """Whose port is looked at; None: no port is declared."""
+    """Router whose port is checked; None: no port is declared."""
 
     def asks(self) -> tuple[base.Question, ...]:
         """Return the ping with its route and neighbour entry, and the requests about the router's port."""
@@ -163,12 +161,12 @@ class CabledProbe:
         if self.address is None:
             message = f"no address of {self.name} is known here: it was not asked whether it answers"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.ethernet.address`"
-            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
         if way is None and not tuple(base.not_run(self.place, "ip", results.get("route"))):
             message = f"{base.PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = "is its cable plugged in, and has it an address of the site's LAN? On it: ip -br addr"
-            return base.ProbeResult((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.FAIL, "no-route", message, hint),))
         if local := tuple(own_address(self.place, self.name, self.address, way)):
             return base.ProbeResult(local)
         target = NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
@@ -181,24 +179,24 @@ class CabledProbe:
             (*ping_result.findings, *whose), (*ping_result.evidence, *route_evidence, *card_evidence)
         )
 
-    def _cards(self, card: str | None, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
+    def _cards(self, card: str | None, way: NeighbourRoute | None) -> Iterator[LinkFinding]:
         """Yield findings about the network card that responded; behind a router it cannot be seen."""
         if self.place is base.Place.GATEWAY and way is not None and way.by is not None:
             message = f"packets to {self.name} ({self.address}) leave by way of {way.by}: it is not on the site's cable"
             hint = "plug it into a port of the site's LAN, with an address of the LAN; or correct `endpoints.ethernet`"
-            yield BearerFinding(Verdict.FAIL, "not-on-the-cable", message, hint)
+            yield LinkFinding(Verdict.FAIL, "not-on-the-cable", message, hint)
         elif self.mac is None:
             message = f"nothing tells whether it is {self.name} that answers at {self.address}"
             hint = "declare `endpoints.ethernet.mac`, or reserve its address in `site.lan.reservations`"
-            yield BearerFinding(Verdict.WARN, "whose-unknown", message, hint)
+            yield LinkFinding(Verdict.WARN, "whose-unknown", message, hint)
         elif card is None:
             message = f"{base.PLACES[self.place]} does not tell which network card answers for {self.address}"
             hint = "ask from a computer in the site's LAN, or unplug the cable and see that the pings end"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "card-unseen", message, hint)
+            yield LinkFinding(Verdict.INCONCLUSIVE, "card-unseen", message, hint)
         elif card != self.mac:
             message = f"{card} answers for {self.address}, and the network card of {self.name} is {self.mac}"
             hint = "two devices have this address, or the card was exchanged: unplug it and ping again"
-            yield BearerFinding(Verdict.FAIL, "other-card", message, hint)
+            yield LinkFinding(Verdict.FAIL, "other-card", message, hint)
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
@@ -206,7 +204,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     links = link_steps(
         cell,
         ETHERNET,
-        lambda bearer: f"Cable {bearer.name} of {cell.name} carries traffic",
+        lambda link: f"Cable {link.name} of {cell.name} carries traffic",
     )
     endpoint = cell.endpoints.ethernet
     if endpoint is not None:

@@ -15,33 +15,33 @@ from atlantis_netcfg.checklist.report import Evidence, ItemKind
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
 _PLACES = {model.SeenFrom.GATEWAY: base.Place.GATEWAY, model.SeenFrom.LAPTOP: base.Place.LAPTOP}
 _LONGEST = 200
-"""Letters of a line that is shown."""
+"""Most characters of a line that are shown."""
 
 
 def items_of(cell: base.Cell) -> Iterator[model.CheckItem]:
     """Yield the inventory items of a row: the vehicle's own first, then the site's, then the mission's."""
     settings = cell.site_config.checklist
     if cell.vehicle is not None:
-        yield from cell.declaration.vehicles[cell.vehicle].checklist.items
+        yield from cell.inventory.vehicles[cell.vehicle].checklist.items
     lists = (settings.items, *(mission.items for mission in settings.missions if mission.name == cell.mission))
     yield from (item for items in lists for item in items if item.vehicle == cell.vehicle)
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Return a step for each item."""
-    return tuple(_step(cell.declaration, item) for item in items_of(cell))
+    return tuple(_step(cell.inventory, item) for item in items_of(cell))
 
 
-def _step(declaration: Declaration, item: model.CheckItem) -> base.Step:
+def _step(inventory: Inventory, item: model.CheckItem) -> base.Step:
     if item.kind is model.ItemSort.COMMAND:
         probe = ExpectedLine(_PLACES[item.seen_from], item.command or "", item.expect or "")
         return base.Step(name=item.id, title=item.text, kind=ItemKind.AUTOMATIC, phase=item.phase, probe=probe)
@@ -51,14 +51,14 @@ def _step(declaration: Declaration, item: model.CheckItem) -> base.Step:
         kind=ItemKind.PERSON,
         phase=item.phase,
         look_for=item.look_for or "",
-        by=people(declaration, item.by),
+        by=people(inventory, item.by),
         evidence=base.EvidenceRequest(item.evidence, item.unit or "", item.min, item.max),
     )
 
 
-def people(declaration: Declaration, words: Iterable[str]) -> tuple[str, ...]:
+def people(inventory: Inventory, words: Iterable[str]) -> tuple[str, ...]:
     """Resolve names and roles to the names of people in the inventory."""
-    roles = {role.name: role.people for role in declaration.pilot.roles}
+    roles = {role.name: role.people for role in inventory.pilot.roles}
     return tuple(dict.fromkeys(name for word in words for name in roles.get(word, (word,))))
 
 
@@ -93,7 +93,7 @@ class ExpectedLine:
             return base.ProbeResult((self._exit_finding(where, ran),), (*evidence, *self._line_evidence(line)))
         message = f"`{self.command}` prints on {where} what is declared"
         return base.ProbeResult(
-            (BearerFinding(Verdict.PASS, "line-found", message),), (*evidence, *self._line_evidence(line))
+            (LinkFinding(Verdict.PASS, "line-found", message),), (*evidence, *self._line_evidence(line))
         )
 
     def _line_evidence(self, line: str | None) -> tuple[Evidence, ...]:
@@ -101,13 +101,13 @@ class ExpectedLine:
             return ()
         return (base.read(f"line of `{self.command}`", line[:_LONGEST]),)
 
-    def _other(self, where: str, ran: base.CommandResult) -> BearerFinding:
+    def _other(self, where: str, ran: base.CommandResult) -> LinkFinding:
         message = f"`{self.command}` prints on {where} no line `{self.expect}`"
         if ran.rc != 0:
             message += f"; it ended with {ran.rc}"
         hint = f"type `{self.command}` on {where} and look; mend it, or correct `expect:` of the item"
-        return BearerFinding(Verdict.FAIL, "line-missing", message, hint)
+        return LinkFinding(Verdict.FAIL, "line-missing", message, hint)
 
-    def _exit_finding(self, where: str, ran: base.CommandResult) -> BearerFinding:
+    def _exit_finding(self, where: str, ran: base.CommandResult) -> LinkFinding:
         message = f"`{self.command}` prints on {where} what is declared, but it ended with {ran.rc}"
-        return BearerFinding(Verdict.INCONCLUSIVE, "program-failed", message, f"type it on {where} and look")
+        return LinkFinding(Verdict.INCONCLUSIVE, "program-failed", message, f"type it on {where} and look")

@@ -18,36 +18,36 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import Bearer, Column
-from atlantis_netcfg.links import BearerFinding, LinkState
+from atlantis_netcfg.inventory.model import Column, Link
+from atlantis_netcfg.links import LinkFinding, LinkState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
 
 _UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mbit/s", "_s": "s", "_bytes": "bytes"}
-"""End of a reading's name to its unit; longest first where one ends like another."""
+"""End of a reading's name -> unit; longest first where one ends like another."""
 _ALL = 100
-"""Percent."""
+"""Percent of loss at which nothing arrives."""
 _HINT = "look at the box of this link, then ask again"
-"""Where whoever found it gives none."""
+"""Used if a finding has no hint of its own."""
 
 
-def bearers(cell: base.Cell, column: str) -> tuple[Bearer, ...]:
+def column_links(cell: base.Cell, column: str) -> tuple[Link, ...]:
     """Return the links of a column for a row: a location has those of its site, a vehicle none."""
     if cell.vehicle is not None:
         return ()
-    return tuple(bearer for bearer in cell.site_config.bearers if bearer.kind.traits.column == column)
+    return tuple(link for link in cell.site_config.bearers if link.kind.traits.column == column)
 
 
-def boxes(cell: base.Cell, bearer: Bearer) -> tuple[str, ...]:
+def boxes(cell: base.Cell, link: Link) -> tuple[str, ...]:
     """Return the devices of a link: the local one and, for a bridge, the remote one."""
-    box = cell.declaration.hosts.get(bearer.device or "")
+    box = cell.inventory.hosts.get(link.device or "")
     peer = getattr(getattr(box.device, "ptp", None), "peer", None) if box is not None else None
-    return tuple(name for name in (bearer.device, peer) if name is not None)
+    return tuple(name for name in (link.device, peer) if name is not None)
 
 
-def well(values: Mapping[str, Any]) -> BearerFinding | None:
+def passing_finding(values: Mapping[str, Any]) -> LinkFinding | None:
     """Return a finding for a link that carries traffic; its device reporting "connected" is not enough."""
     if values.get("state") != LinkState.UP:
         return None
@@ -55,69 +55,69 @@ def well(values: Mapping[str, Any]) -> BearerFinding | None:
     loss = quality.get("loss_percent")
     if not isinstance(loss, int | float) or loss >= _ALL:
         hint = "declare `canaries` of the link, and look whether its router may send pings; then ask again"
-        return BearerFinding(
+        return LinkFinding(
             Verdict.INCONCLUSIVE, "not-tried", "its box says that it is up, and nothing was seen to pass", hint
         )
     after = "" if quality.get("rtt_ms") is None else f", a round trip over it takes {quality['rtt_ms']:g} ms"
     level = "" if quality.get("signal_dbm") is None else f", heard with {quality['signal_dbm']:g} dBm"
-    return BearerFinding(Verdict.PASS, "up", f"the link is up{after}{level}")
+    return LinkFinding(Verdict.PASS, "up", f"the link is up{after}{level}")
 
 
 @dataclass(frozen=True, slots=True)
-class BearerProbe:
+class LinkProbe:
     """Check that the link carries traffic, and that its devices report no problem."""
 
-    bearer: str
-    good: Callable[[Mapping[str, Any]], BearerFinding | None] = well
-    """What is said of a link that nothing is wrong with; None: nothing has been seen of it."""
+    link: str
+    good: Callable[[Mapping[str, Any]], LinkFinding | None] = passing_finding
+    """Finding on a link without any problem; None: nothing was observed of it."""
 
     def asks(self) -> tuple[base.LinkStatusRequest, ...]:
         """Request the status of the site's links, read once for all items."""
-        return (base.LinkStatusRequest("look", self.bearer),)
+        return (base.LinkStatusRequest("look", self.link),)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Take over the findings of the link."""
         answer = results.get("look")
-        if not isinstance(answer, base.LinkStatusResult) or answer.trouble is not None or answer.bearer is None:
-            return base.ProbeResult((base.no_answer_finding(f"the boxes of {self.bearer}", answer),))
-        values = answer.bearer
+        if not isinstance(answer, base.LinkStatusResult) or answer.trouble is not None or answer.link is None:
+            return base.ProbeResult((base.no_answer_finding(f"the boxes of {self.link}", answer),))
+        values = answer.link
         findings = tuple(_findings(values))
         finding = self.good(values)
         return base.ProbeResult(
-            (*((finding,) if finding is not None else ()), *findings) or (_unseen(self.bearer),), _evidence(values)
+            (*((finding,) if finding is not None else ()), *findings) or (_unseen(self.link),), _evidence(values)
         )
 
 
 def link_steps(
     cell: base.Cell,
     column: str,
-    title: Callable[[Bearer], str],
-    good: Callable[[Mapping[str, Any]], BearerFinding | None] = well,
+    title: Callable[[Link], str],
+    good: Callable[[Mapping[str, Any]], LinkFinding | None] = passing_finding,
 ) -> tuple[base.Step, ...]:
     """Return one item per link of a column; the first is the column's main item, the others are named by link."""
     return tuple(
         base.Step(
-            name=bearer.name if number else "",
-            title=title(bearer),
+            name=link.name if number else "",
+            title=title(link),
             kind=report.ItemKind.AUTOMATIC,
             phase=report.Phase.BENCH,
-            probe=BearerProbe(bearer.name, good),
-            concerns=boxes(cell, bearer),
+            probe=LinkProbe(link.name, good),
+            concerns=boxes(cell, link),
         )
-        for number, bearer in enumerate(bearers(cell, column))
+        for number, link in enumerate(column_links(cell, column))
     )
 
 
-def _unseen(bearer: str) -> BearerFinding:
+def _unseen(link: str) -> LinkFinding:
     hint = "look at its own box, then ask again"
-    return BearerFinding(Verdict.INCONCLUSIVE, "state-unknown", f"nobody says whether {bearer} works", hint)
+    return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", f"nobody says whether {link} works", hint)
 
 
-def _findings(values: Mapping[str, Any]) -> Iterator[BearerFinding]:
+def _findings(values: Mapping[str, Any]) -> Iterator[LinkFinding]:
     for item in values.get("findings") or ():
         verdict = Verdict(item["verdict"])
         hint = item.get("hint") or (_HINT if verdict is not Verdict.PASS else None)
-        yield BearerFinding(verdict, item["code"], item["message"], hint)
+        yield LinkFinding(verdict, item["code"], item["message"], hint)
 
 
 def _evidence(values: Mapping[str, Any]) -> tuple[report.Evidence, ...]:
@@ -157,15 +157,15 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     return links or (_lte_by_a_person(cell),)
 
 
-def _check_registration(values: Mapping[str, Any]) -> BearerFinding | None:
+def _check_registration(values: Mapping[str, Any]) -> LinkFinding | None:
     """Return the finding for a unit that carries traffic, with its network."""
-    up = well(values)
+    up = passing_finding(values)
     quality = values.get("quality") or {}
     if up is None or up.verdict is not Verdict.PASS or not quality.get("registration"):
         return up
     words = f"{quality['registration']}".replace("_", " ")
     network = f" in {quality['operator']}" if quality.get("operator") else ""
-    return BearerFinding(up.verdict, up.code, f"{up.message}; the unit says: {words}{network}")
+    return LinkFinding(up.verdict, up.code, f"{up.message}; the unit says: {words}{network}")
 
 
 def _lte_by_a_person(cell: base.Cell) -> base.Step:

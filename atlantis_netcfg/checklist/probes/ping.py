@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,7 +29,7 @@ class NeighbourRoute:
 
     interface: str
     by: str | None = None
-    """The next hop; None: the address is in a network of that interface."""
+    """Next hop; None: the address is in a network of that interface."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +37,11 @@ class NetworkCard:
     """State of a network interface."""
 
     up: bool
-    """Switched on."""
+    """Whether it is switched on."""
     carrier: bool
     """Whether it has a link; of Wi-Fi: whether it is associated."""
     master: str | None = None
-    """The bridge that it is a port of."""
+    """Bridge that it is a port of."""
 
 
 def route_request(place: base.Place, address: str) -> base.RunProgram:
@@ -87,12 +87,12 @@ def read_neighbour(answer: base.Answer | None, address: str) -> str | None:
     return None
 
 
-def own_address(place: base.Place, name: str, address: str, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
+def own_address(place: base.Place, name: str, address: str, way: NeighbourRoute | None) -> Iterator[LinkFinding]:
     """Yield a finding if the address belongs to the probing computer, whose own replies prove nothing."""
     if way is not None and way.interface == _LOOPBACK:
         message = f"{base.PLACES[place]} itself has the address of {name}, {address}: its pings never leave it"
         hint = "take the address away there, or correct the one that is declared: `ip -br addr` shows them"
-        yield BearerFinding(Verdict.FAIL, "own-address", message, hint)
+        yield LinkFinding(Verdict.FAIL, "own-address", message, hint)
 
 
 def _rows(answer: base.Answer | None) -> list[dict[str, Any]]:
@@ -107,7 +107,7 @@ def _rows(answer: base.Answer | None) -> list[dict[str, Any]]:
 
 COUNT = 20
 SLOW_MS = 100.0
-"""One hop in a local network takes some milliseconds; from here on something holds packets back. Our own judgement."""
+"""One hop in a local network takes some milliseconds; from here on packets are held back. Our own judgement."""
 _SUMS = re.compile(
     r"(\d+) packets transmitted, (\d+) (?:packets )?received(?:, \+?(\d+) duplicates)?.*?([\d.]+)% packet loss"
 )
@@ -117,7 +117,7 @@ _HEAD = re.compile(r"^PING (\S+) ")
 _ANSWER = re.compile(r"^\d+ bytes from ([\d.]+).*?\b(?:icmp_)?seq=(\d+)", re.MULTILINE)
 _DAMAGE_WORDS = ("wrong data byte", "BAD CHECKSUM", "(truncated)")
 MANY_TWICE = 0.1
-"""Share of answers that come twice: a radio repeats one now and then, two devices or a loop most. Our judgement."""
+"""Share of duplicate responses: a radio sends one now and then, two devices or a loop most. Our judgement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,16 +126,16 @@ class Echoes:
 
     sent_count: int
     received_count: int
-    """By the address itself, each question once."""
+    """Requests that the address itself answered, each counted once."""
     twice: int = 0
-    """Answers to a question that had its answer."""
+    """Duplicate responses."""
     others: tuple[str, ...] = ()
-    """Addresses that answered in place of the one that was asked."""
+    """Addresses that responded in place of the target."""
     has_damage: bool = False
     mean_ms: float | None = None
     worst_ms: float | None = None
     refusal: str | None = None
-    """Who turned the packets away on the way, and with which words."""
+    """Who rejected the packets on the way, and with which message."""
 
     @property
     def loss_percent(self) -> float:
@@ -151,9 +151,9 @@ class NeighbourPing:
     address: str
     place: base.Place
     loss_percent: float
-    """Up to here it is well."""
+    """Up to this loss it passes."""
     fail_percent: float
-    """From here it does not serve."""
+    """From this loss on it fails."""
 
 
 def ping_request(place: base.Place, address: str) -> base.RunProgram:
@@ -195,7 +195,7 @@ def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeR
         why = f": {lines[0][:120]}" if lines else ""
         message = f"no ping was sent to {target.name} ({target.address}) from {base.PLACES[target.place]}{why}"
         hint = f"type it by hand there: ping {target.address}"
-        return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
+        return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
     where = f"{target.name} from {base.PLACES[target.place]}"
     evidence = [base.measured_evidence(f"pings answered by {where}", f"{echoes.received_count} of {echoes.sent_count}")]
     if echoes.mean_ms is not None and echoes.worst_ms is not None:
@@ -208,53 +208,53 @@ def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeR
             f"only {echoes.sent_count} of {COUNT} pings were sent to {who}, and {echoes.received_count} were answered"
         )
         hint = f"repeat the check; if it stays so, see who ends `ping` on {base.PLACES[target.place]}"
-        cut = BearerFinding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
+        cut = LinkFinding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
         return base.ProbeResult((cut, *strange), tuple(evidence))
     findings = (_loss(target, echoes), *_times(target, echoes))
     remaining_findings = tuple(finding for finding in findings if not strange or finding.verdict is not Verdict.PASS)
     return base.ProbeResult((*strange, *remaining_findings), tuple(evidence))
 
 
-def odd_answers(who: str, echoes: Echoes) -> Iterator[BearerFinding]:
+def odd_answers(who: str, echoes: Echoes) -> Iterator[LinkFinding]:
     """Yield findings about suspicious replies, however many there are."""
     if echoes.others:
         message = f"{echoes.others[0]} answers in place of {who}"
         hint = "somebody on the way answers for others: look for a proxy, a captive portal, or a rule that redirects"
-        yield BearerFinding(Verdict.FAIL, "another-answers", message, hint)
+        yield LinkFinding(Verdict.FAIL, "another-answers", message, hint)
     if echoes.has_damage:
         message = f"answers of {who} came back damaged"
         hint = "something on the way changes packets: look at cables, cards and drivers, then repeat the check"
-        yield BearerFinding(Verdict.FAIL, "answers-damaged", message, hint)
+        yield LinkFinding(Verdict.FAIL, "answers-damaged", message, hint)
     if echoes.twice:
         many = echoes.twice > MANY_TWICE * max(echoes.received_count, 1)
         message = (
             f"{who} answers {echoes.received_count} of {echoes.sent_count} pings, and {echoes.twice} answers came twice"
         )
         hint = "two devices have this address, or the network has a loop: unplug it and ping again"
-        yield BearerFinding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
+        yield LinkFinding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
 
 
-def _loss(target: NeighbourPing, echoes: Echoes) -> BearerFinding:
+def _loss(target: NeighbourPing, echoes: Echoes) -> LinkFinding:
     who = f"{target.name} ({target.address})"
     if not echoes.received_count:
         refusal_text = f"; {echoes.refusal}" if echoes.refusal else ""
         hint = "is it switched on, with this address, and does it answer pings at all?"
-        return BearerFinding(
+        return LinkFinding(
             Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent_count} pings{refusal_text}", hint
         )
     message = f"{who} answers {echoes.received_count} of {echoes.sent_count} pings"
     loss = echoes.loss_percent
     if loss <= target.loss_percent:
         after = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
-        return BearerFinding(Verdict.PASS, "answers", message + after)
+        return LinkFinding(Verdict.PASS, "answers", message + after)
     verdict = Verdict.FAIL if loss >= target.fail_percent else Verdict.WARN
     hint = "look for a bad connector, a weak signal, others on the channel, or two devices with this address"
-    return BearerFinding(verdict, "loss", f"{message}: {loss:g} % are lost, above {target.loss_percent:g} %", hint)
+    return LinkFinding(verdict, "loss", f"{message}: {loss:g} % are lost, above {target.loss_percent:g} %", hint)
 
 
-def _times(target: NeighbourPing, echoes: Echoes) -> tuple[BearerFinding, ...]:
+def _times(target: NeighbourPing, echoes: Echoes) -> tuple[LinkFinding, ...]:
     if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
         return ()
     message = f"{target.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
     hint = "stop large transfers and look again; a Wi-Fi that saves power, or repeats its frames, is as slow"
-    return (BearerFinding(Verdict.WARN, "slow", message, hint),)
+    return (LinkFinding(Verdict.WARN, "slow", message, hint),)

@@ -48,7 +48,7 @@ TITLES: Mapping[str, str] = {
     base.INTEGRATION: "Integration",
     base.ITEMS: "Items",
 }
-"""Endpoint to the words of Table 3, and ours for what is beside it."""
+"""Endpoint -> title as in Table 3, and our own title for endpoints outside it."""
 
 _STEPS: Mapping[str, Callable[[base.Cell], tuple[base.Step, ...]]] = {
     Column.WIFI: wifi.steps,
@@ -90,11 +90,11 @@ _PHASES: Mapping[str, Phase] = {
     Column.USBL: Phase.WATER,
     base.INTEGRATION: Phase.INTEGRATION,
 }
-"""Where a person would look: under an open sky, in water; all else on the bench."""
+"""Endpoint -> phase in which a person looks: under an open sky, in water; all others on the bench."""
 
 
 PLAIN: tuple[bytes, ...] = (rb'\?WATCH=\{"enable":true,"json":true\};?\r?\n', rb"\?(VERSION|DEVICES|POLL);?\r?\n")
-"""Full matches of whole sayings that only read, where a device's language needs no table: gpsd's."""
+"""Full matches of messages that only read, for a device whose language needs no table: gpsd."""
 _PLAIN = tuple(re.compile(saying) for saying in PLAIN)
 
 

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.core.errors import complete
+from atlantis_netcfg.core.errors import fill_hint
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import ControlCentre
 from atlantis_netcfg.inventory.model.robot import TopicKind
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.robots.observation import RobotState, topic_findings
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ _CODES: Mapping[RobotItem, tuple[str, ...]] = {
     RobotItem.STRANGERS: ("robot-unknown", "configuration-unreadable"),
 }
 ITEM_OF: Mapping[str, RobotItem] = {code: item for item, codes in _CODES.items() for code in codes}
-"""Code of a finding to its item; what telemetry finds of a pose or a position belongs to the pose."""
+"""Finding code -> item; telemetry findings on a pose or a position belong to the pose."""
 MOVING: Final = frozenset(kind for kind in TopicKind if kind.moves)
 _LONGER = "listen longer: `for=60s`"
 _TITLES: Mapping[RobotItem, str] = {
@@ -104,13 +104,13 @@ def vpn_step(name: str, cell: base.Cell) -> base.Step:
 
 def discovery_step(name: str, cell: base.Cell, host: str = "") -> base.Step:
     """Return the step that the robot announces itself as in its file; `host` listens, or this computer if empty."""
-    assert cell.robots is not None  # noqa: S101 - the caller has looked
+    assert cell.robots is not None  # noqa: S101 - the caller checks it
     title = "It is discovered at the control centre" if host else "It is discovered, and is as its file says"
     return _automatic(name, title, _DiscoveryProbe(cell.robots, cell.row, cell.name, cell.site, host))
 
 
 def _at_the_centre(cell: base.Cell) -> base.Step:
-    hosts = cell.declaration.hosts.items()
+    hosts = cell.inventory.hosts.items()
     centre = next((name for name, host in hosts if isinstance(host.device, ControlCentre)), None)
     if centre is not None:
         return discovery_step("control-centre", cell, centre)
@@ -125,7 +125,7 @@ def _at_the_centre(cell: base.Cell) -> base.Step:
 
 
 def _topics_step(cell: base.Cell, item: RobotItem, kinds: frozenset[TopicKind]) -> base.Step:
-    assert cell.robots is not None  # noqa: S101 - the caller has looked
+    assert cell.robots is not None  # noqa: S101 - the caller checks it
     robot = cell.robots.robot(cell.row)
     if item is RobotItem.POSE and robot.pose.library and not any(topic.kind in kinds for topic in robot.topics()):
         return pose_of_the_library(item, Phase.QUAY)
@@ -148,21 +148,21 @@ def pose_of_the_library(name: str, phase: Phase) -> base.Step:
 
 def topics_step(name: str, title: str, cell: base.Cell, kind: TopicKind) -> base.Step:
     """Return the step for one kind of topics: received, of the right type, current, at the right rate."""
-    assert cell.robots is not None  # noqa: S101 - the caller has looked
+    assert cell.robots is not None  # noqa: S101 - the caller checks it
     probe = _TopicsProbe(cell.robots, cell.row, cell.name, cell.site, frozenset({kind}), frozenset(RobotItem))
     return _automatic(name, title, probe)
 
 
-def _observation(answer: base.Answer | None, host: str) -> RobotObservation | BearerFinding:
+def _observation(answer: base.Answer | None, host: str) -> RobotObservation | LinkFinding:
     if not isinstance(answer, base.RobotsHeardResult) or answer.observation is None:
         return replace(base.no_answer_finding(host or "this computer", answer), code="not-listened")
     return answer.observation
 
 
-def _complete_hint(finding: BearerFinding, site: str) -> BearerFinding:
+def _complete_hint(finding: LinkFinding, site: str) -> LinkFinding:
     """Complete a hint with a command that can be typed while a checklist is open."""
     again = f"`provision robot discover site={site} for=60s` listens longer"
-    return replace(finding, hint=again if finding.hint == _LONGER else complete(finding.hint or "", site=site))
+    return replace(finding, hint=again if finding.hint == _LONGER else fill_hint(finding.hint or "", site=site))
 
 
 def _evidence(writers: Collection[HeardWriter]) -> Iterator[Evidence]:
@@ -185,7 +185,7 @@ class _BrokenFile:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:  # noqa: ARG002 - as every probe has it
         message = f"the file of {self.vehicle} has errors, so that nothing can be compared with it"
         hint = f"`provision robot validate vehicle={self.vehicle}` names each of them"
-        return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "file-unreadable", message, hint),))
+        return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "file-unreadable", message, hint),))
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,21 +209,21 @@ class _VpnOfRobot:
         if session is not None:
             message = f"{session.name} is connected to the VPN server"
             evidence = base.read("session at the VPN server", f"{session.name} from {session.session}")
-            return base.ProbeResult((BearerFinding(Verdict.PASS, "member-connected", message),), (evidence,))
+            return base.ProbeResult((LinkFinding(Verdict.PASS, "member-connected", message),), (evidence,))
         if not members and self.behind:
             text = f"{self.name} is no member of the VPN: it is in the LAN of {self.behind}, behind its router"
-            return base.ProbeResult((BearerFinding(Verdict.SKIP, "behind-router", text),))
+            return base.ProbeResult((LinkFinding(Verdict.SKIP, "behind-router", text),))
         return base.ProbeResult((self._away([member.name for member in members if member.has_certificate]),))
 
-    def _away(self, member_names: Collection[str]) -> BearerFinding:
+    def _away(self, member_names: Collection[str]) -> LinkFinding:
         status = "`provision vpn status` shows every member and who is connected"
         if not member_names:
             message = f"{self.name} has no certificate of the VPN that is good, and no address in the LAN of the site"
             if self.behind:
                 message = f"every certificate of {self.name} in the VPN was revoked"
-            return BearerFinding(Verdict.FAIL, "no-member", message, status)
+            return LinkFinding(Verdict.FAIL, "no-member", message, status)
         message = f"{', '.join(member_names)} is not connected to the VPN server"
-        return BearerFinding(Verdict.FAIL, "member-away", message, f"start OpenVPN on the robot; {status}")
+        return LinkFinding(Verdict.FAIL, "member-away", message, f"start OpenVPN on the robot; {status}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,7 +247,7 @@ class _DiscoveryProbe(_OfRobot):
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         observation = _observation(results["heard"], self.host)
-        if isinstance(observation, BearerFinding):
+        if isinstance(observation, LinkFinding):
             return base.ProbeResult((observation,))
         report = self.robots.report(self.vehicle, observation)
         wrong = [each for each in report.findings if ITEM_OF[each.code] is RobotItem.DISCOVERED]
@@ -255,7 +255,7 @@ class _DiscoveryProbe(_OfRobot):
         if wrong:
             return base.ProbeResult(tuple(_complete_hint(each, self.site) for each in wrong), evidence)
         text = f"{self.name} introduces itself as its file says"
-        return base.ProbeResult((BearerFinding(Verdict.PASS, "introduced", text),), evidence)
+        return base.ProbeResult((LinkFinding(Verdict.PASS, "introduced", text),), evidence)
 
     @staticmethod
     def _configurations(report: RobotReport, observation: RobotObservation) -> Iterator[Evidence]:
@@ -275,7 +275,7 @@ class _TopicsProbe(_OfRobot):
 
     kinds: frozenset[TopicKind]
     items: frozenset[RobotItem]
-    """Whose findings count."""
+    """Items whose findings count."""
 
     def topics(self) -> tuple[PublishedTopic, ...]:
         """Return the selected topics of the robot's file."""
@@ -286,13 +286,13 @@ class _TopicsProbe(_OfRobot):
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         observation = _observation(results["heard"], "")
-        if isinstance(observation, BearerFinding):
+        if isinstance(observation, LinkFinding):
             return base.ProbeResult((observation,))
         report = self.robots.report(self.vehicle, observation)
         if report.state is RobotState.MISSING:
             message = f"{self.name} did not introduce itself, so that nothing is known of what it publishes"
             hint = "make it be discovered first, then look again"
-            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint),))
         names = [topic.name for topic in self.topics()]
         writers = [writer for writer in report.topics if writer.topic in names and writer.messages]
         wrong = tuple(
@@ -302,14 +302,14 @@ class _TopicsProbe(_OfRobot):
         )
         return base.ProbeResult(wrong or (self._good(names, writers),), tuple(_evidence(writers)))
 
-    def _good(self, names: Collection[str], writers: Collection[HeardWriter]) -> BearerFinding:
+    def _good(self, names: Collection[str], writers: Collection[HeardWriter]) -> LinkFinding:
         topics = {writer.topic for writer in writers}
         if not topics:
             message = f"none of {', '.join(names)} was heard of {self.name}"
             hint = "look at the program of the robot that publishes them"
-            return BearerFinding(Verdict.INCONCLUSIVE, "not-heard", message, hint)
+            return LinkFinding(Verdict.INCONCLUSIVE, "not-heard", message, hint)
         text = f"{len(topics)} of {len(names)} topics of {self.name} are as they should be"
-        return BearerFinding(Verdict.PASS, "heard", text)
+        return LinkFinding(Verdict.PASS, "heard", text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,7 +324,7 @@ class _Strangers:
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         observation = _observation(results["heard"], "")
-        if isinstance(observation, BearerFinding):
+        if isinstance(observation, LinkFinding):
             return base.ProbeResult((observation,))
         reports = self.robots.reports(observation)
         every = [finding for report in reports for finding in report.findings]
@@ -334,6 +334,6 @@ class _Strangers:
         if not observation.configurations:
             message = "no robot has introduced itself, so that nothing is known of strangers"
             hint = "is this computer in the network of the robots, and in the domain of `dds.domain`?"
-            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "nobody-heard", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "nobody-heard", message, hint),))
         text = f"{len(observation.configurations)} robots introduce themselves, all of the inventory"
-        return base.ProbeResult((BearerFinding(Verdict.PASS, "all-known", text),))
+        return base.ProbeResult((LinkFinding(Verdict.PASS, "all-known", text),))

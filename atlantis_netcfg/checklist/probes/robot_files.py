@@ -13,7 +13,7 @@ from atlantis_netcfg.robots.observation import judge
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.inventory.model.robot import RobotFile
     from atlantis_netcfg.robots.observation import RobotObservation, RobotReport
 
@@ -27,32 +27,32 @@ class RobotFiles:
 
     names: KeyNames
     sources: Mapping[str, reading.RobotSource]
-    """Of every robot of the inventory whose file has no error."""
+    """Robot -> source, for every robot of the inventory whose file has no error."""
     tested_vehicles: tuple[str, ...]
-    """Vehicles that are tested at the site and have a file, good or not; guests are none of them."""
+    """Vehicles that are tested at the site and have a file, with or without errors; guests are not among them."""
     past_guests: Mapping[str, str] = field(default_factory=dict)
-    """Guests whose last day is over, and that day: they are strangers again."""
+    """Guests whose last day is over -> that day; they are strangers again."""
     _cached_reports: tuple[RobotObservation, list[RobotReport]] | None = None
 
     @classmethod
-    def read(cls, declaration: Declaration, site: str) -> Self | None:
+    def read(cls, inventory: Inventory, site: str) -> Self | None:
         """Read those of an inventory; None: no vehicle that is tested at the site has one."""
-        here, files = declaration.sites[site].checklist.vehicles, reading.robot_files(declaration)
+        here, files = inventory.sites[site].checklist.vehicles, reading.robot_files(inventory)
         tested_vehicles = tuple(
             key
-            for key, vehicle in declaration.vehicles.items()
+            for key, vehicle in inventory.vehicles.items()
             if key in files and not vehicle.guest and (here is None or key in here)
         )
         if not tested_vehicles:
             return None
         try:
-            names, findings = reading.key_names(declaration)
-            sources = [] if findings else reading.read_declared(declaration, names)
+            names, findings = reading.key_names(inventory)
+            sources = [] if findings else reading.read_declared(inventory, names)
         except NetcfgError:
             return cls(KeyNames(), {}, tested_vehicles)
         good = {each.vehicle: each for each in sources if each.robot is not None and not each.findings}
-        open_sources = {key: source.with_token(declaration.decrypt) for key, source in good.items() if key is not None}
-        return cls(names, open_sources, tested_vehicles, reading.past_guests(declaration))
+        open_sources = {key: source.with_token(inventory.decrypt) for key, source in good.items() if key is not None}
+        return cls(names, open_sources, tested_vehicles, reading.past_guests(inventory))
 
     def robot(self, vehicle: str) -> RobotFile:
         """Return the content of a valid robot file."""

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.probes import base
-from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, bearers
+from atlantis_netcfg.checklist.probes.link_probe import LinkProbe, column_links
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -39,7 +39,7 @@ _TARGET_CODES = frozenset(
         _NOT_TRIED,
     }
 )
-"""Codes of `bearers.satellite.proof` that speak of a target; any other is of the terminal or of names."""
+"""Codes of findings of `links.satellite` on a target; any other code concerns the terminal or names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +49,12 @@ class AllowListProbe:
     All targets are from the inventory; silence counts after 90 s; at most 20 kB are sent over the air.
     """
 
-    bearer: str
+    link: str
     site: str
 
     def asks(self) -> tuple[base.AllowListTestRequest, ...]:
         """Request one test of the allow-list."""
-        return (base.AllowListTestRequest("prove", self.bearer),)
+        return (base.AllowListTestRequest("prove", self.link),)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Take over the findings; targets that could not be tried only warn if others were tested."""
@@ -63,17 +63,17 @@ class AllowListProbe:
             return base.ProbeResult((base.no_answer_finding("the satellite's router", answer),))
         return base.ProbeResult(tuple(self._findings(answer)), tuple(self._evidence(answer)))
 
-    def _findings(self, result: base.AllowListTestResult) -> Iterator[BearerFinding]:
+    def _findings(self, result: base.AllowListTestResult) -> Iterator[LinkFinding]:
         target_findings = [entry for entry in result.findings if entry.code in _TARGET_CODES]
         proved_findings = [item for item in target_findings if item.verdict in _GOOD_VERDICTS]
         if not target_findings:
-            message = f"nothing was tried over {self.bearer}"
+            message = f"nothing was tried over {self.link}"
             hint = "declare `refused_probes` of the link: addresses of ours that must not be reached"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "nothing-tried", message, hint)
+            yield LinkFinding(Verdict.INCONCLUSIVE, "nothing-tried", message, hint)
         elif not proved_findings:
-            message = f"none of {len(target_findings)} targets could be proved over {self.bearer}"
+            message = f"none of {len(target_findings)} targets could be proved over {self.link}"
             hint = "try again while the satellite carries the traffic: unplug the other links"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
+            yield LinkFinding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
         else:
             yield self._summarize(
                 len(proved_findings),
@@ -84,12 +84,12 @@ class AllowListProbe:
             weaker = Verdict.WARN if proved_findings and finding.code == _NOT_TRIED else finding.verdict
             yield replace(finding, verdict=weaker, hint=finding.hint or self._hints.get(finding.code))
 
-    def _summarize(self, proved_count: int, target_count: int, untried_count: int) -> BearerFinding:
-        message = f"{proved_count} of {target_count} targets were proved over {self.bearer}"
+    def _summarize(self, proved_count: int, target_count: int, untried_count: int) -> LinkFinding:
+        message = f"{proved_count} of {target_count} targets were proved over {self.link}"
         if not untried_count:
-            return BearerFinding(Verdict.PASS, "proved", message)
+            return LinkFinding(Verdict.PASS, "proved", message)
         message = f"{message}, {untried_count} could not be tried"
-        return BearerFinding(Verdict.WARN, "proved-in-part", message, self._hints[_NOT_TRIED])
+        return LinkFinding(Verdict.WARN, "proved-in-part", message, self._hints[_NOT_TRIED])
 
     @property
     def _hints(self) -> Mapping[str, str]:
@@ -98,28 +98,28 @@ class AllowListProbe:
         return {_NOT_TRIED: f"try it while the satellite carries the traffic, or {try_all}"}
 
     def _evidence(self, result: base.AllowListTestResult) -> Iterator[report.Evidence]:
-        yield base.measured_evidence(f"proof over {self.bearer} took", round(result.seconds, 1), "s")
+        yield base.measured_evidence(f"proof over {self.link} took", round(result.seconds, 1), "s")
         if result.bill:
-            yield base.measured_evidence(f"cost over {self.bearer}", result.bill)
+            yield base.measured_evidence(f"cost over {self.link}", result.bill)
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Return four items per satellite link of a location, otherwise a step for a person."""
-    links = bearers(cell, model.Column.SATELLITE)
-    satellite_steps = (step for number, bearer in enumerate(links) for step in _of_link(cell, bearer, number))
+    links = column_links(cell, model.Column.SATELLITE)
+    satellite_steps = (step for number, link in enumerate(links) for step in _of_link(cell, link, number))
     return tuple(satellite_steps) or (_by_a_person(cell),)
 
 
-def _of_link(cell: base.Cell, bearer: model.Bearer, number: int) -> Iterator[base.Step]:
+def _of_link(cell: base.Cell, link: model.Link, number: int) -> Iterator[base.Step]:
     """Yield the items of a link; those of a second link have its name as prefix."""
-    before = f"{bearer.name}-" if number else ""
-    concerns = tuple(item for item in (bearer.device,) if item is not None)
+    before = f"{link.name}-" if number else ""
+    concerns = tuple(item for item in (link.device,) if item is not None)
     yield base.Step(
-        name=bearer.name if number else "",
+        name=link.name if number else "",
         title=f"Satellite terminal of {cell.name} is there, by what the router sees; nothing is sent",
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.BENCH,
-        probe=BearerProbe(bearer.name, _there),
+        probe=LinkProbe(link.name, _there),
         concerns=concerns,
     )
     yield base.Step(
@@ -127,7 +127,7 @@ def _of_link(cell: base.Cell, bearer: model.Bearer, number: int) -> Iterator[bas
         title=f"Satellite of {cell.name} lets through what is declared, and nothing else",
         kind=report.ItemKind.ACTIVE,
         phase=report.Phase.QUAY,
-        probe=AllowListProbe(bearer.name, cell.site),
+        probe=AllowListProbe(link.name, cell.site),
         consent=base.Consent(
             question=f"the terminal of {cell.name} sees the sky, and up to 20 kB may go over its airtime",
             prompt="wait: what is silent is asked for 90 s, because gaps of 70 s are ordinary on this link",
@@ -135,33 +135,33 @@ def _of_link(cell: base.Cell, bearer: model.Bearer, number: int) -> Iterator[bas
         ),
         concerns=concerns,
     )
-    yield _firewall(cell, bearer, before, concerns)
-    yield _terminal(cell, bearer, before, concerns)
+    yield _firewall(cell, link, before, concerns)
+    yield _terminal(cell, link, before, concerns)
 
 
-def _firewall(cell: base.Cell, bearer: model.Bearer, before: str, concerns: tuple[str, ...]) -> base.Step:
-    targets = ", ".join(_target(allowed_target) for allowed_target in allowed_targets(cell.declaration.pilot, bearer))
+def _firewall(cell: base.Cell, link: model.Link, before: str, concerns: tuple[str, ...]) -> base.Step:
+    targets = ", ".join(_target(allowed_target) for allowed_target in allowed_targets(cell.inventory.pilot, link))
     return base.Step(
         name=f"{before}firewall",
-        title=f"The terminal's own firewall lets through addresses of ATLANTIS only ({bearer.device})",
+        title=f"The terminal's own firewall lets through addresses of ATLANTIS only ({link.device})",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
-        do=f"Open the pages of {bearer.device} and look at its firewall; attach a screenshot of it.",
+        do=f"Open the pages of {link.device} and look at its firewall; attach a screenshot of it.",
         look_for=f"It is on, admits these and nothing else: {targets}. Its password is not the factory's.",
         concerns=concerns,
     )
 
 
-def _terminal(cell: base.Cell, bearer: model.Bearer, before: str, concerns: tuple[str, ...]) -> base.Step:
-    box = cell.declaration.hosts.get(bearer.device or "")
+def _terminal(cell: base.Cell, link: model.Link, before: str, concerns: tuple[str, ...]) -> base.Step:
+    box = cell.inventory.hosts.get(link.device or "")
     evidence = getattr(box.device, "evidence", None) if box is not None else None
     firmware = f"the firmware is {evidence.firmware}, as declared" if evidence is not None else "note its firmware"
     return base.Step(
         name=f"{before}terminal",
-        title=f"The terminal's own pages show signal, position and a data session ({bearer.device})",
+        title=f"The terminal's own pages show signal, position and a data session ({link.device})",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.QUAY,
-        do=f"Open the pages of {bearer.device} under a clear sky; attach a screenshot of its status.",
+        do=f"Open the pages of {link.device} under a clear sky; attach a screenshot of its status.",
         look_for=f"It shows a signal, its position and a data session, and no alarm; {firmware}.",
         concerns=concerns,
     )
@@ -172,7 +172,7 @@ def _target(target: model.AllowedTarget) -> str:
     return f"{target.name} ({target.address}{port})"
 
 
-def _there(values: Mapping[str, Any]) -> BearerFinding | None:
+def _there(values: Mapping[str, Any]) -> LinkFinding | None:
     """Return what the router shows of the terminal; an aged ARP entry proves nothing."""
     quality = values.get("quality") or {}
     if quality.get("port_link") != "up":
@@ -180,10 +180,10 @@ def _there(values: Mapping[str, Any]) -> BearerFinding | None:
     port = quality.get("port") or "its port"
     if quality.get("next_hop_seen") == "yes":
         message = f"port {port} has a link, and the terminal has answered on it; over the air nothing was sent"
-        return BearerFinding(Verdict.PASS, "terminal-there", message)
+        return LinkFinding(Verdict.PASS, "terminal-there", message)
     message = f"port {port} has a link, but the terminal has not answered on it of late"
     hint = "that alone proves nothing: the router asks for it when it sends; the allow-list's item shows more"
-    return BearerFinding(Verdict.INCONCLUSIVE, "terminal-not-seen", message, hint)
+    return LinkFinding(Verdict.INCONCLUSIVE, "terminal-not-seen", message, hint)
 
 
 def _by_a_person(cell: base.Cell) -> base.Step:

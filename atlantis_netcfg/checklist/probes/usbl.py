@@ -30,7 +30,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
 from atlantis_netcfg.checklist.probes.acoustic.status import damage
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver, UsblEndpoint
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -61,14 +61,14 @@ class Ping:
 
     modem: AcousticModem
     name: str
-    """The row in words."""
+    """Display name of the checklist row."""
     beacon: int
     consent: base.Consent | None
-    """What the step asks a person; without it there is no ping to be sent."""
+    """Consent that the step asks a person for; without it no ping is sent."""
     local: int | None = None
-    """Number of the beacon that pings, as declared."""
+    """Declared number of the beacon that pings."""
     width_m: float | None = None
-    """Of the site's waters: the geofence from one side to the other."""
+    """Width of the site's waters: the geofence from one side to the other."""
 
     def asks(self) -> tuple[base.Question, ...]:
         """Request transceiver and depth, then send the ping. Raises NeverSaid if no person is prompted."""
@@ -102,7 +102,7 @@ class Ping:
 
     def _judge_ping(
         self, ping_reply: seatrac.SeatracAnswer, answers: tuple[seatrac.SeatracAnswer, ...], transcript: base.Transcript
-    ) -> BearerFinding:
+    ) -> LinkFinding:
         other = f"the beacon {self.beacon}"
         response = f"{seatrac.PING_RESPONSE:02X}"
         fixes = (
@@ -123,42 +123,42 @@ class Ping:
                 return wrong
             if fix.range_m is None:
                 message = f"{other} has answered the ping of {self.name}, and its range was not measured"
-                return BearerFinding(
+                return LinkFinding(
                     Verdict.WARN, "no-range", message, "ping again, and look whether both heads are free"
                 )
             far = f"{fix.range_m:.1f} m away"
-            return BearerFinding(Verdict.PASS, "answered", f"{other} has answered the ping of {self.name}, {far}")
+            return LinkFinding(Verdict.PASS, "answered", f"{other} has answered the ping of {self.name}, {far}")
         if error is not None and error[:1] == bytes([_TIMEOUT]):
             hint = "look whether both beacons are in the water and within reach, and which number the other one has"
-            return BearerFinding(Verdict.FAIL, "no-answer", f"{other} has not answered the ping of {self.name}", hint)
+            return LinkFinding(Verdict.FAIL, "no-answer", f"{other} has not answered the ping of {self.name}", hint)
         status = (error or ping_reply.record)[:1]
         if status not in {b"", b"\x00"}:
             why = "it is busy" if status[0] == _BUSY else f"its status is 0x{status[0]:02X}"
             message = f"the beacon of {self.name} has not carried out the ping: {why}"
-            return BearerFinding(
+            return LinkFinding(
                 Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it"
             )
         message = f"the beacon of {self.name} has sent a ping and does not tell what became of it"
-        return BearerFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
+        return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
 
-    def _judge_not_sent(self, answers: tuple[seatrac.SeatracAnswer, ...]) -> BearerFinding:
+    def _judge_not_sent(self, answers: tuple[seatrac.SeatracAnswer, ...]) -> LinkFinding:
         record = seatrac.last(answers, seatrac.STATUS)
         if record is None:
             message = f"no ping was sent: the transceiver of {self.name} is not idle"
-            return BearerFinding(
+            return LinkFinding(
                 Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it"
             )
         status = seatrac.status(record)
         if status is None or status.depth_m is None:
             message = f"no ping was sent: the beacon of {self.name} does not tell its depth"
             hint = "have its crew let the status tell the environment; without a depth nothing is sent"
-            return BearerFinding(Verdict.INCONCLUSIVE, "depth-unknown", message, hint)
+            return LinkFinding(Verdict.INCONCLUSIVE, "depth-unknown", message, hint)
         if status.depth_m >= _DEPTH_M:
             message = f"the beacon of {self.name} has not answered the ping command"
-            return BearerFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
+            return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
         message = f"no ping was sent: the beacon of {self.name} measures a depth of {status.depth_m:.1f} m, as in air"
         hint = f"put the vehicle into the water: from {_DEPTH_M} m on the ping is sent"
-        return BearerFinding(Verdict.INCONCLUSIVE, "in-air", message, hint)
+        return LinkFinding(Verdict.INCONCLUSIVE, "in-air", message, hint)
 
 
 def _evidence(answers: tuple[seatrac.SeatracAnswer, ...]) -> Iterator[report.Evidence]:

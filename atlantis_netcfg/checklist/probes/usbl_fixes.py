@@ -14,30 +14,30 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import AcousticModem, not_u
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 
 _USUAL_MPS = 1500.0
-"""Sound speed for ranges, where the modem's own is not known or makes no sense."""
+"""Sound speed for ranges if the modem's own is not known or makes no sense."""
 _REACH_M = {AcousticDriver.EVOLOGICS: 10_000.0, AcousticDriver.SEATRAC: 2_000.0}
-"""No modem of the maker hears farther."""
+"""No modem of that maker receives from farther away."""
 _UNDECLARED_M = 2_000.0
-"""Farther than this is believed only where the geofence says that the site is that wide."""
+"""Larger distances are accepted only if the geofence says that the site is that wide."""
 _NEAREST_M = 0.1
 _OFF_SHARE, _OFF_M = 0.05, 0.5
-"""Range and position may differ by so much: a share of the range, and at least some metres."""
+"""Permitted difference of range and position: a share of the range, and at least some metres."""
 _GROSS_SHARE, _GROSS_M = 0.35, 2.0
-"""By more than this no sound speed of water explains it."""
+"""No sound speed of water explains a larger difference."""
 _FIT_POOR = 3.0
 _ACCURACY_POOR, _ACCURACY_NONE = 0.5, math.pi / 2
-"""In radians; from a right angle on the fix does not even tell the side."""
+"""In radians; from a right angle on, the fix does not even show the side."""
 _SIGNAL_NONE_DB = -200.0
 _FUTURE_S = 0.5
 _SINCE_1970_S = 1e9
-"""A clock that shows more was set to the time of day; others count from when the modem was switched on."""
+"""A clock with a larger value was set to the time of day; others count from when the modem was switched on."""
 _NOBODY = "let the other modem ping or send, with both in the water, and listen again; silence proves nothing"
 _OUTPUT = "AT?ZU"
 _ECHOES = "look for echoes and noise, and whether the beacon's head is free on all sides"
@@ -50,35 +50,34 @@ class UsblFix:
 
     remote: int
     end: int
-    """Offset in the stream behind it."""
+    """Offset of its end in the stream."""
     waited_s: float
-    """From when it came to the end of the listening."""
+    """From its arrival to the end of listening."""
     received_at: float
-    """When it came, seconds since 1970 by the listening clock."""
+    """Arrival, seconds since 1970 by the clock of the computer that listens."""
     stamp: object
-    """What tells one measurement from another: its time, else all that was measured."""
+    """Identifies the measurement: its time, otherwise all measured values."""
     form: str
-    """A modem may tell one measurement in two forms."""
+    """Form of the report; a modem may report one measurement in two forms."""
     range_m: float | None
-    """By the sound's time on the way."""
+    """Distance from the travel time of the sound."""
     distance_m: float | None
-    """By the position."""
+    """Distance from the position."""
     has_direction: bool
-    """Whether it tells a direction."""
     clock_s: float | None = None
-    """What the modem's clock showed when it told the fix."""
+    """Modem clock when it reported the fix."""
     delay_s: float = 0.0
-    """From the measurement to the telling, by the modem's clock."""
+    """From the measurement to the report, by the modem's clock."""
     to: int | None = None
-    """Of a SeaTrac beacon: for which beacon the answer was meant."""
+    """SeaTrac beacons only: beacon that the response was addressed to."""
     rssi_db: float | None = None
-    """Of an EvoLogics modem: those of others have another scale."""
+    """EvoLogics modems only: others have another scale."""
     integrity: float | None = None
     accuracy: float | None = None
     fit_error: float | None = None
-    """Of a SeaTrac beacon: 0 is best, above 3 poor."""
+    """SeaTrac beacons only: 0 is best, above 3 poor."""
     suspect: bool = False
-    """The modem itself does not trust it."""
+    """Whether the modem itself does not trust it."""
 
     @property
     def age_s(self) -> float:
@@ -158,7 +157,7 @@ class _Arrivals:
 
 def impossible(
     who: str, fix: UsblFix, local: int | None, width_m: float | None, driver: AcousticDriver
-) -> BearerFinding | None:
+) -> LinkFinding | None:
     """Return why a fix is certainly wrong; None if it may be true.
 
     `local`: address of the reporting modem; `width_m`: width of the site's waters, if it is in the inventory.
@@ -166,41 +165,41 @@ def impossible(
     whose = f"the address {fix.remote}"
     if fix.delay_s < -_FUTURE_S:
         message = f"{who} tells a fix of {whose} that is measured {-fix.delay_s:.0f} s from now by its own clock"
-        return BearerFinding(Verdict.FAIL, "time-impossible", message, _REPLAY)
+        return LinkFinding(Verdict.FAIL, "time-impossible", message, _REPLAY)
     if fix.remote == local:
         message = f"{who} tells fixes of {whose}, which is its own"
-        return BearerFinding(Verdict.FAIL, "own-address", message, "give one of the two modems another address")
+        return LinkFinding(Verdict.FAIL, "own-address", message, "give one of the two modems another address")
     if local is not None and fix.to not in {None, 0, local}:
         message = f"{who} tells a fix of {whose} that is meant for the beacon {fix.to}, and it is the beacon {local}"
         hint = "look which beacon is connected here: another one's answers are not its own fixes"
-        return BearerFinding(Verdict.FAIL, "other-beacon", message, hint)
+        return LinkFinding(Verdict.FAIL, "other-beacon", message, hint)
     return _check_distance(who, whose, fix, width_m, driver) or _absurd(who, whose, fix)
 
 
 def _check_distance(
     who: str, whose: str, fix: UsblFix, width_m: float | None, driver: AcousticDriver
-) -> BearerFinding | None:
+) -> LinkFinding | None:
     far_m = [metres for metres in (fix.range_m, fix.distance_m) if metres is not None]
     if far_m and min(far_m) <= _NEAREST_M:
         message = f"{who} puts {whose} at {min(far_m):.1f} m, where it is itself: zeros in place of what was measured"
         hint = "restart the modem, and the program that passes its fixes on"
-        return BearerFinding(Verdict.FAIL, "position-null", message, hint)
+        return LinkFinding(Verdict.FAIL, "position-null", message, hint)
     if far_m and (away := _too_far(who, whose, max(far_m), width_m, driver)) is not None:
         return away
     if _apart(fix, _GROSS_SHARE, _GROSS_M):
-        return BearerFinding(Verdict.FAIL, "range-mismatch", _mismatch(who, whose, fix), _MISMATCH)
+        return LinkFinding(Verdict.FAIL, "range-mismatch", _mismatch(who, whose, fix), _MISMATCH)
     return None
 
 
-def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: AcousticDriver) -> BearerFinding | None:
+def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: AcousticDriver) -> LinkFinding | None:
     widest = min(_REACH_M[driver], width_m if width_m is not None else _REACH_M[driver])
     if far_m > widest:
         limit = "no such modem hears that far" if widest == _REACH_M[driver] else f"the site is {widest:.0f} m wide"
         hint = "compare it with what is seen; correct `checklist.geofence` of the site if the test is wider"
-        return BearerFinding(Verdict.FAIL, "too-far", f"{who} puts {whose} {far_m:.0f} m away, and {limit}", hint)
+        return LinkFinding(Verdict.FAIL, "too-far", f"{who} puts {whose} {far_m:.0f} m away, and {limit}", hint)
     if width_m is None and far_m > _UNDECLARED_M:
         message = f"{who} puts {whose} {far_m:.0f} m away, and nobody has declared how wide the site is"
-        return BearerFinding(Verdict.INCONCLUSIVE, "far-away", message, "declare `checklist.geofence` of the site")
+        return LinkFinding(Verdict.INCONCLUSIVE, "far-away", message, "declare `checklist.geofence` of the site")
     return None
 
 
@@ -216,7 +215,7 @@ def _mismatch(who: str, whose: str, fix: UsblFix) -> str:
 _MISMATCH = "compare the sound speed that is set with the water's; echoes of a wall make such fixes, too"
 
 
-def _absurd(who: str, whose: str, fix: UsblFix) -> BearerFinding | None:
+def _absurd(who: str, whose: str, fix: UsblFix) -> LinkFinding | None:
     """Return a finding for a value that no reception can have."""
     values = (
         ("an accuracy", fix.accuracy, "rad", fix.accuracy is not None and not 0 <= fix.accuracy <= _ACCURACY_NONE),
@@ -228,7 +227,7 @@ def _absurd(who: str, whose: str, fix: UsblFix) -> BearerFinding | None:
     if odd is None:
         return None
     message = f"{who} tells a fix of {whose} with {odd}, which says nothing of a direction or is none"
-    return BearerFinding(
+    return LinkFinding(
         Verdict.FAIL, "values-impossible", message, f"look whether something is received at all; {_ECHOES}"
     )
 
@@ -239,15 +238,15 @@ class Fixes:
 
     modem: AcousticModem
     name: str
-    """The row in words."""
+    """Display name of the checklist row."""
     hears: tuple[int, ...]
-    """Acoustic addresses; none: anybody's."""
+    """Acoustic addresses; empty: any."""
     max_age_s: float
     question: base.Listen
     expected_address: int | None = None
-    """Acoustic address of the modem itself; None: nobody has declared it."""
+    """Acoustic address of the modem itself; None: not declared."""
     width_m: float | None = None
-    """Of the site's waters: the geofence from one side to the other."""
+    """Width of the site's waters: the geofence from one side to the other."""
 
     def asks(self) -> tuple[base.Question, ...]:
         """Return the script of the acoustic column, followed by listening."""
@@ -287,16 +286,16 @@ class Fixes:
             return None if settings is None else settings.beacon
         return status.AcousticReading.of(transcript).address
 
-    def _whose(self, transcript: base.Transcript) -> Iterator[BearerFinding]:
+    def _whose(self, transcript: base.Transcript) -> Iterator[LinkFinding]:
         """Yield findings if the modem is not the expected one, or the inventory lacks the modems to receive."""
         local = self._local_address(transcript)
         if local is not None and self.expected_address is not None and local != self.expected_address:
             message = f"{self._who} has the acoustic address {local}, and {self.expected_address} is declared"
             hint = "look whose modem answers here, or correct `acoustic_address` in the declaration"
-            yield BearerFinding(Verdict.FAIL, "wrong-address", message, hint)
+            yield LinkFinding(Verdict.FAIL, "wrong-address", message, hint)
         if not self.hears:
             message = f"nobody has declared whom {self._who} should hear: anybody's fixes count"
-            yield BearerFinding(Verdict.WARN, "whose-unknown", message, "declare `hears` under its `endpoints.usbl`")
+            yield LinkFinding(Verdict.WARN, "whose-unknown", message, "declare `hears` under its `endpoints.usbl`")
 
     def _is_recognized(self, transcript: base.Transcript) -> bool:
         if self.modem.driver is AcousticDriver.SEATRAC:
@@ -304,35 +303,35 @@ class Fixes:
         pieces = evologics.pieces(transcript.data)
         return any(piece.command for piece in pieces) or evologics.state(pieces) is not None
 
-    def _foreign(self, transcript: base.Transcript) -> BearerFinding:
+    def _foreign(self, transcript: base.Transcript) -> LinkFinding:
         seatrac_s = self.modem.driver is AcousticDriver.SEATRAC
         return (status.damage(self.name, transcript) if seatrac_s else None) or not_understood(self.modem, self.name)
 
-    def _nothing(self, fixes: tuple[UsblFix, ...], transcript: base.Transcript) -> BearerFinding:
+    def _nothing(self, fixes: tuple[UsblFix, ...], transcript: base.Transcript) -> LinkFinding:
         if self.modem.driver is AcousticDriver.EVOLOGICS:
             output_state = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
             if output_state == 0 and not fixes:
                 message = f"{self._who} keeps its fixes to itself: their output is switched off (AT?ZU 0)"
                 hint = "have its crew switch the output of fixes on: this tool never does"
-                return BearerFinding(Verdict.INCONCLUSIVE, "output-off", message, hint)
+                return LinkFinding(Verdict.INCONCLUSIVE, "output-off", message, hint)
         whose = f" of {_addresses(self.hears)}" if self.hears else ""
         others = sorted({fix.remote for fix in fixes})
         beside = f", only of {_addresses(tuple(others))}" if others else ""
         message = f"{self._who} told no fix{whose} within {transcript.ended_s:.0f} s{beside}: nobody pinging?"
-        return BearerFinding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
+        return LinkFinding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
 
     def _of(
         self, remote: int, fixes: list[UsblFix], local: int | None, transcript: base.Transcript
-    ) -> Iterator[BearerFinding]:
+    ) -> Iterator[LinkFinding]:
         """Judge the fixes of one modem: possible, current, and more than one measurement."""
         if not fixes:
             message = f"{self._who} told no fix of the address {remote} within {transcript.ended_s:.0f} s"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "not-heard", message, _NOBODY)
+            yield LinkFinding(Verdict.INCONCLUSIVE, "not-heard", message, _NOBODY)
             return
         again = _again(fixes)
         if again is not None:
             message = f"{self._who} tells {again} of the address {remote}"
-            yield BearerFinding(Verdict.FAIL, "repeated", message, _REPLAY)
+            yield LinkFinding(Verdict.FAIL, "repeated", message, _REPLAY)
             return
         # One measurement is as old as when it was told first.
         measurements = list({fix.stamp: fix for fix in reversed(fixes)}.values())[::-1]
@@ -344,55 +343,53 @@ class Fixes:
         yield from self._fix_findings(remote, good, len(fixes))
         if wrong:
             message = f"{len(wrong)} of {len(measurements)} fixes of the address {remote} cannot be: {_first(wrong)}"
-            yield BearerFinding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
+            yield LinkFinding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
 
-    def _wrong(self, fix: UsblFix, local: int | None) -> BearerFinding | None:
+    def _wrong(self, fix: UsblFix, local: int | None) -> LinkFinding | None:
         of = f"of the address {fix.remote}"
         finding = impossible(self._who, fix, local, self.width_m, self.modem.driver)
         if finding is not None:
             return finding
         if fix.delay_s > self.max_age_s:
             message = f"{self._who} tells a fix {of} that was measured {fix.delay_s:.0f} s before"
-            return BearerFinding(Verdict.FAIL, "stale", message, _REPLAY)
+            return LinkFinding(Verdict.FAIL, "stale", message, _REPLAY)
         if fix.clock_s is not None and fix.clock_s >= _SINCE_1970_S and fix.received_at >= _SINCE_1970_S:
             ahead_s = fix.clock_s - fix.received_at
             if abs(ahead_s) > self.max_age_s:
                 apart = f"{abs(ahead_s):.0f} s {'behind' if ahead_s < 0 else 'ahead of'}"
                 message = f"{self._who} tells a fix {of} at a time that is {apart} the clock here"
                 hint = f"set the modem's clock; if it is right: {_REPLAY}"
-                return BearerFinding(Verdict.INCONCLUSIVE, "clock-differs", message, hint)
+                return LinkFinding(Verdict.INCONCLUSIVE, "clock-differs", message, hint)
         if fix.suspect:
-            return BearerFinding(
+            return LinkFinding(
                 Verdict.INCONCLUSIVE, "not-trusted", f"{self._who} does not trust its own fix {of}", _ECHOES
             )
         return None
 
-    def _fix_findings(self, remote: int, good: Sequence[UsblFix], count: int) -> Iterator[BearerFinding]:
+    def _fix_findings(self, remote: int, good: Sequence[UsblFix], count: int) -> Iterator[LinkFinding]:
         last = good[-1]
         far = "" if last.range_m is None else f", {last.range_m:.1f} m away"
         count_text = f"{count} fix{'es' if count > 1 else ''} of the address {remote}"
         if last.age_s > self.max_age_s:
             message = f"{self._who} told {count_text}, but none for {last.age_s:.0f} s"
-            yield BearerFinding(
+            yield LinkFinding(
                 Verdict.INCONCLUSIVE, "ended", message, f"look why they ended, and listen again: {_NOBODY}"
             )
             return
-        yield BearerFinding(Verdict.PASS, "heard", f"{self._who} told {count_text}{far}")
+        yield LinkFinding(Verdict.PASS, "heard", f"{self._who} told {count_text}{far}")
         if len(good) == 1:
             message = f"only one fix of the address {remote} came: whether more follow is not seen"
-            yield BearerFinding(
-                Verdict.WARN, "one-fix", message, "let it be pinged every few seconds, and listen again"
-            )
+            yield LinkFinding(Verdict.WARN, "one-fix", message, "let it be pinged every few seconds, and listen again")
         yield from _quality(self._who, remote, last)
 
-    def _out_of_step(self, fixes: tuple[UsblFix, ...]) -> Iterator[BearerFinding]:
+    def _out_of_step(self, fixes: tuple[UsblFix, ...]) -> Iterator[LinkFinding]:
         """Yield a finding if the modem's clock drifts from ours, as with delayed or recorded data."""
         apart = [fix.clock_s - fix.received_at for fix in fixes if fix.clock_s is not None]
         if apart and max(apart) - min(apart) > self.max_age_s:
             far_s = max(apart) - min(apart)
             message = f"the clock of {self._who} and ours move apart by {far_s:.0f} s while fixes come"
             hint = f"listen again: fixes that were kept back come at once; if it stays so: {_REPLAY}"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "out-of-step", message, hint)
+            yield LinkFinding(Verdict.INCONCLUSIVE, "out-of-step", message, hint)
 
 
 def _again(fixes: list[UsblFix]) -> str | None:
@@ -413,37 +410,37 @@ def _before(then: object, item: object) -> bool:
     return isinstance(then, float) and isinstance(item, float) and then < item
 
 
-def _first(wrong: Mapping[int, BearerFinding]) -> str:
+def _first(wrong: Mapping[int, LinkFinding]) -> str:
     return next(iter(wrong.values())).message
 
 
-def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[BearerFinding]:
+def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[LinkFinding]:
     of = f"of the address {remote}"
     if fix.range_m is None:
         hint = "a direction without a range is all that a receiver without its own ping gets; look how it is pinged"
-        yield BearerFinding(Verdict.WARN, "direction-only", f"{who} tells only the direction {of}, and no range", hint)
+        yield LinkFinding(Verdict.WARN, "direction-only", f"{who} tells only the direction {of}, and no range", hint)
     elif not fix.has_direction:
         hint = "a SeaTrac X110 measures no direction: connect the X150, or take it out of the column"
-        yield BearerFinding(Verdict.WARN, "range-only", f"{who} tells only the range {of}, and no direction", hint)
+        yield LinkFinding(Verdict.WARN, "range-only", f"{who} tells only the range {of}, and no direction", hint)
     elif _apart(fix, _OFF_SHARE, _OFF_M):
-        yield BearerFinding(Verdict.WARN, "range-mismatch", _mismatch(who, of[3:], fix), _MISMATCH)
+        yield LinkFinding(Verdict.WARN, "range-mismatch", _mismatch(who, of[3:], fix), _MISMATCH)
     low, high = status.RSSI_DB
     if fix.rssi_db is not None and not low <= fix.rssi_db <= high:
         weak = fix.rssi_db < low
         message = f"{who} hears {of[3:]} too {'weakly' if weak else 'strongly'}: {fix.rssi_db:.0f} dB"
         hint = "look at the transducers and what is between them" if weak else "move the modems apart"
-        yield BearerFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
+        yield LinkFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
     if fix.integrity is not None and fix.integrity < status.INTEGRITY_LOW:
         message = f"{who} hears {of[3:]} poorly: integrity {fix.integrity:.0f}, good is {status.INTEGRITY_LOW}"
         hint = "look for echoes (walls, the hull, the surface) and noise, and listen again"
-        yield BearerFinding(Verdict.WARN, "integrity-low", message, hint)
+        yield LinkFinding(Verdict.WARN, "integrity-low", message, hint)
     if fix.accuracy is not None and fix.accuracy > _ACCURACY_POOR:
         message = f"{who} knows the direction {of} only to {math.degrees(fix.accuracy):.0f} degrees"
-        yield BearerFinding(Verdict.WARN, "accuracy-poor", message, _ECHOES)
+        yield LinkFinding(Verdict.WARN, "accuracy-poor", message, _ECHOES)
     if fix.fit_error is not None and fix.fit_error > _FIT_POOR:
         poor = f"fit error {fix.fit_error:.1f}, good is below {_FIT_POOR:g}"
         message = f"{who} has measured the direction {of} poorly: {poor}"
-        yield BearerFinding(Verdict.WARN, "poor-fit", message, _ECHOES)
+        yield LinkFinding(Verdict.WARN, "poor-fit", message, _ECHOES)
 
 
 def _addresses(addresses: tuple[int, ...]) -> str:

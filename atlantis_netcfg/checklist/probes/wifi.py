@@ -30,7 +30,7 @@ from atlantis_netcfg.checklist.probes import base, ping
 from atlantis_netcfg.checklist.probes.link_probe import link_steps, reserved_mac
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import channels, model
-from atlantis_netcfg.links import BearerFinding, wifi
+from atlantis_netcfg.links import LinkFinding, wifi
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -68,7 +68,7 @@ class Station:
     """A station in `iw dev INTERFACE station dump`; for a client, its access point."""
 
     signal_dbm: float | None = None
-    """Mean of the latest frames where the driver keeps one."""
+    """Mean of the latest frames if the driver keeps one."""
     chains_dbm: tuple[float, ...] = ()
     rx_mbps: float | None = None
     tx_mbps: float | None = None
@@ -190,7 +190,7 @@ def _plain(ssid: str) -> str:
 
 
 _NO_COUNTRY = frozenset({"00", "98", "99"})
-"""Of the whole world, the common part of several countries' rules, those of a driver's own (Linux, regulatory.c)."""
+"""Whole world, common part of several countries' rules, a driver's own rules (Linux, regulatory.c)."""
 _BANDS = {"2ghz": (2400, 2500), "5ghz": (5150, 5900)}
 
 
@@ -199,7 +199,7 @@ def band_of(frequency_mhz: int) -> str | None:
     return next((name for name, (low, high) in _BANDS.items() if low <= frequency_mhz < high), None)
 
 
-def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None, who: str) -> Iterator[BearerFinding]:
+def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None, who: str) -> Iterator[LinkFinding]:
     """Compare the channel with what may be used outdoors in the pilot's country."""
     if frequency_mhz is None:
         return
@@ -207,14 +207,14 @@ def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None
     if band is None:
         message = f"{who} is on {frequency_mhz} MHz, which is neither 2.4 nor 5 GHz"
         hint = "the pilot agreed on 802.11a and g: not every radio of it hears this band"
-        yield BearerFinding(Verdict.WARN, "band", message, hint)
+        yield LinkFinding(Verdict.WARN, "band", message, hint)
     elif why := channels.why_illegal(country, band, frequency_mhz, width_mhz or 20, outdoors=True):
         message = f"{who} is on {frequency_mhz} MHz: {why}"
         hint = "set another channel at the vehicle before it goes outside: 5500 to 5700 MHz, or 2.4 GHz"
-        yield BearerFinding(Verdict.WARN, "channel-indoors", message, hint)
+        yield LinkFinding(Verdict.WARN, "channel-indoors", message, hint)
 
 
-def judge_country(country: str, rules: Rules, where: str) -> Iterator[BearerFinding]:
+def judge_country(country: str, rules: Rules, where: str) -> Iterator[LinkFinding]:
     """Compare the regulatory country of the computer's radios with the pilot's; a missing one is not judged."""
     country_code = channels.COUNTRY_CODES[country]
     others = [item for item in rules.countries if item not in {country_code, *_NO_COUNTRY}]
@@ -223,48 +223,46 @@ def judge_country(country: str, rules: Rules, where: str) -> Iterator[BearerFind
     )
     if others:
         message = f"the radio of {where} obeys the rules of {others[0]}, and the pilot is in {country_code}"
-        yield BearerFinding(Verdict.WARN, "country-differs", message, hint)
+        yield LinkFinding(Verdict.WARN, "country-differs", message, hint)
     elif rules.countries and country_code not in rules.countries:
         message = f"the radio of {where} obeys the rules of no single country, and the pilot is in {country_code}"
-        yield BearerFinding(Verdict.WARN, "country-unset", message, hint)
+        yield LinkFinding(Verdict.WARN, "country-unset", message, hint)
 
 
 FAR_DB = 10.0
 IMBALANCE_DB = 6.0
 
 
-def judge_level(endpoint: model.WifiEndpoint, level: float | None, who: str, where: str) -> Iterator[BearerFinding]:
+def judge_level(endpoint: model.WifiEndpoint, level: float | None, who: str, where: str) -> Iterator[LinkFinding]:
     """Compare a level with both limits. `where` receives `who`."""
     if level is None:
         message = f"{where} does not say how well it hears {who}"
-        yield BearerFinding(
-            Verdict.INCONCLUSIVE, "signal-unknown", message, "look at the radio's own page, or ask again"
-        )
+        yield LinkFinding(Verdict.INCONCLUSIVE, "signal-unknown", message, "look at the radio's own page, or ask again")
     elif level < endpoint.low_dbm:
         far = level <= endpoint.low_dbm - FAR_DB
         message = f"{where} hears {who} with {level:g} dBm, below {endpoint.low_dbm:g} dBm"
         hint = "bring both closer or into sight of each other, and look at the antennas and their connectors"
-        yield BearerFinding(Verdict.FAIL if far else Verdict.WARN, "signal-weak", message, hint)
+        yield LinkFinding(Verdict.FAIL if far else Verdict.WARN, "signal-weak", message, hint)
     elif level > endpoint.high_dbm:
         far = level >= endpoint.high_dbm + FAR_DB
         message = f"{where} hears {who} with {level:g} dBm, above {endpoint.high_dbm:g} dBm: its receiver is overdriven"
         hint = "move both some metres apart, or reduce the transmit power of the other end"
-        yield BearerFinding(Verdict.FAIL if far else Verdict.WARN, "signal-strong", message, hint)
+        yield LinkFinding(Verdict.FAIL if far else Verdict.WARN, "signal-strong", message, hint)
 
 
-def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterator[BearerFinding]:
+def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterator[LinkFinding]:
     """Compare the chains of the receiver with each other."""
     levels = [chain for chain in chains if chain is not None]
     if len(levels) > 1 and max(levels) - min(levels) > IMBALANCE_DB:
         apart = max(levels) - min(levels)
         message = f"the chains of {where} hear {who} {apart:g} dB apart, more than {IMBALANCE_DB:g} dB"
         hint = "check how the antennas stand to each other, then the connector of the weaker chain"
-        yield BearerFinding(Verdict.WARN, "chain-imbalance", message, hint)
+        yield LinkFinding(Verdict.WARN, "chain-imbalance", message, hint)
 
 
 def judge_rate(
     endpoint: model.WifiEndpoint, sent_mbps: float | None, received_mbps: float | None, who: str, where: str
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     """Compare the rates of the association with the minimum rate in the inventory.
 
     The transmit rate is the choice of this end's rate control, and counts; the last received frame may have been a
@@ -276,17 +274,17 @@ def judge_rate(
     hint = "look again while traffic flows; then look at level, channel and width"
     if sent_mbps is None and received_mbps is None:
         message = f"{where} does not say at which rate it is associated with {who}"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "rate-unknown", message, hint)
+        yield LinkFinding(Verdict.INCONCLUSIVE, "rate-unknown", message, hint)
     elif sent_mbps is not None and sent_mbps < floor:
         message = f"{where} sends to {who} at {sent_mbps:g} Mbit/s, below {floor:g} Mbit/s"
-        yield BearerFinding(Verdict.FAIL, "rate-low", message, hint)
+        yield LinkFinding(Verdict.FAIL, "rate-low", message, hint)
     elif received_mbps is not None and received_mbps < floor:
         message = f"{where} last received from {who} at {received_mbps:g} Mbit/s, below {floor:g} Mbit/s"
-        yield BearerFinding(Verdict.WARN, "rate-low", message, hint)
+        yield LinkFinding(Verdict.WARN, "rate-low", message, hint)
 
 
 FAIL_LOSS_PERCENT = 50.0
-"""From here a Wi-Fi does not serve: our own judgement. In between it warns."""
+"""From this loss on, Wi-Fi is unusable: our own judgement. In between, the item warns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,12 +296,12 @@ class AssociatedProbe:
     """
 
     name: str
-    """Of the vehicle, in words."""
+    """Display name of the vehicle."""
     place: base.Place
     endpoint: model.WifiEndpoint
     address: str | None
     country: str
-    """Of the pilot, in RouterOS' word."""
+    """Country of the pilot, as RouterOS names it."""
 
     def asks(self) -> tuple[base.Question, ...]:
         """Return the requests about the radio, the interface and the route to the vehicle."""
@@ -330,7 +328,7 @@ class AssociatedProbe:
             text = _out(results, "link").strip() or _err(results, "link").strip() or "nothing"
             message = f"`iw` says of {self._radio} what nobody understands: {text.splitlines()[0][:100]}"
             hint = f"type it by hand there: iw dev {self.endpoint.interface} link"
-            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
         if apart := self._apart(link, results):
             return base.ProbeResult((apart,), self._evidence(link, None))
         station = read_station(_out(results, "stations"), link.bssid or "")
@@ -342,43 +340,43 @@ class AssociatedProbe:
     def _radio(self) -> str:
         return f"{self.endpoint.interface} of {base.PLACES[self.place]}"
 
-    def _no_interface(self, addr: base.Answer | None) -> Iterator[BearerFinding]:
+    def _no_interface(self, addr: base.Answer | None) -> Iterator[LinkFinding]:
         """Yield a finding if the interface is missing or switched off."""
         card = ping.read_card(addr)
         if isinstance(addr, base.CommandResult) and card is None and "does not exist" in addr.err:
             hint = "plug the radio in, or correct `endpoints.wifi.interface`: `ip -br link` lists what there is"
             message = f"{base.PLACES[self.place]} has no interface {self.endpoint.interface}"
-            yield BearerFinding(Verdict.FAIL, "no-interface", message, hint)
+            yield LinkFinding(Verdict.FAIL, "no-interface", message, hint)
         elif card is not None and not card.up:
             hint = f"on it: rfkill list; sudo ip link set {self.endpoint.interface} up"
-            yield BearerFinding(Verdict.FAIL, "interface-off", f"{self._radio} is switched off", hint)
+            yield LinkFinding(Verdict.FAIL, "interface-off", f"{self._radio} is switched off", hint)
 
-    def _no_iw(self, link: base.Answer | None) -> Iterator[BearerFinding]:
+    def _no_iw(self, link: base.Answer | None) -> Iterator[LinkFinding]:
         """Yield a finding if the radio cannot be read."""
         yield from base.not_run(self.place, "iw", link)
         if isinstance(link, base.CommandResult) and link.rc and "No such device" in link.err:
             hint = "correct `endpoints.wifi.interface`: `iw dev` lists the radios that there are"
             message = f"{self.endpoint.interface} of {base.PLACES[self.place]} is not a radio"
-            yield BearerFinding(Verdict.FAIL, "no-radio", message, hint)
+            yield LinkFinding(Verdict.FAIL, "no-radio", message, hint)
         elif isinstance(link, base.CommandResult) and "nl80211 not found" in link.err:
             hint = "plug a radio in, or load the driver of the one that it has"
             message = f"{base.PLACES[self.place]} has no radio that its kernel knows"
-            yield BearerFinding(Verdict.FAIL, "no-radio", message, hint)
+            yield LinkFinding(Verdict.FAIL, "no-radio", message, hint)
 
     def _link(self, results: Mapping[str, base.Answer]) -> WifiLink | None:
         return read_link(_out(results, "link"))
 
-    def _apart(self, link: WifiLink, results: Mapping[str, base.Answer]) -> BearerFinding | None:
+    def _apart(self, link: WifiLink, results: Mapping[str, base.Answer]) -> LinkFinding | None:
         """Return a finding if the radio is not associated with the vehicle, as far as known; otherwise None."""
         kind = read_type(_out(results, "info"))
         if link.bssid is None and kind is not None and kind != "managed":
             message = f"{self._radio} is no client of an access point, but of type {kind}"
             hint = f"the vehicle is the access point here: what has set {self.endpoint.interface} up so?"
-            return BearerFinding(Verdict.FAIL, "no-client", message, hint)
+            return LinkFinding(Verdict.FAIL, "no-client", message, hint)
         if link.bssid is None:
             hint = f"is {self.name} on and its antenna out of the water? Then compare SSID and key at both ends"
             message = f"{self._radio} is not associated with {self._target_text}"
-            return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
+            return LinkFinding(Verdict.FAIL, "not-associated", message, hint)
         ssid = self.endpoint.ssid
         if ssid is not None and link.ssid is not None and link.ssid != ssid:
             message = (
@@ -386,29 +384,29 @@ class AssociatedProbe:
                 f" `{ssid}` cannot be judged"
             )
             hint = f"connect it to `{ssid}` when the other vehicle is done, or give each vehicle a radio of its own"
-            return BearerFinding(Verdict.INCONCLUSIVE, "other-association", message, hint)
+            return LinkFinding(Verdict.INCONCLUSIVE, "other-association", message, hint)
         if self.endpoint.mac is not None and link.bssid != str(self.endpoint.mac).upper():
             message = f"{link.bssid} sends as {self._target_text}, and the radio of {self.name} is {self.endpoint.mac}"
             hint = "correct `endpoints.wifi.mac` if its radio was exchanged; else find out who sends under this name"
-            return BearerFinding(Verdict.FAIL, "other-radio", message, hint)
+            return LinkFinding(Verdict.FAIL, "other-radio", message, hint)
         return None
 
     @property
     def _target_text(self) -> str:
         return f"`{self.endpoint.ssid}` of {self.name}" if self.endpoint.ssid else f"the access point of {self.name}"
 
-    def _identity(self, link: WifiLink, station: Station | None) -> Iterator[BearerFinding]:
+    def _identity(self, link: WifiLink, station: Station | None) -> Iterator[LinkFinding]:
         dbm = _level(link, station)
         level = "" if dbm is None else f", heard with {dbm:g} dBm"
         who = f"`{link.ssid}`" if link.ssid else str(link.bssid)
-        yield BearerFinding(Verdict.PASS, "associated", f"{self._radio} is associated with {who} of {self.name}{level}")
+        yield LinkFinding(Verdict.PASS, "associated", f"{self._radio} is associated with {who} of {self.name}{level}")
         if (self.endpoint.ssid is None or link.ssid is None) and self.endpoint.mac is None:
             message = f"nothing tells whether {who} is the access point of {self.name}"
-            yield BearerFinding(Verdict.WARN, "whose-unknown", message, "declare its `ssid`, or the `mac` of its radio")
+            yield LinkFinding(Verdict.WARN, "whose-unknown", message, "declare its `ssid`, or the `mac` of its radio")
 
     def _radio_says(
         self, link: WifiLink, station: Station | None, results: Mapping[str, base.Answer]
-    ) -> Iterator[BearerFinding]:
+    ) -> Iterator[LinkFinding]:
         yield from judge_level(self.endpoint, _level(link, station), self.name, self._radio)
         yield from judge_chains(station.chains_dbm if station else (), self.name, self._radio)
         sent_mbps, received_mbps = _rates(link, station)
@@ -423,7 +421,7 @@ class AssociatedProbe:
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
-            return base.ProbeResult((BearerFinding(Verdict.WARN, "no-address", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.WARN, "no-address", message, hint),))
         way = ping.read_route(results.get("route"), self.address)
         card = ping.read_card(results.get("addr"))
         mine = {self.endpoint.interface, card.master if card else None}
@@ -431,12 +429,12 @@ class AssociatedProbe:
             message = f"packets to {self.name} ({self.address}) leave by {way.interface}, and not by {self._radio}"
             hint = f"type it there: ip route get {self.address}; then correct the address or the route"
             return base.ProbeResult(
-                (BearerFinding(Verdict.FAIL, "other-way", message, hint),), (base.read("way", way.interface),)
+                (LinkFinding(Verdict.FAIL, "other-way", message, hint),), (base.read("way", way.interface),)
             )
         if way is None and not tuple(base.not_run(self.place, "ip", results.get("route"))):
             message = f"{base.PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = f"does {self.endpoint.interface} have an address? On it: ip -br addr"
-            return base.ProbeResult((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.FAIL, "no-route", message, hint),))
         target = ping.NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
         return ping.judge_ping(target, results.get("ping"))
 
@@ -493,7 +491,7 @@ class RegisteredProbe:
     endpoint: model.WifiEndpoint
     address: str | None
     mac: str | None
-    """Of the vehicle's radio, upper case; None: nobody has declared it."""
+    """Radio of the vehicle, upper case; None: not declared."""
 
     def asks(self) -> tuple[base.Question, ...]:
         """Return the requests for the registration tables, and the ping."""
@@ -516,7 +514,7 @@ class RegisteredProbe:
         if host is None:
             message = f"no device of ours sees the association of {self.name}, nor its signal"
             hint = "its ping is all there is: name the access point's RouterOS device in `endpoints.wifi.seen_by`"
-            return base.ProbeResult((BearerFinding(Verdict.WARN, "association-unseen", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.WARN, "association-unseen", message, hint),))
         answers = {family: results.get(family) for family in wifi.Family}
         if all(not isinstance(result, base.Rows) or result.trouble is not None for result in answers.values()):
             return base.ProbeResult((base.no_answer_finding(host, answers[wifi.Family.WIRELESS]),))
@@ -524,7 +522,7 @@ class RegisteredProbe:
         if not tables:
             message = f"{host} has no registration table, in neither of its two menus for radios"
             hint = "is `endpoints.wifi.seen_by` the device with the access point? RouterOS 7.13 on needs a package"
-            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-radio", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "no-radio", message, hint),))
         peers = [peer for family, rows in tables.items() for peer in wifi.read(family, rows, None).peers]
         return self._judge_registration(host, peers)
 
@@ -533,25 +531,23 @@ class RegisteredProbe:
         if self.mac is None:
             message = f"nobody has declared the MAC address of {self.name}, by which {host} would know it"
             hint = "write `endpoints.wifi.mac`, or reserve its address in `site.lan.reservations`"
-            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
         mine = next((peer for peer in peers if peer.mac == self.mac), None)
         if mine is None:
             message = f"{self.name} ({self.mac}) is not registered at {host}; {others} is"
             hint = "is it on, with the SSID and key of the site? If its radio was exchanged, correct its MAC address"
             return base.ProbeResult(
-                (BearerFinding(Verdict.FAIL, "not-registered", message.replace("others is", "others are"), hint),)
+                (LinkFinding(Verdict.FAIL, "not-registered", message.replace("others is", "others are"), hint),)
             )
         return base.ProbeResult(tuple(self._findings(host, mine)), self._evidence(host, mine))
 
-    def _findings(self, host: str, peer: wifi.WifiPeer) -> Iterator[BearerFinding]:
+    def _findings(self, host: str, peer: wifi.WifiPeer) -> Iterator[LinkFinding]:
         if peer.is_authorised is False:
             message = f"{self.name} is registered at {host}, but not authorised: the keys differ"
-            yield BearerFinding(
-                Verdict.FAIL, "not-authorised", message, "compare the key of the vehicle with the site's"
-            )
+            yield LinkFinding(Verdict.FAIL, "not-authorised", message, "compare the key of the vehicle with the site's")
         else:
             level = "" if peer.signal_dbm is None else f", heard with {peer.signal_dbm:g} dBm"
-            yield BearerFinding(Verdict.PASS, "registered", f"{self.name} is registered at {host}{level}")
+            yield LinkFinding(Verdict.PASS, "registered", f"{self.name} is registered at {host}{level}")
         yield from judge_level(self.endpoint, peer.signal_dbm, self.name, host)
         yield from judge_chains(peer.chains_dbm, self.name, host)
         yield from judge_rate(self.endpoint, peer.tx_rate_mbps, peer.rx_rate_mbps, self.name, host)
@@ -575,7 +571,7 @@ class RegisteredProbe:
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
-            return base.ProbeResult((BearerFinding(Verdict.WARN, "no-address", message, hint),))
+            return base.ProbeResult((LinkFinding(Verdict.WARN, "no-address", message, hint),))
         way = ping.read_route(results.get("route"), self.address)
         if local := tuple(ping.own_address(self.place, self.name, self.address, way)):
             return base.ProbeResult(local)
@@ -588,7 +584,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     bridges = link_steps(
         cell,
         model.Column.WIFI,
-        lambda bearer: f"Wi-Fi bridge {bearer.name} of {cell.name} carries traffic, and both ends hear each other well",
+        lambda link: f"Wi-Fi bridge {link.name} of {cell.name} carries traffic, and both ends hear each other well",
     )
     endpoint = cell.wifi
     if endpoint is not None:
@@ -621,7 +617,7 @@ def _title(cell: base.Cell, endpoint: model.WifiEndpoint) -> str:
 def _probe(cell: base.Cell, endpoint: model.WifiEndpoint) -> base.Probe:
     place, address = cell.place(endpoint.seen_from), cell.address(endpoint.address)
     if endpoint.role is model.WifiRole.ACCESS_POINT:
-        return AssociatedProbe(cell.name, place, endpoint, address, cell.declaration.pilot.country)
+        return AssociatedProbe(cell.name, place, endpoint, address, cell.inventory.pilot.country)
     return RegisteredProbe(cell.name, place, endpoint, address, reserved_mac(cell, endpoint.mac))
 
 

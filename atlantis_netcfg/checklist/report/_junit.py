@@ -40,7 +40,7 @@ def _whole(document: Document) -> ET.Element:
     case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
     if document.exit is ExitCode.NOTHING:
         drift.add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
-    drift.tell(
+    drift.add_output(
         case,
         f"run {document.run}",
         _words.closing(document, _words.english),
@@ -70,7 +70,7 @@ def _judge(case: ET.Element, item: Item) -> None:
         drift.add(case, "error", str(shown_state), *words)
     elif shown_state is _shapes.ShownState.SKIP:
         drift.skip(case, item.message)
-    drift.tell(case, *_lines(item))
+    drift.add_output(case, *_lines(item))
 
 
 def _lines(item: Item) -> Iterator[str]:

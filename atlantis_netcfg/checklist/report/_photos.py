@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 30_000_000
 MAX_PIXELS = 60_000_000
-"""Of a file that is looked at at all."""
+"""Larger pictures are not opened."""
 PLAIN_BYTES = 400_000
 SIDE = 1400
-"""A picture of at most so many bytes, and pixels each way, is shown as it is; a larger one is made smaller."""
+"""A picture within `PLAIN_BYTES` and this many pixels each way is shown as it is; a larger one is reduced."""
 ALL_BYTES = 12_000_000
-"""Of all pictures of a page together; the rest is named."""
+"""Limit for all pictures of a page together; the others are only named."""
 _QUALITY = 78
 _MEDIA = {"JPEG": "image/jpeg", "PNG": "image/png", "GIF": "image/gif", "WEBP": "image/webp"}
 _BESIDE = frozenset({"exif", "xmp", "photoshop", "comment", "XML:com.adobe.xmp", "Raw profile type exif"})
-"""What Pillow calls the places in which a camera writes more than the picture."""
+"""Pillow's names for data that a camera writes besides the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +50,10 @@ class Attachment:
 
     name: str
     words: str
-    """What is to be known of it, its hash above all."""
+    """Facts about it, above all its hash."""
     photo: Photo | None
     amiss: bool = False
-    """The file is gone, or is another one than the document says."""
+    """Whether the file is missing, or differs from the document."""
 
 
 def find_attachments(document: Document, files: Mapping[str, bytes]) -> dict[tuple[str, str | None], Attachment]:

@@ -38,7 +38,7 @@ class ShownState(StrEnum):
 
 _ORDER = tuple(ShownState)
 GREEN = frozenset({ShownState.SKIP, ShownState.PASS, ShownState.WARN, ShownState.OVERRIDDEN})
-"""What does not keep a checklist from being green, as `Document.exit` has it."""
+"""States that do not keep a checklist from being green, as in `Document.exit`."""
 
 SYMBOLS = {
     ShownState.SKIP: "–",  # noqa: RUF001 - a dash
@@ -51,7 +51,7 @@ SYMBOLS = {
     ShownState.FAIL: "✗",
     ShownState.ERROR: "■",
 }
-"""None of them has a form as an emoji, so that every phone prints them in the colour of the text."""
+"""No symbol has an emoji form, so every phone shows it in the colour of the text."""
 ASCII = {
     ShownState.SKIP: "-",
     ShownState.PASS: "+",
@@ -63,7 +63,7 @@ ASCII = {
     ShownState.FAIL: "X",
     ShownState.ERROR: "#",
 }
-"""For a console, which may know no others."""
+"""For a console that may not support other symbols."""
 
 _TAKEN_OVER = frozenset({Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR})
 _GRAVE = frozenset({Verdict.FAIL, Verdict.ERROR})
@@ -100,7 +100,7 @@ class DrawnBox:
     detail: str
     kind: str
     state: ShownState | None
-    """None: no item speaks of it."""
+    """None: no item concerns it."""
 
     @property
     def middle(self) -> float:
@@ -126,7 +126,7 @@ class DrawnWire:
     points: tuple[tuple[float, float], ...]
     state: ShownState | None
     is_dashed: bool = False
-    """It goes through a tunnel, or through water and air."""
+    """Whether it goes through a tunnel, or through water and air."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,9 +214,9 @@ class GridCell:
 
     column: str
     table3: bool
-    """The report marks it; of a location, the declaration."""
+    """Whether the report marks it, or for a location the inventory."""
     beside: bool
-    """It is checked though the table does not mark it."""
+    """Whether it is checked although the table does not mark it."""
     items: tuple[Item, ...]
 
     @property
@@ -241,7 +241,7 @@ class GridRow:
 
     row: Row
     cells: tuple[GridCell, ...]
-    """One for each column of the table, then one for each beside it."""
+    """One cell for each column of the table, then one for each column outside it."""
     items: tuple[Item, ...]
 
     @property

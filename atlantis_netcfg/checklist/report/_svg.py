@@ -44,7 +44,7 @@ _RANKS = {
     "router": 2,
     "gateway": 3,
 }
-"""From the top; all else stands with the gateway, and so does a VPN server on a cable of this router."""
+"""Row from the top; all other kinds are beside the gateway, as is a VPN server on a cable of this router."""
 _LOCAL = 3
 _VEHICLE = "vehicle"
 _THROUGH = frozenset({"vpn", "acoustic", "usbl"})

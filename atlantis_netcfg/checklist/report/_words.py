@@ -107,7 +107,7 @@ def english(text: str) -> str:
 
 
 Say = Callable[[str], str]
-"""Gives a message in the language of the page: `translate`, or `english`."""
+"""Translates a message into the language of the page: `translate`, or `english`."""
 
 
 def closing(document: Document, say: Say) -> str:
@@ -167,7 +167,7 @@ _WIDTH = 80
 _NAME, _CELL = 14, 7
 """Columns of the grid, in characters."""
 _MARGIN = 15
-"""Where the words of an item begin."""
+"""Column at which the text of an item begins."""
 _GRID = {
     _shapes.ShownState.PASS: "ok",
     _shapes.ShownState.INCONCLUSIVE: "?",
@@ -180,10 +180,10 @@ _WORDS = {
     _shapes.ShownState.NOT_CHECKED: ". not checked",
 }
 _BELOW = ("robot", "integration", "items")
-"""Columns that have lines of their own on a console, below the table, which is as wide as that already."""
+"""Columns that a console shows below the table in lines of their own, because the table fills its width."""
 _HEADS = {"acoustic": "Acous.", "satellite": "Satel.", "ethernet": "Ether."}
 _BRIEF = frozenset({_shapes.ShownState.OPEN, _shapes.ShownState.SKIP, _shapes.ShownState.PASS})
-"""What is told after the rest, in a line each or by name alone."""
+"""States that are listed last, in a line each or by name alone."""
 
 
 def lines(document: Document) -> str:

@@ -21,24 +21,24 @@ class ItemKind(StrEnum):
     """Who settles the item."""
 
     AUTOMATIC = "automatic"
-    """The tool, which only observes."""
+    """Checked by the tool, which only observes."""
     ACTIVE = "active"
-    """The tool, which makes something happen: only with a person's consent."""
+    """Checked by the tool, which triggers something: only with a person's consent."""
     PERSON = "person"
-    """A person, who looks and answers."""
+    """Checked by a person, who looks and answers."""
 
 
 class EvidenceType(StrEnum):
     """Basis of a verdict."""
 
     MEASURED = "measured"
-    """By this tool."""
+    """Measured by this tool."""
     READ = "read"
-    """From the device, in its own words."""
+    """Read from the device, in its own words."""
     CONFIRMED = "confirmed"
-    """By a person: `by` and `at` say who and when."""
+    """Confirmed by a person: `by` and `at` give name and time."""
     DECLARED = "declared"
-    """In the inventory."""
+    """Declared in the inventory."""
     FILE = "file"
     """A photo, a screenshot, an exported backup: `file` and `sha256` say which."""
 
@@ -87,16 +87,18 @@ class Item(_Data):
     location: str
     """The site."""
     endpoint: str
-    """A column of Table 3, `ethernet`, `site` for the site's own checks, `robot` for what robots publish,
-    `integration` for a record of its own, `items` for what the pilot declares."""
+    """A column of Table 3, `ethernet`, `site` for the site's own checks, `robot` for data that robots publish,
+
+    `integration` for an integration record, `items` for items that the pilot declares.
+    """
     table3: bool
     """Whether it is part of a cell that the report marks."""
     kind: ItemKind
     phase: Phase
     open: bool
-    """Not settled yet: not probed, or nobody has answered."""
+    """Whether it is not settled yet: not probed, or not answered."""
     verdict: Verdict
-    """While it is open: INCONCLUSIVE."""
+    """INCONCLUSIVE while the item is open."""
     message: str
     hint: str | None = None
     findings: tuple[ItemFinding, ...] = ()
@@ -118,16 +120,16 @@ class Row(_Data):
 
     key: str
     name: str
-    """As Table 3 prints it; of a location its title."""
+    """As Table 3 prints it; for a location, its title."""
     kind: str
     """auv, asv, uav, rov, docking_station, or `location`."""
     aliases: tuple[str, ...] = ()
     table3: tuple[str, ...]
-    """The columns that are marked, by the report or (a location) by the declaration."""
+    """Columns that are marked, by the report or (for a location) by the inventory."""
     deviation: str | None = None
     """Why the row differs from the report's."""
     beside: tuple[str, ...] = ()
-    """Columns that are checked though Table 3 does not mark them: a location's bearers, `ethernet`."""
+    """Columns that are checked although Table 3 does not mark them: a location's links, `ethernet`."""
 
 
 class LeftOut(_Data):
@@ -142,7 +144,7 @@ class ItemChange(_Data):
 
     id: str
     before: Verdict | None
-    """None: there was no such item."""
+    """None: the item did not exist."""
     after: Verdict | None
     message: str
 
@@ -163,7 +165,7 @@ class DrawnNode(_Data):
     kind: str
     """router, cpe, lte_router, satellite_terminal, gateway, control_centre, vpn_server, vehicle, partner, site."""
     items: tuple[str, ...] = ()
-    """Items that speak of it; the drawing shows the worst."""
+    """Items that concern it; the drawing shows the worst."""
     detail: str = ""
 
 
@@ -195,7 +197,7 @@ class Signature(_Data):
     key: str
     """Fingerprint of the computer's key, `SHA256:…`."""
     public: str = ""
-    """That key's public half, raw, base64: whoever has the document alone can check it against the fingerprint."""
+    """Public half of that key, raw, base64: with the document alone it can be checked against the fingerprint."""
     signature: str
     """Ed25519 over the canonical JSON of this block without this field, base64: name and time are signed as well."""
 
@@ -211,26 +213,26 @@ class Document(_Data):
     tool: str
     """Version of this toolkit."""
     inventory: str
-    """Revision of the declaration: SHA-256 over its files."""
+    """Revision of the inventory: SHA-256 over its files."""
     started: datetime
     ended: datetime | None
     scope: dict[str, tuple[str, ...]]
-    """What it was narrowed to (`vehicle`, `endpoint`, `phase`); empty: everything."""
+    """Selection that narrows it (`vehicle`, `endpoint`, `phase`); empty: everything."""
     mission: str = ""
-    """Name of the mission whose declared items are asked on top; empty: none."""
+    """Name of the mission whose declared items are added; empty: none."""
     columns: tuple[str, ...]
-    """Table 3's, in the report's order."""
+    """Columns of Table 3, in the report's order."""
     rows: tuple[Row, ...]
     items: tuple[Item, ...]
     left_out: tuple[LeftOut, ...] = ()
     notes: tuple[str, ...] = ()
-    """What holds at this site and no item can change: of no verdict."""
+    """Facts about this site that no item can change; they have no verdict."""
     not_rehearsed: tuple[str, ...] = ()
     broken: tuple[str, ...] = ()
-    """Rehearsal: what was broken on purpose."""
+    """Rehearsal: faults that were set on purpose."""
     drawing: Drawing
     time_zone: str = ""
-    """The pilot's (IANA name), for people beside UTC; empty in documents of before it was kept: UTC alone."""
+    """IANA time zone of the pilot, shown beside UTC; empty in older documents: UTC alone."""
     since_green: SinceGreen | None = None
     signed: Signature | None = None
 

@@ -9,18 +9,18 @@ consent. A place that cannot be reached is a result, not an error.
 from __future__ import annotations
 
 from atlantis_netcfg.checklist.runner._gateway_access import GatewayAccess, GatewayUnreachable, way_in
-from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
+from atlantis_netcfg.checklist.runner._real import ProbeTransport, RealTransport, ask_here
 from atlantis_netcfg.checklist.runner._run import examine, utc_now
 from atlantis_netcfg.checklist.runner.cost import previews
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, telling, trouble_answer
 
 __all__ = [
-    "Ears",
     "GatewayAccess",
     "GatewayUnreachable",
     "OnAnswer",
+    "ProbeTransport",
     "Questions",
-    "RealEars",
+    "RealTransport",
     "all_unanswered",
     "ask_here",
     "examine",

@@ -12,12 +12,12 @@ from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # a
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.processes.remote_process import Carrier, ProcessResult
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
-from atlantis_netcfg.operations.common.session_link import FAST_S, bearer_of
+from atlantis_netcfg.operations.common.session_link import FAST_S, site_link_of
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 _OPTIONS = (
     "BatchMode=yes",
@@ -30,7 +30,7 @@ _OPTIONS = (
 )
 _CONNECT_S, _CONNECT_SLOWLY_S = 15, 120
 _GRACE_S, _GRACE_SLOWLY_S = 30.0, 270.0
-"""To connect, to send and to hear the last answer; over a slow way a gap of 70 s may come in each of these."""
+"""Time to connect, to send and to receive the last response; over a slow link each may have a gap of 70 s."""
 
 
 class GatewayUnreachable(NetcfgError):
@@ -61,12 +61,12 @@ class GatewayAccess:
     name: str
     spec: str
     login: str
-    """What a person types after `ssh`."""
+    """Arguments that a person types after `ssh`."""
     ssh_config: str | None
     options: str
     connect_s: int
     grace_s: float
-    """What the way may take on top of what the computer itself needs."""
+    """Time that the route may take beyond what the computer itself needs."""
     sudo: bool
 
     def run(self, command: str, *words: str, carrier: Carrier | None = None) -> ProcessResult:
@@ -101,15 +101,15 @@ class GatewayAccess:
         )
 
 
-def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: str | None = None) -> GatewayAccess:
+def way_in(inventory: Inventory, host: Host, request: Request, ssh_config: str | None = None) -> GatewayAccess:
     """Return the SSH access to a gateway. Raises GatewayUnreachable: example values, or a rehearsal without it.
 
     `ssh_config`: OpenSSH configuration file for the host's name, instead of the address in the inventory.
     """
     try:
-        refuse_examples(declaration, is_rehearsal=request.rehearsed or ssh_config is not None)
-        access = PARTS[ACCESS](declaration, host, request)
-        slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
+        refuse_examples(inventory, is_rehearsal=request.rehearsed or ssh_config is not None)
+        access = PARTS[ACCESS](inventory, host, request)
+        slow = site_link_of(inventory, host, request.via.get(host.name)).rtt_s >= FAST_S
     except UsageError as error:
         raise GatewayUnreachable(str(error), hint=error.hint) from None
     if request.rehearsed and host.name not in request.targets:

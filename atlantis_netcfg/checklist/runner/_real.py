@@ -23,18 +23,18 @@ from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.processes.remote_process import Carrier
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
-from atlantis_netcfg.operations.common.costs import gate, unpaid
+from atlantis_netcfg.operations.common.costs import require_consent, unpaid
 from atlantis_netcfg.operations.common.request import Mode, Request, refuse_examples
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.links.collect import look, session_to
+from atlantis_netcfg.operations.links.collect import collect_links, session_to
 from atlantis_netcfg.operations.links.session import command, rows
 from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.allow_list_test.prove import Proving
     from atlantis_netcfg.routeros.api import Reply
 
@@ -45,9 +45,9 @@ class AgentProcess:
 
     questions: results.Questions
     tell: results.OnAnswer
-    """Called in the loop in which `hear` runs."""
+    """Called in the event loop in which `hear` runs."""
     grace_s: float
-    """What the way there may take on top of the questions."""
+    """Time that the route may take beyond the requests."""
     answers: dict[str, probes.Answer] = field(default_factory=dict)
     _requests: float = 0.0
     _faults: list[RuntimeError] = field(default_factory=list)
@@ -66,7 +66,7 @@ class AgentProcess:
 
         carrier = Carrier(agent.program(request_batch.request), line, request_batch.within_s + self.grace_s)
         self._requests = time.time()
-        await carrier.beside(lambda: words.append(carry(carrier)))
+        await carrier.run_beside(lambda: words.append(carry(carrier)))
         if self._faults:
             raise self._faults[0]
         rest = {key: results.trouble_answer(by_key[key], words[-1]) for key in by_key if key not in self.answers}
@@ -118,7 +118,7 @@ _NO_SUCH = 127
 
 
 async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what the real site adds
-    declaration: Declaration,
+    inventory: Inventory,
     host: Host,
     request: Request,
     questions: results.Questions,
@@ -127,13 +127,13 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
 ) -> Mapping[str, probes.Answer]:
     """Run requests on a gateway with the agent program; NO_PLACE if that is impossible. Raises CostRefusal."""
     try:
-        way = _gateway_access.way_in(declaration, host, request, ssh_config)
+        way = _gateway_access.way_in(inventory, host, request, ssh_config)
     except _gateway_access.GatewayUnreachable as why:
         return results.all_unanswered(questions, results.in_words(why))
-    carrier = bearer_of(declaration, host, request.via.get(host.name))
+    carrier = site_link_of(inventory, host, request.via.get(host.name))
     if carrier.is_metered and not request.rehearsed:
         questions = within_budget(questions)
-        refuse_unpaid(declaration, host.site, carrier, questions, request)
+        refuse_unpaid(inventory, host.site, carrier, questions, request)
     return await AgentProcess(questions, result, way.connect_s + way.grace_s).hear(lambda item: _there(way, item))
 
 
@@ -156,7 +156,7 @@ def _there(way: _gateway_access.GatewayAccess, carrier: Carrier) -> str:
 class Routers:
     """The routers of a site, read-only. A request that cannot be run gets NO_PLACE, with the reason."""
 
-    declaration: Declaration
+    inventory: Inventory
     site: str
     request: Request
     notify: events.Subscriber
@@ -164,7 +164,7 @@ class Routers:
     async def ask(self, name: str, questions: results.Questions) -> Mapping[str, probes.Answer]:
         """Run all requests to one device in one session of two round trips."""
         try:
-            return await self._session(self.declaration.hosts[name], questions)
+            return await self._session(self.inventory.hosts[name], questions)
         except NetcfgError as error:
             self.notify(events.Event(name, events.Stage.FAILED, str(error)))
             return results.all_unanswered(questions, results.in_words(error))
@@ -196,8 +196,8 @@ class Routers:
         return self.request.model_copy(update={"mode": Mode.DRIFT})
 
     async def _session(self, host: Host, questions: results.Questions) -> Mapping[str, probes.Answer]:
-        gate(self.declaration, [host], self._reading)
-        door = session_to(self.declaration, self.site, host, self.request)
+        require_consent(self.inventory, [host], self._reading)
+        door = session_to(self.inventory, self.site, host, self.request)
         request_time = time.time()
         async with door.open_session() as session:
             replies = await session.flight(
@@ -211,10 +211,10 @@ class Routers:
     async def _look(self, questions: Sequence[tuple[str, probes.LinkStatusRequest]]) -> Mapping[str, probes.Answer]:
         if not questions:
             return {}
-        hosts = [host for host in self.declaration.site_hosts(self.site) if not is_computer(host)]
+        hosts = [host for host in self.inventory.site_hosts(self.site) if not is_computer(host)]
         try:
-            gate(self.declaration, hosts, self._reading)
-            link_states = await look(self.declaration, self.site, hosts, self._reading, self.notify)
+            require_consent(self.inventory, hosts, self._reading)
+            link_states = await collect_links(self.inventory, self.site, hosts, self._reading, self.notify)
         except NetcfgError as error:
             return results.all_unanswered(questions, results.in_words(error))
         values = link_states.as_dict()
@@ -227,15 +227,15 @@ class Routers:
             return {key: results.trouble_answer(question, results.in_words(error))}
 
     async def _prove_allow_list(self, question: probes.AllowListTestRequest) -> probes.Answer:
-        satellite = satellite_of(self.declaration, self.site, question.bearer)
+        satellite = satellite_of(self.inventory, self.site, question.link)
         via = self.request.via.get(satellite.router.name)
-        proving = satellite.proving(self.declaration, is_rehearsal=self.request.rehearsed, via=via)
+        proving = satellite.proving(self.inventory, is_rehearsal=self.request.rehearsed, via=via)
         proving.notify = self.notify
         self._pay(proving)
         began = time.monotonic()
-        proof = await asyncio.to_thread(try_out, self.declaration, satellite.router, self._reading, proving)
+        proof = await asyncio.to_thread(try_out, self.inventory, satellite.router, self._reading, proving)
         seconds = time.monotonic() - began
-        bill = bills(self.declaration, proof, seconds)[question.bearer]
+        bill = bills(self.inventory, proof, seconds)[question.link]
         findings = (finding for _, finding in proof.results)
         return probes.AllowListTestResult(None, "", (*findings, *proof.findings), bill.words, seconds)
 
@@ -243,7 +243,7 @@ class Routers:
         """Raise CostRefusal if a test on a metered link has no consent; a rehearsal costs nothing."""
         if self.request.rehearsed:
             return
-        dear = [item for item in previews(self.declaration, proving) if item.link.is_metered]
+        dear = [item for item in previews(self.inventory, proving) if item.link.is_metered]
         for entry in dear:
             if entry.over_cap:
                 raise entry.refusal()
@@ -257,42 +257,40 @@ def _rows(reply: Reply, request_time: float, now: float) -> probes.Rows:
 
 
 def _link_status(values: Mapping[str, Mapping[str, object]], question: probes.LinkStatusRequest) -> probes.Answer:
-    if question.bearer not in values:
-        return results.trouble_answer(question, f"the site has no link `{question.bearer}`", probes.Trouble.MISSING)
-    return probes.LinkStatusResult(None, "", values[question.bearer])
+    if question.link not in values:
+        return results.trouble_answer(question, f"the site has no link `{question.link}`", probes.Trouble.MISSING)
+    return probes.LinkStatusResult(None, "", values[question.link])
 
 
-def link_record(
-    declaration: Declaration, request: Request, question: probes.LinkRecordRequest
-) -> probes.LinkRecordResult:
+def link_record(inventory: Inventory, request: Request, question: probes.LinkRecordRequest) -> probes.LinkRecordResult:
     """Judge the newest measurement of a real link again, from its samples and the current inventory only.
 
     Stored figures are not used as proof.
     """
-    from atlantis_netcfg.links.qualify.archive import kept_runs, made_anew  # noqa: PLC0415 - as above
+    from atlantis_netcfg.links.qualify.archive import recompute, stored_runs  # noqa: PLC0415 - as above
     from atlantis_netcfg.operations.qualify.plan import thresholds_of  # noqa: PLC0415 - few checklists ask for it
 
     now = datetime.now(UTC)
     try:
-        saved_runs = kept_runs(Store(request.state), question.site, question.bearer)
+        saved_runs = stored_runs(Store(request.state), question.site, question.link)
         real = [item for item in saved_runs if not item.run.emulated]
-        bearers = declaration.sites[question.site].bearers
-        limits = next(thresholds_of(bearer) for bearer in bearers if bearer.name == question.bearer)
-        return probes.LinkRecordResult(None, "", made_anew(real[-1].folder, limits)[0] if real else None, now)
+        links = inventory.sites[question.site].bearers
+        limits = next(thresholds_of(link) for link in links if link.name == question.link)
+        return probes.LinkRecordResult(None, "", recompute(real[-1].folder, limits)[0] if real else None, now)
     except NetcfgError as error:
         return probes.LinkRecordResult(probes.Trouble.MISSING, results.in_words(error), None, now)
 
 
 @dataclass(slots=True)
-class RealEars:
+class RealTransport:
     """Runs requests at a real site. Metered links carry nothing without `request.accept_cost`."""
 
-    declaration: Declaration
+    inventory: Inventory
     site: str
     request: Request
     notify: events.Subscriber = events.ignore
     ssh_config: str | None = None
-    """File of OpenSSH that says how the gateway's name is reached, in place of the declared address."""
+    """OpenSSH configuration file that says how to reach the gateway's name, instead of the declared address."""
 
     async def ask(
         self, place: probes.Place, host: str | None, questions: results.Questions, result: results.OnAnswer
@@ -317,18 +315,18 @@ class RealEars:
         if place is probes.Place.LAPTOP:
             return await self._ask_here(questions, result)
         if place is probes.Place.GATEWAY:
-            gateway = self.declaration.computer_of(self.site)
+            gateway = self.inventory.computer_of(self.site)
             if gateway is None:
                 return results.all_unanswered(questions, f"{self.site} has no gateway computer")
-            return await ask_gateway(self.declaration, gateway, self.request, questions, result, self.ssh_config)
-        refuse_examples(self.declaration, is_rehearsal=self.request.rehearsed)
-        routers = Routers(self.declaration, self.site, self.request, self.notify)
+            return await ask_gateway(self.inventory, gateway, self.request, questions, result, self.ssh_config)
+        refuse_examples(self.inventory, is_rehearsal=self.request.rehearsed)
+        routers = Routers(self.inventory, self.site, self.request, self.notify)
         return await (routers.links(questions, result) if host is None else routers.ask(host, questions))
 
     async def _ask_here(self, questions: results.Questions, result: results.OnAnswer) -> Mapping[str, probes.Answer]:
         """Read stored records, listen for robots, and run the other requests with the agent program."""
         record_answers = {
-            key: link_record(self.declaration, self.request, question)
+            key: link_record(self.inventory, self.request, question)
             for key, question in questions
             if isinstance(question, probes.LinkRecordRequest)
         }
@@ -338,7 +336,7 @@ class RealEars:
             pair for pair in questions if isinstance(pair[1], probes.RobotsHeardRequest | probes.VpnMembersRequest)
         ]
         rest = [pair for pair in questions if pair[0] not in record_answers and pair not in of_robots]
-        work = [ask_robots(self.declaration, self.site, self.request, of_robots, result)] if of_robots else []
+        work = [ask_robots(self.inventory, self.site, self.request, of_robots, result)] if of_robots else []
         answer_maps = await asyncio.gather(*work, *([ask_here(rest, result)] if rest else []))
         return record_answers | {key: answer for answers in answer_maps for key, answer in answers.items()}
 
@@ -351,7 +349,7 @@ class RealEars:
         return host or names[place]
 
 
-class Ears(Protocol):
+class ProbeTransport(Protocol):
     """Interface between the checklist and the site; implemented for real and for emulated devices."""
 
     async def ask(

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist import PlanEntry
-    from atlantis_netcfg.checklist.runner._real import Ears
+    from atlantis_netcfg.checklist.runner._real import ProbeTransport
     from atlantis_netcfg.links.status import Query
 
 
 READING: Final = frozenset({"print", "monitor", "info", "show-capabilities"})
-"""Commands of RouterOS' API that change nothing; `monitor` is asked once."""
+"""Commands of RouterOS' API that change nothing; `monitor` is run once."""
 PINGS: Final = frozenset({"/tool/ping"})
-"""This as well, if it says how often; the `/ping` of the root left RouterOS' command tree at 7.23."""
+"""Also allowed if the count is given; RouterOS' command tree has no `/ping` in its root since 7.23."""
 _LONGEST_S: Final = 900.0
 _MOST_MESSAGES: Final = 5
 
@@ -90,7 +90,7 @@ def _foreign(cell: probes.Cell, question: probes.DdsDiscoverRequest) -> str | No
     local = cell.gateway.device if cell.gateway is not None else None
     if question.address not in {str(getattr(local, name, None)) for name in ("address", "vpn_address")}:
         return f"the address {question.address} is not that of the gateway computer of {cell.site}"
-    dds = cell.declaration.pilot.dds
+    dds = cell.inventory.pilot.dds
     return None if dds is not None and dds.domain == question.domain else "it is not the declared domain of DDS"
 
 
@@ -98,7 +98,7 @@ def _not_ours(cell: probes.Cell, question: probes.ReflectRequest) -> str | None:
     """Return a refusal unless messages go to the reflector port of a gateway or control centre."""
     if question.count > _MOST_MESSAGES:
         return "it would send too much"
-    computers = [host.device for host in cell.declaration.hosts.values() if isinstance(host.device, ServerComputer)]
+    computers = [host.device for host in cell.inventory.hosts.values() if isinstance(host.device, ServerComputer)]
     if question.address in {str(computer.vpn_address) for computer in computers} and question.port == REFLECTOR_PORT:
         return None
     return f"{question.address}, UDP port {question.port}, is no gateway or control centre in the VPN"
@@ -107,16 +107,16 @@ def _not_ours(cell: probes.Cell, question: probes.ReflectRequest) -> str | None:
 def _addresses(cell: probes.Cell) -> Iterator[object]:
     yield from (reservation.address for reservation in cell.site_config.lan.reservations)
     yield from _of_endpoints(cell, "address")
-    for vehicle in cell.declaration.vehicles:
-        place = type(cell)(cell.declaration, cell.site, vehicle, cell.endpoint)
+    for vehicle in cell.inventory.vehicles:
+        place = type(cell)(cell.inventory, cell.site, vehicle, cell.endpoint)
         yield from filter(None, (place.address(None),))
-    for host in cell.declaration.site_hosts(cell.site):
+    for host in cell.inventory.site_hosts(cell.site):
         yield getattr(host.device, "address", None)
 
 
 def _of_endpoints(cell: probes.Cell, field: str) -> Iterator[object]:
     """Yield a field of all endpoints of the site and its vehicles."""
-    rows = (*(vehicle.endpoints for vehicle in cell.declaration.vehicles.values()), cell.site_config.location.endpoints)
+    rows = (*(vehicle.endpoints for vehicle in cell.inventory.vehicles.values()), cell.site_config.location.endpoints)
     for row in rows:
         for column in type(row).model_fields:
             value = getattr(getattr(row, column), field, None)
@@ -125,7 +125,7 @@ def _of_endpoints(cell: probes.Cell, field: str) -> Iterator[object]:
 
 
 LIMIT_S: Final = 1800.0
-"""For a place that has not come back by itself: its ears have limits of their own, far below this one."""
+"""Limit for a place that does not return by itself; its transport has limits of its own, far below this one."""
 _OURS: Final = "this is our fault, not a mistake of yours: please tell us"
 
 
@@ -156,9 +156,9 @@ class _PlaceBatch:
     place: probes.Place
     host: str | None
     key_by_question: dict[probes.Question, str] = field(default_factory=dict)
-    """Question without its name to its key."""
+    """Request without its name -> its key."""
     wait: dict[str, list[tuple[_Open, str]]] = field(default_factory=dict)
-    """Key to who wants the answer, and under which name."""
+    """Key -> items that wait for the response, each with its own name for it."""
 
     def add(self, item: _Open, question: probes.Question) -> None:
         """Add a request, unless an identical one exists."""
@@ -174,7 +174,7 @@ class _PlaceBatch:
 
 async def examine(
     entries: Sequence[PlanEntry],
-    ears: Ears,
+    ears: ProbeTransport,
     on_settle: Callable[[report.Item], None],
     *,
     now: Callable[[], datetime] = utc_now,
@@ -215,11 +215,11 @@ def _batches(todo: Iterable[_Open]) -> list[_PlaceBatch]:
 
 @dataclass(slots=True)
 class _Turn:
-    ears: Ears
+    ears: ProbeTransport
     now: Callable[[], datetime]
     state: Callable[[], Path]
     ready: asyncio.Queue[_Open] = field(default_factory=asyncio.Queue)
-    """Those whose last answer has come, or that have failed."""
+    """Items whose last response has arrived, or that have failed."""
     began: float = field(default_factory=time.monotonic)
     faults: dict[BaseException, InternalError] = field(default_factory=dict)
 

@@ -24,9 +24,9 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.links.cost import Preview, preview
 from atlantis_netcfg.operations.allow_list_test.site import previews as proof_previews
 from atlantis_netcfg.operations.allow_list_test.site import satellite_of
-from atlantis_netcfg.operations.common.costs import beforehand, unpaid
+from atlantis_netcfg.operations.common.costs import preview_costs, unpaid
 from atlantis_netcfg.operations.common.request import Mode, Request
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.computers._access import is_computer
 
@@ -35,24 +35,24 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import PlanEntry
     from atlantis_netcfg.checklist.runner.results import Questions
-    from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.routeros.estimate import BearerProfile
+    from atlantis_netcfg.inventory import Inventory
+    from atlantis_netcfg.routeros.estimate import LinkMetrics
 
 _SSH: Final = 8_000
-"""Bytes of a connection in both directions: handshake, keys, login, the frames of TCP; measured against OpenSSH 9.2."""
+"""Bytes of a connection in both directions: handshake, keys, login, TCP framing; measured with OpenSSH 9.2."""
 _RATE: Final = {"tcp": 1_500, "udp": 3_000}
-"""Bytes a second of a stream that is listened to: NMEA at 9600 baud or gpsd, a telemetry link of MAVLink."""
+"""Bytes per second of a received stream: NMEA at 9600 baud or gpsd; a telemetry link of MAVLink."""
 _LEAST: Final = 4_096
-"""For what a device answers when it is asked."""
+"""Bytes of a device's response to a request."""
 _RAN: Final = 1_500
-"""What a reading program prints."""
+"""Bytes that a read-only program prints."""
 _PARTICIPANTS: Final = 3_000
-"""What three DDS participants answer."""
+"""Bytes of the responses of three DDS participants."""
 _MESSAGE: Final = 650
-"""A message that another computer sends back: both ways with the headers of IP, UDP and the VPN, then as JSON."""
+"""Bytes of a message that a computer returns: both directions with IP, UDP and VPN headers, then as JSON."""
 _ROUND_TRIPS: Final = 8
 _JSON_OVERHEAD: Final = 1.4
-"""JSON around what was heard; SSH packs it again, which is not counted on."""
+"""JSON around received data; the compression of SSH is not counted on."""
 
 
 def within_budget(questions: Questions) -> Questions:
@@ -63,9 +63,7 @@ def within_budget(questions: Questions) -> Questions:
     ]
 
 
-def previews(
-    declaration: Declaration, site: str, entries: Sequence[PlanEntry], request: Request
-) -> tuple[Preview, ...]:
+def previews(inventory: Inventory, site: str, entries: Sequence[PlanEntry], request: Request) -> tuple[Preview, ...]:
     """Estimate the cost of these entries on metered links, one preview per link and kind of request.
 
     It is shown before consent. Raises UsageError for a link that the site does not have.
@@ -73,54 +71,48 @@ def previews(
     probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
     questions = [question for probe in probes for question in probe.asks()]
     all_previews = (
-        *_of_gateway(declaration, site, questions, request),
-        *_of_routers(declaration, site, questions, request),
-        *_of_proofs(declaration, site, questions, request),
-        *_of_robots(declaration, site, questions),
+        *_of_gateway(inventory, site, questions, request),
+        *_of_routers(inventory, site, questions, request),
+        *_of_proofs(inventory, site, questions, request),
+        *_of_robots(inventory, site, questions),
     )
     return tuple(item for item in all_previews if item.link.is_metered)
 
 
-def _of_gateway(
-    declaration: Declaration, site: str, questions: Sequence[Question], request: Request
-) -> Iterator[Preview]:
-    host = declaration.computer_of(site)
+def _of_gateway(inventory: Inventory, site: str, questions: Sequence[Question], request: Request) -> Iterator[Preview]:
+    host = inventory.computer_of(site)
     alike = dict.fromkeys(replace(question, name="") for question in questions if question.place is Place.GATEWAY)
     numbered_questions = [(str(number), each) for number, each in enumerate(alike)]  # identical ones are asked once
     if host is not None and numbered_questions:
-        carrier = bearer_of(declaration, host, request.via.get(host.name))
-        yield estimate(declaration, site, carrier, within_budget(numbered_questions))
+        carrier = site_link_of(inventory, host, request.via.get(host.name))
+        yield estimate(inventory, site, carrier, within_budget(numbered_questions))
 
 
-def _of_routers(
-    declaration: Declaration, site: str, questions: Sequence[Question], request: Request
-) -> Iterator[Preview]:
+def _of_routers(inventory: Inventory, site: str, questions: Sequence[Question], request: Request) -> Iterator[Preview]:
     names = {each.host for each in questions if isinstance(each, RouterOsQuery)}
-    hosts = [declaration.hosts[name] for name in sorted(names) if name in declaration.hosts]
+    hosts = [inventory.hosts[name] for name in sorted(names) if name in inventory.hosts]
     if any(isinstance(question, LinkStatusRequest) for question in questions):
-        hosts += [host for host in declaration.site_hosts(site) if host not in hosts]
+        hosts += [host for host in inventory.site_hosts(site) if host not in hosts]
     reading = request.model_copy(update={"mode": Mode.DRIFT})
     computers = [host for host in hosts if not is_computer(host)]
-    yield from beforehand(declaration, computers, reading, at_most=False)
+    yield from preview_costs(inventory, computers, reading, at_most=False)
 
 
-def _of_proofs(
-    declaration: Declaration, site: str, questions: Sequence[Question], request: Request
-) -> Iterator[Preview]:
-    for name in dict.fromkeys(question.bearer for question in questions if isinstance(question, AllowListTestRequest)):
-        satellite = satellite_of(declaration, site, name)
+def _of_proofs(inventory: Inventory, site: str, questions: Sequence[Question], request: Request) -> Iterator[Preview]:
+    for name in dict.fromkeys(question.link for question in questions if isinstance(question, AllowListTestRequest)):
+        satellite = satellite_of(inventory, site, name)
         via = request.via.get(satellite.router.name)
-        yield from proof_previews(declaration, satellite.proving(declaration, is_rehearsal=False, via=via))
+        yield from proof_previews(inventory, satellite.proving(inventory, is_rehearsal=False, via=via))
 
 
-def _of_robots(declaration: Declaration, site: str, questions: Sequence[Question]) -> Iterator[Preview]:
+def _of_robots(inventory: Inventory, site: str, questions: Sequence[Question]) -> Iterator[Preview]:
     for question in dict.fromkeys(replace(each, name="") for each in questions if isinstance(each, RobotsHeardRequest)):
         with suppress(NetcfgError):  # who cannot listen pays nothing, and the item says why
-            if (cost := listening_preview(declaration, site, question)) is not None:
+            if (cost := listening_preview(inventory, site, question)) is not None:
                 yield cost
 
 
-def estimate(declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions) -> Preview:
+def estimate(inventory: Inventory, site: str, carrier: LinkMetrics, questions: Questions) -> Preview:
     """Estimate the maximum cost of one turn of requests over a gateway's link."""
     request_batch = batch(questions)
     nbytes = (
@@ -129,14 +121,14 @@ def estimate(declaration: Declaration, site: str, carrier: BearerProfile, questi
         + round(_JSON_OVERHEAD * sum(_answer(request) for _, request in questions))
     )
     seconds = request_batch.within_s + _ROUND_TRIPS * carrier.rtt_s
-    return preview(nbytes, seconds, link_of(declaration, site, carrier.name), at_most=True)
+    return preview(nbytes, seconds, link_of(inventory, site, carrier.name), at_most=True)
 
 
 def refuse_unpaid(
-    declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions, request: Request
+    inventory: Inventory, site: str, carrier: LinkMetrics, questions: Questions, request: Request
 ) -> None:
     """Raise CostRefusal without consent, or if the cost exceeds the inventory's limit."""
-    cost_preview = estimate(declaration, site, carrier, questions)
+    cost_preview = estimate(inventory, site, carrier, questions)
     if cost_preview.over_cap:
         raise cost_preview.refusal()
     if not request.accept_cost:

@@ -68,8 +68,8 @@ def all_unanswered(questions: Questions, words: str) -> dict[str, probes.Answer]
 
 
 Questions = Sequence["tuple[str, probes.Question]"]
-"""Questions under keys that are unlike each other: `<item id>#<question name>`."""
+"""Requests with unique keys: `<item id>#<question name>`."""
 
 
 OnAnswer = Callable[[str, "probes.Answer"], None]
-"""Told of each answer by its key, when it comes."""
+"""Called with the key and the response, for each response that arrives."""

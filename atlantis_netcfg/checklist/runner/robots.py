@@ -13,19 +13,19 @@ from atlantis_netcfg.operations.common.costs import unpaid
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.links.cost import Preview
     from atlantis_netcfg.operations.common.request import Request
 
 
 async def ask_robots(
-    declaration: Declaration, site: str, request: Request, questions: results.Questions, result: results.OnAnswer
+    inventory: Inventory, site: str, request: Request, questions: results.Questions, result: results.OnAnswer
 ) -> Mapping[str, probes.Answer]:
     """Run all requests at once; one that cannot be run gets NO_PLACE, with the reason."""
 
     async def ask(key: str, question: probes.Question) -> tuple[str, probes.Answer]:
         try:
-            answer = await _answer(declaration, site, request, question)
+            answer = await _answer(inventory, site, request, question)
         except NetcfgError as why:
             answer = results.trouble_answer(question, results.in_words(why))
         result(key, answer)
@@ -34,25 +34,25 @@ async def ask_robots(
     return dict(await asyncio.gather(*(ask(key, question) for key, question in questions)))
 
 
-async def _answer(declaration: Declaration, site: str, request: Request, question: probes.Question) -> probes.Answer:
+async def _answer(inventory: Inventory, site: str, request: Request, question: probes.Question) -> probes.Answer:
     if not isinstance(question, probes.RobotsHeardRequest):
-        return await asyncio.to_thread(vpn_members, declaration, request)
+        return await asyncio.to_thread(vpn_members, inventory, request)
     from atlantis_netcfg.operations.robots import hear  # noqa: PLC0415 - few checklists ask for it
     from atlantis_netcfg.operations.robots.remote import listen_there  # noqa: PLC0415 - as above
 
-    cost = await asyncio.to_thread(listening_preview, declaration, site, question)
+    cost = await asyncio.to_thread(listening_preview, inventory, site, question)
     if cost is not None and cost.over_cap:
         raise cost.refusal()
     if cost is not None and not request.accept_cost:
         raise unpaid([cost.words], request.command)
     if not question.host:
-        return probes.RobotsHeardResult(None, "", await hear(declaration, site, question.seconds))
-    host, seconds = declaration.hosts[question.host], question.seconds
-    listening = asyncio.to_thread(listen_there, declaration, host, seconds, sites=[site], request=request)
+        return probes.RobotsHeardResult(None, "", await hear(inventory, site, question.seconds))
+    host, seconds = inventory.hosts[question.host], question.seconds
+    listening = asyncio.to_thread(listen_there, inventory, host, seconds, sites=[site], request=request)
     return probes.RobotsHeardResult(None, "", await listening)
 
 
-def listening_preview(declaration: Declaration, site: str, question: probes.RobotsHeardRequest) -> Preview | None:
+def listening_preview(inventory: Inventory, site: str, question: probes.RobotsHeardRequest) -> Preview | None:
     """Estimate the cost of listening if all links of the site are metered; None if it costs nothing.
 
     Raises NetcfgError if the listening address is unknown.
@@ -63,13 +63,13 @@ def listening_preview(declaration: Declaration, site: str, question: probes.Robo
 
     def address() -> str:
         if not question.host:
-            return listening_address(declaration, site, None)
-        return dds_of(declaration).address_of(listening_computer(declaration, declaration.hosts[question.host]))
+            return listening_address(inventory, site, None)
+        return dds_of(inventory).address_of(listening_computer(inventory, inventory.hosts[question.host]))
 
-    return listening_cost(declaration, site, question.seconds, address)
+    return listening_cost(inventory, site, question.seconds, address)
 
 
-def vpn_members(declaration: Declaration, request: Request) -> probes.VpnMembersResult:
+def vpn_members(inventory: Inventory, request: Request) -> probes.VpnMembersResult:
     """Return the robots in the VPN's record, and whether the server has a session of each now.
 
     Raises NetcfgError if this computer has no record, or if the server is not reached.
@@ -78,7 +78,7 @@ def vpn_members(declaration: Declaration, request: Request) -> probes.VpnMembers
     from atlantis_netcfg.operations.vpn.server_state import observe  # noqa: PLC0415 - as above
     from atlantis_netcfg.vpn.authority.authority import Authority  # noqa: PLC0415 - as above
 
-    opener = over_ssh(declaration, request)
+    opener = over_ssh(inventory, request)
     members = Authority.open(request.vpn).membership().members.values()
     link = opener()
     try:

@@ -19,11 +19,11 @@ class LoadedCommand(NamedTuple):
 
     command: CommandSpec
     run: Callable[[Arguments], errors.ExitCode]
-    """Do it; raises NetcfgError to fail."""
+    """Runs the command; raises NetcfgError to fail."""
 
 
 DEFAULT = "run"
-"""The command of a line that begins with a word: `provision site=coastal` is `provision run site=coastal`."""
+"""Command of a line that begins with an argument: `provision site=coastal` is `provision run site=coastal`."""
 
 COMMANDS: Mapping[str, str] = {
     "run": "atlantis_netcfg.cli.runs:site",

@@ -40,11 +40,11 @@ _PORTUGUESE = {
     "open": "aberto",
     "seen": "visto",
 }
-"""The words that a person answers with."""
+"""Words of a person's answers, in English -> in Portuguese."""
 _SHORT = {YES: ("y",), NO: ("n",), "sim": ("s",), "não": ("n", "nao")}
 _TRIES = 3
 _ROOM = 62
-"""Columns of a question with the words that it takes; `(item 7 of 37)` stands before it, and an answer behind it."""
+"""Columns for a question with its answer words; `(item 7 of 37)` precedes it, and the answer follows."""
 
 
 class ConsentRefusal(DeviceError):
@@ -133,7 +133,7 @@ def require_agreement(question: str) -> None:
 def pay(words: Sequence[str], *, is_accepted: bool, as_json: bool) -> None:
     """Show the data volume over metered links, and ask unless `is_accepted`. Raises CostRefusal."""
     if words and not is_accepted:
-        pays(words, ask=not as_json)
+        confirm_cost(words, ask=not as_json)
     elif words and not as_json:
         _show_costs(words)
 
@@ -143,7 +143,7 @@ def _show_costs(words: Sequence[str]) -> None:
         print(translate(f"This goes {each}"), flush=True)
 
 
-def pays(words: Sequence[str], *, ask: bool) -> None:
+def confirm_cost(words: Sequence[str], *, ask: bool) -> None:
     """Ask for consent to the cost. Raises CostRefusal, also without prompting if `ask` is false."""
     if not ask or not sys.stdin.isatty():
         raise unpaid(words)
@@ -152,7 +152,7 @@ def pays(words: Sequence[str], *, ask: bool) -> None:
         raise unpaid(words)
 
 
-def removes(words: Sequence[str], *, ask: bool) -> None:
+def confirm_removal(words: Sequence[str], *, ask: bool) -> None:
     """Ask for consent to remove rows. Raises ConsentRefusal, or UsageError without a terminal."""
     if not ask or not sys.stdin.isatty():
         raise UsageError(

@@ -65,7 +65,7 @@ def _keys(path: Path, route: tuple[str, ...]) -> Iterator[str]:
     import yaml
 
     keys: list[str | None] = []
-    """One for each collection that is open: the key at which it is read; None before the first key, and in a list."""
+    """Current key of each open collection; None before the first key, and in a list."""
     at_key: list[bool] = []
     with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
         text = path.read_text(encoding="utf-8")

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TextIO
 
 from atlantis_netcfg.core import events, printable
-from atlantis_netcfg.core.errors import REHEARSE, DeviceError, ExitCode, NetcfgError, complete
+from atlantis_netcfg.core.errors import REHEARSE, DeviceError, ExitCode, NetcfgError, fill_hint
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import Style, StyledText
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _CARRIED_WORDS = ("inventory", "authority")
 _COMMAND_HINT = re.compile(r"(?:`|: +)provision (?P<command>[a-z][^`…\n]*?)(?=`|$)", re.MULTILINE)
-"""A command in a hint: in backquotes, or at the end of a line behind a colon."""
+"""A command in a hint: in backquotes, or after a colon at the end of a line."""
 
 
 def json_text(document: object) -> str:
@@ -66,7 +66,7 @@ def as_typed(hint: str, command_line: Sequence[str]) -> str:
         if REHEARSE in hint and load(choose(command_line, COMMANDS)[0], COMMANDS).command.flag("rehearse") is not None:
             hint = hint.replace(REHEARSE, "add --rehearse")
     words = dict(word.partition("=")[::2] for word in command_line)
-    hint = complete(hint, site=words.get("site", ""), device=words.get("device") or words.get("host") or "")
+    hint = fill_hint(hint, site=words.get("site", ""), device=words.get("device") or words.get("host") or "")
 
     def complete_command(match: re.Match[str]) -> str:
         try:
@@ -188,7 +188,7 @@ def page(rows: Sequence[printable.Row]) -> None:
 
 
 _MARGIN = 4
-"""Where a line of a plan goes on that is longer than the terminal is wide."""
+"""Indent of continuation lines, if a line of a plan is longer than the terminal is wide."""
 _PAGER = "less"
 
 
@@ -210,13 +210,13 @@ def _page_lines(lines: Sequence[printable.Row]) -> bool:
 
 _ENDS = (events.Stage.DONE, events.Stage.CONFIRMED, events.Stage.UNROLLED, events.Stage.FAILED)
 _ROOM = 16
-"""Devices that are shown together; of more, those that have ended scroll away upwards, and the others stay in sight."""
+"""Devices shown together; with more, those that have ended scroll away upwards, and the others stay visible."""
 
 
 SILENCE_S = 20.0
-"""After so long without a step a plain log says what it waits for: a gap of a satellite link lasts over a minute."""
+"""A plain log shows what it waits for after so long without a step; a satellite gap can last over a minute."""
 _AGE_S = 5.0
-"""From this age on a step on a terminal shows it."""
+"""From this age on, a step on a terminal shows its age."""
 _NAMED_DEVICES = 3
 """Devices that a reminder names; it counts the others."""
 

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.core import errors, events
 from atlantis_netcfg.operations.common import play_control
-from atlantis_netcfg.operations.common.request import share_declaration
+from atlantis_netcfg.operations.common.request import share_inventory
 from atlantis_netcfg.operations.common.vault import Vault, import_ansible, load_used_plugins
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations import Request
 
 
@@ -43,25 +43,25 @@ class PlayOutcome:
 
     devices: dict[str, dict[str, Any]] = field(default_factory=dict)
     runs: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Site to kind of device to run id, as `provision runs` lists it; empty: what it says is not all."""
+    """Site -> kind of device -> run id, as `provision runs` lists it; empty: the report is not complete."""
     stopped_by: str = ""
-    """The signal with which a person has stopped it, as `SIGINT`."""
+    """Signal with which a person stopped it, such as `SIGINT`."""
 
 
 ResultCallback = Callable[[str, Mapping[str, Any]], object]
-"""Gets the name and the result of a device as soon as it has ended."""
+"""Called with the name and the result of a device as soon as it has ended."""
 
 
 _LEFT_AS_FOUND = Status.LEFT_AS_FOUND.value
 
 
 class PlaybookRunner:
-    """Runs Ansible in this process. The engine uses `declaration`: it does not read the inventory again."""
+    """Runs Ansible in this process. The engine uses `inventory`: it does not read the inventory again."""
 
-    def __init__(self, checkout: Path, declaration: Declaration, vault: Vault) -> None:
+    def __init__(self, checkout: Path, inventory: Inventory, vault: Vault) -> None:
         self._checkout = checkout
         self._vault = vault
-        self._declaration = declaration
+        self._inventory = inventory
         self._ansible: _Ansible | None = None
 
     def play(
@@ -79,19 +79,19 @@ class PlaybookRunner:
         A stop signal is passed to the engine, which finishes cleanly: it is no KeyboardInterrupt here. Raises
         EngineError if the request was rejected, and no device was changed or compared.
         """
-        self._ansible = self._ansible or _Ansible(self._checkout, self._declaration.root, self._vault)
+        self._ansible = self._ansible or _Ansible(self._checkout, self._inventory.root, self._vault)
         control = play_control.PlayControl()
-        with _EventListener(notify, on_result) as listener, control.current(), share_declaration(self._declaration):
+        with _EventListener(notify, on_result) as listener, control.current(), share_inventory(self._inventory):
             play_request = request.model_copy(update={"events_fd": listener.writer})
             reason, output = self._ansible.play(names, play_request, control)
             if reason:
                 control.cut_off(reason)
         outcome, refusal = listener.outcome, listener.refusal
         outcome.stopped_by = control.stopped_by
-        hosts = dict.fromkeys((*names, *play_control.other_ends(names, self._declaration, request)))
+        hosts = dict.fromkeys((*names, *play_control.other_ends(names, self._inventory, request)))
         missing = [name for name in hosts if name not in outcome.devices]
-        missing_results = play_control.without_result(
-            missing, names, self._declaration, request, outcome.runs, refusal or reason, output
+        missing_results = play_control.results_from_journal(
+            missing, names, self._inventory, request, outcome.runs, refusal or reason, output
         )
         results = {**outcome.devices, **missing_results}
         if refusal is not None and all(result["status"] == _LEFT_AS_FOUND for result in results.values()):

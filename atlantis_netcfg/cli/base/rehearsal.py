@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.operations import Mode
-from atlantis_netcfg.operations.common.kinds import is_unit
-from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
+from atlantis_netcfg.operations.common.kinds import is_other_lte_unit
+from atlantis_netcfg.operations.common.session_link import LAN, site_link_of
 from atlantis_netcfg.runs.report.run import Pass, RunReport
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def rehearse(
-    session: CommandSession, twins: Rehearsal, *, mode: Mode = Mode.APPLY, run: str | None = None
+    session: CommandSession, emulators: Rehearsal, *, mode: Mode = Mode.APPLY, run: str | None = None
 ) -> RunReport:
     """Apply over the link in the inventory, then converge again over each link with its delay and rate."""
     first = session.perform(mode, run=run)
@@ -27,27 +27,25 @@ def rehearse(
         session.show_plan(first)
     if first.exit is not ExitCode.DONE:
         return first
-    return _again(session, twins, first)
+    return _again(session, emulators, first)
 
 
 def announce(session: CommandSession) -> None:
     """Print that no real device is contacted."""
     if not session.as_json:
         sites = {host.site for host in session.hosts}
-        titles = ", ".join(site.title for name, site in session.declaration.sites.items() if name in sites)
+        titles = ", ".join(site.title for name, site in session.inventory.sites.items() if name in sites)
         words = f"Rehearsal of {session.site} ({titles}): emulated devices, nothing real is contacted"
         print(translate(words), flush=True)
 
 
-def _again(session: CommandSession, twins: Rehearsal, first: RunReport) -> RunReport:
+def _again(session: CommandSession, emulators: Rehearsal, first: RunReport) -> RunReport:
     """Run again over each link; a device whose site lacks it keeps its own. Ctrl-C ends it without passing."""
     passes: list[Pass] = []
-    sites = session.declaration.sites
-    units = {host.name for host in session.hosts if is_unit(host)}
+    sites = session.inventory.sites
+    units = {host.name for host in session.hosts if is_other_lte_unit(host)}
     links = list(
-        dict.fromkeys(
-            [LAN.name, *(bearer.name for host in session.contacted_hosts for bearer in sites[host.site].bearers)]
-        )
+        dict.fromkeys([LAN.name, *(link.name for host in session.contacted_hosts for link in sites[host.site].bearers)])
     )
     for number, name in enumerate(links, 1):
         if not session.as_json:
@@ -55,8 +53,8 @@ def _again(session: CommandSession, twins: Rehearsal, first: RunReport) -> RunRe
             print(translate(words), file=sys.stderr, flush=True)
         via = {host.name: name for host in session.contacted_hosts if name in {LAN.name, *_names(session, host.site)}}
         for host in session.contacted_hosts:
-            bearer = bearer_of(session.declaration, host, via.get(host.name, session.via))
-            twins.relink(session.declaration, host, bearer.name)
+            link = site_link_of(session.inventory, host, via.get(host.name, session.via))
+            emulators.relink(session.inventory, host, link.name)
         again = session.perform(Mode.APPLY, via=via)
         for device, result in again.devices.items():
             if device in via or device in units or result.get("other_end") in via:
@@ -67,4 +65,4 @@ def _again(session: CommandSession, twins: Rehearsal, first: RunReport) -> RunRe
 
 
 def _names(session: CommandSession, site: str) -> list[str]:
-    return [bearer.name for bearer in session.declaration.sites[site].bearers]
+    return [link.name for link in session.inventory.sites[site].bearers]

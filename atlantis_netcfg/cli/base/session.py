@@ -23,9 +23,9 @@ from atlantis_netcfg.core import errors, paths, printable
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.processes import stop_signals
 from atlantis_netcfg.operations import Mode, Request
-from atlantis_netcfg.operations.common.costs import beforehand, gate
-from atlantis_netcfg.operations.common.kinds import is_supported, is_unit
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.costs import preview_costs, require_consent
+from atlantis_netcfg.operations.common.kinds import is_other_lte_unit, is_supported
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.operations.common.terminals import is_terminal
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.runs import Store
@@ -34,6 +34,7 @@ from atlantis_netcfg.runs.report.run import RunReport, consent_question
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.link_shapes import Replay
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
     from atlantis_netcfg.operations.common.request import LinkOrder
@@ -45,27 +46,27 @@ class CommandSession:
     """State of one command for a site while its playbook runs."""
 
     arguments: syntax.Arguments
-    declaration: inventory.Declaration
+    inventory: Inventory
     site: str
-    hosts: tuple[inventory.Host, ...]
+    hosts: tuple[Host, ...]
     rehearsal: Rehearsal | None
     state: Path
     vault: Vault
-    """What opened the secrets of the declaration."""
+    """Vault that decrypted the secrets of the inventory."""
     via: str | None = None
     prepares: bool = False
     back_to: str | None = None
-    """Rollback: the run before which the devices were as they shall be again."""
+    """Rollback: the run before which the devices were in the state to be restored."""
     restore: str | None = None
-    """Restore: the run that has read back what the device shall be."""
+    """Restore: the run that recorded the state to which the device is restored."""
     use: LinkOrder | None = None
-    """Use: the order of the links that the router shall have for a time."""
+    """Use: the order of the links that the router uses for a limited time."""
     offline: Path | None = None
-    """A bundle, which gateways take everything from."""
+    """Bundle from which gateways take everything."""
     remove_foreign: bool = False
-    """A person has agreed that rows of others go by the hundred."""
+    """Whether a person has agreed that hundreds of rows of others are removed."""
     changed_devices: list[str] = field(default_factory=list)
-    """Devices that plays of this command have changed, as they were read back."""
+    """Devices that plays of this command have changed, confirmed by reading back."""
     _runner: PlaybookRunner | None = None
 
     @property
@@ -92,7 +93,7 @@ class CommandSession:
         return self.arguments.flag("json")
 
     @property
-    def handled_hosts(self) -> tuple[inventory.Host, ...]:
+    def handled_hosts(self) -> tuple[Host, ...]:
         """Hosts for which there is a role."""
         return tuple(host for host in self.hosts if is_supported(host))
 
@@ -140,17 +141,17 @@ class CommandSession:
         request = self.request(mode, plans=plans, run=run, via=via)
         other_hosts = self._other_hosts(mode)
         # What their tasks need is imported before these, which are forked children, and only where they take part.
-        if any(is_unit(host) for host in other_hosts):
+        if any(is_other_lte_unit(host) for host in other_hosts):
             import_module("atlantis_netcfg.operations.lte.run")
         if any(is_computer(host) for host in other_hosts):
-            from atlantis_netcfg.operations.computers.parts import refuse_unfounded
+            from atlantis_netcfg.operations.computers.parts import require_authority
 
-            if not self.declaration.pilot.example_values:
-                refuse_unfounded(other_hosts, request)
+            if not self.inventory.pilot.example_values:
+                require_authority(other_hosts, request)
         request = request.model_copy(update={"accept_cost": True}) if is_paid else self.confirm_cost(request)
         names = [host.name for host in (*self.handled_hosts, *other_hosts)]
         self._refuse_early(request)
-        self._runner = self._runner or PlaybookRunner(paths.checkout(), self.declaration, self.vault)
+        self._runner = self._runner or PlaybookRunner(paths.checkout(), self.inventory, self.vault)
         with output.progress(quiet=self.as_json) as notify:
             on_result = partial(self._stream_result, sys.stdout)
             outcome = self._runner.play(names, request, notify, on_result=on_result) if names else PlayOutcome()
@@ -173,7 +174,7 @@ class CommandSession:
             verbose=self.arguments.has_flag(syntax.VERBOSE),
         )
 
-    def configure_twins(self, *, strict: bool = False) -> None:
+    def configure_emulators(self, *, strict: bool = False) -> None:
         """Bring the emulated devices to the desired state: after `provision adopt` they have none of it.
 
         A failed check is reported later, by the command that uses the devices, unless `strict`. Raises NetcfgError.
@@ -193,7 +194,7 @@ class CommandSession:
     def _refuse_early(self, request: Request) -> None:
         """Raise errors that can be known before anything is started: a wrong link, a site that is locked."""
         for host in self.hosts:
-            bearer_of(self.declaration, host, request.via.get(host.name))
+            site_link_of(self.inventory, host, request.via.get(host.name))
         if not request.mode.reads_only:
             for site in sorted({host.site for host in self.hosts}):
                 with self.store.lock(site, request.command):
@@ -204,15 +205,15 @@ class CommandSession:
 
         With example values nothing is contacted, and a rehearsal costs nothing: then there is no prompt.
         """
-        if request.rehearsed or self.declaration.pilot.example_values:
+        if request.rehearsed or self.inventory.pilot.example_values:
             return request
         accepted_request = request.model_copy(update={"accept_cost": True})
-        gate(self.declaration, self.hosts, accepted_request)
-        words = [each.words for each in beforehand(self.declaration, self.hosts, request)]
+        require_consent(self.inventory, self.hosts, accepted_request)
+        words = [each.words for each in preview_costs(self.inventory, self.hosts, request)]
         consent.pay(words, is_accepted=request.accept_cost, as_json=self.as_json)
         return accepted_request if words else request
 
-    def _other_hosts(self, mode: Mode) -> tuple[inventory.Host, ...]:
+    def _other_hosts(self, mode: Mode) -> tuple[Host, ...]:
         """Return the hosts handled in addition to the engine's: 4G units of other makes, terminals, computers.
 
         Nothing is sent to a terminal: the evidence for its inventory data is checked.
@@ -223,12 +224,12 @@ class CommandSession:
         others = [
             host
             for host in self.hosts
-            if (is_unit(host) and mode is not Mode.DRIFT) or (is_terminal(host) and mode is not Mode.RESUME)
+            if (is_other_lte_unit(host) and mode is not Mode.DRIFT) or (is_terminal(host) and mode is not Mode.RESUME)
         ]
         return (*others, *computers)
 
     @property
-    def contacted_hosts(self) -> tuple[inventory.Host, ...]:
+    def contacted_hosts(self) -> tuple[Host, ...]:
         """Hosts of a rehearsal that are behind a link: those that the engine handles, and the computers."""
         return (
             *self.handled_hosts,
@@ -297,14 +298,14 @@ class CommandSession:
         """Ask for consent to the plan, to its cost and to the removal of many rows. Raises ConsentRefusal."""
         dear = self._dear(plan_report)
         if dear and not self.arguments.has_flag(syntax.ACCEPT_COST):
-            consent.pays(dear, ask=not self.as_json)
+            consent.confirm_cost(dear, ask=not self.as_json)
         many = [
             f"{name}: the plan {change['foreign_words']}"
             for name, change in plan_report.devices.items()
             if _foreign(change)
         ]
         if many and not self.arguments.has_flag(syntax.REMOVE_FOREIGN):
-            consent.removes(many, ask=not self.as_json)
+            consent.confirm_removal(many, ask=not self.as_json)
             self.remove_foreign = True
         changing = (
             name for name, item in plan_report.devices.items() if item["planned"] or item["status"] == "planned"
@@ -354,7 +355,7 @@ class CommandSession:
                 saved_runs.append(run)
                 failure = f"; its result could not be written: {error.strerror}"
         folder = self.store.root / (sites[0] if len(sites) == 1 else "*") / "runs"
-        return f"{', '.join(saved_runs)} in {paths.from_home(folder)}{failure}" if saved_runs else ""
+        return f"{', '.join(saved_runs)} in {paths.shorten_home(folder)}{failure}" if saved_runs else ""
 
     def _next_command(self, report: RunReport) -> str:
         """Return the next command after success; after an error, the device has its own hint."""
@@ -382,7 +383,7 @@ class CommandSession:
 
 
 PLAN_ONLY = ("plan", "summary", "save", "verbose", "json")
-"""Flags that the command which carries a plan out does not have, or that say only how it is shown."""
+"""Flags that the command which applies a plan does not have, or that only change how it is shown."""
 
 
 class OutdatedPlan(errors.DeviceError):
@@ -432,7 +433,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     via: str | None = None,
     site: str | None = None,
     only: Sequence[str] | None = None,
-    choose_hosts: Callable[[inventory.Declaration], tuple[inventory.Host, ...]] | None = None,
+    choose_hosts: Callable[[Inventory], tuple[Host, ...]] | None = None,
 ) -> Iterator[CommandSession]:
     """Load and validate the inventory, choose the hosts, and start emulators if requested; they end with the context.
 
@@ -445,40 +446,40 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         inventory_name = arguments.optional("inventory")
         # Whoever logs in to a device needs its password; emulated devices get those of the real ones.
         vault = vault_of(arguments)
-        declaration = inventory.load(
+        pilot_inventory = inventory.load(
             Path(inventory_name) if inventory_name else paths.checkout() / "inventory", decrypt=vault.decrypt
         )
         if rehearse:
-            declaration = replace(declaration, decrypt=None)  # emulated robots know no token that is vaulted
+            pilot_inventory = replace(pilot_inventory, decrypt=None)  # emulated robots know no token that is vaulted
         if only is None:
             only = arguments.many("only") if arguments.command.word("only") else ()
         if site is None:
             site = arguments.word("site")
         if choose_hosts is None:
-            hosts = inventory.choose(declaration, site, only)
+            hosts = inventory.choose(pilot_inventory, site, only)
             require_handled(hosts, only, arguments.command.name)
         else:
-            hosts = choose_hosts(declaration)
+            hosts = choose_hosts(pilot_inventory)
         if not rehearse:
             _warn_of_damage(hosts)
         with ExitStack() as stack:
-            twins = None
+            emulators = None
             if rehearse:
                 from atlantis_netcfg.operations.common.rehearsal import rehearsal
 
                 replay = _replay(arguments, hosts)
                 with output.progress(quiet=arguments.flag(syntax.JSON.name)) as notify:
-                    twins = stack.enter_context(rehearsal(declaration, hosts, via, notify, replay))
+                    emulators = stack.enter_context(rehearsal(pilot_inventory, hosts, via, notify, replay))
             elif arguments.has_flag(syntax.PROFILE):
                 raise errors.UsageError(
                     "`--profile` is for rehearsals: a real link is what it is", hint="add --rehearse"
                 )
             yield CommandSession(
                 arguments,
-                declaration,
+                pilot_inventory,
                 site,
                 hosts,
-                twins,
+                emulators,
                 paths.state_dir(),
                 vault,
                 via,
@@ -490,7 +491,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         raise output.CommandInterrupt(stop, changed_devices) from stop
 
 
-def _warn_of_damage(hosts: Sequence[inventory.Host]) -> None:
+def _warn_of_damage(hosts: Sequence[Host]) -> None:
     """Warn about damaged journals on stderr: data that a command reads from earlier runs may be missing."""
     store = Store(paths.state_dir())
     for site in sorted({host.site for host in hosts} & {*store.sites()}):
@@ -498,7 +499,7 @@ def _warn_of_damage(hosts: Sequence[inventory.Host]) -> None:
             print(translate(f"warning: {damage}"), file=sys.stderr, flush=True)
 
 
-def _replay(arguments: syntax.Arguments, hosts: Sequence[inventory.Host]) -> Replay | None:
+def _replay(arguments: syntax.Arguments, hosts: Sequence[Host]) -> Replay | None:
     """Return the run that is replayed instead of a link in the inventory, and print this. Raises UsageError."""
     if not arguments.has_flag(syntax.PROFILE):
         return None
@@ -513,12 +514,12 @@ def _replay(arguments: syntax.Arguments, hosts: Sequence[inventory.Host]) -> Rep
     return replay
 
 
-def require_handled(hosts: tuple[inventory.Host, ...], only: Sequence[str], command: str) -> None:
+def require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) -> None:
     """Raise an error if no host has a role, or if a host given by name would be skipped.
 
     Some commands also handle hosts that the engine does not.
     """
-    also = [is_unit] if command in {DEFAULT, "links"} else []
+    also = [is_other_lte_unit] if command in {DEFAULT, "links"} else []
     if command in {DEFAULT, "links", "drift"}:
         also.append(is_terminal)
     if command in {DEFAULT, "drift"}:

@@ -24,10 +24,10 @@ class Group(Enum):
     """Where the overview lists a command; the value is the title, and the order that of the overview."""
 
     FIRST = "Every day"
-    """The technician's five: configure the site, see its links, go through the checklist, see what differs, what ran.
+    """A technician's five: configure the site, see its links, do the checklist, see differences, list runs.
 
-    docs/first-run.md leads to the first of them; a working day on the quay asks for the others. `runs` also says what
-    to type when a run was interrupted.
+    docs/first-run.md leads to the first of them; a working day on the quay needs the others.
+    `runs` also says what to type after an interrupted run.
     """
     PLAN = "A saved plan"
     TROUBLE = "When something went wrong"
@@ -46,9 +46,9 @@ _VALUES = {
     "vehicle": inventory_names.Values.VEHICLE,
     "partner": inventory_names.Values.PARTNER,
 }
-"""By the name of a word: what it means in every command."""
+"""Argument name -> kind of its values in every command."""
 _LONG = 30
-"""Choices that are longer than this stand in the text of a word, and not in its form."""
+"""Choices that are longer than this are printed in the description of an argument, not in its usage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +62,9 @@ class Word:
     choices: tuple[str, ...] = ()
     example: str = ""
     values: inventory_names.Values | None = None
-    """Where it is not what the name of the word says."""
+    """Kind of its values, if it is not the one that its name implies."""
     bare: bool = False
-    """Its value may be typed alone: `provision init FOLDER`; with `many`, several one after the other."""
+    """Whether its value may be typed alone: `provision init FOLDER`; with `many`, several one after the other."""
 
     @property
     def value_kind(self) -> inventory_names.Values | None:
@@ -125,13 +125,13 @@ SUMMARY = Flag("summary", "with --plan: only how much would change on each devic
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 YES = Flag("yes", "do not ask before changing devices")
 CHANGE = (ACCEPT_COST, WITHOUT_PROTECTION, REMOVE_FOREIGN, ASK_VAULT_PASS, JSON, VERBOSE)
-"""What every command takes that changes devices under the guard."""
+"""Flags of every command that changes devices under automatic rollback."""
 
 FRAME = (
     Flag("lang", "the language of what is printed; else that of LANG", takes="en|pt"),
     Flag("help", "print this text", short="h"),
 )
-"""What every command takes and none declares."""
+"""Flags that every command takes, without declaring them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -131,7 +131,7 @@ def _listed_row(entry: SavedChecklist, vehicle: str | None) -> dict[str, Any] | 
 
 def _since(every: tuple[SavedChecklist, ...], vehicle: str | None) -> dict[str, Any] | None:
     """Return the differences between the newest readable checklist and the last green one before it."""
-    from atlantis_netcfg.checklist import filter_by_scope, last_green, since
+    from atlantis_netcfg.checklist import compare_with_green, filter_by_scope, last_green
 
     readable = [item for item in every if item.document is not None]
     if not readable or readable[-1].document is None:
@@ -139,7 +139,7 @@ def _since(every: tuple[SavedChecklist, ...], vehicle: str | None) -> dict[str, 
     newest = readable[-1].document
     scope = {**newest.scope, **({"vehicle": (vehicle,)} if vehicle is not None else {})}
     green = last_green(readable[-1].folder.parent, scope, but=readable[-1].run)
-    difference = since(green, filter_by_scope(newest, scope).model_copy(update={"scope": scope}))
+    difference = compare_with_green(green, filter_by_scope(newest, scope).model_copy(update={"scope": scope}))
     return difference.model_dump(mode="json") if difference is not None else None
 
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.checklist import (
     Answers,
-    Book,
     BookHead,
     Checklist,
+    ChecklistSession,
     PlanEntry,
     SavedChecklist,
     Scope,
@@ -26,7 +26,7 @@ from atlantis_netcfg.checklist import (
 from atlantis_netcfg.checklist.confirmations import clean_name, refused_person
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
-from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.checklist.runner import RealTransport
 from atlantis_netcfg.cli.base import output
 from atlantis_netcfg.cli.base.consent import shown_word
 from atlantis_netcfg.cli.base.session import CommandSession, session
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.cli.base.syntax import Arguments
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 def refuse_faults(faults: Sequence[str], *, is_rehearsal: bool) -> None:
@@ -122,7 +122,7 @@ def not_rehearsed(site_session: CommandSession, entries: Sequence[PlanEntry]) ->
     endpoints = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
     values = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
     values |= {"robot": robots, "integration": robots}
-    beside = [line for endpoint, twin in values.items() if endpoint in endpoints for line in twin.NOT_REHEARSED]
+    beside = [line for endpoint, emulator in values.items() if endpoint in endpoints for line in emulator.NOT_REHEARSED]
     return tuple(dict.fromkeys([*beside, *linux.NOT_REHEARSED, *site_session.rehearsal.not_rehearsed]))
 
 
@@ -138,7 +138,7 @@ def listening(
         request = site_session.confirm_cost(site_session.request(Mode.DRIFT))
         paid_request = request.model_copy(update={"accept_cost": True})
         both = [
-            RealEars(site_session.declaration, site_session.site, each, notify, ssh_config)
+            RealTransport(site_session.inventory, site_session.site, each, notify, ssh_config)
             for each in (request, paid_request)
         ]
         yield workflow.Listening(*both)
@@ -146,8 +146,8 @@ def listening(
     from atlantis_netcfg.checklist.runner.simulated import rehearsed_ears
 
     if site_session.rehearsal.targets:
-        site_session.configure_twins()
-    with rehearsed_ears(site_session.declaration, site_session.site, site_session.rehearsal, faults) as ears:
+        site_session.configure_emulators()
+    with rehearsed_ears(site_session.inventory, site_session.site, site_session.rehearsal, faults) as ears:
         yield workflow.Listening(ears, ears)
 
 
@@ -156,20 +156,22 @@ def folder_of(store: runs.Store, site: str) -> Path:
     return store.root / site / "checks"
 
 
-def opened_book(site_session: CommandSession, checklist: Checklist, faults: Sequence[str], *, anew: bool) -> Book:
+def opened_book(
+    site_session: CommandSession, checklist: Checklist, faults: Sequence[str], *, anew: bool
+) -> ChecklistSession:
     """Continue the open checklist, or start one. Raises SiteBusy."""
     folder = folder_of(site_session.store, site_session.site)
     head = BookHead(
         is_rehearsal=site_session.is_rehearsal,
         tool=__version__,
-        inventory=site_session.declaration.revision,
-        drawing=drawing(site_session.declaration, checklist),
+        inventory=site_session.inventory.revision,
+        drawing=drawing(site_session.inventory, checklist),
         not_rehearsed=not_rehearsed(site_session, checklist.entries),
         broken=broken(faults),
-        time_zone=site_session.declaration.pilot.time_zone,
+        time_zone=site_session.inventory.pilot.time_zone,
     )
     command = shlex.join(["provision", *sys.argv[1:]])
-    return Book.open(folder, checklist, head, anew=anew, command=command)
+    return ChecklistSession.open(folder, checklist, head, anew=anew, command=command)
 
 
 def store(*, is_rehearsal: bool) -> runs.Store:
@@ -228,7 +230,7 @@ def as_json(document: report.Document) -> dict[str, Any]:
 def pages_in(folder: Path) -> Iterator[str]:
     """Yield where the pages of a checklist are stored."""
     if (folder / "report.html").exists():
-        yield translate(f"report: {paths.from_home(folder / 'report.html')}")
+        yield translate(f"report: {paths.shorten_home(folder / 'report.html')}")
 
 
 def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
@@ -239,7 +241,7 @@ def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
     return shlex.join(["provision", arguments.command.name, *words, *flags])
 
 
-def greet(prompt: workflow.Prompt, book: Book) -> None:
+def greet(prompt: workflow.Prompt, book: ChecklistSession) -> None:
     """Print how many items are settled and open, and how to interrupt."""
     items = book.items
     waiting = sum(item.open and item.override is None for item in items)
@@ -264,7 +266,9 @@ def signer(answers: Answers | None, sign_as: str | None) -> str | None:
     return sign_as if sign_as is not None or answers is None else answers.sign_by
 
 
-def signer_at(prompt: workflow.Prompt, turn: workflow.CheckWorkflow, book: Book, signers: Sequence[str]) -> str | None:
+def signer_at(
+    prompt: workflow.Prompt, turn: workflow.CheckWorkflow, book: ChecklistSession, signers: Sequence[str]
+) -> str | None:
     """Return who signs after a review; None if nobody, or an item is open. `signers`: those allowed to sign."""
     while not any(item.open and item.override is None for item in book.items):
         prompt.say(f"\n{report.lines(book.document())}\n")
@@ -278,7 +282,7 @@ def signer_at(prompt: workflow.Prompt, turn: workflow.CheckWorkflow, book: Book,
 
 
 def close(
-    arguments: Arguments, book: Book, by: str | None, leave: Mapping[str, str], *, read: bool = False
+    arguments: Arguments, book: ChecklistSession, by: str | None, leave: Mapping[str, str], *, read: bool = False
 ) -> ExitCode:
     """Sign if there is a signer, write the pages, report. Open items prevent it, unless left open on purpose.
 
@@ -301,7 +305,9 @@ def close(
     return document.exit
 
 
-def _sign(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[report.Document, list[NetcfgError]]:
+def _sign(
+    book: ChecklistSession, by: str | None, leave: Mapping[str, str]
+) -> tuple[report.Document, list[NetcfgError]]:
     if by is None:
         return book.document(), []
     try:
@@ -310,7 +316,7 @@ def _sign(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[report.
         return book.document(), [error]
 
 
-def _draft(book: Book, document: report.Document) -> None:
+def _draft(book: ChecklistSession, document: report.Document) -> None:
     """Write the pages as a draft, for a review before signing."""
     with runs.os_errors_as("the report", book.folder):
         for name, data in _pages(document, book).items():
@@ -319,7 +325,7 @@ def _draft(book: Book, document: report.Document) -> None:
 
 _NOT_AT_A_TERMINAL = frozenset({"anew", "answers", "json", "sign-as"})
 _LAST = 8
-"""Lines at the end that alone tell what has happened and what to do."""
+"""Lines at the end that are enough to see what has happened and what to do."""
 
 
 def _next(arguments: Arguments, document: report.Document) -> Iterator[str]:
@@ -351,7 +357,7 @@ def _begin_anew(bad: Sequence[report.Item]) -> str:
     return f"Mend {worst} and {others} others, then begin a new checklist; type:"
 
 
-def _pages(document: report.Document, book: Book) -> Mapping[str, bytes]:
+def _pages(document: report.Document, book: ChecklistSession) -> Mapping[str, bytes]:
     from atlantis_netcfg.checklist.report import pages
 
     return pages(document, book.files)
@@ -375,15 +381,15 @@ class PreparedCheck:
         assert self._checklist is not None, "the session calls `hosts` first"  # noqa: S101 - ours to hold
         return self._checklist
 
-    def hosts(self, declaration: Declaration) -> tuple[Host, ...]:
+    def hosts(self, inventory: Inventory) -> tuple[Host, ...]:
         """Validate the arguments, compute the list, and return the hosts that take part."""
         rehearse = self.arguments.flag("rehearse")
-        self._checklist = plan(declaration, self.arguments.word("site"), _scope(self.arguments))
+        self._checklist = plan(inventory, self.arguments.word("site"), _scope(self.arguments))
         if (name := self.arguments.value("sign-as")) is not None:
             refuse_signer(name, self._checklist)
         faults = self.arguments.many("break")
-        hosts = taking_part(declaration, self._checklist, rehearse=rehearse, faults=faults)
-        refuse_absent(faults, plan(declaration, self._checklist.site), self._checklist.scope)
+        hosts = taking_part(inventory, self._checklist, rehearse=rehearse, faults=faults)
+        refuse_absent(faults, plan(inventory, self._checklist.site), self._checklist.scope)
         file = self.arguments.value("answers")
         self.answers = Answers.read(Path(file), self._checklist) if file is not None else None
         return hosts
@@ -396,15 +402,15 @@ def refuse_signer(name: str, checklist: Checklist) -> None:
 
 
 def taking_part(
-    declaration: Declaration, checklist: Checklist, *, rehearse: bool, faults: Sequence[str] = ()
+    inventory: Inventory, checklist: Checklist, *, rehearse: bool, faults: Sequence[str] = ()
 ) -> tuple[Host, ...]:
     """Return the hosts that a checklist needs. Raises UsageError if example values would be contacted.
 
     In a rehearsal the gateway is emulated only as far as the checklist needs it, so no machine is started for it; and
     no router is started if none is needed or has a fault.
     """
-    refuse_examples(declaration, is_rehearsal=rehearse)
-    hosts = tuple(declaration.site_hosts(checklist.site))
+    refuse_examples(inventory, is_rehearsal=rehearse)
+    hosts = tuple(inventory.site_hosts(checklist.site))
     if not rehearse:
         return hosts
     routers = asks_a_router(checklist.entries) or breaks_a_site(faults)
@@ -452,7 +458,9 @@ def _sit(site_session: CommandSession, check: PreparedCheck, prompt: workflow.Pr
         return close(site_session.arguments, book, by, leave, read=read)
 
 
-def _look(site_session: CommandSession, check: PreparedCheck, book: Book, prompt: workflow.Prompt | None) -> str | None:
+def _look(
+    site_session: CommandSession, check: PreparedCheck, book: ChecklistSession, prompt: workflow.Prompt | None
+) -> str | None:
     """Run the probes and ask the user; return who signs."""
     entries, faults = check.checklist.entries, site_session.arguments.many("break")
     with (
@@ -491,7 +499,11 @@ def _anew(site_session: CommandSession, prompt: workflow.Prompt | None) -> bool:
 
 
 def _with(
-    prompt: workflow.Prompt, turn: workflow.CheckWorkflow, book: Book, sign_as: str | None, signers: Sequence[str]
+    prompt: workflow.Prompt,
+    turn: workflow.CheckWorkflow,
+    book: ChecklistSession,
+    sign_as: str | None,
+    signers: Sequence[str],
 ) -> str | None:
     """Go through the checklist with a person; return who signs (`sign_as`: value of `--sign-as`)."""
     greet(prompt, book)

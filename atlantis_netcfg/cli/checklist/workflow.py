@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, TypeVar
 from atlantis_netcfg import checklist
 from atlantis_netcfg.checklist import confirmations, report
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
-from atlantis_netcfg.checklist.runner import Ears, examine
+from atlantis_netcfg.checklist.runner import ProbeTransport, examine
 from atlantis_netcfg.cli.base.consent import NO, PAY, YES, plain, shown_word, taken_words, whole_word, yes_or_no
 from atlantis_netcfg.cli.base.syntax import ACCEPT_COST
 from atlantis_netcfg.core import printable
@@ -50,7 +50,7 @@ _NOTES: Mapping[Verdict, str] = {
     Verdict.INCONCLUSIVE: "Why nobody can tell:",
     Verdict.SKIP: "Why it does not apply here:",
 }
-"""What is asked after a verdict that needs words."""
+"""Prompt after a verdict that needs a note."""
 
 
 def render_item(item: report.Item) -> str:
@@ -75,7 +75,7 @@ _READY: Mapping[report.Phase, str] = {
 }
 
 
-def confirm(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
+def confirm(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist.PlanEntry) -> None:
     """Show what to do and what to look for, and record the answer. Raises PromptAbort."""
     _title(prompt, entry)
     step = entry.step
@@ -93,7 +93,7 @@ def _title(prompt: Prompt, entry: checklist.PlanEntry) -> None:
     prompt.say(f"\n{entry.item.id}: {report.item_title(entry.item)}")
 
 
-def _confirm(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
+def _confirm(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist.PlanEntry) -> None:
     while True:
         try:
             prompt.say(render_item(book.confirm(entry.item.id, _answer(prompt, entry.step))))
@@ -143,7 +143,7 @@ def consent(prompt: Prompt, entry: checklist.PlanEntry, price: Price | None) -> 
     return prompt.name
 
 
-def otherwise(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
+def otherwise(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist.PlanEntry) -> None:
     """Ask what to do with an active step that is not run. Raises PromptAbort."""
     if not book.item(entry.item.id).open:
         return
@@ -156,8 +156,8 @@ def otherwise(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) 
             _override(book, prompt, entry)
 
 
-def mend(
-    book: checklist.Book,
+def resolve_item(
+    book: checklist.ChecklistSession,
     prompt: Prompt,
     entry: checklist.PlanEntry,
     probe: Callable[[checklist.PlanEntry], None],
@@ -175,16 +175,22 @@ def mend(
 
 
 def correct(
-    book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry, probe: Callable[[checklist.PlanEntry], None]
+    book: checklist.ChecklistSession,
+    prompt: Prompt,
+    entry: checklist.PlanEntry,
+    probe: Callable[[checklist.PlanEntry], None],
 ) -> None:
     """Show an item and let it be checked or answered again, whatever its verdict. Raises PromptAbort."""
     prompt.say(render_item(book.item(entry.item.id)))
     if _ask_correction(book, prompt, entry, probe):
-        mend(book, prompt, entry, probe, read=True)
+        resolve_item(book, prompt, entry, probe, read=True)
 
 
 def _ask_correction(
-    book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry, probe: Callable[[checklist.PlanEntry], None]
+    book: checklist.ChecklistSession,
+    prompt: Prompt,
+    entry: checklist.PlanEntry,
+    probe: Callable[[checklist.PlanEntry], None],
 ) -> bool:
     """Ask what to do with an item; return False if it stays as it is."""
     item = book.item(entry.item.id)
@@ -202,7 +208,7 @@ def _ask_correction(
     return choice != "on"
 
 
-def _override(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
+def _override(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist.PlanEntry) -> None:
     try:
         reason = prompt.needs("The reason, which stands in the report:")
         book.override(entry.item.id, reason, prompt.name_of(entry.step.by))
@@ -219,17 +225,17 @@ _ELSE = {word: word for word in ("open", "seen", "override")}
 class CheckWorkflow:
     """One session on a checklist."""
 
-    book: checklist.Book
+    book: checklist.ChecklistSession
     entries: Sequence[checklist.PlanEntry]
     ears: Listening
     show: Callable[[report.Item], None]
-    """Called with each result as soon as it is in the book."""
+    """Called with each result as soon as it is recorded."""
     price: Callable[[checklist.PlanEntry], Price | None]
-    """What an active step costs on a metered link. Raises CostRefusal."""
+    """Returns the cost of an active step on a metered link. Raises CostRefusal."""
     at_once: bool = False
-    """Nobody carries anything to the quay or into the water between the phases: it is a rehearsal."""
+    """Rehearsal: nobody carries anything to the quay or into the water between the phases."""
     _visited_entries: list[checklist.PlanEntry] = field(default_factory=list)
-    """What a person was asked about in this sitting, for `back`."""
+    """Items that a person was asked about in this session, for `back`."""
 
     def alone(self, answers: checklist.Answers | None) -> tuple[str, ...]:
         """Run all that needs no person, and what the answers consent to; then record the answers.
@@ -270,7 +276,7 @@ class CheckWorkflow:
         elif entry.item.kind is report.ItemKind.ACTIVE and is_requested:
             self._act(prompt, entry)
         if not self._open(entry):
-            mend(self.book, prompt, entry, partial(self._again, prompt), read=is_requested)
+            resolve_item(self.book, prompt, entry, partial(self._again, prompt), read=is_requested)
 
     def _visit(self, prompt: Prompt, entry: checklist.PlanEntry, ask: Callable[[], None]) -> None:
         """Ask about one item; `back` restarts it, or at its first question goes one item back. Raises PromptAbort."""
@@ -411,10 +417,10 @@ _PHASES: Mapping[report.Phase, str] = {
 }
 T = TypeVar("T")
 LATER, BACK = "later", "back"
-"""Typed in answer to any question: what is answered stays, the rest is open; and: to the question before."""
+"""Typed at any prompt: keep the answers and leave the rest open; return to the previous question."""
 _WIDTH = 80
 _ANSWER = 9
-"""Columns that stay for an answer behind its choices."""
+"""Columns reserved for an answer after its choices."""
 
 
 class PromptAbort(Exception):
@@ -434,7 +440,7 @@ class Prompt:
         self._name = ""
         self._place = ""
         self.answers = 0
-        """Given since `begin`."""
+        """Number of answers since `begin`."""
 
     def begin(self, place: str) -> None:
         """Start the questions about another item; `place`, such as `item 3 of 9`, is shown before each one."""
@@ -561,7 +567,7 @@ class Prompt:
 
 
 _LABEL = re.compile(r" *\S+ {2,}| *")
-"""What the words of a line stand behind: the label of a column, or blanks."""
+"""Start of a line before its text: the label of a column, or blanks."""
 
 
 def _fit(text: str) -> str:
@@ -608,7 +614,7 @@ class Price:
 
     words: str
     due: bool
-    """Whether somebody has to agree to pay; in a rehearsal nobody has, nor where `--accept-cost` was typed."""
+    """Whether consent to the cost is needed; not in a rehearsal, and not with `--accept-cost`."""
 
 
 def price_of(session: CommandSession, entry: checklist.PlanEntry) -> Price | None:
@@ -616,7 +622,7 @@ def price_of(session: CommandSession, entry: checklist.PlanEntry) -> Price | Non
     if entry.step.probe is None or entry.step.consent is None or not entry.step.consent.cost:
         return None
     proofs = [ask for ask in entry.step.probe.asks() if isinstance(ask, AllowListTestRequest)]
-    metered_previews = [each for proof in proofs for each in _previews(session, proof.bearer) if each.link.is_metered]
+    metered_previews = [each for proof in proofs for each in _previews(session, proof.link) if each.link.is_metered]
     for item in metered_previews:
         if item.over_cap and not session.is_rehearsal:
             raise item.refusal()
@@ -626,18 +632,16 @@ def price_of(session: CommandSession, entry: checklist.PlanEntry) -> Price | Non
     return Price("; ".join(preview.words for preview in metered_previews), due)
 
 
-def _previews(session: CommandSession, bearer: str) -> tuple[Preview, ...]:
-    satellite = satellite_of(session.declaration, session.site, bearer)
+def _previews(session: CommandSession, link: str) -> tuple[Preview, ...]:
+    satellite = satellite_of(session.inventory, session.site, link)
     via = session.arguments.optional("via")
-    return previews(
-        session.declaration, satellite.proving(session.declaration, is_rehearsal=session.is_rehearsal, via=via)
-    )
+    return previews(session.inventory, satellite.proving(session.inventory, is_rehearsal=session.is_rehearsal, via=via))
 
 
 @dataclass(frozen=True, slots=True)
 class Listening:
     """Access to a site's devices, without and with consent to cost."""
 
-    free: Ears
-    paid_ears: Ears
-    """The same when somebody has agreed to pay for what is asked."""
+    free: ProbeTransport
+    paid_ears: ProbeTransport
+    """Transport for requests whose cost somebody has agreed to."""

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.session import CommandSession
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.runs import Run
     from atlantis_netcfg.runs.report.run import RunReport
 
@@ -76,9 +76,9 @@ def _run_rehearsed(arguments: syntax.Arguments) -> errors.ExitCode:
 
     runs: list[Run] = []
 
-    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
+    def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
         site = arguments.word("site")
-        site_hosts = choose(declaration, site)
+        site_hosts = choose(inventory, site)
         broken = _broken(paths.state_dir(), site, arguments.optional("run"), is_rehearsal=True)
         _refuse_others(broken)
         _refuse_settled(broken)
@@ -154,7 +154,7 @@ def _left_by_others(session: CommandSession, name: str | None, nothing: errors.N
     """
     from atlantis_netcfg.operations import Mode
 
-    if session.declaration.pilot.example_values or not session.handled_hosts:
+    if session.inventory.pilot.example_values or not session.handled_hosts:
         raise nothing
     session.narrow([host.name for host in session.handled_hosts])
     if not session.as_json:
@@ -220,5 +220,5 @@ def _tell(session: CommandSession, broken: Run) -> None:
     start = broken.start_record
     if start is not None and (start.back_to or start.restore):
         print(f"  it goes on towards the saved state of run {start.back_to or start.restore}")
-    elif start is not None and start.revision != session.declaration.revision:
+    elif start is not None and start.revision != session.inventory.revision:
         print("  the inventory has changed since then: the devices are brought to what it declares now")

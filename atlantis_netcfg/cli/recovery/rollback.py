@@ -11,7 +11,7 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.runs import Run
     from atlantis_netcfg.runs.report.run import RunReport
 
@@ -61,8 +61,8 @@ def run_rollback(arguments: syntax.Arguments) -> ExitCode:
     runs: list[Run] = []
     is_rehearsal = arguments.flag("rehearse")
 
-    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
-        run, hosts = _choose_run(declaration, arguments)
+    def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
+        run, hosts = _choose_run(inventory, arguments)
         runs.append(run)
         return hosts
 
@@ -76,7 +76,7 @@ def run_rollback(arguments: syntax.Arguments) -> ExitCode:
     return site_session.close(report)
 
 
-def _choose_run(declaration: Declaration, arguments: syntax.Arguments) -> tuple[Run, tuple[Host, ...]]:
+def _choose_run(inventory: Inventory, arguments: syntax.Arguments) -> tuple[Run, tuple[Host, ...]]:
     """Return the run, and those of the hosts with a state saved by it. Raises NoMatchError."""
     from atlantis_netcfg.cli.base.session import require_handled
     from atlantis_netcfg.core import paths
@@ -86,7 +86,7 @@ def _choose_run(declaration: Declaration, arguments: syntax.Arguments) -> tuple[
 
     site = arguments.word("site")
     only = arguments.many("only")
-    site_hosts = choose(declaration, site, only)
+    site_hosts = choose(inventory, site, only)
     require_handled(site_hosts, only, arguments.command.name)
     hosts = tuple(host for host in site_hosts if is_supported(host))
     names = [host.name for host in hosts]

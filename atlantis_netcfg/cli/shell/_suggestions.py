@@ -25,9 +25,9 @@ Candidate = tuple[str, str]
 
 
 _GAP = "  "
-"""Between both: no candidate holds a space, and a tabulator is written out by `core/printable`."""
+"""Separator of both: no candidate holds a space, and `core/printable` escapes tabs."""
 _NAME = re.compile(r"[\w.:@+-]+")
-"""What a shell takes as it stands; a name with anything else in it is not offered."""
+"""Text that a shell takes unquoted; a name with any other character is not offered."""
 
 
 def answer(command_line: Sequence[str], table: Mapping[str, str]) -> ExitCode:

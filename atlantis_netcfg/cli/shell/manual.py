@@ -27,7 +27,7 @@ MAN = CommandSpec(
 
 
 _INPUT = 78
-"""Columns of a line of the source."""
+"""Columns of a line in the source of the manual."""
 _SPECIAL = {"\\": "\\e", "-": "\\-", "`": "\\(ga", "'": "\\(aq"}
 
 

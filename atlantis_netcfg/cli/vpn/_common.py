@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.vpn.server import Server
     from atlantis_netcfg.vpn.authority.authority import Authority
@@ -28,7 +28,7 @@ __all__ = [
     "CLOCK",
     "NO_PUSH",
     "folder",
-    "load_declaration",
+    "load_inventory",
     "open_authority",
     "operator",
     "request",
@@ -48,7 +48,7 @@ CLOCK = syntax.Word(
     choices=("right",),
 )
 AGAIN = "what was recorded stands: type the same again, or look with `provision vpn status`"
-"""After Ctrl-C."""
+"""Hint after Ctrl-C."""
 NO_PUSH = syntax.Flag(
     "no-push", "only record it and make the files; `provision vpn sync` brings it to the server later"
 )
@@ -71,7 +71,7 @@ def open_authority(arguments: syntax.Arguments) -> Authority:
     return Authority.open(folder(arguments))
 
 
-def load_declaration(arguments: syntax.Arguments) -> Declaration:
+def load_inventory(arguments: syntax.Arguments) -> Inventory:
     """Load and validate the whole inventory; vaulted values stay encrypted."""
     from pathlib import Path
 
@@ -147,19 +147,19 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-def server(arguments: syntax.Arguments, declaration: Declaration) -> Server:
+def server(arguments: syntax.Arguments, inventory: Inventory) -> Server:
     """Return the server; with `--no-push` one that is not contacted. Raises UsageError for example values."""
     from atlantis_netcfg.operations.vpn.server import NoPush, RemoteServer, over_ssh
 
     if arguments.has_flag(NO_PUSH):
         return NoPush()
     otherwise = ", or add --no-push, which contacts nobody" if arguments.command.flag(NO_PUSH.name) else ""
-    return RemoteServer(declaration, over_ssh(declaration, request(arguments), otherwise), who())
+    return RemoteServer(inventory, over_ssh(inventory, request(arguments), otherwise), who())
 
 
-def site(declaration: Declaration) -> str:
+def site(inventory: Inventory) -> str:
     """Return the site of the VPN server."""
-    return declaration.hosts[declaration.pilot.vpn.server].site
+    return inventory.hosts[inventory.pilot.vpn.server].site
 
 
 def request(arguments: syntax.Arguments) -> Request:

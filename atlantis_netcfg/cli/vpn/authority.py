@@ -43,16 +43,16 @@ def run_vpn_init(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.vpn.members import existing_authority, refuse_example_authority, server_names
     from atlantis_netcfg.vpn.pki import SEAL_GUESSES, VAULT_GUESSES, check_passphrase
 
-    declaration, folder = _common.load_declaration(arguments), _common.folder(arguments)
-    refuse_example_authority(declaration, is_explicit=arguments.optional("authority") is not None)
-    there = existing_authority(folder, declaration)
+    inventory, folder = _common.load_inventory(arguments), _common.folder(arguments)
+    refuse_example_authority(inventory, is_explicit=arguments.optional("authority") is not None)
+    there = existing_authority(folder, inventory)
     authority = there
     if authority is None:
         vault = arguments.optional("sealed") == "vault"
         guesses = VAULT_GUESSES if vault else SEAL_GUESSES
         passphrase = choose_passphrase(arguments, lambda text: check_passphrase(text, guesses))
         authority = Authority.init(
-            folder, passphrase, server_names(declaration), _common.who(), "vault" if vault else "age"
+            folder, passphrase, server_names(inventory), _common.who(), "vault" if vault else "age"
         )
     names = authority.server()
     values = {

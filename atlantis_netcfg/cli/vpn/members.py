@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.vpn.server import DeployResult, Server
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import RevocationResult
     from atlantis_netcfg.vpn.identity import Member, MembershipList
-    from atlantis_netcfg.vpn.members import HandedOut, HandoutTarget
+    from atlantis_netcfg.vpn.members import DeliveredMember, PackageTarget
     from atlantis_netcfg.vpn.requests import DeviceWords
 
 
@@ -87,19 +87,19 @@ def run_vpn_onboard(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.vpn.recipients import recipients_of
     from atlantis_netcfg.vpn.requests import requests_of
 
-    declaration, device_words = _common.load_declaration(arguments), _device_words(arguments)
-    requests = requests_of(declaration, device_words)
-    target = handout_target(arguments, recipients_of(device_words, [request.name for request in requests]))
-    refuse_example_authority(declaration, is_explicit=arguments.optional("authority") is not None)
+    inventory, device_words = _common.load_inventory(arguments), _device_words(arguments)
+    requests = requests_of(inventory, device_words)
+    target = package_target(arguments, recipients_of(device_words, [request.name for request in requests]))
+    refuse_example_authority(inventory, is_explicit=arguments.optional("authority") is not None)
     authority = _common.open_authority(arguments)
-    server = _common.server(arguments, declaration)
-    onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
+    server = _common.server(arguments, inventory)
+    onboarding = Onboarding(inventory, _common.operator(arguments, authority), target)
     packages = onboarding.find_existing(requests)
     passphrase = passphrase_prompt(arguments) if not packages else None
     hold(arguments, server, authority)
     if passphrase is not None:
         packages = onboarding.issue(requests, passphrase)
-    return close(arguments, declaration, packages, server, authority)
+    return close(arguments, inventory, packages, server, authority)
 
 
 def _device_words(arguments: syntax.Arguments) -> Sequence[DeviceWords]:
@@ -157,23 +157,23 @@ def run_vpn_renew(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.vpn.recipients import recipient_of
     from atlantis_netcfg.vpn.requests import change_for, change_of
 
-    declaration = _common.load_declaration(arguments)
+    inventory = _common.load_inventory(arguments)
     words = ("days", "wrap", "key", "link", "system", "distribution", "openvpn")
     change = change_of(**{key: arguments.optional(key) for key in words})
     recipient_text = arguments.optional("recipient")
     recipient = recipient_of(recipient_text) if recipient_text is not None else None
-    refuse_example_authority(declaration, is_explicit=arguments.optional("authority") is not None)
+    refuse_example_authority(inventory, is_explicit=arguments.optional("authority") is not None)
     authority = _common.open_authority(arguments)
     members = _members_to_renew(arguments, authority.membership())
     openvpn = arguments.optional("openvpn")
-    renewals = [(member, change_for(declaration, member, change, openvpn)) for member in members]
-    target = handout_target(arguments, {} if recipient is None else {member.name: recipient for member in members})
-    server = _common.server(arguments, declaration)
-    onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
+    renewals = [(member, change_for(inventory, member, change, openvpn)) for member in members]
+    target = package_target(arguments, {} if recipient is None else {member.name: recipient for member in members})
+    server = _common.server(arguments, inventory)
+    onboarding = Onboarding(inventory, _common.operator(arguments, authority), target)
     passphrase = passphrase_prompt(arguments)
     hold(arguments, server, authority)
     packages = onboarding.renew(renewals, passphrase)
-    return close(arguments, declaration, packages, server, authority)
+    return close(arguments, inventory, packages, server, authority)
 
 
 def _members_to_renew(arguments: syntax.Arguments, membership: MembershipList) -> tuple[Member, ...]:
@@ -225,17 +225,17 @@ def run_vpn_revoke(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.vpn.members import reason_of, revoke
 
-    declaration = _common.load_declaration(arguments)
+    inventory = _common.load_inventory(arguments)
     reason = reason_of(arguments.optional("reason"))
     authority = _common.open_authority(arguments)
     members = _members_to_revoke(arguments, authority.membership())
-    server = _common.server(arguments, declaration)
+    server = _common.server(arguments, inventory)
     passphrase = passphrase_prompt(arguments)
     hold(arguments, server, authority)
     _agree(arguments, members)
     revocation = revoke(_common.operator(arguments, authority), members, reason, passphrase)
     with progress(quiet=arguments.flag("json")) as notify:
-        cut = server.cut(authority, revocation, notify)
+        cut = server.disconnect(authority, revocation, notify)
     return close_revoked(arguments, revocation, cut)
 
 
@@ -296,9 +296,9 @@ def run_vpn_accept(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.enrolment_package import accept
 
-    declaration = _common.load_declaration(arguments)
+    inventory = _common.load_inventory(arguments)
     data = _bytes(Path(arguments.word("file")), "the hand-out")
-    acceptance = accept(declaration, data, _opener(arguments), _common.folder(arguments), now=datetime.now(UTC))
+    acceptance = accept(inventory, data, _opener(arguments), _common.folder(arguments), now=datetime.now(UTC))
     member, certificate = acceptance.identity.member, acceptance.identity.certificate
     values = {
         "name": member.name,
@@ -311,7 +311,7 @@ def run_vpn_accept(arguments: syntax.Arguments) -> ExitCode:
     how = "already so" if acceptance.already else "accepted"
     lines = [
         f"{member.name}: {how}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}",
-        f"  kept in {acceptance.path}; `{bringing(declaration, member)}` brings it there",
+        f"  kept in {acceptance.path}; `{install_command(inventory, member)}` brings it there",
     ]
     return _common.tell(arguments, ExitCode.DONE, values, lines)
 
@@ -350,14 +350,14 @@ def _bytes(path: Path, what: str) -> bytes:
     return data
 
 
-def handout_target(arguments: syntax.Arguments, recipients: Mapping[str, str]) -> HandoutTarget:
+def package_target(arguments: syntax.Arguments, recipients: Mapping[str, str]) -> PackageTarget:
     """Return where enrolment packages are written. Raises UsageError for an invalid folder or contact line."""
     from pathlib import Path
 
-    from atlantis_netcfg.vpn.members import CONTACT, HandoutTarget
+    from atlantis_netcfg.vpn.members import CONTACT, PackageTarget
 
     to, contact = arguments.optional("to"), arguments.optional("contact")
-    return HandoutTarget(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
+    return PackageTarget(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
 
 
 def hold(arguments: syntax.Arguments, server: Server, authority: Authority) -> None:
@@ -365,13 +365,13 @@ def hold(arguments: syntax.Arguments, server: Server, authority: Authority) -> N
     from atlantis_netcfg.cli.base.output import progress
 
     with progress(quiet=arguments.flag("json")) as notify:
-        server.hold(authority, notify)
+        server.require_current_record(authority, notify)
 
 
 def close(  # noqa: PLR0913 - one end of three commands
     arguments: syntax.Arguments,
-    declaration: Declaration,
-    packages: Sequence[HandedOut],
+    inventory: Inventory,
+    packages: Sequence[DeliveredMember],
     server: Server,
     authority: Authority,
     *,
@@ -385,7 +385,7 @@ def close(  # noqa: PLR0913 - one end of three commands
     from atlantis_netcfg.cli.vpn import _common
 
     if not arguments.flag("json"):
-        for line in (line for entry in packages for line in _lines(declaration, entry)):
+        for line in (line for entry in packages for line in _lines(inventory, entry)):
             print(translate(line), flush=True)
     deployment = _deploy(arguments, server, authority)
     values = {**(more or {}), "members": [_row(item) for item in packages], **deployment.as_json()}
@@ -406,7 +406,7 @@ def _deploy(arguments: syntax.Arguments, server: Server, authority: Authority) -
         return DeployResult(errors=(error,), is_deployed=False)
 
 
-def _row(package: HandedOut) -> dict[str, Any]:
+def _row(package: DeliveredMember) -> dict[str, Any]:
     """Return a member for programs; `passphrase` is the only secret printed, and only this once."""
     from datetime import UTC, datetime
 
@@ -425,7 +425,7 @@ def _row(package: HandedOut) -> dict[str, Any]:
     }
 
 
-def _lines(declaration: Declaration, package: HandedOut) -> Iterator[str]:
+def _lines(inventory: Inventory, package: DeliveredMember) -> Iterator[str]:
     member, certificate = package.result.member, package.result.certificate
     what = "already so" if package.result.already else certificate.common_name
     yield f"{member.name}: {what}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}"
@@ -442,18 +442,18 @@ def _lines(declaration: Declaration, package: HandedOut) -> Iterator[str]:
     for old_name in package.result.replaced_names:
         yield f"  revoked     {old_name}, which was handed out before and never used"
     if member.partner is None:
-        yield f"              `{bringing(declaration, member)}` brings it there"
+        yield f"              `{install_command(inventory, member)}` brings it there"
     else:
         yield "              the partner opens it with age, and goes on with README.txt inside"
 
 
-def bringing(declaration: Declaration, member: Member) -> str:
+def install_command(inventory: Inventory, member: Member) -> str:
     """Return the command that installs a member's identity on a computer in the inventory."""
     from atlantis_netcfg.vpn.identity import MemberKind
 
     if member.kind is MemberKind.ROUTER:
         return f"provision vpn install host={member.name}"
-    return f"provision site={declaration.hosts[member.name].site} only={member.name}"
+    return f"provision site={inventory.hosts[member.name].site} only={member.name}"
 
 
 def close_revoked(arguments: syntax.Arguments, revocation: RevocationResult, deployment: DeployResult) -> ExitCode:

@@ -66,8 +66,8 @@ def run_vpn_install(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.inventory import ALL, choose, load
 
     inventory_name = arguments.optional(syntax.INVENTORY.name)
-    declaration = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
-    (host,) = choose(declaration, ALL, [arguments.word("host")])
+    pilot_inventory = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    (host,) = choose(pilot_inventory, ALL, [arguments.word("host")])
     with session(
         arguments,
         rehearse=arguments.flag("rehearse"),
@@ -88,15 +88,15 @@ def _install(session: CommandSession) -> ExitCode:
 
     arguments, (host,) = session.arguments, session.hosts
     request = session.request(Mode.APPLY).model_copy(update={"authority": _common.folder(arguments)})
-    identity = identity_for(session.declaration, host, request)
+    identity = identity_for(session.inventory, host, request)
     with progress(quiet=session.as_json) as notify:
-        result = install(session.declaration, host, identity, request, notify, plan=True)
+        result = install(session.inventory, host, identity, request, notify, plan=True)
     if result.exit is ExitCode.CHANGES and not arguments.flag("plan"):
         if not (arguments.flag("yes") or session.is_rehearsal):
             _show(session, result)
             require_agreement(f"Change {host.name} now?")
         with progress(quiet=session.as_json) as notify:
-            result = install(session.declaration, host, identity, request, notify)
+            result = install(session.inventory, host, identity, request, notify)
     if session.as_json:
         errors = [] if result.exit in {ExitCode.DONE, ExitCode.CHANGES} else [_error(result)]
         print(json_text({**result.as_json(), "errors": errors, "rehearsed": session.is_rehearsal}))
@@ -151,9 +151,9 @@ def run_vpn_sync(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.vpn.members import server_names
 
-    declaration = _common.load_declaration(arguments)
+    inventory = _common.load_inventory(arguments)
     authority = _common.open_authority(arguments)
-    server = _common.server(arguments, declaration)
+    server = _common.server(arguments, inventory)
     sign, take = arguments.flag("sign"), arguments.flag("take-list")
     if take and not sign:
         raise UsageError("a list that is taken over is signed anew", hint="add `--sign`")
@@ -169,11 +169,11 @@ def run_vpn_sync(arguments: syntax.Arguments) -> ExitCode:
         with _common.operator(arguments, authority).unlock(passphrase) as signer:
             taken_names = signer.take(theirs) if theirs is not None else None
             signer.publish()
-            has_new_certificate = signer.serve(server_names(declaration))
+            has_new_certificate = signer.serve(server_names(inventory))
     with progress(quiet=arguments.flag("json")) as notify:
         deployment = server.deploy(authority, notify)
     return vpn_members.close_synced(
-        arguments, deployment, _common.site(declaration) if has_new_certificate else None, taken_names
+        arguments, deployment, _common.site(inventory) if has_new_certificate else None, taken_names
     )
 
 
@@ -199,11 +199,11 @@ def run_vpn_status(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.vpn.server import RemoteServer, vpn_status
     from atlantis_netcfg.vpn import reports
 
-    declaration = _common.load_declaration(arguments)
+    inventory = _common.load_inventory(arguments)
     authority = _common.open_authority(arguments)
-    server = _common.server(arguments, declaration)
+    server = _common.server(arguments, inventory)
     with progress(quiet=arguments.flag("json")) as notify:
-        status = vpn_status(declaration, authority, server if isinstance(server, RemoteServer) else None, notify)
+        status = vpn_status(inventory, authority, server if isinstance(server, RemoteServer) else None, notify)
     membership, partner = authority.membership(), arguments.optional("partner")
     members = reports.of_partner(membership, partner) if membership.members or partner is not None else ()
     now = datetime.now(UTC)

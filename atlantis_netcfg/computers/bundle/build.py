@@ -39,7 +39,7 @@ from atlantis_netcfg.computers.bundle.manifest import (
     run,
 )
 from atlantis_netcfg.computers.bundle.requirements import BundleError
-from atlantis_netcfg.core.paths import hold_own
+from atlantis_netcfg.core.paths import require_own
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -55,9 +55,9 @@ if TYPE_CHECKING:
 
 
 _USER = "oauth2"
-"""GitLab takes any name beside an access token; NAME:TOKEN is for deploy tokens, which have one."""
+"""GitLab accepts any user name with an access token; NAME:TOKEN is for deploy tokens, which have a name."""
 _DEPTH = 10
-"""Submodules within submodules."""
+"""Maximum depth of submodules within submodules."""
 
 
 @dataclass(slots=True)
@@ -72,7 +72,7 @@ class RepositorySet:
     commits: dict[tuple[str, str], str] = field(default_factory=dict)
     """URL and revision of each library -> its commit."""
     of: dict[tuple[str, str], set[str]] = field(default_factory=dict)
-    """URL and revision of each library -> places of the repositories that it needs, below `folder`."""
+    """URL and revision of each library -> paths below `folder` of the repositories that it needs."""
 
     def files(self, library: Library) -> Iterator[tuple[str, Path]]:
         """Yield the files that a board needs for a library: path below its source folder, and local file."""
@@ -101,14 +101,14 @@ def _place_repository(  # noqa: PLR0913, PLR0917 - a step of a walk
     repositories: RepositorySet, key: tuple[str, str], work: Path, library: Library, url: str, revision: str, depth: int
 ) -> str:
     """Store one repository at one revision, then its submodules; return the commit."""
-    place = _place(url)
+    place = _repository_path(url)
     mirror, bare = work / "fetched" / place, repositories.folder / place
-    environment = _access(library) if urlsplit(url)[:2] == urlsplit(library.url)[:2] else _SILENT
-    commit = _bring(mirror, url, revision, environment)
+    environment = _git_credentials(library) if urlsplit(url)[:2] == urlsplit(library.url)[:2] else _SILENT
+    commit = _fetch_revision(mirror, url, revision, environment)
     ref = f"refs/atlantis/{commit}"
     if not bare.exists():
         _git(bare, _SILENT, "init", "--quiet", "--bare", "--initial-branch=atlantis", str(bare))
-        _plain(bare)
+        _strip_bare_repository(bare)
     refspecs = [f"+{ref}:{ref}", f"+{ref}:refs/heads/atlantis"]
     if not _is_commit(revision):
         refspecs.append(f"+refs/tags/{revision}:refs/tags/{revision}")
@@ -123,7 +123,7 @@ def _place_repository(  # noqa: PLR0913, PLR0917 - a step of a walk
     return commit
 
 
-def _bring(mirror: Path, url: str, revision: str, environment: dict[str, str]) -> str:
+def _fetch_revision(mirror: Path, url: str, revision: str, environment: dict[str, str]) -> str:
     """Fetch a revision; fetch the history only if the server cannot serve a single commit."""
     if not (mirror / "HEAD").exists():
         shutil.rmtree(mirror, ignore_errors=True)
@@ -206,7 +206,7 @@ def _by_https(url: str, home: str) -> str:
     return url
 
 
-def _place(url: str) -> str:
+def _repository_path(url: str) -> str:
     """Return the path of a repository below `git`, matching the insteadOf rule. Raises BundleError for other URLs."""
     place = url.partition("://")[2].rstrip("/")
     if not re.fullmatch(r"[A-Za-z0-9._+~@:/-]+", place) or ".." in place.split("/") or "/" not in place:
@@ -225,10 +225,10 @@ _SMALL = (
     "-c",
     "protocol.file.allow=always",
 )
-"""One pack, the same each time."""
+"""Options for git: one pack, the same each time."""
 
 
-def _access(library: Library) -> dict[str, str]:
+def _git_credentials(library: Library) -> dict[str, str]:
     """Return git's environment: the token is sent only to the library's own server.
 
     The token is passed only by environment (GIT_CONFIG_COUNT): it is in no argument, file or message.
@@ -254,7 +254,7 @@ def _whole(mirror: Path, commit: str) -> bool:
     return run(["git", "-C", str(mirror), "rev-list", "--objects", "--max-count=1", commit], _SILENT).returncode == 0
 
 
-def _plain(bare: Path) -> None:
+def _strip_bare_repository(bare: Path) -> None:
     """Remove everything from a bare repository that is not needed for fetching."""
     shutil.rmtree(bare / "hooks", ignore_errors=True)
     shutil.rmtree(bare / "info", ignore_errors=True)
@@ -295,10 +295,10 @@ class StagingDirectory:
     """
 
     place: Path
-    """Where the bundle shall be; an earlier one may be there."""
+    """Path of the finished bundle; an earlier one may be there."""
     folder: Path
     files: dict[str, BundleFile] = field(default_factory=dict)
-    """By the path in the bundle."""
+    """Path in the bundle -> file."""
 
     @property
     def work(self) -> Path:
@@ -327,7 +327,7 @@ class StagingDirectory:
             elif inside not in bundle_names:
                 path.unlink()
         os.sync()
-        place, old = self.place, _aside(self.place)
+        place, old = self.place, _backup_path(self.place)
         shutil.rmtree(old, ignore_errors=True)
         if place.exists():
             place.rename(old)
@@ -335,7 +335,7 @@ class StagingDirectory:
         shutil.rmtree(old, ignore_errors=True)
 
 
-def same(source: Path, target: Path) -> None:
+def link_or_copy(source: Path, target: Path) -> None:
     """Hard-link a file, or copy it where the file system has no hard links."""
     try:
         os.link(source, target)
@@ -344,7 +344,7 @@ def same(source: Path, target: Path) -> None:
 
 
 @contextmanager
-def workshop(place: Path) -> Iterator[StagingDirectory]:
+def open_staging(place: Path) -> Iterator[StagingDirectory]:
     """Open the staging directory under a lock. Raises BundleError if the place is unusable or locked."""
     if re.search(r"[\s\"';]", str(place)):
         raise BundleError(f"no bundle can be made in {place}", hint="`to=` names a folder without blanks in its name")
@@ -353,14 +353,14 @@ def workshop(place: Path) -> Iterator[StagingDirectory]:
     if not place.parent.is_dir():
         raise BundleError(f"there is no folder {place.parent}", hint="make it first")
     staging = StagingDirectory(place, place.with_name(f".{place.name}.part"))
-    with _translate_errors(place), _alone(staging.folder):
-        if _aside(place).exists() and not place.exists():
-            _aside(place).rename(place)  # cut off while the new one was to take its place
+    with _translate_errors(place), _exclusive_lock(staging.folder):
+        if _backup_path(place).exists() and not place.exists():
+            _backup_path(place).rename(place)  # cut off while the new one was to take its place
         staging.work.mkdir(parents=True, exist_ok=True)
         yield staging
 
 
-def _aside(place: Path) -> Path:
+def _backup_path(place: Path) -> Path:
     """Return the temporary name of an earlier bundle during replacement."""
     return place.with_name(f".{place.name}.old")
 
@@ -370,14 +370,14 @@ def _empty(place: Path) -> bool:
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
+def _exclusive_lock(folder: Path) -> Iterator[None]:
     """Lock the folder against a second run. Raises BundleError."""
     folder.mkdir(exist_ok=True)
-    hold_own(folder, "remove it, or name another place with `to=`")
+    require_own(folder, "remove it, or name another place with `to=`")
     current = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         fcntl.flock(current, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        _hold_still(folder, current)
+        _check_not_replaced(folder, current)
         yield
     except BlockingIOError as error:
         hint = "wait for its end, or name another place with `to=`"
@@ -386,7 +386,7 @@ def _alone(folder: Path) -> Iterator[None]:
         os.close(current)
 
 
-def _hold_still(folder: Path, current: int) -> None:
+def _check_not_replaced(folder: Path, current: int) -> None:
     """Raise BlockingIOError if the folder was replaced between opening and locking it."""
     if not folder.exists() or os.fstat(current).st_ino != folder.stat().st_ino:
         raise BlockingIOError
@@ -405,7 +405,7 @@ def _translate_errors(place: Path) -> Iterator[None]:
 
 
 Tell = Callable[[str, float | None], None]
-"""Hears what is being done, and the share of it from 0 to 1 where that is known."""
+"""Called with the current activity and its completed share from 0 to 1, where that is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -415,7 +415,7 @@ class BundlePurpose:
     requirements: HostRequirements
     target: BundleTarget
     archive: tuple[PackageSource, RequirementKey] | None
-    """None: all packages come from the sources of the wish."""
+    """None: all packages come from the sources of the requirement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -424,11 +424,11 @@ class BundleOrder:
 
     site: str
     revision: str
-    """Of the declaration."""
+    """Revision of the inventory."""
     purposes: tuple[BundlePurpose, ...]
     place: Path
     image: Path | None = None
-    """The vendor's image; it is copied into the bundle."""
+    """The vendor's image, which is copied into the bundle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -438,18 +438,19 @@ class BundleSize:
     packages: int
     whole: int
     to_fetch: int
-    """Without what an interrupted or earlier bundle has left."""
+    """Bytes to download, without what an interrupted or earlier bundle has left."""
 
 
 def make(order: BundleOrder, signer: BundleSigner, tell: Tell, on_size: Callable[[BundleSize], None]) -> Manifest:
     """Make the bundle; `on_size` receives the download size first and may refuse. Raises BundleError."""
-    with workshop(order.place) as work:
+    with open_staging(order.place) as work:
         for each in order.purposes:
-            _hold_archives(each.requirements)
+            _check_archives(each.requirements)
         tell("asking what there is", None)
         roots = {each.requirements.host: _root(work, each) for each in order.purposes}
         lacking = {
-            each.requirements.host: roots[each.requirements.host].lacking(_missing(each)) for each in order.purposes
+            each.requirements.host: roots[each.requirements.host].missing_files(_missing(each))
+            for each in order.purposes
         }
         _reuse(work, lacking)
         on_size(_size(roots, lacking))
@@ -560,7 +561,7 @@ def _reuse(work: StagingDirectory, lacking: dict[str, tuple[resolve.DebFile, ...
         for place in (work.folder, work.place):
             earlier = place / "pool" / _pool_name(file)
             if not target.exists() and earlier.is_file() and earlier.stat().st_size == file.size:
-                same(earlier, target)
+                link_or_copy(earlier, target)
 
 
 def _libraries(work: StagingDirectory, part: HostPart, purpose: BundlePurpose, repositories: RepositorySet) -> HostPart:
@@ -577,7 +578,7 @@ def _libraries(work: StagingDirectory, part: HostPart, purpose: BundlePurpose, r
     return part.model_copy(update={"held": current, "libraries": tuple(libraries)})
 
 
-def _hold_archives(requirements: HostRequirements) -> None:
+def _check_archives(requirements: HostRequirements) -> None:
     """Raise BundleError if a container archive is missing or does not match the inventory's SHA-256."""
     for archive in requirements.archives:
         hint = f"the partner's archive belongs in {archive.path.parent}; `sha256sum` says which one it is"
@@ -636,5 +637,5 @@ def _write_manifest(
     )
     data = manifest.encode()
     (work.folder / MANIFEST).write_bytes(data)
-    (work.folder / SIGNATURE).write_bytes(signer.beside(data))
+    (work.folder / SIGNATURE).write_bytes(signer.sign_detached(data))
     return manifest

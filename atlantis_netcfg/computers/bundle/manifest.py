@@ -31,7 +31,7 @@ FORMAT = 1
 MANIFEST = "manifest.json"
 SIGNATURE = "manifest.json.asc"
 KEY = "key.gpg"
-"""The public key by which manifest and repositories are signed."""
+"""Public key that verifies the signatures of manifest and repositories."""
 
 
 def _inside(path: str) -> str:
@@ -80,9 +80,9 @@ class HostPart(_Data):
     distribution: str
     codename: str
     wished: dict[str, str | None]
-    """Package -> version as it was asked for; None: any."""
+    """Package -> requested version; None: any."""
     installed: dict[str, str]
-    """Of the wished ones: what the system that the bundle was resolved against already had."""
+    """Requested packages that were already on the system against which the bundle was resolved."""
     packages: dict[str, str]
     """Package -> version in its repository."""
     libraries: tuple[BundledLibrary, ...] = ()
@@ -95,13 +95,13 @@ class Manifest(_Data):
 
     format: Literal[1] = 1
     id: Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
-    """Of its content: two bundles of the same things have the same."""
+    """Id of the content: bundles with the same content have the same id."""
     site: str
     made: str
-    """UTC, ISO 8601."""
+    """Creation time: UTC, ISO 8601."""
     tool: str
     revision: str
-    """Of the declaration, as `provision validate` tells it."""
+    """Revision of the inventory, as `provision validate` shows it."""
     key: Annotated[str, Field(pattern=r"^[0-9A-F]{40}$")]
     """Fingerprint of the key that signs it."""
     files: tuple[BundleFile, ...]
@@ -167,7 +167,7 @@ _PACKAGES = {
     "ssh": "openssh-client",
 }
 MAKERS = {name: _PACKAGES[name] for name in ("apt-get", "apt-config", "dpkg-deb", "git", "gpg", "gpgv")}
-"""What makes a bundle, and the Debian packages that hold these programs."""
+"""Programs that build a bundle -> Debian packages that hold them."""
 
 
 def program(name: str) -> str:
@@ -264,17 +264,17 @@ class BundleSigner:
 
     fingerprint: str
     public: bytes
-    """What `Signed-By` of apt takes."""
+    """Public key as `Signed-By` of apt takes it."""
     secret: bytes
 
     def __repr__(self) -> str:
         return f"Signer({self.fingerprint})"
 
-    def in_clear(self, text: str) -> bytes:
+    def sign_inline(self, text: str) -> bytes:
         """Return the text with an inline signature, like apt's InRelease."""
         return self._sign("--clear-sign", text.encode())
 
-    def beside(self, data: bytes) -> bytes:
+    def sign_detached(self, data: bytes) -> bytes:
         """Return a detached signature of the data."""
         return self._sign("--detach-sign", data)
 
@@ -284,7 +284,7 @@ class BundleSigner:
             return _gpg(home, "--digest-algo", "SHA512", "--armor", how, stdin=data)
 
 
-def signed_by(data: bytes, signature: bytes, public: bytes) -> str | None:
+def find_signer(data: bytes, signature: bytes, public: bytes) -> str | None:
     """Return the fingerprint of the key that signed the data, or None if the signature is not valid."""
     with temporary.folder("gpg") as place:
         for name, content in (("data", data), ("data.asc", signature), ("key.gpg", public)):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.bundle import requirements
-from atlantis_netcfg.computers.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest, signed_by
+from atlantis_netcfg.computers.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, find_signer, read_manifest
 from atlantis_netcfg.computers.bundle.resolve import sha256_of
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.computers.bundle.manifest import BundleFile, HostPart, Keys
 
 _TAR_RECORD = 10240
-"""An archive ends with a whole record (tar(5)); a file has a block of 512 bytes before it and is filled up to one."""
+"""An archive ends with a whole record (tar(5)); each file has a header of 512 bytes and is padded to 512 bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ def _verify_manifest(folder: Path, keys: Keys, accept: str | None) -> Manifest:
             f"{folder} is no bundle, or not a whole one: {error.filename}: {error.strerror}",
             hint="name the folder itself; `provision bundle site=…` makes one, and tells where it has put it",
         ) from error
-    fingerprint = signed_by(data, signature, public)
+    fingerprint = find_signer(data, signature, public)
     if fingerprint is None:
         raise requirements.BundleError(
             f"the manifest of {folder} is not what was signed: it was damaged, or changed by somebody",

@@ -24,7 +24,7 @@ class PackageRequirement:
 
     name: str
     version: str | None
-    """As apt takes it after `=`, also with a `*`; None: whatever the sources have."""
+    """Version as apt takes it after `=`, also with a `*`; None: whatever the sources have."""
 
     @property
     def apt_argument(self) -> str:
@@ -59,7 +59,7 @@ class Library:
     url: str
     revision: str
     token: str | None = None
-    """Reads it; never on a command line, in the bundle or in a message."""
+    """Access token to read it; never on a command line, in the bundle or in a message."""
 
     def __repr__(self) -> str:
         return f"Library({self.url!r}, {self.revision!r})"
@@ -91,7 +91,7 @@ class HostRequirements:
     archives: tuple[ContainerArchive, ...] = ()
     distribution: str | None = None
     codename: str | None = None
-    """What the declaration expects of the board; None: nothing."""
+    """Codename that the inventory expects on the board; None: nothing is expected."""
 
 
 class BundleError(UsageError):
@@ -116,7 +116,7 @@ _RELEASES = {
     ("ubuntu", "12"): "jammy",
     ("ubuntu", "13"): "noble",
 }
-"""By the version of `base-files`, which begins with Debian's major number in both distributions."""
+"""Distribution and major version of `base-files`, which is Debian's in both distributions -> codename."""
 
 
 @dataclass(frozen=True, slots=True)

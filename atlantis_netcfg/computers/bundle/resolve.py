@@ -42,7 +42,7 @@ class DebFile:
     """A package file to fetch."""
 
     name: str
-    """In apt's folder of archives."""
+    """File name in apt's folder of archives."""
     size: int
     sha256: str
     uri: str
@@ -94,7 +94,7 @@ class Root:
                 [(f"the lists of packages cannot be had: {line}", _hint(line)) for line in complaints or ["?"]]
             )
 
-    def lacking(self, requirements: Sequence[PackageRequirement]) -> tuple[DebFile, ...]:
+    def missing_files(self, requirements: Sequence[PackageRequirement]) -> tuple[DebFile, ...]:
         """Return the package files that the target lacks, dependencies included. Raises BundleError."""
         if not requirements:
             return ()
@@ -171,7 +171,7 @@ class Root:
 
 
 _INSTALL_OPTIONS = ("-y", "--no-install-recommends", "--no-remove", "--allow-downgrades")
-"""As the module `packages` installs them."""
+"""Options with which the module `packages` installs packages."""
 
 
 def sha256_of(path: Path) -> str:
@@ -227,7 +227,7 @@ def _hint(line: str) -> str:
 
 
 _DATE = "Sat, 01 Jan 2000 00:00:00 UTC"
-"""apt refuses an index from the future, and a board's clock may stand in the past; see `signing`."""
+"""apt refuses an index from the future, and a board's clock may be in the past; see `signing`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,7 +276,7 @@ def index(packages: Iterable[ResolvedPackage], target: BundleTarget, signer: man
         f"Origin: ATLANTIS bundle\nLabel: ATLANTIS bundle\nSuite: {target.codename}\nCodename: {target.codename}\n"
         f"Date: {_DATE}\nArchitectures: {target.architecture} all\nSHA256:\n{sums}"
     )
-    return {"InRelease": signer.in_clear(release), "Packages.xz": xz_data}
+    return {"InRelease": signer.sign_inline(release), "Packages.xz": xz_data}
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,9 +285,9 @@ class Distribution:
 
     archive: str
     ports: str
-    """Where architectures other than those of PCs are."""
+    """Archive of the architectures other than those of PCs."""
     security: str
-    """Appended to the archive's address; empty: security updates lie beside the rest."""
+    """Appended to the archive's address; empty: the archive holds the security updates as well."""
     components: str
     keyring: str
     keyring_package: str

@@ -56,14 +56,14 @@ class BlockDevice:
     """Bytes; 0: a reader without a card."""
     bus: DeviceBus
     serial: str
-    """Of the card (SD/MMC slot) or of the reader (USB); empty where neither has one."""
+    """Serial number of the card (SD/MMC slot) or of the reader (USB); empty where neither has one."""
     label: str
     """Vendor and model."""
     read_only: bool
     sector: int
-    """Logical sector in bytes."""
+    """Logical sector size in bytes."""
     diskseq: int | None
-    """Rises with every card that is put in (Linux 5.15 and later)."""
+    """Increases with every card that is inserted (Linux 5.15 and later)."""
     whole: str
     """The disk that this is a partition of; empty for a whole disk."""
     uses: tuple[Use, ...]
@@ -210,13 +210,13 @@ def _is_system(point: str) -> bool:
 
 
 _CARDS = frozenset({DeviceBus.USB, DeviceBus.MMC})
-"""The buses on which cards and their readers are."""
+"""Buses of cards and of card readers."""
 _MOST = 512 * 10**9
-"""Bytes. No card of a gateway is larger; disks with somebody's backups are."""
+"""Bytes. No card of a gateway is larger; disks with backups are."""
 _BY_ID = "name the card by its link in /dev/disk/by-id, and unmount what is on it"
 
 
-def reasons(disk: BlockDevice, image_size: int = 0) -> tuple[str, ...]:
+def write_objections(disk: BlockDevice, image_size: int = 0) -> tuple[str, ...]:
     """Return why the disk must not be written with an image of that size in bytes; empty if it may."""
     if disk.whole:
         return (f"{disk.name} is a partition of {disk.whole}: an image wants the whole disk",)
@@ -235,18 +235,18 @@ def reasons(disk: BlockDevice, image_size: int = 0) -> tuple[str, ...]:
     return tuple(objections)
 
 
-def admit(tree: BlockTree, path: Path, image_size: int = 0) -> BlockDevice:
+def require_writable_disk(tree: BlockTree, path: Path, image_size: int = 0) -> BlockDevice:
     """Return the disk at a path if it may be written. Raises BlockDeviceError with all reasons."""
     disk = tree.disk(path)
-    if why := reasons(disk, image_size):
+    if why := write_objections(disk, image_size):
         lines = "".join(f"\n  {each}" for each in why)
         raise BlockDeviceError(f"{path} is refused, and nothing was written:{lines}", hint=_BY_ID)
     return disk
 
 
-def same(tree: BlockTree, path: Path, expected_disk: BlockDevice, image_size: int = 0) -> None:
+def require_same_disk(tree: BlockTree, path: Path, expected_disk: BlockDevice, image_size: int = 0) -> None:
     """Raise BlockDeviceError if the path no longer leads to the disk that was shown."""
-    disk = admit(tree, path, image_size)
+    disk = require_writable_disk(tree, path, image_size)
     rows = (
         ("kernel's name", expected_disk.name, disk.name),
         ("device number", expected_disk.number, disk.number),

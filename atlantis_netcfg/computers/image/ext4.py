@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 
 PROGRAMS = {"e2fsck": "e2fsprogs", "debugfs": "e2fsprogs", "mcopy": "mtools"}
-"""What edits an image, and the Debian packages that hold these programs."""
+"""Programs that edit an image -> Debian packages that hold them."""
 _NOT_EDITED = frozenset({"inline_data"})
-"""Features of a file system that debugfs(8) reads and cannot edit."""
+"""File system features that debugfs(8) can read but not edit."""
 _OTHER_IMAGE = "take an image of the vendor that was made without it"
 
 _PATH = re.compile(r"(/[A-Za-z0-9._@+~-]+)+|/")
@@ -59,12 +59,12 @@ class FileStatus:
     """Type, mode, owner and link target of a path."""
 
     kind: str
-    """`regular`, `directory`, `symlink`, or another word of debugfs."""
+    """`regular`, `directory`, `symlink`, or another type as debugfs names it."""
     mode: int
     """Permission bits."""
     owner: tuple[int, int]
     target: str
-    """Of a short symbolic link."""
+    """Target of a short symbolic link."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class Ext4:
                 f"the image's file system is damaged: {_last(process.stdout)}", hint="fetch it again"
             )
 
-    def hold_editable(self) -> None:
+    def require_editable(self) -> None:
         """Raise ImageError if the file system has features that debugfs cannot edit."""
         result = re.search(r"^Filesystem features:(.*)", self._ask("features"), re.MULTILINE)
         if features := sorted(_NOT_EDITED & {*(result[1].split() if result else ())}):
@@ -135,7 +135,7 @@ class Ext4:
         """Return whether a path exists, also through links such as /sbin -> usr/sbin."""
         return self.status(path) is not None
 
-    def hold_no_link(self, paths: Iterable[str]) -> None:
+    def require_no_symlink(self, paths: Iterable[str]) -> None:
         """Raise ImageError if a path is a symbolic link: debugfs would edit the link itself."""
         for path in paths:
             status = self.status(path)
@@ -151,7 +151,7 @@ class Ext4:
         above = [edit.path for edit in edits if isinstance(edit, facts.ImageDirectory)] + [
             _above(edit.path) for edit in edits
         ]
-        self.hold_no_link(dict.fromkeys(above))
+        self.require_no_symlink(dict.fromkeys(above))
         with temporary.folder("ext4", self.image.parent) as scratch:
             commands = [line for number, edit in enumerate(edits) for line in self._commands(edit, number, scratch)]
             batch = scratch / "commands"
@@ -263,13 +263,13 @@ class DiskLayout:
     root: int | None
     """Number of the partition with `/`; None: the only one that holds ext4."""
     root_at: int | None
-    """Its first byte, where every image of this kind has the same; another one is refused."""
+    """First byte of that partition, if every image of this kind has the same; an image with another one is refused."""
     boot: int | None
     """Number of a FAT partition; None: there may be none."""
     marker: str
-    """A file that the FAT partition of every such image holds; empty: none is known."""
+    """File in the FAT partition of every such image; empty: none is known."""
     interface: str
-    """The LAN's interface, where the board has one name for it; empty: the one wired card, whatever its name."""
+    """Interface of the LAN, if the board has one name for it; empty: the only wired card, whatever its name."""
 
 
 LAYOUTS: Mapping[str, DiskLayout] = {
@@ -285,22 +285,22 @@ LAYOUTS: Mapping[str, DiskLayout] = {
 
 
 @dataclass(frozen=True, slots=True)
-class FatAt:
+class FatLocation:
     """Position of the FAT partition."""
 
     offset: int
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class FileSystemOffsets:
     """File systems of one image."""
 
     root: int
     """First byte of the ext4 file system with `/`."""
-    boot: FatAt | None
+    boot: FatLocation | None
 
 
-def find(image: Path, layout: DiskLayout) -> Places:
+def find(image: Path, layout: DiskLayout) -> FileSystemOffsets:
     """Read an image's partition table. Raises ImageError if the image has another layout."""
     with image.open("rb") as file:
         starts = _partitions(file.read(_SECTOR * 34))
@@ -314,7 +314,7 @@ def find(image: Path, layout: DiskLayout) -> Places:
     if layout.boot is not None and layout.boot not in fat:
         raise _other(layout, f"its partition {layout.boot} holds no FAT")
     boot = layout.boot if layout.boot is not None else next(iter(fat), None)
-    return Places(starts[root], None if boot is None else FatAt(starts[boot]))
+    return FileSystemOffsets(starts[root], None if boot is None else FatLocation(starts[boot]))
 
 
 def _other(layout: DiskLayout, why: str) -> facts.ImageError:

@@ -17,7 +17,7 @@ class StaticNetwork:
     """A fixed IP address."""
 
     address: IPv4Interface
-    """With the prefix length of the LAN."""
+    """Address with the prefix length of the LAN."""
     gateway: IPv4Address
     """The site's router; it also answers DNS."""
     domain: str
@@ -36,11 +36,11 @@ class ImageRequest:
     static: StaticNetwork | None
     """None: DHCP."""
     interface: str
-    """Name of the LAN's interface; empty: the wired one, whatever its name."""
+    """Interface of the LAN; empty: the wired one, whatever its name."""
     time_zone: str
     time_servers: tuple[IPv4Address, ...]
     source: str
-    """Name and SHA-256 of the vendor's image, for the card's own record."""
+    """Name and SHA-256 of the vendor's image, recorded on the card."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +58,13 @@ class ImageFacts:
     """Facts read from an image's root file system."""
 
     files: Mapping[str, str]
-    """Texts of the files that the planner reads, by path; those that are missing are not there."""
+    """Path -> text of the files that the planner reads; missing files have no entry."""
     present: frozenset[str]
-    """Which of the paths that the planner asks about exist."""
+    """Existing paths among those that the planner asks about."""
     names_by_folder: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Names in directories, by path."""
+    """Path of a directory -> names in it."""
     boot_words: Mapping[str, str] = field(default_factory=dict)
-    """Texts of the files that hold the kernel's command line, by what a person calls them."""
+    """Display name -> text of the files that hold the kernel's command line."""
 
     def text(self, path: str) -> str:
         """Return a file's text; empty if it does not exist."""
@@ -79,7 +79,7 @@ class ImageFile:
     content: bytes
     mode: int = 0o644
     owner: tuple[int, int] = (0, 0)
-    """User and group by number."""
+    """Numbers of the user and the group."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -136,7 +136,7 @@ PATHS = (
     _UNITS_OF_BOOT,
     _RESOLV,
 )
-"""What the planner asks about."""
+"""Paths whose existence the planner must know."""
 _HEADER = "# Written by `provision image`."
 
 
@@ -207,7 +207,7 @@ def _match(request: ImageRequest) -> str:
 
 
 _NO_ADVERTISEMENTS = "    pre-up sysctl -qew net/ipv6/conf/$IFACE/accept_ra=0 || true\n"
-"""No route comes from a router advertisement; ifupdown has a word for that only where IPv6 is configured."""
+"""Ignores routes from router advertisements; ifupdown has an option for that only where IPv6 is configured."""
 
 
 def _interfaces(request: ImageRequest) -> str:
@@ -258,15 +258,15 @@ _FOLDERS = ("/etc/systemd", "/usr/local", "/usr/local/sbin", "/etc/atlantis", _U
 _ZONES = "/usr/share/zoneinfo"
 _CLOUD = "/etc/cloud"
 _CLOUD_INIT = (_CLOUD, "/usr/bin/cloud-init")
-"""What cloud-init is known by."""
+"""Paths by which cloud-init is detected."""
 _CLOUD_ON = f"{_CLOUD}/cloud-init.enabled"
 
 READ = (PASSWD, SHADOW, "/etc/group", _HOSTS, SSHD)
 """The files whose texts the planner needs."""
 LISTED_FOLDERS = (_SSH, "/etc/netplan")
-"""The directories whose names it needs."""
+"""Directories whose names of files the planner needs."""
 BOOT_WORDS = ("/etc/default/grub", "/boot/grub/grub.cfg", "/boot/extlinux/extlinux.conf", "/boot/cmdline.txt")
-"""Files that hold the words of the kernel's command line; those of the FAT partition are read besides."""
+"""Files that may contain the kernel command line; those on the FAT partition are read in addition."""
 
 
 def paths_to_check(request: ImageRequest) -> tuple[str, ...]:
@@ -435,14 +435,14 @@ class Fat:
 
 
 NOTE = "ATLANTIS.TXT"
-"""On the FAT partition, for whoever puts the card into a laptop."""
+"""Note on the FAT partition for a person who opens the card on a laptop."""
 _BOOT_FILES = ("cmdline.txt", "boot.ini")
-"""Files there that hold the kernel's command line, of boards of the Raspberry and of the ODROID type."""
+"""Files on the FAT partition with the kernel command line, for Raspberry Pi and ODROID boards."""
 
 
-def look(root: ext4.Ext4, request: ImageRequest, boot: Fat | None = None) -> ImageFacts:
+def read_facts(root: ext4.Ext4, request: ImageRequest, boot: Fat | None = None) -> ImageFacts:
     """Read the facts that the planner needs. Raises ImageError if a link replaces an expected file."""
-    root.hold_no_link((*READ, *LISTED_FOLDERS))
+    root.require_no_symlink((*READ, *LISTED_FOLDERS))
     files = {path: data.decode(errors="surrogateescape") for path in READ if (data := root.read(path)) is not None}
     present = frozenset(path for path in paths_to_check(request) if root.exists(path))
     words = {path: root.read(path) for path in BOOT_WORDS}
@@ -458,8 +458,8 @@ def customise(image: Path, layout: ext4.DiskLayout, request: ImageRequest) -> tu
     boot = None if places.boot is None else Fat(image, places.boot.offset)
     root = ext4.Ext4(image, places.root)
     root.recover()
-    root.hold_editable()
-    facts = look(root, request, boot)
+    root.require_editable()
+    facts = read_facts(root, request, boot)
     root.apply(plan(facts, request))
     if boot is not None:
         text = f"This card was made for {request.host} of site {request.site}\r\nfrom {request.source}\r\n"

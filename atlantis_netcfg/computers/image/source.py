@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _MOST = 16 * 2**20
-"""Bytes of a map file that is still read."""
+"""Maximum size of a block map file in bytes; larger files are rejected."""
 _HINT = "fetch it again, or move it away: without it every block of the image is written"
 
 
@@ -47,13 +47,13 @@ class Bmap:
     """A block map of an image (bmap-tools)."""
 
     size: int
-    """Of the image, in bytes."""
+    """Size of the image in bytes."""
     algorithm: str
-    """As hashlib names it."""
+    """Name of the checksum algorithm in hashlib."""
     ranges: tuple[MappedRange, ...]
 
 
-def beside(image: Path) -> Path | None:
+def find_block_map(image: Path) -> Path | None:
     """Return the block map next to an image: for `x.img.xz`, `x.img.bmap` or `x.img.xz.bmap`."""
     names = dict.fromkeys((f"{image.name}.bmap", f"{image.name.removesuffix('.xz').removesuffix('.gz')}.bmap"))
     return next((image.with_name(name) for name in names if image.with_name(name).is_file()), None)
@@ -100,10 +100,10 @@ def _range(element: ET.Element, block: int, size: int) -> MappedRange:
 
 
 _PIECE = 64 * 2**10
-"""Bytes that become a hole of the working copy where they are all zero."""
+"""Block size in bytes: a block of zeros becomes a hole in the working copy."""
 _CHUNK = 2**20
 _PADDING = 4096
-"""The working copy ends with a whole block, so that devices of any sector size can be written from it."""
+"""The working copy is padded to a multiple of this many bytes, so that it fits devices of any sector size."""
 _ZEROS = bytes(_PIECE)
 _OTHERS = ((b"\x28\xb5\x2f\xfd", "zstd", "zstd -d"), (b"PK\x03\x04", "zip", "unzip"), (b"BZh", "bzip2", "bunzip2"))
 
@@ -122,13 +122,13 @@ class UnpackedImage:
 
     path: Path
     size: int
-    """Of the image in bytes; the copy may be up to one block longer."""
+    """Size of the image in bytes; the copy may be up to one block longer."""
     sha256: str
-    """Of the vendor's file, as it was read."""
+    """SHA-256 of the vendor's file, computed while reading it."""
     told_by: str
-    """Who confirmed that; empty: nobody."""
+    """Source of the expected checksum that it matches; empty: there was none to compare with."""
     spans: tuple[tuple[int, int], ...] | None
-    """Spans that matter, by a block map; None: all of it."""
+    """Spans that must be written according to the block map; None: the whole image."""
 
 
 def checksum(image: Path, sum_text: str | None = None) -> Checksum | None:
@@ -231,7 +231,7 @@ def _pour(image: Path, reader: _HashingReader, out: _Sparse) -> None:
 
 
 def _map_of(image: Path) -> Bmap | None:
-    place = beside(image)
+    place = find_block_map(image)
     return read(place) if place is not None else None
 
 
@@ -302,7 +302,7 @@ class _Sparse:
 
 _ALIGN = 4096
 Span = tuple[int, int]
-"""First byte, and the byte after the last."""
+"""First byte, and the byte after the last one."""
 
 
 class SourceKind(Enum):
@@ -310,7 +310,7 @@ class SourceKind(Enum):
 
     DATA = auto()
     ZERO = auto()
-    """Nothing but zero bytes, which count: what the card held before must not shine through."""
+    """Zeros that must be on the card, so that no earlier data of the card remains there."""
 
 
 @dataclass(frozen=True, slots=True)

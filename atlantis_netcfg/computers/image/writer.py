@@ -47,7 +47,7 @@ class Progress:
     step: WriterStep
     done_bytes: int
     total: int
-    """Bytes."""
+    """Number of bytes in this step."""
     elapsed_s: float
 
     @property
@@ -102,7 +102,7 @@ _FIRST = 4096
 _CHUNK = 4 * 2**20
 _ZEROS = bytes(_CHUNK)
 _BLKGETSIZE64 = 0x80081272
-"""linux/fs.h: the size of a block device in bytes."""
+"""ioctl that returns the size of a block device in bytes (linux/fs.h)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,11 +112,11 @@ class WrittenCard:
     data: int
     """Bytes of data written."""
     cleared: int
-    """Bytes that had to be zero, were not, and were written."""
+    """Bytes overwritten with zeros because the card held something else there."""
     skipped: int
-    """Bytes of the image that were not written: zero already, or of no matter."""
+    """Bytes of the image not written: already zero on the card, or not needed."""
     compared: int
-    """Bytes read back."""
+    """Bytes read back for verification."""
     seconds: float
 
 
@@ -128,21 +128,21 @@ class Card:
     disk: blocks.BlockDevice
     tree: blocks.BlockTree
 
-    def still(self, image_size: int) -> None:
+    def require_unchanged(self, image_size: int) -> None:
         """Raise BlockDeviceError if the disk has changed or must not be written."""
-        blocks.same(self.tree, self.device, self.disk, image_size)
+        blocks.require_same_disk(self.tree, self.device, self.disk, image_size)
 
 
 def write(copy: Path, parts: Sequence[Segment], card: Card, tell: Callable[[Progress], None]) -> WrittenCard:
     """Write the segments to a card. Raises BlockDeviceError before the first byte, CardWriteError after it."""
     image_size = max((part.end for part in parts), default=0)
-    card.still(image_size)
+    card.require_unchanged(image_size)
     card_fd = _open(card.device)
     source = os.open(copy, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        _hold(card_fd, card.device, card.disk)
-        card.still(image_size)
-        return _Job(card_fd, source, parts, tell).run()
+        _check_device(card_fd, card.device, card.disk)
+        card.require_unchanged(image_size)
+        return _CardWriter(card_fd, source, parts, tell).run()
     finally:
         os.close(source)
         os.close(card_fd)
@@ -161,7 +161,7 @@ def _open(device: Path) -> int:
         raise BlockDeviceError(f"{device} cannot be opened: {why}", hint="run it with sudo") from error
 
 
-def _hold(card: int, device: Path, disk: blocks.BlockDevice) -> None:
+def _check_device(card: int, device: Path, disk: blocks.BlockDevice) -> None:
     """Check the opened device against the disk that was shown, since the path may have been re-pointed."""
     status = os.fstat(card)
     number = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
@@ -172,11 +172,11 @@ def _hold(card: int, device: Path, disk: blocks.BlockDevice) -> None:
         raise BlockDeviceError(f"{device} has {size} bytes, not the {disk.size} that were shown; nothing was written")
 
 
-class _Differs(Exception):
+class _VerifyError(Exception):
     """Read-back does not match: the card or the working copy has other bytes."""
 
 
-class _Job:
+class _CardWriter:
     """Writes and verifies one card."""
 
     def __init__(self, card: int, source: int, parts: Sequence[Segment], tell: Callable[[Progress], None]) -> None:
@@ -198,7 +198,7 @@ class _Job:
             os.fsync(self._card)
             self._compare(self._body)
             self._finish()
-        except (OSError, KeyboardInterrupt, _Differs) as error:
+        except (OSError, KeyboardInterrupt, _VerifyError) as error:
             raise self._write_error(error) from error
         skipped_bytes = self._total - self._data - self._cleared
         return WrittenCard(self._data, self._cleared, skipped_bytes, self._compared, time.monotonic() - began)
@@ -252,7 +252,7 @@ class _Job:
             for at, size in _chunks(part):
                 expected_data = _zeros(size) if part.kind is SourceKind.ZERO else self._source_data(at, size)
                 if self._read(at, size) != expected_data:
-                    raise _Differs(f"bytes {at} to {at + size} read back from it are not those that were written")
+                    raise _VerifyError(f"bytes {at} to {at + size} read back from it are not those that were written")
                 done_bytes += size
                 meter(done_bytes, total)
         self._compared += done_bytes
@@ -279,7 +279,7 @@ class _Job:
         data = os.pread(self._source, size, at)
         os.posix_fadvise(self._source, at + size, _CHUNK, os.POSIX_FADV_WILLNEED)
         if len(data) != size:
-            raise _Differs(f"the working copy of the image ends at byte {at + len(data)}")
+            raise _VerifyError(f"the working copy of the image ends at byte {at + len(data)}")
         return data
 
     def _read(self, at: int, size: int) -> bytes:
@@ -288,7 +288,7 @@ class _Job:
             while offset < size:
                 got = os.preadv(self._card, [view[offset:size]], at + offset)
                 if not got:
-                    raise _Differs(f"the card ends at byte {at + offset}")
+                    raise _VerifyError(f"the card ends at byte {at + offset}")
                 offset += got
         return self._theirs[:size]
 

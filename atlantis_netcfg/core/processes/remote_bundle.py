@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 _PLUGINS = Path(__file__).parents[2] / "ansible_collections/atlantis/netcfg/plugins"
 _BOARD = _PLUGINS / "plugin_utils" / "board"
 INSTALL = _BOARD / "install.py"
-"""The program that takes a tool in on the gateway."""
+"""Program that installs a tool on the gateway."""
 _DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 _LIVE = "vpn_"
-"""How the files begin that only the VPN's server needs."""
+"""Prefix of files that only the VPN server needs."""
 _SERVES = "vpn_serve"
 _IMPORT = re.compile(r"^ *from \.(\w*) import ([\w, ]*)", re.MULTILINE)
 _BEGINNING = (1980, 1, 1, 0, 0, 0)
-"""The first time that a zip archive can hold; the same files make the same bytes at any time."""
+"""Earliest time that a zip archive can store; a fixed time makes archives of the same files identical."""
 
 
 @dataclass(frozen=True)

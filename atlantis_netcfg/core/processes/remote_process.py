@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
 _MOST = 64 * 1024 * 1024
-"""Bytes that one process may print."""
+"""Maximum output of a process in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Carrier:
     feed: bytes = b""
     line: Callable[[bytes], None] = ignore_line
     limit_s: float | None = None
-    """The process is killed then."""
+    """Time limit in seconds, after which the process is killed; None: no limit."""
     _is_stopped: bool = False
     _process: subprocess.Popen[bytes] | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -55,7 +55,7 @@ class Carrier:
     def _start(self, argv: Sequence[str], errors: IO[bytes]) -> subprocess.Popen[bytes]:
         pipe = subprocess.PIPE
         with self._lock:
-            # A list and no shell: the words are of the declaration, quoted for the computer that they go to.
+            # A list and no shell: the words are of the inventory, quoted for the computer that they go to.
             self._process = subprocess.Popen(argv, stdin=pipe, stdout=pipe, stderr=errors)  # noqa: S603 - see above
             if self._is_stopped:
                 self._process.kill()
@@ -80,7 +80,7 @@ class Carrier:
             if self._process is not None:
                 self._process.kill()
 
-    async def beside(self, work: Callable[[], object]) -> None:
+    async def run_beside(self, work: Callable[[], object]) -> None:
         """Run blocking work that uses this carrier in a thread; cancelling it kills the process."""
         try:
             await asyncio.to_thread(work)
@@ -95,7 +95,7 @@ class Carrier:
     def _through(self, process: subprocess.Popen[bytes]) -> bytes:
         assert process.stdin is not None  # noqa: S101 - both are pipes
         assert process.stdout is not None  # noqa: S101
-        feeder = threading.Thread(target=_fed, args=(process.stdin, self.feed), daemon=True)
+        feeder = threading.Thread(target=_feed_all, args=(process.stdin, self.feed), daemon=True)
         feeder.start()
         lines, room = [], _MOST
         while line := process.stdout.readline(room):
@@ -108,7 +108,7 @@ class Carrier:
         return b"".join(lines)
 
 
-def _fed(pipe: IO[bytes], data: bytes) -> None:
+def _feed_all(pipe: IO[bytes], data: bytes) -> None:
     """Write all data and close the pipe; a process that has ended is ignored."""
     with suppress(OSError), pipe:
         pipe.write(data)

@@ -1,8 +1,8 @@
 """Stop signals of a command: Ctrl-C, `kill` and a closed terminal.
 
-Between `take` and `ignore` a signal raises KeyboardInterrupt, so that the command can clean up and report. During the
-import of a module it waits until the import ends: extension modules panic, or raise another error, when their imports
-are interrupted. Once the result is known, `ignore` lets it be printed completely.
+Between `install_handlers` and `ignore` a signal raises KeyboardInterrupt, so that the command can clean up and
+report. During the import of a module it waits until the import ends: extension modules panic, or raise another error,
+when their imports are interrupted. Once the result is known, `ignore` lets it be printed completely.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _REPEAT_S = 0.01
-"""How soon a stop that could not be raised is tried again."""
+"""Seconds until a stop that could not be raised is tried again."""
 
 _pending: list[str] = []
 
@@ -29,7 +29,7 @@ def pending_stop() -> str:
     return _pending[0] if _pending else ""
 
 
-def take() -> None:
+def install_handlers() -> None:
     """Handle stop signals from now on; signals ignored at start (`nohup`) stay ignored."""
     _pending.clear()
     if threading.current_thread() is not threading.main_thread():

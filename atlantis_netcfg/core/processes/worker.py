@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Coroutine
 
 _PR_SET_PDEATHSIG = 1
-"""prctl(2): the signal that this process gets when the thread that has started it ends.
+"""prctl(2) option: signal for this process when the thread that started it ends.
 
-It may come twice: the kernel hands the child of a dying process to each thread of it that still lives.
+It may arrive twice: the kernel passes the child of a dying process to each of its remaining threads.
 """
 _SETTLE = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

@@ -27,9 +27,9 @@ class EvologicsSpec(LineSpec):
     old_spelling: bool = True
     """Firmware 1.7 writes `IM Rerty Count`."""
     pending: tuple[str, ...] = ()
-    """Settings with `[*]` in front, by their names."""
+    """Names of settings shown with the prefix `[*]`."""
     more_settings: tuple[tuple[str, str], ...] = ()
-    """Lines of the listing that no driver knows."""
+    """Additional lines of the listing, unknown to every driver."""
     state: str = "INITIATION LISTEN"
     firmware: str = "EXAMPLE-1.7"
     phy: str = "EXAMPLE-PHY"
@@ -37,41 +37,41 @@ class EvologicsSpec(LineSpec):
     rssi_db: int = -54
     integrity: int = 146
     battery_v: float | None = 24.1
-    """None: it does not know the query."""
+    """Battery voltage; None: the modem does not support the query."""
     busy: tuple[str, ...] = ()
-    """Queries that it answers with BUSY."""
+    """Queries to which the modem responds with BUSY."""
     bare: bool = False
-    """Answers without the frame, as in command mode."""
+    """Responses have no frame, as in command mode."""
     before: tuple[bytes, ...] = ()
-    """Thrown in before each answer: whole frames, bare lines, raw data of a connection."""
+    """Sent before each response: whole frames, bare lines, raw data of a connection."""
     tells_fixes: bool = True
-    """`AT?ZU`: whether fixes are put out at all."""
+    """Response to `AT?ZU`: whether the modem outputs position fixes."""
     hears: tuple[int, ...] = (2,)
-    """Remote addresses of which fixes are told."""
+    """Remote addresses with position fixes."""
     fix_every_s: float = Field(default=0.05, gt=0)
     fixes: int | None = Field(default=None, ge=0)
-    """So many rounds of fixes to each client, then none; None: for ever."""
+    """Number of rounds of fixes for each client; None: unlimited."""
     directions_only: bool = False
-    """USBLANGLES in place of USBLLONG."""
+    """USBLANGLES instead of USBLLONG."""
     bare_fixes: bool = False
     range_m: float = 14.065
     position_scale: float = 1.0
-    """The position is that much too far out for the propagation time."""
+    """Factor by which the reported position is too far away for the propagation time."""
     fix_rssi_db: int = -54
     fix_integrity: int = 106
     fix_age_s: float = 0.305
-    """Between measurement and output, by the modem's clock; below 0 it measures in the future."""
+    """Seconds between measurement and output on the modem's clock; negative: the measurement is in the future."""
     fix_accuracy: float = 0.1698
     frozen: bool = False
-    """The first fix again and again."""
+    """The first fix is repeated."""
     clock_ahead_s: float | None = None
-    """Its clock tells seconds since 1970, so far ahead of this computer's; None: those since it was switched on."""
+    """Seconds by which its clock (since 1970) is ahead of this computer; None: its clock counts from power-on."""
     in_water: bool = False
-    """Whether it may transmit: if not, every transmission is damage."""
+    """Whether it may transmit; transmitting in air causes damage."""
     reaches: tuple[int, ...] = (2,)
     """Addresses that acknowledge a message."""
     reports: bool = True
-    """Tells what became of a message."""
+    """The modem reports whether a message was delivered."""
 
     def listing(self) -> bytes:
         """Return the response to `AT&V`, with an empty line at its end when framed."""
@@ -149,7 +149,7 @@ class _EvologicsTalk:
         self.rounds = 0
         ahead_s = self.spec.clock_ahead_s
         self.clock_s = time.monotonic() if ahead_s is None else time.time() + ahead_s
-        """What the modem's clock shows when the service begins."""
+        """Time of the modem's clock when the service starts."""
 
     def hear(self, waiting: bytes) -> tuple[list[bytes], bytes]:
         answers: list[bytes] = []
@@ -216,13 +216,13 @@ class RunningEvologics(ModemLine):
         super().__init__(spec)
         self.spec = spec
         self.inputs: list[bytes] = []
-        """Every command that came."""
+        """All commands received."""
         self.forbidden: list[bytes] = []
-        """Those that do anything but read; a message is none of them."""
+        """Received commands that are neither reads nor messages."""
         self.transmitted: list[tuple[int, bytes]] = []
-        """Messages: to whom, and what."""
+        """Transmitted messages: address and content."""
         self.transmitted_in_air: list[tuple[int, bytes]] = []
-        """Those that were damage: the modem was not in the water."""
+        """Messages transmitted while the modem was not in the water, which would damage it."""
 
     def talker(self) -> _EvologicsTalk:
         """Return a handler for the AT protocol in data mode."""

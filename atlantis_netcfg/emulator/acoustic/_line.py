@@ -22,23 +22,23 @@ class LineSpec(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     serial: bool = False
-    """A pseudo-terminal (`path`) in place of a TCP port."""
+    """A pseudo-terminal (`path`) instead of a TCP port."""
     refuses: bool = False
-    """Nothing listens on the port."""
+    """Connections are refused: no process listens on the port."""
     is_occupied: bool = False
-    """The vehicle has the only seat: whoever connects is hung up on at once."""
+    """The vehicle uses the only connection: every other client is disconnected at once."""
     seats: int | None = Field(default=1, ge=1)
-    """Clients that are served at a time (`listen-single`); None: any number (`listen-respawn`)."""
+    """Maximum number of simultaneous clients (`listen-single`); None: unlimited (`listen-respawn`)."""
     silent: bool = False
-    """Takes the connection and everything that comes, and says nothing."""
+    """Accepts connections and input, but sends nothing."""
     mute_after: int | None = Field(default=None, ge=0)
-    """Says nothing any more after so many answers."""
+    """Number of responses after which it sends nothing more; None: unlimited."""
     noise: bytes | None = None
-    """Sends this in place of every answer: another device, or a wrong rate."""
+    """Bytes sent instead of every response, as from another device or at a wrong baud rate."""
     piecewise: bool = False
-    """Every byte by itself."""
+    """Output is sent byte by byte."""
     byte_s: float = Field(default=0.0, ge=0)
-    """Time that each byte takes, where they come one by one."""
+    """Seconds for each byte if output is sent byte by byte."""
 
 
 class Talker(Protocol):
@@ -57,7 +57,7 @@ class _LineClient:
     def __init__(self, talker: Talker, sock: socket.socket | None) -> None:
         self.talker, self.sock, self.waiting, self.message_count = talker, sock, b"", 0
         self.since: float | None = None if sock is None else time.monotonic()
-        """When it came; nobody can tell who sits at a serial port before it has said something."""
+        """Time of connection; on a serial port the time of the first input, as a client is not detectable earlier."""
 
 
 class ModemLine:
@@ -69,7 +69,7 @@ class ModemLine:
         self.port = 0
         self.path = ""
         self.met = 0
-        """Clients that came, those that were hung up on as well."""
+        """Number of connections, including clients that were disconnected at once."""
         self._clients: dict[int, _LineClient] = {}
         self._thread = threading.Thread(target=self._run, name=f"twin: {type(self).__name__}", daemon=True)
 
@@ -142,7 +142,7 @@ class ModemLine:
         if self._line.is_occupied or (self._line.seats is not None and len(self._clients) >= self._line.seats):
             sock.close()
             return
-        # Who does not read is hung up on: a twin waits for nobody.
+        # A client that does not read is disconnected: an emulator waits for nobody.
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._clients[sock.fileno()] = _LineClient(self.talker(), sock)

@@ -44,47 +44,47 @@ class SeatracSpec(LineSpec):
 
     beacon: int = 1
     part: int = 795
-    """795 is an X150, 843 an X110."""
+    """Part number: 795 is an X150, 843 an X110."""
     serial_number: int = 1
     sound_speed_mps: float = 1500.0
     auto_sound_speed: bool = True
     supply_v: float = 15.2
     depth_m: float | None = None
-    """None: as `in_water` has it."""
+    """Depth in metres; None: depends on `in_water`."""
     environment: bool = True
-    """The settings let the status tell supply, depth and sound speed."""
+    """Whether the status includes supply, depth and sound speed."""
     state: int = Field(default=_IDLE, ge=0, le=255)
-    """Of the transceiver: 0x3B idle, 0x3A stopped, 0x3C transmitting."""
+    """Transceiver state: 0x3B idle, 0x3A stopped, 0x3C transmitting."""
     busy: bool = False
-    """Takes no ping."""
+    """The beacon rejects pings as busy."""
     wrong_sum: tuple[int, ...] = ()
-    """Commands whose answers carry a wrong sum."""
+    """Commands whose responses have a wrong checksum."""
     every_sum_wrong: bool = False
     missing: tuple[int, ...] = ()
-    """Reading commands that it leaves unanswered."""
+    """Read commands without a response."""
     status_every_s: float | None = None
-    """Tells its status by itself, too."""
+    """Interval of unsolicited status messages; None: only on request."""
     hears: tuple[int, ...] = (2,)
-    """Beacons whose answers to pings of the vehicle's own software are told."""
+    """Beacons whose responses to pings of the vehicle's own software are reported."""
     fix_every_s: float = Field(default=0.05, gt=0)
     fixes: int | None = Field(default=None, ge=0)
-    """So many rounds of such answers to each client, then none; None: for ever."""
+    """Number of rounds of such responses for each client; None: unlimited."""
     range_m: float = 14.1
     fit_error: float = 0.4
     suspect: bool = False
     """The beacon's filter does not trust its own position."""
     frozen: bool = False
-    """The first fix again and again."""
+    """The first fix is repeated."""
     navigates: bool = False
-    """The vehicle asks by NAV_QUERY in place of pings: its answers hold the same fix."""
+    """The vehicle sends NAV_QUERY instead of pings; the responses contain the same fix."""
     answers_to: int | None = None
-    """Beacon for which the answers are meant that it hears; None: for itself."""
+    """Beacon to which the received responses are addressed; None: this beacon."""
     ranges_only: bool = False
-    """An X110 measures no direction."""
+    """The fix has no direction, as from an X110."""
     in_water: bool = False
-    """Whether it may transmit: if not, every ping is damage."""
+    """Whether it may transmit; a ping in air causes damage."""
     reaches: tuple[int, ...] = (2,)
-    """Beacons that answer a ping."""
+    """Beacons that respond to a ping."""
 
     @property
     def depth(self) -> float:
@@ -226,15 +226,15 @@ class RunningSeatrac(ModemLine):
         super().__init__(spec)
         self.spec = spec
         self.inputs: list[bytes] = []
-        """Every line that came."""
+        """All lines received."""
         self.damaged: list[bytes] = []
-        """Those that are no command with a right sum."""
+        """Lines that are not a command with a correct checksum."""
         self.forbidden: list[bytes] = []
-        """Commands that do anything but read; a ping is none of them."""
+        """Received commands that are neither reads nor pings."""
         self.transmitted: list[int] = []
-        """Beacons that were pinged."""
+        """Beacons pinged."""
         self.transmitted_in_air: list[int] = []
-        """Those pings that were damage: the beacon was not in the water."""
+        """Beacons pinged while this beacon was not in the water, which would damage it."""
 
     def talker(self) -> _Talk:
         """Return a handler for the frame protocol."""

@@ -142,13 +142,13 @@ class Container:
             reaper.remove_group(group)
         reaper.remove(Path("/run/systemd/nspawn/propagate", self._name))
 
-    def last_words(self) -> str:
+    def console_tail(self) -> str:
         """Return the end of the console log."""
         lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-5:]
         return "\n".join(f"  {line}" for line in lines)
 
 
-def entering(leader: int) -> tuple[str, ...]:
+def nsenter_prefix(leader: int) -> tuple[str, ...]:
     """Return the command prefix that runs a program inside, with root's capabilities there.
 
     The bounding set of the container's init is applied: otherwise the program would keep this computer's capabilities,
@@ -190,7 +190,7 @@ def delete_namespace(name: str) -> None:
         program("ip", "netns", "delete", name)
 
 
-def join(lab: str, port: str, machine: str, interface: str, mac: str) -> None:
+def connect_veth(lab: str, port: str, machine: str, interface: str, mac: str) -> None:
     """Connect a machine's interface to a port of the lab's bridge; the port is down."""
     program(
         *("ip", "link", "add", interface, "netns", machine, "address", mac, "type", "veth"),
@@ -199,7 +199,7 @@ def join(lab: str, port: str, machine: str, interface: str, mac: str) -> None:
     program("ip", "-n", lab, "link", "set", port, "master", BRIDGE)
 
 
-class Inside:
+class NamespaceSockets:
     """Creates sockets in a network namespace, by threads in it; a socket stays in its namespace."""
 
     def __init__(self, namespace: str) -> None:
@@ -274,13 +274,15 @@ class MachineSpec:
     disk_mb: int | None = None
     interface: str = "eth0"
     spare: str | None = None
-    """A second interface on the same cable, without an address."""
+    """Name of a second interface on the same cable, without an address; None: there is none."""
 
 
 class Machine:
     """A lab machine, made by `Yard.start`; it ends with the lab."""
 
-    def __init__(self, spec: MachineSpec, unique: str, lab: str, inside: Inside, folder: Path, log: Path) -> None:  # noqa: PLR0913, PLR0917 - where it stands
+    def __init__(  # noqa: PLR0913, PLR0917 - where it is in the lab, and where its files are
+        self, spec: MachineSpec, unique: str, lab: str, inside: NamespaceSockets, folder: Path, log: Path
+    ) -> None:
         self.spec = spec
         self._unique, self._lab, self._inside, self._log = unique, lab, inside, log
         self._ports: list[str] = []
@@ -323,8 +325,8 @@ class Machine:
         up: bool = True,
         shapes: tuple[LinkShape, LinkShape] | None = None,
     ) -> None:
-        """Set the properties of the link through `port`; an omitted one means no limit. See `RelayWay`."""
-        self._relay.set(relay.RelayWay(delay_s, rate_up_bps, rate_down_bps, up, shapes))
+        """Set the properties of the link through `port`; an omitted one means no limit. See `RelayLink`."""
+        self._relay.set(relay.RelayLink(delay_s, rate_up_bps, rate_down_bps, up, shapes))
 
     def power_on(self, *, is_configured: bool = True, wait_s: float | None = _PATIENCE_S) -> None:
         """Boot the machine and wait for its sshd.
@@ -351,7 +353,7 @@ class Machine:
 
     def wait_until_up(self, timeout_s: float = _PATIENCE_S) -> None:
         """Wait until sshd accepts logins. Raises MachineError with the last console lines after a timeout."""
-        wait(lambda: not self.runs or self._greets(), timeout_s, lambda: self._output("does not answer SSH"))
+        wait(lambda: not self.runs or self._is_ready(), timeout_s, lambda: self._output("does not answer SSH"))
         if not self.runs:
             raise MachineError(self._output("ended while it booted"))
 
@@ -374,7 +376,9 @@ class Machine:
         if leader is None:
             raise MachineError(f"{self.name} is off")
         result = output_of(
-            (*entering(leader), "env", "-i", *_ENVIRONMENT, "/bin/sh", "-c", command), text=input, timeout_s=timeout_s
+            (*nsenter_prefix(leader), "env", "-i", *_ENVIRONMENT, "/bin/sh", "-c", command),
+            text=input,
+            timeout_s=timeout_s,
         )
         if check and result.returncode:
             raise MachineError(f"{self.name}: {command}: ended with {result.returncode}: {result.stderr.strip()}")
@@ -412,7 +416,7 @@ class Machine:
         for interface in filter(None, (self.spec.interface, self.spec.spare)):
             port = f"{self._unique.rpartition('-')[2]}-{len(self._ports)}"
             mac = bytes([2, *sha256(f"{self._unique} {interface}".encode()).digest()[:5]]).hex(":")
-            join(self._lab, port, self._unique, interface, mac)
+            connect_veth(self._lab, port, self._unique, interface, mac)
             self._ports.append(port)
         near = self.spec.interface
         if is_configured:
@@ -438,7 +442,7 @@ class Machine:
     def _leader(self) -> int | None:
         return None if self._container is None else self._container.leader()
 
-    def _greets(self) -> bool:
+    def _is_ready(self) -> bool:
         """Return whether sshd sends its banner and the boot has reached the point where users may log in."""
         leader = self._leader()
         if leader is None or Path(f"/proc/{leader}/root/run/nologin").exists():
@@ -450,7 +454,7 @@ class Machine:
         return False
 
     def _output(self, what: str) -> str:
-        words = self._container.last_words() if self._container is not None else ""
+        words = self._container.console_tail() if self._container is not None else ""
         return f"machine {self.name} {what}; its console ({self._log}):\n{words}"
 
 
@@ -487,4 +491,4 @@ NOT_REHEARSED = (
     "limits of memory and processor time of a service: they are accepted, and hold where this computer hands them down",
     "the network beyond the yard: there is none",
 )
-"""What a run against machines says nothing about; the rehearsal's report prints it."""
+"""Limits of a rehearsal with machines; printed in the rehearsal's report."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
 OFF = "ATLANTIS_NO_MACHINES"
-"""The variable of the environment that forbids machines, whatever its value is."""
+"""Environment variable that disables machines, whatever its value."""
 _PROGRAMS = {
     "mmdebstrap": "mmdebstrap",
     "systemd-nspawn": "systemd-container",
@@ -39,7 +39,7 @@ _PROGRAMS = {
     "git": "git",
     "gpg": "gnupg",
 }
-"""Program and the Debian package that brings it; stand-ins are served from repositories and signed."""
+"""Program to the Debian package that provides it; stub packages are served from signed repositories."""
 _KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
 
 
@@ -101,7 +101,7 @@ def _overlays() -> bool:
 
 _NUMBERS = itertools.count()
 _POLL_S = 0.05
-"""How often a server looks whether it shall end."""
+"""Interval in seconds at which a server checks whether to stop."""
 
 
 class Lab:
@@ -117,7 +117,7 @@ class Lab:
         hosts.program("ip", "-n", name, "link", "add", hosts.BRIDGE, "type", "bridge")
         hosts.program("ip", "-n", name, "link", "set", hosts.BRIDGE, "up")
         self.command(("sysctl", "-qw", "net.ipv4.ip_forward=1"))
-        self._inside = hosts.Inside(name)
+        self._inside = hosts.NamespaceSockets(name)
         stack.callback(self._inside.close)
 
     @property

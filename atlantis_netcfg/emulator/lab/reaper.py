@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 YARDS = Path("/run/atlantis/yards")
-"""One folder for each yard: the file `owner`, locked as long as the owner lives, and what its machines mount."""
+"""One folder for each yard: the file `owner`, locked while the owner process lives, and what its machines mount."""
 PREFIX = "yd"
-"""Names of yards begin with it: `yd<pid of the owner>-<number>`."""
+"""Prefix of yard names: `yd<pid of the owner>-<number>`."""
 _NAMESPACES = Path("/run/netns")
 _PROPAGATE = Path("/run/systemd/nspawn/propagate")
 _PATIENCE_S = 20.0
@@ -46,7 +46,7 @@ def sweep() -> None:
 def take_down(lab: str) -> None:
     """Kill all processes of a lab, then remove its mounts, namespaces and control groups."""
     for name in _namespaces(lab):
-        empty(partial(_inhabitants, name))
+        kill_all(partial(_inhabitants, name))
     for group in _groups(lab):
         remove_group(group)
     unmount(YARDS / lab)
@@ -68,7 +68,7 @@ def _inhabitants(name: str) -> list[int]:
     return [int(word) for word in process.stdout.split() if int(word) != os.getpid()]
 
 
-def empty(inhabitants: Callable[[], list[int]], patience_s: float = _PATIENCE_S) -> None:
+def kill_all(inhabitants: Callable[[], list[int]], patience_s: float = _PATIENCE_S) -> None:
     """Kill processes until none is left, or the time is over."""
     end = time.monotonic() + patience_s
     while (processes := inhabitants()) and time.monotonic() < end:
@@ -96,7 +96,7 @@ def _groups(lab: str) -> Iterator[Path]:
 
 def remove_group(group: Path) -> None:
     """Kill the processes of a control group and its children, and remove the groups."""
-    empty(partial(_members, group))
+    kill_all(partial(_members, group))
     for below, _, _ in os.walk(group, topdown=False):
         with suppress(OSError):
             Path(below).rmdir()

@@ -16,28 +16,28 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _PIECE = 1400
-"""Bytes that travel together: a TCP segment within a tunnel's MTU."""
+"""Bytes forwarded as one unit: a TCP segment within a tunnel's MTU."""
 _PIECES = 256
-"""How many a direction of a connection takes before its sender has to wait."""
+"""Queue length of each direction of a connection; beyond it the sender has to wait."""
 _CONNECT_S = 10.0
 _RESET = b"\1\0\0\0\0\0\0\0"
 """struct linger {1, 0}: close() sends a reset."""
 
 
 @dataclass(frozen=True)
-class RelayWay:
+class RelayLink:
     """Properties of the emulated link from now on; the default has no delay and no limits."""
 
     delay_s: float = 0.0
-    """One way: half of the round trip. Making a connection costs a round trip."""
+    """One-way delay in seconds, half of the round trip. Opening a connection costs a round trip."""
     rate_up_bps: float | None = None
-    """From this computer to the machine; None: unlimited."""
+    """Rate from this computer to the machine; None: unlimited."""
     rate_down_bps: float | None = None
-    """From the machine to this computer."""
+    """Rate from the machine to this computer; None: unlimited."""
     up: bool = True
-    """False: nothing arrives on either side, not even the end of a connection; what is under way is kept."""
+    """False: nothing arrives on either side, not even the end of a connection; data in transit are kept."""
     shapes: tuple[LinkShape, LinkShape] | None = None
-    """All that the link does from this computer to the machine, and back, in place of delay and rates."""
+    """Link behaviour from this computer to the machine and back, used instead of delay and rates; None: not used."""
 
     @property
     def tcp(self) -> TcpLink:
@@ -58,7 +58,7 @@ class RelayTraffic:
 
 
 _Line = asyncio.Queue[tuple[float, bytes | None]]
-"""When it arrives and what: no bytes are the end of what the sender says, None is a reset."""
+"""Arrival time and data; empty data ends the sender's stream, None is a reset."""
 
 
 class _Direction(Enum):
@@ -75,7 +75,7 @@ class Relay:
     def __init__(
         self, make: Callable[[], socket.socket], target: tuple[str, int], *, buffer: int | None = None
     ) -> None:
-        self._bearer = _RelayBearer()
+        self._bearer = _RelayCarrier()
         self._make = make
         self._target = target
         self._door = socket.create_server(("127.0.0.1", 0))
@@ -93,7 +93,7 @@ class Relay:
         """Traffic so far."""
         return self._bearer.traffic
 
-    def set(self, way: RelayWay) -> None:
+    def set(self, way: RelayLink) -> None:
         """Change the link; bytes in transit keep their arrival time."""
         asyncio.run_coroutine_threadsafe(self._bearer.set(way), self._loop).result()
 
@@ -136,16 +136,16 @@ class Relay:
                         end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
 
 
-class _RelayBearer:
+class _RelayCarrier:
     """State shared by all connections: the link, and whether it is up."""
 
     def __init__(self) -> None:
-        self._tcp = RelayWay().tcp
+        self._tcp = RelayLink().tcp
         self._air = asyncio.Event()
         self._air.set()
         self.traffic = RelayTraffic()
 
-    async def set(self, way: RelayWay) -> None:
+    async def set(self, way: RelayLink) -> None:
         self._tcp = way.tcp
         if way.up:
             self._air.set()
@@ -170,17 +170,17 @@ class _RelayBearer:
         await self._air.wait()
 
 
-async def _join(bearer: _RelayBearer, client: socket.socket, machine: socket.socket) -> None:
+async def _join(link: _RelayCarrier, client: socket.socket, machine: socket.socket) -> None:
     async with asyncio.TaskGroup() as tasks:
         for direction, source, sink in ((_Direction.UP, client, machine), (_Direction.DOWN, machine, client)):
             source.setblocking(False)
             source.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             line: _Line = asyncio.Queue(_PIECES)
-            tasks.create_task(_take(bearer, direction, source, line))
-            tasks.create_task(_deliver(bearer, sink, line))
+            tasks.create_task(_take(link, direction, source, line))
+            tasks.create_task(_deliver(link, sink, line))
 
 
-async def _take(bearer: _RelayBearer, direction: _Direction, source: socket.socket, line: _Line) -> None:
+async def _take(link: _RelayCarrier, direction: _Direction, source: socket.socket, line: _Line) -> None:
     """Read from the source and queue all data, the end of the connection included."""
     loop = asyncio.get_running_loop()
     data: bytes | None = b"more"
@@ -189,17 +189,17 @@ async def _take(bearer: _RelayBearer, direction: _Direction, source: socket.sock
             data = await loop.sock_recv(source, _PIECE)
         except ConnectionError:
             data = None
-        await line.put((bearer.arrival(direction, len(data or b"")), data))
+        await line.put((link.arrival(direction, len(data or b"")), data))
 
 
-async def _deliver(bearer: _RelayBearer, sink: socket.socket, line: _Line) -> None:
+async def _deliver(link: _RelayCarrier, sink: socket.socket, line: _Line) -> None:
     """Deliver queued data in order, each piece at its arrival time."""
     loop = asyncio.get_running_loop()
     last = 0.0
     while True:
         arrival, data = await line.get()
         last = max(last, arrival)
-        await bearer.until(last)
+        await link.until(last)
         if data is None:
             raise ConnectionResetError
         if not data:

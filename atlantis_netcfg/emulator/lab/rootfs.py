@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 BASE = ("systemd", "systemd-sysv", "dbus", "udev", "openssh-server", "python3", "iproute2", "sudo")
-"""What every machine has: it boots, answers SSH, and Ansible finds a Python."""
+"""Packages of every machine: it boots, accepts SSH, and has a Python for Ansible."""
 KEPT_DAYS = 30
-"""How long a tree is kept that nobody uses."""
+"""Days until an unused root file system tree is removed."""
 _DAY_S = 86_400.0
 _MOUNTS = Path("/proc/self/mountinfo")
 _RECIPE = 1
-"""Raise it when what a tree holds changes otherwise than by its packages."""
+"""Recipe version; increase it when the contents of a tree change for reasons other than its packages."""
 # A card that `provision image` has written lets nobody in by a password; its keys and its name are its own.
 _HOOKS = (
     'rm -f "$1"/etc/ssh/ssh_host_* "$1/etc/hostname" "$1/etc/machine-id"',
@@ -44,7 +44,7 @@ _HOOKS = (
 # Each package of dpkg's would wait for the disk by itself; the tree is written out once, before it gets its name.
 _QUICK = ("--dpkgopt=force-unsafe-io", '--customize-hook=rm -f "$1/etc/dpkg/dpkg.cfg.d/99mmdebstrap"')
 _MESSAGES = 6
-"""How many of mmdebstrap's last lines are told when it fails; those of its own progress are not."""
+"""Number of last lines of mmdebstrap shown on failure, not counting its progress output."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class TreeSpec:
     packages: tuple[str, ...] = ()
     release: str = "bookworm"
     mirror: str | None = None
-    """None: mmdebstrap's own choice, http://deb.debian.org/debian with updates and security."""
+    """URL of the mirror; None: the default of mmdebstrap, http://deb.debian.org/debian with updates and security."""
 
     @property
     def all_packages(self) -> tuple[str, ...]:
@@ -123,7 +123,7 @@ def _prune(place: Path, keep: Path) -> None:
             continue
         with suppress(OSError, hosts.MachineError), _alone(lock, wait=False):
             _remove(lock.with_suffix(".half"))
-            if tree.is_dir() and _is_outdated(lock) and not _stood_on(tree):
+            if tree.is_dir() and _is_outdated(lock) and not _is_in_use(tree):
                 tree.rename(lock.with_suffix(".half"))
                 _remove(lock.with_suffix(".half"))
 
@@ -138,7 +138,7 @@ def _release(version: str) -> list[int]:
     return [int(number) for number in re.findall(r"\d+", version)]
 
 
-def _stood_on(tree: Path) -> bool:
+def _is_in_use(tree: Path) -> bool:
     """Return whether a machine uses a tree, or a killed process left it mounted."""
     try:
         with _lock(tree, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX | fcntl.LOCK_NB):

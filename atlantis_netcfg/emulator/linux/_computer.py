@@ -207,10 +207,10 @@ def dpkg_query(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
 
 
 _PACKAGE_LINE = r"${Package}\t${Version}\n"
-"""Of dpkg-query, where no format is given."""
+"""Default output format of dpkg-query."""
 ProgramOutput = tuple[int, str, str]
 NOT_FOUND = 127
-"""Of a shell, for a program that is not there (POSIX, 2.8.2)."""
+"""Exit code of a shell for a program that does not exist (POSIX, 2.8.2)."""
 
 
 class Computer:
@@ -218,9 +218,9 @@ class Computer:
 
     def __init__(self, spec: _spec.ComputerSpec, clock: Callable[[], float] = time.time) -> None:
         self.spec = spec
-        """May be replaced at any time; the next answer is from the new one."""
+        """Specification; may be replaced at any time and applies from the next response on."""
         self.inputs: list[tuple[str, ...]] = []
-        """Every command line that came."""
+        """All command lines received."""
         self._clock = clock
 
     @property
@@ -308,10 +308,10 @@ _PROGRAMS: dict[str, Callable[[Computer, Sequence[str]], ProgramOutput]] = {
 }
 
 _CARD = "02:00:5E:00:FA:01"
-"""Of no real device."""
+"""MAC address that no real device has."""
 
 
-def lan_computer(  # noqa: PLR0913 - each is one value of a declaration
+def lan_computer(  # noqa: PLR0913 - each is one value of an inventory
     name: str,
     *,
     address: str,

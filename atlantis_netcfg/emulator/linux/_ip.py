@@ -205,7 +205,7 @@ def _get(spec: _spec.ComputerSpec, words: Sequence[str]) -> ProgramOutput:
 
 
 _ARP_S = 3.0
-"""Three questions, one a second (arp(7): mcast_solicit, retrans_time)."""
+"""Seconds for three ARP requests, one a second (arp(7): mcast_solicit, retrans_time)."""
 _WITH_VALUE = ("-c", "-i", "-W", "-I", "-s", "-w")
 
 

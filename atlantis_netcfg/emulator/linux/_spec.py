@@ -17,9 +17,9 @@ class AddressSpec(_Spec):
     """An address of an interface."""
 
     address: str
-    """With its prefix length: `10.64.1.10/24`."""
+    """Address with prefix length: `10.64.1.10/24`."""
     lease_s: int | None = None
-    """What is left of its lease: leased addresses are `dynamic`; None: it is permanent."""
+    """Remaining lease time in seconds, with the flag `dynamic`; None: the address is permanent."""
 
     @model_validator(mode="after")
     def _address(self) -> Self:
@@ -34,9 +34,9 @@ class AssociationSpec(_Spec):
     bssid: str
     signal_dbm: int = -52
     chains_dbm: tuple[int, ...] = (-54, -55)
-    """Of each antenna; none: the driver does not tell."""
+    """Signal of each antenna; empty: the driver does not report it."""
     rate_mbps: float = 54.0
-    """Of both directions."""
+    """Rate of both directions."""
     frequency_mhz: int = 5180
     connected_s: int = 240
     inactive_ms: int = 12
@@ -50,18 +50,18 @@ class InterfaceSpec(_Spec):
 
     name: str
     mac: str | None = None
-    """None: a tunnel has none."""
+    """MAC address; None: a tunnel, which has none."""
     addresses: tuple[AddressSpec, ...] = ()
     up: bool = True
-    """False: no cable, no association."""
+    """False: no cable or no association."""
     mtu: int = 1500
     wireless: bool = False
     type: str = "managed"
-    """Of a wireless one: `managed`, `AP`, `monitor`."""
+    """Type of a wireless interface: `managed`, `AP`, `monitor`."""
     association: AssociationSpec | None = None
-    """Of a wireless one; None: it is associated with nobody. Of an access point: the network that it opens."""
+    """Association of a wireless interface; None: not associated. For an access point: its own network."""
     stations: tuple[AssociationSpec, ...] = ()
-    """Of an access point: who has joined it."""
+    """Stations associated with an access point."""
     rx_errors: int = 0
     tx_errors: int = 0
 
@@ -73,7 +73,7 @@ class RouteSpec(_Spec):
     via: str | None = None
     dev: str
     protocol: str = "static"
-    """`static`, `dhcp`, `boot` (of a command `ip route add`)."""
+    """Origin of the route: `static`, `dhcp`, or `boot` (from a command `ip route add`)."""
     metric: int | None = None
 
 
@@ -83,7 +83,7 @@ class NeighbourSpec(_Spec):
     address: str
     dev: str
     mac: str | None
-    """None: nobody has answered."""
+    """MAC address; None: no response was received."""
     state: str = "REACHABLE"
 
 
@@ -99,10 +99,10 @@ class TimeSpec(_Spec):
 
     zone: str = "Europe/Lisbon"
     offset_s: float = 0.0
-    """How far its clock is ahead of the right time."""
+    """Seconds by which the clock is ahead of the correct time."""
     is_synchronised: bool = True
     ntp: bool = True
-    """Whether something is switched on that sets the clock."""
+    """Whether a service that sets the clock is enabled."""
     chrony: bool = True
     """Whether chronyd runs."""
     server: str = "192.0.2.123"
@@ -121,11 +121,11 @@ class ReflectorSpec(_Spec):
     """Responses of another computer of the pilot to messages."""
 
     host: str
-    """The name that it gives itself."""
+    """Host name in its responses."""
     rtt_ms: float = Field(default=62.0, ge=0)
     loss_percent: float = Field(default=0, ge=0, le=100)
     arrives_by: str = "tun0"
-    """The interface by which the messages reach it, as it says."""
+    """Interface by which messages reach it, according to its responses."""
 
 
 class DdsSpec(_Spec):
@@ -133,7 +133,7 @@ class DdsSpec(_Spec):
 
     domain: int = Field(default=0, ge=0, le=101)
     addresses: tuple[str, ...]
-    """At which it says that it is reached: that of the loopback alone is of no use to anybody else."""
+    """Addresses that it announces; a loopback address alone is useless to other computers."""
 
 
 class OfferSpec(_Spec):
@@ -144,7 +144,7 @@ class OfferSpec(_Spec):
     address: str
     router: str | None = None
     knows: tuple[str, ...] = ()
-    """It answers these cards and nobody else; none: everybody."""
+    """MAC addresses to which the server responds; empty: all."""
 
 
 class AdvertisementSpec(_Spec):
@@ -173,30 +173,30 @@ class ComputerSpec(_Spec):
     routes: tuple[RouteSpec, ...] = ()
     neighbours: tuple[NeighbourSpec, ...] = ()
     echoes: dict[str, EchoSpec] = Field(default_factory=dict)
-    """Address to how it answers; whoever is not named does not."""
+    """Address to its ping responses; other addresses do not respond."""
     time: TimeSpec = TimeSpec()
     country: str = "PT"
-    """Regulatory domain of its radios; `00` is that of a board where nobody has set one."""
+    """Regulatory domain of the radios; `00` is a board on which none was set."""
     files: dict[str, str] = Field(default_factory=dict)
-    """Path to text. `/proc/net/udp` is made from `udp`."""
+    """Path to text. `/proc/net/udp` is derived from `udp`."""
     unreadable_paths: tuple[str, ...] = ()
-    """Paths that are there, and may not be read."""
+    """Existing paths without read permission."""
     certificates: dict[str, tuple[CertificateSpec, ...]] = Field(default_factory=dict)
-    """Path to the certificates in that file, beside which it has a key of OpenVPN's own."""
+    """Path to the certificates in that file, which also contains an OpenVPN key."""
     udp: tuple[UdpSpec, ...] = ()
     dds: tuple[DdsSpec, ...] = ()
-    """Participants that answer; that their ports are bound, `udp` says."""
+    """DDS participants that respond; their bound ports are in `udp`."""
     reflectors: dict[str, ReflectorSpec] = Field(default_factory=dict)
-    """Address to who answers messages there; whoever is not named does not."""
+    """Address to the reflector that responds there; other addresses do not respond."""
     dhcp: dict[str, tuple[OfferSpec, ...]] = Field(default_factory=dict)
-    """Interface to the servers that answer on its segment."""
+    """Interface to the DHCP servers that respond on its segment."""
     routers: dict[str, tuple[AdvertisementSpec, ...]] = Field(default_factory=dict)
-    """Interface to the IPv6 routers that answer on its segment."""
+    """Interface to the IPv6 routers that respond on its segment."""
     kernel: str = "6.1.0-28-arm64"
-    """Its release, as `uname -r` prints it."""
+    """Kernel release, as printed by `uname -r`."""
     machine: str = "aarch64"
     packages: dict[str, str] = Field(default_factory=dict)
-    """Installed package to its version; dpkg knows no other."""
+    """Installed package to its version; dpkg knows only these."""
     lacks: tuple[str, ...] = ()
     """Programs that are not installed."""
 

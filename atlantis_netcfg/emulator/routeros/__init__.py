@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.lazy_imports import homes
+from atlantis_netcfg.core.lazy_imports import lazy_getattr
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import NOT_REHEARSED
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         DeviceMode,
         DeviceModeName,
         DiscoveryNeighbour,
+        EmulatorSpec,
         Environment,
         Execute,
         Load,
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
         RouterSpec,
         SimSpec,
         SiteSpec,
-        TwinSpec,
         User,
         Validity,
     )
@@ -62,6 +62,7 @@ __all__ = [
     "EmulatedRouter",
     "EmulatedSite",
     "EmulatorError",
+    "EmulatorSpec",
     "Environment",
     "Execute",
     "FaultKind",
@@ -80,7 +81,6 @@ __all__ = [
     "SiteSpec",
     "SpawnedSite",
     "TrafficCounters",
-    "TwinSpec",
     "User",
     "Validity",
     "WireBehaviour",
@@ -88,7 +88,7 @@ __all__ = [
     "spawn",
 ]
 
-__getattr__ = homes(
+__getattr__ = lazy_getattr(
     __name__,
     {
         "answers": ("NOT_REHEARSED",),
@@ -114,7 +114,7 @@ __getattr__ = homes(
             "RouterSpec",
             "SimSpec",
             "SiteSpec",
-            "TwinSpec",
+            "EmulatorSpec",
             "User",
             "Validity",
         ),

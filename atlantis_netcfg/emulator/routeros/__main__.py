@@ -22,13 +22,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.emulator.routeros.control import ControlError, obey
+from atlantis_netcfg.emulator.routeros.control import ControlError, execute
 from atlantis_netcfg.emulator.routeros.site import EmulatedSite
 from atlantis_netcfg.emulator.routeros.spec import SiteSpec
 
 _STDIN = 0
 _OBJECTS = 50_000
-"""Between two looks for garbage, and none at the end: as in the command line, with which a rehearsal waits for us."""
+"""Threshold of the garbage collector; none runs at exit. As in the command line: a rehearsal would wait for it."""
 
 
 def main() -> int:
@@ -103,8 +103,8 @@ def _listen(loop: asyncio.AbstractEventLoop, lines: asyncio.Queue[str | None]) -
 async def _answer(site: EmulatedSite, line: str) -> dict[str, Any]:
     try:
         command = dict(json.loads(line))
-        twin, do = command.pop("twin"), command.pop("do")
-        return {"ok": True, "twin": twin, "do": do, "result": await obey(site, twin, do, command)}
+        emulator, do = command.pop("twin"), command.pop("do")
+        return {"ok": True, "twin": emulator, "do": do, "result": await execute(site, emulator, do, command)}
     except ControlError as refused:
         return {"ok": False, "error": str(refused), "hint": refused.hint}
     except (KeyError, TypeError, ValueError) as error:

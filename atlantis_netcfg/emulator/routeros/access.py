@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _LENGTH = 4
 _FIELDS = {"ssh-ed25519": 2, "ssh-rsa": 3}
-"""How many strings a key is made of, its kind included (RFC 8709, RFC 4253)."""
+"""Number of strings in a key, including its type (RFC 8709, RFC 4253)."""
 _ED25519_BITS = 256
 
 _LOGIN_REFUSAL = "invalid user name or password (6)"
@@ -132,7 +132,7 @@ FLAGGED_MESSAGE = (
     "failure: configuration flagged, check all router configuration for unauthorized changes and update device-mode"
 )
 SUSPICIOUS = ("scheduler", "pptp", "l2tp", "ipsec", "socks", "proxy", "smb")
-"""Features of which a flagged router refuses new or enabled entries."""
+"""Features for which a flagged router rejects new or enabled entries."""
 
 _EVERY = frozenset(DeviceModeName)
 _NOT_HOME = _EVERY - {DeviceModeName.HOME}
@@ -160,7 +160,7 @@ FEATURES: dict[str, frozenset[DeviceModeName]] = {
     "partitions": _NOBODY,
     "routerboard": _NOBODY,
 }
-"""Modes in which a feature is allowed."""
+"""Feature to the modes in which it is allowed."""
 
 
 COMMANDS = {
@@ -174,7 +174,7 @@ COMMANDS = {
     "/tool/traffic-generator/quick": "traffic-gen",
     "/tool/traffic-generator/start": "traffic-gen",
 }
-"""Commands that are refused where their feature is not allowed."""
+"""Commands that are rejected where their feature is not allowed."""
 
 
 def is_allowed(spec: RouterSpec, feature: str) -> bool:

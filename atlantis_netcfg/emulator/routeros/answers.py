@@ -51,7 +51,7 @@ class Answer:
 
 
 DISK_FULL = "failure: disk full"
-"""What a command says that would write more than the flash can take. Assumption: refusal-words"""
+"""Error message of a command that would exceed the flash's free space. Assumption: refusal-words"""
 DONE_REPLY = Answer("!done")
 EMPTY = Answer("!empty")
 
@@ -98,4 +98,4 @@ NOT_REHEARSED = (
     "what a package contains: names, versions and architectures only; the configuration is not converted",
     "button presses",
 )
-"""What a run against router twins says nothing about; the rehearsal's report prints it."""
+"""Limits of a rehearsal with emulated routers; printed in the rehearsal's report."""

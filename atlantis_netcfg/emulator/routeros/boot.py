@@ -154,10 +154,10 @@ def _comment(text: str) -> str:
 
 
 SYSTEM = Caller(0, "*sys", "full", "local", "", 0.0)
-"""Who seeds the router and runs its schedulers."""
+"""Caller that seeds the router and runs its scheduled scripts."""
 _MARK = "atlantis: management"
 _LOOPBACK_ID = 0x1000000
-"""Out of the way of the other interfaces; nobody has published the real one."""
+"""Outside the range of the other interfaces; the real id is not published."""
 _BUILTIN_USER = "system default user"
 
 

@@ -192,11 +192,11 @@ class OvpnProfile:
     """Interface settings, certificates and key of an imported profile."""
 
     values: Mapping[str, str]
-    """Of the interface, as `add` takes them."""
+    """Properties of the interface, as accepted by `add`."""
     certificates: str
     """PEM text of the blocks `ca`, `cert` and `key`."""
     wrap: str | None = field(repr=False)
-    """The key of `tls-crypt`, which no menu shows."""
+    """Key of `tls-crypt`, which no menu shows."""
 
 
 def read_ovpn(text: str, *, wraps: bool) -> OvpnProfile:

@@ -13,8 +13,8 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.routeros.answers import Trap
-from atlantis_netcfg.emulator.routeros.environment import move
-from atlantis_netcfg.emulator.routeros.modem import refit
+from atlantis_netcfg.emulator.routeros.environment import update_surroundings
+from atlantis_netcfg.emulator.routeros.modem import update_modem
 from atlantis_netcfg.emulator.routeros.network.traffic import carry
 from atlantis_netcfg.emulator.routeros.site import EmulatedSite, describe
 from atlantis_netcfg.emulator.routeros.wire.link import LinkFault, RouterLink, WireBehaviour
@@ -25,40 +25,40 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.router import EmulatedRouter
 
 _AIR = "air"
-"""The one command that is about two twins."""
+"""The only command that refers to two emulated routers."""
 
 
 class ControlError(UsageError, ValueError):
     """A control command that is unknown or invalid."""
 
 
-async def obey(site: EmulatedSite, twin: str, do: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 (JSON of any shape)
+async def execute(site: EmulatedSite, emulator: str, do: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 (JSON of any shape)
     """Execute one control command; the result is JSON-able. Raises ControlError."""
-    if twin not in site.routers:
-        raise ControlError(f"no twin is called {twin!r}", hint=f"there are: {', '.join(site.routers)}")
+    if emulator not in site.routers:
+        raise ControlError(f"no twin is called {emulator!r}", hint=f"there are: {', '.join(site.routers)}")
     if do not in {*COMMANDS, _AIR}:
         raise ControlError(f"twins do not know {do!r}", hint=f"they know: {', '.join(sorted([*COMMANDS, _AIR]))}")
     try:
         if do == _AIR:
-            return _air(site, twin, arguments)
-        bound = inspect.signature(COMMANDS[do]).bind(site.routers[twin], **arguments)
+            return _air(site, emulator, arguments)
+        bound = inspect.signature(COMMANDS[do]).bind(site.routers[emulator], **arguments)
         return await COMMANDS[do](*bound.args, **bound.kwargs)
     except (LookupError, TypeError, ValidationError, Trap) as refused:
         raise ControlError(f"{do}: {refused}") from refused
 
 
-def _air(site: EmulatedSite, twin: str, changes: Mapping[str, Any]) -> None:
+def _air(site: EmulatedSite, emulator: str, changes: Mapping[str, Any]) -> None:
     """Change the path between both ends of a radio link; omitted values are kept."""
     link = next(
         (
             radio_link
             for radio_link in site.links
-            if site.routers[twin] in {radio_link.near.router, radio_link.far.router}
+            if site.routers[emulator] in {radio_link.near.router, radio_link.far.router}
         ),
         None,
     )
     if link is None:
-        raise LookupError(f"{twin} is at no end of a radio link")
+        raise LookupError(f"{emulator} is at no end of a radio link")
     link.change(type(link.air).model_validate({**link.air.model_dump(), **changes}))
 
 
@@ -95,13 +95,13 @@ async def _silence(router: EmulatedRouter, addresses: list[str]) -> None:
 
 
 async def _modem(router: EmulatedRouter, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by ModemSpec)
-    values = refit(router.device.core, changes)
+    values = update_modem(router.device.core, changes)
     router.spec = router.device.spec = router.device.core.spec
     return values
 
 
 async def _around(router: EmulatedRouter, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by Around)
-    values = move(router.device.core, changes)
+    values = update_surroundings(router.device.core, changes)
     router.spec = router.device.spec = router.device.core.spec
     return values
 
@@ -132,11 +132,11 @@ async def _disarm(router: EmulatedRouter) -> None:
 
 
 async def _link(router: EmulatedRouter, **link: Any) -> None:  # noqa: ANN401 (validated by Link)
-    router.relink(RouterLink.model_validate(link))
+    router.set_link(RouterLink.model_validate(link))
 
 
 async def _knobs(router: EmulatedRouter, **knobs: Any) -> None:  # noqa: ANN401 (validated by Knobs)
-    router.turn(WireBehaviour.model_validate(knobs))
+    router.set_behaviour(WireBehaviour.model_validate(knobs))
 
 
 async def _console(router: EmulatedRouter, words: list[str], user: str | None = None) -> list[list[str]]:
@@ -186,4 +186,4 @@ COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "rekey": _rekey,
     "wrapped": _is_wrapped,
 }
-"""What `do` may say; the function's parameters are the command's arguments."""
+"""Values of `do`; the parameters of the function are the command's arguments."""

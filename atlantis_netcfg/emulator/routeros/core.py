@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 _LOG_LINES = 1000
 NETWATCH_GROUP = "*netwatch"
 NETWATCH_POLICIES = frozenset({"read", "reboot", "test", "write"})
-"""What scripts of netwatch may do, whoever has written them (Manual, Netwatch)."""
+"""Permissions of netwatch scripts, whoever wrote them (Manual, Netwatch)."""
 GREETINGS = ("licence", "default-configuration", "password")
-"""The questions of a first login, in their order."""
+"""Prompts at the first login, in order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,15 +63,15 @@ class NetwatchState:
     """State of a `/tool/netwatch` row: the current test and the last results."""
 
     values: dict[str, str]
-    """The row's own values when it began; others, and it begins anew."""
+    """Properties of the row when its test started; a change restarts it."""
     at: float
-    """When something is to be done for it: send a packet, or give up waiting."""
+    """Time of the next action: send a packet, or stop waiting."""
     start: float
-    """When its test began."""
+    """Start time of the test."""
     sent_count: int = 0
     answer_count: int = 0
     waiting: bool = False
-    """Every packet is sent, and not every one answered."""
+    """Whether all packets are sent and at least one has no response yet."""
     status: str = "unknown"
     since: float = 0.0
     test_count: int = 0
@@ -96,7 +96,7 @@ class WatchedHost:
     rows: dict[int, NetwatchState] = field(default_factory=dict)
     gateways: dict[IPv4Address, NextHop] = field(default_factory=dict)
     revision: int | None = None
-    """Of the configuration when this was brought into line with it; None: the router has just started."""
+    """Configuration revision at the last synchronisation; None: the router has just started."""
 
 
 class Core:
@@ -108,60 +108,60 @@ class Core:
         self.spec = spec
         self.now = now
         self.dispatch = dispatch
-        """Carry out a command: scripts of the router run commands, and commands run scripts."""
+        """Executes a command: scripts run commands, and commands run scripts."""
         self.started = now()
         self.schema = Schema(spec.version, spec.packages, features_of(spec.board, poe=bool(spec.poe_ports)))
         self.store = RowStore(self.schema, reuses_ids=Deviation.IDS in spec.deviations)
         self.octets: dict[str, tuple[int, int]] = {}
-        """Factory name of a port to the bytes received and sent since the start: of our sessions and its pings only."""
+        """Factory name of a port to bytes received and sent since the start: only our sessions and its pings."""
         self.met: dict[tuple[str, int], tuple[int, int]] = {}
-        """Menu and row of a rule to the packets and octets that it has met: of its own pings, and what was carried."""
+        """Menu and row of a rule to the packets and octets it matched: the router's own pings and forwarded traffic."""
         self.history = ActionHistory(spec.history_limit)
         self.first_names: dict[str, str] = {}
-        """New names of interfaces to earlier ones, as long as routes show these (`Deviation.NAMES`)."""
+        """New interface names to earlier ones while routes still show the earlier ones (`Deviation.NAMES`)."""
         self.sessions: dict[int, answers.Caller] = {}
         self.listeners: list[Listener] = []
         self.outbox: list[tuple[int, str, answers.Answer]] = []
-        """Later answers: session, tag, answer."""
+        """Responses to be sent later: session, tag, response."""
         self.files: dict[str, FlashFile] = {}
         self.log: list[Record] = []
         self.wants_reboot = False
         self.ended: set[int] = set()
-        """Sessions that somebody asked to end: whoever owns the sockets closes them."""
+        """Sessions to be ended; the owner of the sockets closes them."""
         self.certificates: dict[str, dict[str, str]] = {}
-        """Properties of certificates that whoever made them knows: fingerprint, validity."""
+        """Properties of certificates set by their creator: fingerprint, validity."""
         self.keys: dict[int, str] = {}
-        """Key and certificate of rows of `/certificate`, as PEM text; a row without is a template still unsigned."""
+        """Key and certificate of rows of `/certificate` as PEM text; a row without them is an unsigned template."""
         self.wraps: dict[int, str] = {}
-        """Keys of tls-crypt, by interface: an import brings them, and no menu shows them."""
+        """Keys of tls-crypt by interface: set by an import, shown by no menu."""
         self.ran: dict[int, float] = {}
-        """When each job of the scheduler ran last."""
+        """Time of the last run of each scheduler job."""
         self.run_counts: dict[int, int] = {}
         self.expires: dict[int, float] = {}
-        """When dynamic entries of address lists go."""
+        """Expiry times of dynamic address-list entries."""
         self.scheduled_since: dict[int, float] = {}
-        """When each job was seen first: what should have run before will not."""
+        """Time when each job was first seen; runs due before that are skipped."""
         self.menus: dict[int, str] = {}
-        """Where in the tree of menus each console session stands, if not at its root."""
+        """Current menu path of each console session that is not at the root."""
         self.numbered: dict[tuple[int, str], list[str]] = {}
-        """Ids by row number, as a console session has last seen a menu printed."""
+        """Ids by row number, from the last print of a menu in a console session."""
         self.notices: list[tuple[int, str]] = []
-        """What the console has to tell a session without being asked: session, text."""
+        """Unsolicited console messages: session, text."""
         self.greetings: tuple[str, ...] = GREETINGS if spec.factory else ()
-        """What the console still has to ask whoever logs in first."""
+        """Prompts that the first user to log in has yet to answer."""
         self.radios: dict[str, RadioState] = {}
-        """What each radio sees, by factory name; whoever emulates the air says so."""
+        """State of each radio by factory name, set by the emulated radio link."""
         self.linked: frozenset[int] = frozenset()
-        """Radios that are connected to another one, and a modem that is connected to its network."""
+        """Radios connected to another radio, and a modem connected to its network."""
         self.sim = SimState(spec.modem.sim.tries if spec.modem is not None and spec.modem.sim is not None else 0)
         self.silent: frozenset[IPv4Address] = frozenset()
-        """Addresses from which no answer comes, whatever way a packet takes; whoever emulates the world says so."""
+        """Addresses that do not respond by any route; set by the emulator of the surroundings."""
         self.dead: frozenset[IPv4Address] = frozenset()
-        """Gateways that `check-gateway` has given up."""
+        """Gateways that `check-gateway` found unreachable."""
         self.watched = WatchedHost()
         self.boot_clock = spec.clock
         self.script_cache: dict[str, list[Any]] = {}
-        """Statements of the scripts that ran (`console.run`): a watched host runs its script at each test."""
+        """Parsed statements of executed scripts (`console.run`): a watched host runs its script at each test."""
         self._topology: Topology | None = None
         self._numbers = 0
 
@@ -240,15 +240,15 @@ class SimState:
 
     tries_left: int
     pins_entered: int = 0
-    """How often a PIN has reached the card since the twin was made: what a test counts."""
+    """Number of PINs that reached the card since the emulator was created; counted for tests."""
     is_unlocked: bool = False
     is_refused: bool = False
-    """The latest PIN was wrong."""
+    """Whether the latest PIN was wrong."""
     tried_pin: str | None = None
-    """The PIN that the modem has entered since it was started, or since another one was set."""
+    """PIN entered by the modem since its start or since another PIN was set; None: none yet."""
     connected_since: float | None = None
     last_line: str = ""
-    """The last line of the log about the card, so that each is written once."""
+    """Last log line about the card, so that each is written only once."""
 
     def enter(self, pin: str, right: str) -> None:
         """Enter a PIN: the card counts wrong ones, and a correct one resets the count."""
@@ -296,7 +296,7 @@ class Call:
     unset: tuple[str, ...] = ()
     queries: tuple[str, ...] = ()
     console: bool = False
-    """Typed or scripted, not sent as an API sentence: rows may be called by their number."""
+    """From a console or script, not an API sentence: rows may be addressed by number."""
 
     @property
     def path(self) -> str:
@@ -312,7 +312,7 @@ class CallResult:
     ret: str | None = None
     text: str = ""
     listing: bool = False
-    """A print: without rows the API answers `!empty` from 7.18."""
+    """Output of a print: without rows the API answers `!empty` from 7.18."""
 
 
 Handler = Callable[["Core", Call], CallResult]
@@ -342,7 +342,7 @@ class Service:
     max_sessions: int
     tls_version: str
     address: str = ""
-    """Networks that it talks to, as `/ip/service` has them; empty is everybody."""
+    """Networks accepted as clients, as in `/ip/service`; empty: all."""
 
     def admits(self, caller: str) -> bool:
         """Return whether the service accepts this address; others get a closed connection (Manual, Services)."""

@@ -27,7 +27,7 @@ __all__ = []
 _Row = dict[str, str]
 
 
-def move(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
+def update_surroundings(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Change the surroundings of a running router; omitted values are kept. Raises ValueError for invalid ones."""
     around = Environment.model_validate({**core.spec.around.model_dump(), **changes})
     core.spec = core.spec.model_copy(update={"around": around})

@@ -41,7 +41,7 @@ class ModemPhase(Enum):
     SEARCHING = auto()
     DENIED = auto()
     REGISTERED = auto()
-    """Without data: roaming is not allowed, or the network does not know the APN."""
+    """Registered without data: roaming is not allowed, or the network does not know the APN."""
     CONNECTED = auto()
 
 
@@ -147,7 +147,7 @@ def settle(core: Core) -> None:
     _connect(core, mine, up=phase is ModemPhase.CONNECTED)
 
 
-def refit(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
+def update_modem(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Change the card (`sim`) or network (`cell`) of a running modem; None removes it. Return the new state.
 
     Omitted properties are kept. Raises LookupError if the board has no modem, ValueError for invalid values.

@@ -62,7 +62,7 @@ class EmulatedRouter:
         self._consoles: dict[str, Caller] = {}
         self._serial: SerialLine | None = None
         self._ahead_s = 0.0
-        """How far the time of the router is ahead of ours."""
+        """Seconds by which the router's time is ahead of this computer's."""
         self._radio: Callable[[], None] | None = None
         self._carried: Callable[[], bool] | None = None
 
@@ -82,8 +82,8 @@ class EmulatedRouter:
             others={"ssh": self._shell},
         )
         self._board.ahead_s = self._ahead_s
-        self.relink(self._link)
-        self.turn(self._knobs)
+        self.set_link(self._link)
+        self.set_behaviour(self._knobs)
         self.on_radio(self._radio, self._carried)
         self._consoles.clear()
         if self.spec.serial:
@@ -210,11 +210,11 @@ class EmulatedRouter:
         self._board.tell()
         return answers
 
-    def relink(self, link: RouterLink) -> None:
+    def set_link(self, link: RouterLink) -> None:
         """Change the link for all data sent from now on."""
-        self._link = self._board.bearer.link = link
+        self._link = self._board.link.link = link
 
-    def turn(self, knobs: WireBehaviour) -> None:
+    def set_behaviour(self, knobs: WireBehaviour) -> None:
         """Change the adjustable behaviour."""
         self._knobs = knobs
         self._board.turn(knobs)

@@ -62,11 +62,11 @@ class RunningSite:
         if self._failure is not None:
             raise self._failure
 
-    def do(self, twin: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
+    def do(self, emulator: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
         """Send a control command to one router and wait for the result. Raises ControlError."""
-        from atlantis_netcfg.emulator.routeros.control import obey  # noqa: PLC0415 - see above
+        from atlantis_netcfg.emulator.routeros.control import execute  # noqa: PLC0415 - see above
 
-        work = obey(self.site, twin, command, arguments)
+        work = execute(self.site, emulator, command, arguments)
         return asyncio.run_coroutine_threadsafe(work, self._loop).result(_PATIENCE_S)
 
     def _run(self) -> None:
@@ -103,10 +103,10 @@ class SpawnedSite:
     ) -> None:
         self.close()
 
-    def do(self, twin: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
+    def do(self, emulator: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
         """Send a control command and wait. Raises ControlError, or EmulatorError if the process has ended."""
         with self._turn:
-            self._say({"twin": twin, "do": command, **arguments})
+            self._say({"twin": emulator, "do": command, **arguments})
             answer = self._hear()
         if not answer["ok"]:
             from atlantis_netcfg.emulator.routeros.control import ControlError  # noqa: PLC0415 - see above
@@ -132,8 +132,8 @@ class SpawnedSite:
         if not values["ready"]:
             self.close()
             raise EmulatorError(f"the twins of {values['site']} do not start: {values['error']}")
-        twins: dict[str, Any] = values["twins"]
-        return twins
+        emulators: dict[str, Any] = values["twins"]
+        return emulators
 
     def _say(self, command: dict[str, Any]) -> None:
         try:
@@ -162,10 +162,10 @@ def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
     """Start the emulated routers of `spec` in a separate process, and wait until they listen."""
     file, log = state_dir / "site.json", state_dir / "twins.log"
     write_private(file, spec.model_dump_json(indent=1).encode())
-    twins = (sys.executable, "-m", "atlantis_netcfg.emulator.routeros", str(file))
+    emulators = (sys.executable, "-m", "atlantis_netcfg.emulator.routeros", str(file))
     with log.open("ab") as errors:
         process = subprocess.Popen(  # noqa: S603 (our own interpreter and module)
-            (*twins, "--state", str(state_dir), "--owner", str(os.getpid())),
+            (*emulators, "--state", str(state_dir), "--owner", str(os.getpid())),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,

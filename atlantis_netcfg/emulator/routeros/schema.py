@@ -141,11 +141,11 @@ UNSEEN = (
     "/system/swos",
     "/zerotier",
 )
-"""Menus of boards that exports (7.1 to 7.23) hold and no published tree shows; each board has some of them."""
+"""Menus in exports (7.1 to 7.23) that no published tree shows; each board has some of them."""
 UNSEEN_UNTIL = {"/interface/wifiwave2": "7.13"}
-"""Menus that exports hold and that went, with the version that lacks them first."""
+"""Menus in exports that were removed later, with the first version that lacks them."""
 OLDEST_TREE = "7.9"
-"""The oldest version of which a command tree was published: what an older one has beside it, nobody can say."""
+"""Oldest version with a published command tree; additional menus or arguments of older versions are unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +206,7 @@ ADDITIONS = (
 the manual (L3 Hardware Offloading) still describes them. Assumption: board-hw-offload"""
 
 WITHIN_ROUTEROS = {"wireless": "7.13"}
-"""Before that version the package was part of RouterOS itself (Manual, Packages)."""
+"""Packages that were part of RouterOS itself before that version (Manual, Packages)."""
 
 PACKAGE_MENUS = (
     ("calea", "/interface/bridge/calea"),
@@ -229,9 +229,9 @@ PACKAGE_MENUS = (
 
 
 _FIRST = {"7.18.2": "7.18"}
-"""The first version with the very tree of a later one: 7.18 and 7.18.1 are identical to 7.18.2."""
+"""First version with the same tree as a later one: 7.18 and 7.18.1 are identical to 7.18.2."""
 _WHOLE = ("7.16", "7.18.2", "7.21.5")
-"""Trees that are files of their own; of the others the changes are kept (`data/README.md`)."""
+"""Trees stored as complete files; the others are stored as changes (`data/README.md`)."""
 _MENU_TYPES = ("dir", "path")
 _PRINT_FORMS = ("getall", "listen")
 _REQUIRED_FILE, _OLDEST_NEEDED = "required.json", "7.20.8"
@@ -277,7 +277,7 @@ def _merge_patch(node: Mapping[str, Any], patch: Mapping[str, Any]) -> dict[str,
 
 
 TREES = tuple(sorted((*_WHOLE, *_load("changes.json.gz")), key=version_key))
-"""Versions with a tree, from the oldest to the newest."""
+"""Versions with a tree, oldest first."""
 
 
 @cache
@@ -289,9 +289,9 @@ def offered_values(menu: str, argument: str) -> tuple[str, ...]:
 
 
 _NAMING = (("get", "number"), ("print", "from"), ("set", "numbers"))
-"""Commands and arguments by whose offer the console tells which rows a menu has."""
+"""Commands and arguments whose offered values in the console show the rows of a menu."""
 _NO_ROW = frozenset({"", "all", "any", "global", "no-queue", "none"})
-"""Words that stand beside the names of rows."""
+"""Words offered besides the names of rows."""
 
 
 @cache
@@ -345,7 +345,7 @@ class Schema:
     version: str
     packages: tuple[str, ...] = ("routeros",)
     features: frozenset[str] = frozenset()
-    """Of `supplement.BOARD_FEATURES`: what a Cloud Hosted Router lacks and this board has."""
+    """Features from `BOARD_FEATURES`: present on this board, missing in a Cloud Hosted Router."""
 
     def at_least(self, version: str) -> bool:
         """Return whether the router runs `version` or a newer one."""
@@ -404,9 +404,9 @@ class _Words:
     """Differences between a router's vocabulary and its command tree."""
 
     additions: Mapping[str, Mapping[str, frozenset[str]]]
-    """By menu and command: arguments."""
+    """Arguments by menu and command."""
     lacking: frozenset[tuple[str, str, str]]
-    """Menu, command, argument; the last two are empty where the whole menu, the last where the whole command lacks."""
+    """Menu, command, argument. Empty argument: the whole command is missing; empty command: the whole menu."""
 
 
 @cache

@@ -20,14 +20,14 @@ class EmulatedSite:
     def __init__(self, spec: SiteSpec, state_dir: Path) -> None:
         self.spec = spec
         self.routers = {
-            twin.router.name: EmulatedRouter(
-                twin.router,
-                state_dir=state_dir / twin.router.name,
-                link=twin.link,
-                knobs=twin.knobs,
-                ports=twin.ports,
+            emulator.router.name: EmulatedRouter(
+                emulator.router,
+                state_dir=state_dir / emulator.router.name,
+                link=emulator.link,
+                knobs=emulator.knobs,
+                ports=emulator.ports,
             )
-            for twin in spec.twins
+            for emulator in spec.emulators
         }
         self.links = tuple(RadioLink(pair, self.routers[pair.near], self.routers[pair.far]) for pair in spec.pairs)
         self._running: list[EmulatedRouter] = []
@@ -52,7 +52,7 @@ class EmulatedSite:
         while self._running:
             try:
                 await self._running.pop().stop()
-            except Exception as failure:  # noqa: BLE001 (the other twins have to be stopped, too)
+            except Exception as failure:  # noqa: BLE001 (the other emulators have to be stopped, too)
                 failures.append(failure)
         if failures:
             raise ExceptionGroup(f"twins of {self.spec.name}", failures)

@@ -70,7 +70,7 @@ class Boot:
     spec: RouterSpec
     files: Mapping[str, FlashFile]
     log: tuple[tuple[str, str], ...] = ()
-    """Topics and message."""
+    """Log entries: topics and message."""
 
 
 def boot_with(spec: RouterSpec, files: Mapping[str, FlashFile]) -> Boot:

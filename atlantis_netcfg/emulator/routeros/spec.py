@@ -84,47 +84,47 @@ class Deviation(StrEnum):
     """
 
     AMBIGUOUS = "console-ambiguous"
-    """A name that is cut short means the first that begins like it."""
+    """An abbreviated name selects the first name that begins with it."""
     COUNTS = "api-count-only"
-    """`count-only` prints the rows."""
+    """`count-only` returns the rows."""
     NO_PING = "api-ping-path"
-    """There is no `/tool/ping`."""
+    """`/tool/ping` does not exist."""
     HISTORY_NAMES = "history-names-ids"
-    """The history names rows by their number in a print."""
+    """The history identifies rows by their number in a print."""
     HISTORY_ORDER = "history-newest-first"
-    """The oldest entry comes first."""
+    """The oldest entry is listed first."""
     IDS = "api-ids-grow"
-    """The `.id` of a row that was removed is used again."""
+    """The `.id` of a removed row is reused."""
     JOB_TEXT = "on-event-60k"
-    """A job of the scheduler keeps the first 4,096 bytes of its script."""
+    """A scheduler job keeps only the first 4,096 bytes of its script."""
     LISTS = "inspect-whole"
-    """An offered list loses a word in every other answer."""
+    """Every other response lacks one word of an offered list."""
     NAMES = "name-in-routes"
-    """A route goes on naming an interface as it was called when the route was added."""
+    """A route keeps showing the interface name from the time when the route was added."""
     NESTED_EXECUTE = "parse-nested"
-    """`:execute` within a script gives the number of a job, also with `as-string`."""
+    """`:execute` within a script returns a job number, even with `as-string`."""
     PARSE_WORDS = "parse-words"
-    """The parser tells mistakes in words of its own."""
+    """The parser has different wording for errors."""
     PIN_WORDS = "lte-pin-words"
-    """A driver of its own words."""
+    """`pin-status` has the driver's own wording."""
     POWER_LOSS = "safe-mode-power-loss"
-    """What is in safe mode when the power fails is on the flash, and stays."""
+    """Safe-mode changes are already on the flash when the power fails, and are kept."""
     PROPERTIES = "api-unknown-property"
-    """A property that no row has is refused."""
+    """A property that no row has is rejected."""
     QUERY_ORDER = "api-query-order"
-    """Texts cannot be compared: `<` and `>` know numbers alone."""
+    """Texts cannot be compared: `<` and `>` accept only numbers."""
     SCRIPT_ENTRIES = "safe-mode-counts-rows"
-    """A script is one entry of the history."""
+    """A script is a single entry of the history."""
     SCRIPT_GOES_ON = "execute-stops"
-    """A script goes on after an error."""
+    """A script continues after an error."""
     SCRIPT_STAYS = "safe-mode-undoes-scripts"
-    """What a script has changed stays when safe mode is unrolled."""
+    """Changes by a script are kept when safe mode is rolled back."""
     SECOND_TAKER = "safe-mode-second-taker"
-    """Safe mode goes to whoever takes it last."""
+    """Safe mode is transferred to the latest session that requests it."""
     SESSIONS = "api-sessions-newest-last"
-    """The newest session comes first."""
+    """The newest session is listed first."""
     TIMES = "netwatch-values"
-    """Intervals of netwatch are numbers of milliseconds."""
+    """Netwatch intervals are numbers of milliseconds."""
 
 
 class Execute(StrEnum):
@@ -134,11 +134,11 @@ class Execute(StrEnum):
     """
 
     OUTPUT = "output"
-    """The error's text is the last line of the output."""
+    """The error text is the last line of the output."""
     TRAP = "trap"
-    """The output is lost and the error comes as `!trap`."""
+    """The output is lost, and the error is returned as `!trap`."""
     NONE = "none"
-    """`no such command`."""
+    """`/execute` does not exist: `no such command`."""
 
 
 class Radio(_Spec):
@@ -147,9 +147,9 @@ class Radio(_Spec):
     name: str = "wlan1"
     """Factory name: `wlan1` with the older driver, `wifi1` with the newer."""
     power_dbm: float = 25.0
-    """The most that the card sends."""
+    """Maximum transmit power of the card."""
     gain_dbi: float = 16.0
-    """Of the antenna built into the box."""
+    """Gain of the built-in antenna."""
 
 
 _Plmn = Annotated[str, Field(pattern=r"[0-9]{5,6}")]
@@ -159,11 +159,11 @@ class SimSpec(_Spec):
     """A SIM; 001-01 is the test network of 3GPP TS 36.508."""
 
     home: _Plmn = "00101"
-    """The network whose card it is; in any other it roams."""
+    """Home network of the card; in any other network it roams."""
     pin: Annotated[str, Field(pattern=r"|[0-9]{4,8}")] = ""
-    """Empty: the card asks for none."""
+    """Empty: the card requires no PIN."""
     tries: int = Field(default=3, ge=0, le=3)
-    """Wrong PINs that it takes from now on; with none left it asks for its PUK."""
+    """Remaining attempts for a wrong PIN; at 0 the card requires its PUK."""
 
 
 class CellSpec(_Spec):
@@ -172,15 +172,15 @@ class CellSpec(_Spec):
     plmn: _Plmn = "00101"
     operator: str = "EXAMPLE"
     bands: tuple[int, ...] = (3,)
-    """LTE bands in which it can be heard."""
+    """LTE bands of the network."""
     apns: tuple[str, ...] = ()
-    """Access points that it has; none: any name will do."""
+    """Supported access points (APN); empty: any name is accepted."""
     own_apn: str = "internet"
-    """What it gives to a modem that asks for the network's own."""
+    """APN assigned to a modem that asks for the network's default."""
     address: str = "100.72.9.14"
-    """What it gives to the modem: carriers translate addresses (RFC 6598)."""
+    """Address assigned to the modem, from the range of carrier-grade NAT (RFC 6598)."""
     denies: bool = False
-    """It refuses this card."""
+    """The network rejects this card."""
     cell_id: int = 3103242
     rsrp_dbm: int = -97
     rsrq_db: int = -9
@@ -193,9 +193,9 @@ class ModemSpec(_Spec):
     name: str = "lte1"
     """Factory name."""
     mbim: bool = True
-    """Driven by MBIM: only then `use-network-apn` means anything (Manual, LTE/5G)."""
+    """Uses MBIM, without which `use-network-apn` has no effect (Manual, LTE/5G)."""
     bands: tuple[int, ...] = (1, 3, 7, 8, 20, 28, 38, 40)
-    """LTE bands that it has."""
+    """LTE bands supported by the modem."""
     sim: SimSpec | None = SimSpec()
     cell: CellSpec | None = CellSpec()
 
@@ -206,7 +206,7 @@ class Load(_Spec):
     milliamps: int = Field(default=180, ge=0)
     volts: float = Field(default=24.0, ge=0)
     status: str | None = None
-    """In place of `powered-on`: `short-circuit`, `overload`, `current-too-low`."""
+    """Status instead of `powered-on`: `short-circuit`, `overload`, `current-too-low`."""
 
 
 class DiscoveryNeighbour(_Spec):
@@ -214,7 +214,7 @@ class DiscoveryNeighbour(_Spec):
 
     identity: str
     interface: str
-    """Of the router, on which it is heard."""
+    """Interface of the router on which it is received."""
     mac: str
     address: str | None = None
     platform: str = "MikroTik"
@@ -236,31 +236,31 @@ class NearbyStation(_Spec):
     ssid: str
     passphrase: str
     signal_dbm: float = -58.0
-    """What the router hears of it, however strong its own radio is set."""
+    """Level at which the router receives it, whatever the transmit power of the router's radio."""
 
 
 class Environment(_Spec):
     """Surroundings of a router; empty by default."""
 
     cards: dict[str, str] = Field(default_factory=dict)
-    """Address to the MAC that answers there: they answer pings and ARP, like `neighbours` of the router's own spec."""
+    """Address to the MAC that responds to pings and ARP there, like `neighbours` of the router's specification."""
     called: tuple[DiscoveryNeighbour, ...] = ()
     plugged: dict[str, tuple[str, ...]] = Field(default_factory=dict)
-    """Port (factory name) to the MACs that its bridge has heard on it."""
+    """Port (factory name) to the MACs that the bridge learned on it."""
     loads: dict[str, Load] = Field(default_factory=dict)
-    """PoE port (factory name) to what hangs on it."""
+    """PoE port (factory name) to the device powered by it."""
     dhcp_servers: dict[str, tuple[str, ...]] = Field(default_factory=dict)
-    """Interface to the MACs of other DHCP servers on it: `/ip/dhcp-server/alert` tells of them where it has a row."""
+    """Interface to the MACs of other DHCP servers on it; `/ip/dhcp-server/alert` reports them if it has a row."""
     leases: dict[str, str] = Field(default_factory=dict)
-    """Address to the `status` of its lease; others are `waiting`."""
+    """Address to the `status` of its lease; all others are `waiting`."""
     tunnels: dict[str, str] = Field(default_factory=dict)
-    """OpenVPN client to the address (with prefix length) that its server gives it: it is connected."""
+    """OpenVPN client to the address with prefix length from its server; such a client is connected."""
     stations: tuple[NearbyStation, ...] = ()
-    """Clients near its radio: those whose network it opens are in its registration table."""
+    """Clients in radio range; the registration table lists those whose network the router provides."""
     time_server: str | None = None
-    """The time server that answers; None: none does."""
+    """Address of the time server that responds; None: none does."""
     validity: dict[str, Validity] = Field(default_factory=dict)
-    """Certificate to what `/certificate` shows of its dates; the TLS of api-ssl presents it as it was made."""
+    """Certificate to the dates shown by `/certificate`; the TLS of api-ssl still presents the original."""
 
     @model_validator(mode="after")
     def _addresses(self) -> Self:
@@ -286,37 +286,38 @@ class RouterSpec(_Spec):
     users: tuple[User, ...] = (User(name="provision"),)
     management: ManagementSpec = ManagementSpec()
     history_limit: int = Field(default=100, ge=1)
-    """Actions that `/system/history` keeps; one more in safe mode and the session leaves it without a word."""
+    """Number of actions in `/system/history`; one more makes a session leave safe mode without notice."""
     unroll_delay_s: float = Field(default=2.15, ge=0)
-    """From a clean close of the session that holds safe mode until its changes are undone.
+    """Seconds from a clean close of the session that holds safe mode until its changes are undone.
 
     Assumption: safe-mode-close
     """
     silent_timeout_s: float = Field(default=540.0, ge=0)
-    """From a silent loss of that session until the router notices. Assumption: api-silent-session"""
+    """Seconds from a silent loss of that session until the router notices. Assumption: api-silent-session"""
     deviations: tuple[Deviation, ...] = ()
-    """What it does otherwise than assumed."""
+    """Deviations from the assumptions."""
     clock: datetime = datetime(2026, 1, 1, 8, 0, tzinfo=UTC)
-    """What the router's clock shows when the twin starts; a box without battery wakes up in 1970."""
+    """Time of the router's clock when the emulator starts; a device without battery starts in 1970."""
     seed: str = ""
-    """Export-style text that was applied when the router was adopted; not in the history."""
+    """Export-style text applied when the router was adopted; not in the history."""
     certificates: tuple[str, ...] = ("atlantis-api",)
     neighbours: tuple[str, ...] = ()
     """Addresses that answer `/ping` when a route leads to them."""
     around: Environment = Environment()
-    """What else stands around it: cards, loads on PoE, the far end of a VPN, other DHCP servers."""
+    """Surroundings: network cards, PoE loads, the far end of a VPN, other DHCP servers."""
     execute: Execute = Execute.OUTPUT
     disk_bytes: int = Field(default=1041235968, ge=0)
-    """What its files may take together."""
+    """Capacity for all files together."""
     serial: bool = False
-    """It has a serial line: a pty whose path the running twin tells."""
+    """The router has a serial line: a pty whose path the running emulator reports."""
     factory: bool = False
-    """As it comes out of its box: the console asks about licence, default configuration and password.
+    """Factory-new: the console asks about licence, default configuration and password.
 
-    It has the default configuration and the users of the spec (name `admin`), no certificate and no management address.
+    It has the default configuration and the users of the spec (name `admin`).
+    It has no certificate and no management address.
     """
     first_contact: ManagementSpec | None = None
-    """A second way in, beside `management`: a laptop on a port of the factory's network."""
+    """Second access besides `management`: a laptop on a port of the factory network; None: there is none."""
 
     @property
     def answering(self) -> tuple[str, ...]:
@@ -337,27 +338,27 @@ class RouterSpec(_Spec):
         return self
 
 
-class TwinSpec(_Spec):
+class EmulatorSpec(_Spec):
     """A router with the link to it and its adjustable behaviour."""
 
     router: RouterSpec
     link: RouterLink = RouterLink()
     knobs: WireBehaviour = WireBehaviour()
     ports: dict[int, int] = Field(default_factory=dict)
-    """Loopback ports wished for, by service port; the kernel chooses the others."""
+    """Preferred loopback ports by service port; the kernel chooses the others."""
 
 
 class SiteSpec(_Spec):
     """All emulated routers of a site."""
 
     name: str
-    twins: tuple[TwinSpec, ...]
+    emulators: tuple[EmulatorSpec, ...]
     pairs: tuple[RadioPair, ...] = ()
-    """Radio links between them."""
+    """Radio links between routers of the site."""
 
     @model_validator(mode="after")
     def _ends(self) -> Self:
-        radios = {twin.router.name: [radio.name for radio in twin.router.radios] for twin in self.twins}
+        radios = {emulator.router.name: [radio.name for radio in emulator.router.radios] for emulator in self.emulators}
         for pair in self.pairs:
             for name, radio in ((pair.near, pair.near_radio), (pair.far, pair.far_radio)):
                 if radio not in radios.get(name, ()):
@@ -366,7 +367,7 @@ class SiteSpec(_Spec):
 
     @model_validator(mode="after")
     def _names(self) -> Self:
-        names = [twin.router.name for twin in self.twins]
+        names = [emulator.router.name for emulator in self.emulators]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"two twins are called {', '.join(twice)}")

@@ -82,7 +82,10 @@ class FileSide:
 
 
 _FIRST_ROOM = 65_536
-"""So many bytes of lines may follow at least; a file that is replaced when it has doubled is written twice in all."""
+"""Minimum bytes of appended lines before the file is replaced.
+
+A file replaced at double its size is written twice in all.
+"""
 
 
 def _replay(tables: dict[str, list[list[Any]]], menu: str, number: int, position: int | None, rest: list[Any]) -> None:

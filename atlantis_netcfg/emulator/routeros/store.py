@@ -29,7 +29,7 @@ class HistoryEntry:
     redo: str
     changes: tuple[StoreChange, ...]
     floating: bool = False
-    """Safe mode would undo it."""
+    """The action would be undone by safe mode."""
     undone: bool = False
 
 
@@ -40,7 +40,7 @@ class ActionHistory:
     limit: int
     entries: list[HistoryEntry] = field(default_factory=list)
     holder: Caller | None = None
-    """The session that holds safe mode; it stays the holder after it has closed, until its changes are undone."""
+    """Session that holds safe mode, also after it closes, until its changes are undone; None: no session."""
     _count: int = 0
 
     def record(self, store: RowStore, action: str, *, by: str, time: str, commands: tuple[str, str]) -> None:
@@ -125,7 +125,7 @@ _SPACE_MENUS = {
     "interface": (*menus.INTERFACES, "/ip/vrf"),
     "table": ("/routing/table", "/ip/vrf"),
 }
-"""A VRF is an interface and a routing table of its name (Manual, VRF)."""
+"""A VRF is an interface and a routing table with the same name (Manual, VRF)."""
 
 
 @dataclass(slots=True, eq=False)
@@ -138,10 +138,10 @@ class StoredItem:
     id: int
     values: dict[str, str]
     factory: dict[str, str] | None = None
-    """What the row held when the router left the factory; None: somebody added it."""
+    """Factory content of the row; None: the row was added later."""
     dynamic: bool = False
     print_cache: PrintedRow | None = None
-    """How it was printed last."""
+    """Latest printed form of the row; None: not cached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,12 +178,12 @@ class Table:
 
     menu: menus.EmulatedMenu
     args: dict[str, menus.Arg]
-    """Arguments that the router's version and board have."""
+    """Arguments available with the router's version and board."""
     items: list[StoredItem] = field(default_factory=list)
     _groups: dict[str, dict[str | None, dict[StoredItem, None]]] = field(default_factory=dict)
-    """By argument, the rows of each stored value, so that nobody has to look through thousands of them."""
+    """Index: argument to the rows of each stored value, to avoid searching thousands of rows."""
 
-    def alike(self, name: str, value: str | None) -> list[StoredItem]:
+    def find_by_value(self, name: str, value: str | None) -> list[StoredItem]:
         """Return the rows whose stored value equals `value`; None: not set."""
         if name not in self._groups:
             groups: dict[str | None, dict[StoredItem, None]] = {}
@@ -193,7 +193,7 @@ class Table:
         groups = self._groups[name]
         return [*groups.get(value, ()), *(groups.get(None, ()) if value is not None else ())]
 
-    def regroup(self, item: StoredItem, before: Mapping[str, str] | None, after: Mapping[str, str] | None) -> None:
+    def update_index(self, item: StoredItem, before: Mapping[str, str] | None, after: Mapping[str, str] | None) -> None:
         """Update the value index after a change of a row; None: does not exist."""
         for name, groups in self._groups.items():
             if before is not None:
@@ -201,7 +201,7 @@ class Table:
             if after is not None:
                 groups.setdefault(after.get(name), {})[item] = None
 
-    def ungroup(self) -> None:
+    def clear_index(self) -> None:
         """Discard the value index after rows were changed directly."""
         self._groups.clear()
 
@@ -220,9 +220,9 @@ class RowStore:
         self.counters: dict[str, int] = {}
         self.revision = 0
         self.changes: list[StoreChange] = []
-        """Changes that no history entry holds yet."""
+        """Changes that are not in a history entry yet."""
         self.unsaved: list[tuple[StoreChange, StoredItem]] | None = None
-        """What was done to the rows since the flash was written, in this order; None: it has to be written anew."""
+        """Changes of rows since the last write to the flash, in order; None: everything must be written again."""
         self._dynamic_ids: dict[tuple[str, str, int], int] = {}
 
     def table(self, path: str) -> Table:
@@ -344,7 +344,7 @@ class RowStore:
     def _follow(self, change: StoreChange, item: StoredItem) -> None:
         self.revision += 1
         before, after = (None if place is None else place.values for place in (change.before, change.after))
-        self.table(change.menu).regroup(item, before, after)
+        self.table(change.menu).update_index(item, before, after)
         if self.unsaved is not None:
             self.unsaved.append((change, item))
 
@@ -400,7 +400,7 @@ class RowStore:
             if is_upgrade and not self.schema.has_menu(path):
                 continue
             table = self.table(path)
-            table.ungroup()
+            table.clear_index()
             table.items = [
                 StoredItem(number, dict(values), factory, dynamic) for number, values, factory, dynamic in rows
             ]

@@ -294,10 +294,12 @@ def _dummy(store: RowStore, path: str, chain: str) -> Properties:
 
 
 HIDDEN_TEXT = "*****"
-"""What a group without policy `sensitive` sees of a secret."""
+"""Text shown instead of a secret to a group without policy `sensitive`."""
 TRAFFIC = tuple(f"{way}-{what}" for what in ("byte", "packet", "drop", "error") for way in ("rx", "tx"))
-"""Counters of an interface (Manual, CLI reference, `/interface`): our own sessions are counted, as bytes of the port
-that they come in by; nothing else passes through a twin."""
+"""Counters of an interface (Manual, CLI reference, `/interface`). Our own sessions are counted as bytes of their
+
+incoming port; no other traffic passes through an emulated router.
+"""
 _COUNTERS = ("bytes", "packets", *TRAFFIC)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.lazy_imports import homes
+from atlantis_netcfg.core.lazy_imports import lazy_getattr
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.rutos._unit import RunningRutos, Rutos
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["NOT_REHEARSED", "RunningRutos", "Rutos", "RutosNetwork", "RutosSim", "RutosSpec"]
 
-__getattr__ = homes(
+__getattr__ = lazy_getattr(
     __name__,
     {"_unit": ("RunningRutos", "Rutos"), "_web": ("NOT_REHEARSED", "RutosNetwork", "RutosSim", "RutosSpec")},
 )

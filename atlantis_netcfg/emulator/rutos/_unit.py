@@ -64,9 +64,9 @@ class Shell:
         self.commands: list[str] = []
         self.reloads = 0
         self.mute = False
-        """Knob: batches are taken and forgotten, as by a unit whose flash is read-only."""
+        """Test setting: batches are accepted and discarded, as by a unit with a read-only flash."""
         self.drops_on_reload = False
-        """Knob: the session is lost while the network reloads."""
+        """Test setting: the session is lost while the network reloads."""
 
     async def serve(self, process: asyncssh.SSHServerProcess[str]) -> None:
         """Run one command."""
@@ -127,7 +127,7 @@ class Rutos:
         self.pin = ""
         """SHA-256 of its certificate."""
         self.host_key = ""
-        """As OpenSSH prints it."""
+        """Fingerprint of the host key, as OpenSSH prints it."""
 
     async def start(self) -> None:
         """Listen."""

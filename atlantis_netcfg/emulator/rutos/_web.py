@@ -34,7 +34,7 @@ class Web:
         self.requests: list[str] = []
         self.failed_logins = 0
         self.expire_after: int | None = None
-        """Knob: after so many requests every token has run out, once."""
+        """Test setting: number of requests after which all tokens expire once; None: never."""
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one connection, which stays open between requests."""
@@ -299,9 +299,9 @@ def _copy(packages: dict[str, list[Section]]) -> dict[str, list[Section]]:
 
 
 ADDRESS = "100.64.12.34"
-"""What the network gives: carrier NAT (RFC 6598)."""
+"""Address assigned by the network, from the range of carrier-grade NAT (RFC 6598)."""
 _NEW = {"state": "data_conn_state", "netstate": "operator_state", "oper": "operator", "signal": "rssi"}
-"""Field names of the record in devices.md to those of newer firmware."""
+"""Field names recorded in devices.md to those of newer firmware."""
 
 
 class RutosModem:
@@ -317,7 +317,7 @@ class RutosModem:
         self._tries = spec.sim.tries if spec.sim is not None else 0
         self._locked = spec.sim is not None and spec.sim.pin is not None
         self.attempts = 0
-        """PINs that the card was given."""
+        """Number of PINs entered on the card."""
         self.settings: dict[str, str] = {}
         self.reload()
 
@@ -337,7 +337,7 @@ class RutosModem:
             else:
                 self._tries -= 1
 
-    def hear(self, network: RutosNetwork) -> None:
+    def set_network(self, network: RutosNetwork) -> None:
         """Change the surrounding network from now on."""
         self._spec = self._spec.model_copy(update={"network": network})
 
@@ -446,14 +446,14 @@ class RutosSim(_Spec):
     """The card in slot 1."""
 
     pin: str | None = None
-    """What unlocks it; None: it asks for none."""
+    """PIN of the card; None: it requires none."""
     tries: int = Field(default=3, ge=0)
     home: str = "26803"
     """PLMN of its operator."""
     apn: str | None = None
-    """The only APN that its subscription has; None: any, also none."""
+    """The only APN of its subscription; None: any APN, or none, is accepted."""
     is_listed: bool = True
-    """The unit's own list of operators has that APN, so that `auto_apn` finds it."""
+    """The unit's built-in operator list contains that APN, so that `auto_apn` finds it."""
 
 
 class RutosNetwork(_Spec):
@@ -463,7 +463,7 @@ class RutosNetwork(_Spec):
     operator: str = "EXAMPLE-OPERATOR"
     denies: bool = False
     silent: bool = False
-    """No coverage."""
+    """There is no coverage."""
     cell_id: int = 3103242
     rsrp_dbm: int = -94
     rsrq_db: int = -9
@@ -476,24 +476,24 @@ class RutosSpec(_Spec):
     name: str
     serial_number: str = "0000000000"
     reader: str = "reader"
-    """A user of its own interface who may only read."""
+    """Read-only user of the unit's own interface."""
     reader_password: str = ""
     admin: str = "root"
-    """Who may log in over SSH."""
+    """User that may log in over SSH."""
     admin_password: str = ""
     sim: RutosSim | None = RutosSim()
-    """None: the slot is empty."""
+    """SIM card; None: the slot is empty."""
     network: RutosNetwork = RutosNetwork()
     api: bool = True
-    """The API of RutOS 7; without it only `/ubus`."""
+    """The unit has the API of RutOS 7; otherwise only `/ubus`."""
     old_names: bool = True
-    """Field names of the record in devices.md (`netstate`, `state`, `oper`, `signal`); else those of newer firmware."""
+    """Field names as recorded in devices.md (`netstate`, `state`, `oper`, `signal`), not those of newer firmware."""
     numbers_as_text: bool = False
     hidden_pages: tuple[str, ...] = ()
-    """Pages that the reader may not see: HTTP 403."""
+    """Pages without permission for the reader: HTTP 403."""
     missing: tuple[str, ...] = ()
-    """Pages that this firmware does not have: HTTP 501."""
+    """Pages missing in this firmware: HTTP 501."""
     token_s: float = Field(default=299.0, gt=0)
-    """How long a token lasts; `expires` of the answer to the login."""
+    """Lifetime of a token in seconds; `expires` in the login response."""
     mobile_section: bool = True
     """`/etc/config/network` has the interface `mob1s1a1`."""

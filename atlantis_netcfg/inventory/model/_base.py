@@ -37,7 +37,7 @@ _SSID_BYTES = 32
 
 
 class Model(BaseModel):
-    """A part of the declaration: unknown keys are errors, values never change after loading."""
+    """A part of the inventory: unknown keys are errors, values never change after loading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
 
@@ -222,7 +222,7 @@ Network = Annotated[IPv4Network, BeforeValidator(_network), text_like(f"^{_IPV4}
 MacAddress = Annotated[str, BeforeValidator(_mac), text_like("^[0-9A-Fa-f][02468ACEace](:[0-9A-Fa-f]{2}){5}$")]
 """An EUI-48 address, upper case, as RouterOS prints it."""
 Name = Annotated[str, BeforeValidator(_name), text_like(_OUR_NAME)]
-"""A name of ours (site, bearer, vehicle): an RFC 1123 label of at most 32 characters."""
+"""A name of ours (site, link, vehicle): an RFC 1123 label of at most 32 characters."""
 HostName = Annotated[str, BeforeValidator(_name), text_like(_OUR_NAME)]
 """The inventory's name of a host."""
 DnsName = Annotated[str, BeforeValidator(_dns_name), text_like(rf"^{_LABEL}(\.{_LABEL})*$", maxLength=253)]

@@ -79,7 +79,7 @@ class Management(_base.Model):
     """Prefixes from which the routers' own firewall admits management."""
 
 
-class BearerKind(StrEnum):
+class LinkKind(StrEnum):
     """What carries a site's traffic to the rest of the world."""
 
     WIFI_PTP = "wifi_ptp"
@@ -88,9 +88,9 @@ class BearerKind(StrEnum):
     ETHERNET = "ethernet"
 
     @property
-    def traits(self) -> BearerTraits:
+    def traits(self) -> LinkTraits:
         """Properties of links of this kind."""
-        return BEARER_TRAITS[self]
+        return LINK_TRAITS[self]
 
 
 class Pace(IntEnum):
@@ -102,7 +102,7 @@ class Pace(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class BearerTraits:
+class LinkTraits:
     """Properties of a kind of link: all differences between kinds are defined here."""
 
     column: str
@@ -118,13 +118,13 @@ class BearerTraits:
     """Ends at a served link of another site, whose radio is ours too."""
 
 
-BEARER_TRAITS: dict[BearerKind, BearerTraits] = {
-    BearerKind.WIFI_PTP: BearerTraits(Column.WIFI, Pace.FAST, ThresholdsName.WIFI, "cpe", bridge=True),
-    BearerKind.LTE: BearerTraits(Column.LTE, Pace.MOBILE, ThresholdsName.LTE, "lte_router"),
-    BearerKind.SATELLITE: BearerTraits(
+LINK_TRAITS: dict[LinkKind, LinkTraits] = {
+    LinkKind.WIFI_PTP: LinkTraits(Column.WIFI, Pace.FAST, ThresholdsName.WIFI, "cpe", bridge=True),
+    LinkKind.LTE: LinkTraits(Column.LTE, Pace.MOBILE, ThresholdsName.LTE, "lte_router"),
+    LinkKind.SATELLITE: LinkTraits(
         Column.SATELLITE, Pace.SATELLITE, ThresholdsName.SATELLITE, "satellite_terminal", allow_list=True
     ),
-    BearerKind.ETHERNET: BearerTraits(ETHERNET, Pace.FAST, ThresholdsName.WIFI),
+    LinkKind.ETHERNET: LinkTraits(ETHERNET, Pace.FAST, ThresholdsName.WIFI),
 }
 """One row a kind: a new one is a name above and its row here."""
 
@@ -204,12 +204,12 @@ _THIN_KBPS = 2000.0
 _MONTH_S = 30 * 24 * 3600
 
 
-class Bearer(_base.Model):
+class Link(_base.Model):
     """A long-haul link of the site. The order of the list is the order of preference."""
 
     name: _base.Name
     """What the link is called in plans and in `via=`."""
-    kind: BearerKind
+    kind: LinkKind
     """What carries it."""
     device: _base.HostName | None = None
     """The box at this end: CPE, 4G router or satellite terminal; none for a plain cable."""
@@ -254,7 +254,7 @@ class Bearer(_base.Model):
         return self.standing_budget_mb is not None or self.standing_budget_eur is not None
 
     @property
-    def canary_budget_bytes(self) -> float | None:
+    def probe_target_budget_bytes(self) -> float | None:
         """Budget of the link's probes in bytes per 30 days, responses included; None: no limit."""
         most = [] if self.canary_budget_mb is None else [self.canary_budget_mb * 1e6]
         if self.canary_budget_eur is not None and self.billing is not None and self.billing.price_per_mb:
@@ -262,9 +262,9 @@ class Bearer(_base.Model):
         return min(most, default=None)
 
     @property
-    def canary_pause_s(self) -> int:
+    def probe_target_pause_s(self) -> int:
         """Least seconds between two probes of a probe target, by the budget; 0 without a budget."""
-        budget = self.canary_budget_bytes
+        budget = self.probe_target_budget_bytes
         return 0 if budget is None else ceil(_MONTH_S * len(self.canaries) * 2 * ECHO_BYTES / budget)
 
     @property
@@ -306,7 +306,7 @@ class Site(_base.Model):
     """What people call the place."""
     lan: Lan
     management: Management
-    bearers: Annotated[tuple[Bearer, ...], Field(min_length=1)]
+    bearers: Annotated[tuple[Link, ...], Field(min_length=1)]
     served_links: tuple[ServedLink, ...] = ()
     failover: Failover = Failover()
     location: LocationRow = LocationRow()

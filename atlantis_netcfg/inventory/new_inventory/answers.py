@@ -33,7 +33,7 @@ LocalNetwork = Annotated[model.Network, AfterValidator(_room(26))]
 LinkNetwork = Annotated[model.Network, AfterValidator(_room(29))]
 VpnNetwork = Annotated[model.Network, AfterValidator(_room(20))]
 MOST_SITES = 80
-"""Each has its addresses in the infrastructure's pool."""
+"""Maximum number of sites; each uses addresses of the infrastructure pool."""
 Ports = Annotated[StrictInt, Field(ge=4, le=48)]
 
 
@@ -41,13 +41,13 @@ class CableAnswers(Model):
     """A plain cable to a provider."""
 
     network: model.Network | None = None
-    """Between the router and the provider's box."""
+    """Network between the router and the provider's device; None: not answered."""
     address: model.Address | None = None
-    """The router's own address in it."""
+    """Address of the router in that network."""
     gateway: model.Address | None = None
-    """The provider's box."""
+    """Address of the provider's device."""
     canaries: tuple[model.Address, ...] = ()
-    """Two addresses beyond the link that may be pinged."""
+    """Two probe targets beyond the link that may be pinged."""
     rate: model.LinkRate | None = None
     """Round trip in ms, up and down in kbit/s."""
 
@@ -56,21 +56,21 @@ class BridgeAnswers(Model):
     """The directional Wi-Fi bridge to the control centre."""
 
     network: LinkNetwork | None = None
-    """Of the bridge, both ends."""
+    """Network of the bridge, for both ends."""
     ssid: model.Ssid | None = None
     """Name of the radio network."""
     protocol: Literal["nv2", "802.11"] = "nv2"
-    """What the radios speak; `wifi` menus know 802.11 only."""
+    """Radio protocol; `wifi` menus support only 802.11."""
     frequency_mhz: StrictInt | None = None
-    """Centre of a 5 GHz channel that the country allows."""
+    """Centre frequency of a 5 GHz channel allowed in the country."""
     distance_m: Annotated[StrictInt, Field(ge=1, le=50_000)] | None = None
-    """Between the ends."""
+    """Distance between the ends."""
     antenna_gain_dbi: Annotated[StrictInt, Field(ge=0, le=30)] | None = None
-    """Of the antennas, from their data sheet."""
+    """Antenna gain, from the data sheet."""
     tx_power_dbm: Annotated[StrictInt, Field(ge=0, le=40)] | None = None
-    """At the antenna's socket."""
+    """Transmit power at the antenna connector."""
     canaries: tuple[model.Address, ...] = ()
-    """Two addresses beyond the link that may be pinged."""
+    """Two probe targets beyond the link that may be pinged."""
     rate: model.LinkRate | None = None
     """Round trip in ms, up and down in kbit/s."""
 
@@ -79,15 +79,15 @@ class LteAnswers(Model):
     """The 4G unit and its SIM."""
 
     network: LinkNetwork | None = None
-    """Between the router and the unit."""
+    """Network between the router and the unit."""
     driver: model.LteDriver = model.LteDriver.MANUAL
-    """How the unit is spoken to."""
+    """Driver that configures the unit."""
     apn: model.Text | None = None
-    """From the SIM's contract; none: the network's own."""
+    """APN from the SIM's contract; None: the network's default."""
     price_per_mb: Annotated[StrictFloat, Field(ge=0)] | None = None
-    """In EUR for 10^6 bytes, from the contract; none: costs are told in bytes."""
+    """In EUR for 10^6 bytes, from the contract; None: costs are shown in bytes."""
     canaries: tuple[model.Address, ...] = ()
-    """Two addresses beyond the link that may be pinged."""
+    """Two probe targets beyond the link that may be pinged."""
     rate: model.LinkRate | None = None
     """Round trip in ms, up and down in kbit/s."""
 
@@ -96,33 +96,32 @@ class SatelliteAnswers(Model):
     """The satellite terminal."""
 
     network: LinkNetwork | None = None
-    """Between the router and the terminal."""
+    """Network between the router and the terminal."""
     price_per_mb: Annotated[StrictFloat, Field(ge=0)] | None = None
-    """In EUR for 10^6 bytes, from the contract; none: costs are told in bytes."""
+    """In EUR for 10^6 bytes, from the contract; None: costs are shown in bytes."""
 
 
 class GatewayAnswers(Model):
     """The data gateway computer of a site."""
 
     ssh_key: SshKey | None = None
-    """The line of a technician's .pub file; none: no card is made."""
+    """Line of a technician's .pub file; None: no card is made."""
     layout: model.ImageLayout = model.ImageLayout.ODROID_N2
-    """Of the vendor's image; the report's computer is an ODROID N2."""
+    """Layout of the vendor's image; the report's computer is an ODROID N2."""
 
 
 class SiteAnswers(Model):
     """A test site."""
 
     title: model.Text | None = None
-    """What people call the place; none: its name."""
+    """Display name of the place; None: its short name."""
     lan: LocalNetwork | None = None
-    """The local network."""
     management: LocalNetwork | None = None
-    """The network of the router's management port, where a technician's laptop stands."""
+    """Network of the router's management port, for a technician's laptop."""
     domain: model.DnsName | None = None
     """DNS suffix of the local network."""
     router_ports: Ports | None = None
-    """How many Ethernet ports the router has."""
+    """Number of the router's Ethernet ports."""
     wifi_bridge: BridgeAnswers | None = None
     cable: CableAnswers | None = None
     lte: LteAnswers | None = None
@@ -136,25 +135,24 @@ class CentreAnswers(Model):
     name: model.Name = "scc"
     """Short name of the place."""
     title: model.Text | None = None
-    """What people call the place; none: its name."""
+    """Display name of the place; None: its short name."""
     lan: LocalNetwork | None = None
-    """The local network."""
     management: LocalNetwork | None = None
-    """The network of the router's management port, where a technician's laptop stands."""
+    """Network of the router's management port, for a technician's laptop."""
     domain: model.DnsName | None = None
     """DNS suffix of the local network."""
     router_ports: Ports | None = None
-    """How many Ethernet ports the router has."""
+    """Number of the router's Ethernet ports."""
     uplink: CableAnswers = CableAnswers()
     computer: StrictBool = True
-    """Whether a computer runs the control centre's services."""
+    """Whether a computer runs the services of the control centre."""
 
 
 class VpnAnswers(Model):
     """The OpenVPN that joins sites, robots and partners."""
 
     endpoint: model.Address | None = None
-    """Public address at which every site reaches the server."""
+    """Public address of the server, reachable from every site."""
     endpoint_name: model.DnsName | None = None
     """DNS name in the server's certificate."""
     network: VpnNetwork | None = None
@@ -165,15 +163,15 @@ class PilotAnswers(Model):
     """What holds for every site."""
 
     name: model.Text
-    """What the pilot is called."""
+    """Display name of the pilot."""
     country: Literal["portugal", "belgium"]
     """Regulatory domain of the radios."""
     time_zone: model.Text | None = None
-    """Of the IANA database; none: the country's."""
+    """Name from the IANA database; None: the country's time zone."""
     time_servers: tuple[model.Address, ...] = ()
-    """Addresses of time servers that every site reaches."""
+    """Addresses of time servers reachable from every site."""
     ros_distribution: model.RosDistribution | None = None
-    """Release of ROS 2 on the gateways; none: neither ROS nor DDS is set up."""
+    """Release of ROS 2 on the gateways; None: neither ROS nor DDS is set up."""
     partners: tuple[Literal["inesc", "iqua", "eca", "udg", "vtt"], ...] = ()
     """Organisations of the report that join through the VPN."""
 

@@ -37,7 +37,7 @@ PARTNERS = {
 """Organisations of the report, in its order."""
 _PORTS = 8
 _CERTUS = {"rtt_ms": 700, "up_kbps": 352, "down_kbps": 704}
-"""Iridium Certus as the report's terminal has it."""
+"""Rates of Iridium Certus for the report's terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +73,13 @@ class InventoryWriter:
 
     answers: InventoryAnswers
     vehicles: Mapping[str, Mapping[str, Any]]
-    """Of the report, without endpoints."""
+    """Vehicles from the report, without endpoints."""
     encrypt: Callable[[str], str] | None
-    """None: nobody has a password for the vault, so secrets are examples."""
+    """Encryption function; None: there is no vault password, so secrets are examples."""
     hosts: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Site -> host -> kind."""
+    """Site to hosts and their kinds."""
     trees: dict[str, tuple[str, str, dict[str, yaml_text.Tree]]] = field(default_factory=dict)
-    """File -> its first comment, its schema, what it holds."""
+    """File to its first comment, schema and content."""
 
     @property
     def centre(self) -> CentreAnswers:
@@ -240,7 +240,7 @@ def _rate(rate: model.LinkRate | None, example: Mapping[str, float]) -> dict[str
     return {key: value_or_example(getattr(rate, key, None), value) for key, value in example.items()}
 
 
-def _canaries(answer: tuple[Any, ...], number: int, *, is_required: bool) -> dict[str, yaml_text.Tree]:
+def _probe_targets(answer: tuple[Any, ...], number: int, *, is_required: bool) -> dict[str, yaml_text.Tree]:
     if answer:
         return {"canaries": yaml_text.Value(answer)}
     if not is_required:
@@ -298,7 +298,7 @@ def _control_centre(writer: InventoryWriter) -> None:
         "title": centre.title or centre.name,
         "lan": _lan(lan, centre.name, centre),
         "management": _management(writer, management),
-        "bearers": [_cable(centre.uplink, "uplink", "203.0.113.0/29", 1, needs_canaries=False)],
+        "bearers": [_cable(centre.uplink, "uplink", "203.0.113.0/29", 1, needs_probe_targets=False)],
     }
     if served_links:
         site["served_links"] = served_links
@@ -338,7 +338,7 @@ def _control_centre(writer: InventoryWriter) -> None:
 
 
 def _cable(
-    cable: CableAnswers, name: str, example: str, number: int, *, needs_canaries: bool
+    cable: CableAnswers, name: str, example: str, number: int, *, needs_probe_targets: bool
 ) -> dict[str, yaml_text.Tree]:
     network = network_or_example(cable.network, example)
     return {
@@ -348,7 +348,7 @@ def _cable(
         "network": network.value,
         "address": yaml_text.Value(cable.address) if cable.address is not None else network.at(2),
         "gateway": yaml_text.Value(cable.gateway) if cable.gateway is not None else network.at(1),
-        **_canaries(cable.canaries, number, is_required=needs_canaries),
+        **_probe_targets(cable.canaries, number, is_required=needs_probe_targets),
         "rate": _rate(cable.rate, {"rtt_ms": 10, "up_kbps": 100_000, "down_kbps": 100_000}),
     }
 
@@ -356,12 +356,12 @@ def _cable(
 def _site(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -> None:
     lan = network_or_example(place.lan, f"10.64.{number}.0/24")
     management = network_or_example(place.management, f"10.64.{100 + number}.0/24")
-    bearers = _bearers(number, name, place)
+    site_links = _links(number, name, place)
     site: dict[str, yaml_text.Tree] = {
         "title": place.title or name,
         "lan": _lan(lan, name, place),
         "management": _management(writer, management),
-        "bearers": bearers,
+        "bearers": site_links,
         "location": {"table3": []},
     }
     writer.trees[f"group_vars/{name}.yml"] = (
@@ -369,7 +369,7 @@ def _site(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -
         "site",
         {"site": site},
     )
-    links = [str(bearer["name"]) for bearer in bearers]
+    links = [str(link["name"]) for link in site_links]
     router = f"{name}-router"
     writer.add(
         name,
@@ -395,14 +395,14 @@ def _site(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -
         writer.add(name, f"{name}-gateway", "gateway", f"Data gateway computer of {name}.", gateway)
 
 
-def _bearers(number: int, name: str, place: SiteAnswers) -> list[dict[str, yaml_text.Tree]]:
+def _links(number: int, name: str, place: SiteAnswers) -> list[dict[str, yaml_text.Tree]]:
     kinds = [place.wifi_bridge, place.cable, place.lte, place.satellite]
     several = len([kind for kind in kinds if kind is not None]) > 1
     first = 10 * number
-    bearers: list[dict[str, yaml_text.Tree]] = []
+    links: list[dict[str, yaml_text.Tree]] = []
     if (bridge := place.wifi_bridge) is not None:
         network = _bridge_plan(number, bridge)
-        bearers.append(
+        links.append(
             {
                 "name": "wifi-ptp",
                 "kind": "wifi_ptp",
@@ -411,27 +411,27 @@ def _bearers(number: int, name: str, place: SiteAnswers) -> list[dict[str, yaml_
                 "network": network.value,
                 "address": network.at(2),
                 "gateway": network.at(1),
-                **_canaries(bridge.canaries, first, is_required=several),
+                **_probe_targets(bridge.canaries, first, is_required=several),
                 "rate": _rate(bridge.rate, {"rtt_ms": 4, "up_kbps": 50_000, "down_kbps": 50_000}),
             }
         )
     if place.cable is not None:
         example = f"10.13.{number}.0/29"
-        bearers.append(_cable(place.cable, "cable", example, first + 2, needs_canaries=several))
+        links.append(_cable(place.cable, "cable", example, first + 2, needs_probe_targets=several))
     if (lte := place.lte) is not None:
         rate = _rate(lte.rate, {"rtt_ms": 60, "up_kbps": 20_000, "down_kbps": 20_000})
-        canaries = _canaries(lte.canaries, first + 4, is_required=several)
-        bearers.append(
+        probe_targets = _probe_targets(lte.canaries, first + 4, is_required=several)
+        links.append(
             _metered_link(
                 "4g", "lte", f"{name}-4g", network_or_example(lte.network, f"10.11.{number}.0/29"), lte.price_per_mb
             )
         )
-        bearers[-1].update({**canaries, "rate": rate})
+        links[-1].update({**probe_targets, "rate": rate})
     if (satellite := place.satellite) is not None:
         network = network_or_example(satellite.network, f"10.12.{number}.0/29")
-        bearers.append(_metered_link("satellite", "satellite", f"{name}-sat", network, satellite.price_per_mb))
-        bearers[-1]["rate"] = dict(_CERTUS)
-    return bearers
+        links.append(_metered_link("satellite", "satellite", f"{name}-sat", network, satellite.price_per_mb))
+        links[-1]["rate"] = dict(_CERTUS)
+    return links
 
 
 def _metered_link(

@@ -41,11 +41,11 @@ class Question:
     key: str
     text: str
     without: str = _EXAMPLE
-    """What Enter alone gives; empty: there has to be an answer."""
+    """Default for an empty input; empty: an answer is required."""
 
 
 _RATE = Question("rate", "Round trip in ms, kbit/s up and down (60 20000 20000)")
-_CANARIES = Question("canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed")
+_PROBE_TARGETS = Question("canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed")
 _PLACE = (
     Question("title", "What people call it", "its short name"),
     Question("lan", "Local network (like 10.20.1.0/24)"),
@@ -80,7 +80,7 @@ _BRIDGE = (
     Question("distance_m", "Distance in metres"),
     Question("antenna_gain_dbi", "Gain of the antennas in dBi"),
     Question("tx_power_dbm", "Power of the radios in dBm"),
-    _CANARIES,
+    _PROBE_TARGETS,
     _RATE,
 )
 _LTE = (
@@ -88,7 +88,7 @@ _LTE = (
     Question("driver", "Unit (routeros, rutos, modemmanager, manual)", "manual: a person looks"),
     Question("apn", "APN of the SIM's contract", "the network's own"),
     Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
-    _CANARIES,
+    _PROBE_TARGETS,
     _RATE,
 )
 _SATELLITE = (
@@ -98,7 +98,7 @@ _SATELLITE = (
 _GATEWAY = (Question("ssh_key", "A technician's public SSH key (line of the .pub file)", "no card is made"),)
 _PARTS: Sequence[tuple[str, str, type[BaseModel], Sequence[Question]]] = (
     ("wifi_bridge", "Is there a Wi-Fi bridge to the control centre?", BridgeAnswers, _BRIDGE),
-    ("cable", "Is there a cable to a provider?", CableAnswers, (*_CABLE[:-1], _CANARIES, _RATE)),
+    ("cable", "Is there a cable to a provider?", CableAnswers, (*_CABLE[:-1], _PROBE_TARGETS, _RATE)),
     ("lte", "Is there a 4G unit?", LteAnswers, _LTE),
     ("satellite", "Is there a satellite terminal?", SatelliteAnswers, _SATELLITE),
     ("gateway", "Is there a data gateway computer?", GatewayAnswers, _GATEWAY),
@@ -179,7 +179,7 @@ class Interview:
             if not text and question.without:
                 return None
             value = parse_answer(model.model_fields[question.key].annotation, text)
-            problem = wrong(model, question.key, value)
+            problem = validation_error(model, question.key, value)
             if problem is None:
                 return value
             self.tell(problem)
@@ -206,7 +206,7 @@ def _number(text: str) -> int | float | str:
     return text
 
 
-def wrong(model: type[BaseModel], key: str, value: Any) -> str | None:  # noqa: ANN401 - as YAML has it
+def validation_error(model: type[BaseModel], key: str, value: Any) -> str | None:  # noqa: ANN401 - as YAML has it
     """Return the validation error of an answer and what to type instead; None if the answer is valid."""
     try:
         model.model_validate({key: value})

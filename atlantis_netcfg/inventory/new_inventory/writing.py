@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.inventory.findings import Finding
-    from atlantis_netcfg.inventory.inventory import Declaration
+    from atlantis_netcfg.inventory.inventory import Inventory
 
 README = "README.md"
 
@@ -34,7 +34,7 @@ def refuse_used(folder: Path) -> None:
         raise UsageError(f"the folder above {folder} does not exist", hint=f"mkdir -p {folder.parent}")
 
 
-def create(folder: Path, files: Mapping[str, str]) -> Declaration:
+def create(folder: Path, files: Mapping[str, str]) -> Inventory:
     """Write the files with their schemas and load them; on UsageError or InventoryInvalid nothing is left behind."""
     refuse_used(folder)
     target = folder.absolute()

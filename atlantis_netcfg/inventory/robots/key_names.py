@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory._yaml import Node
 
 KEY = r"[A-Za-z_][\w-]*(\.[A-Za-z_][\w-]*)*"
-"""A key of a file, or several on the way to one."""
+"""Pattern for a key of a file, or for a path of keys."""
 
 CONFIGURATION_TOPIC = "/atlantis/configuration"
 _OURS = ("keys", "ignored", "configuration_topic")
@@ -40,10 +40,10 @@ class KeyNames:
     """The partners' key names from the inventory, and the partners' keys that are ignored."""
 
     names: Mapping[str, str] = field(default_factory=dict)
-    """Our key, alone or with those above it (`telemetry.booleans`; entries of lists have no number), and theirs."""
+    """Our key, alone or with its parents (`telemetry.booleans`; list entries have no number), to the partners' key."""
     ignored_keys: frozenset[str] = frozenset()
     configuration_topic: str = CONFIGURATION_TOPIC
-    """On which robots publish their files; its real name is not known, and this one is a proposal."""
+    """Topic on which robots publish their files; a proposal, as its real name is not known."""
 
     def key_of(self, path: tuple[str | int, ...]) -> str:
         """Return the name that the partner's file uses for the key at one of our paths."""

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.inventory.inventory import Declaration
+    from atlantis_netcfg.inventory.inventory import Inventory
 
 FOLDER = "robots"
-"""Below an inventory: `<vehicle>.yml` for each robot, `keys.yml`, and `interfaces/` with the types of messages."""
+"""Folder in the inventory with `<vehicle>.yml` for each robot, `keys.yml`, and `interfaces/` with message types."""
 NO_ROBOT_CONTACTED = "in robots' files; no robot was contacted"
 _KEYS = "keys.yml"
 _MINE_ALONE = 0o077
@@ -35,15 +35,15 @@ class RobotSource:
 
     file: Path
     node: _yaml.Node
-    """What stands in it, with our keys."""
+    """Content of the file, with our keys."""
     size: int
-    """Bytes of the file, which the robot publishes at 1 Hz until it is registered (report, 3.4)."""
+    """Size of the file in bytes; the robot publishes it at 1 Hz until it is registered (report, 3.4)."""
     vehicle: str | None
-    """Whose it is; None: of no vehicle of the inventory."""
+    """Vehicle of the file; None: the inventory has no such vehicle."""
     robot: RobotFile | None
-    """None where it has errors that hide what it says."""
+    """Parsed content; None: errors in the file prevent parsing."""
     key_of: Callable[[_Path], str]
-    """The key at a path as the file calls it."""
+    """Returns the file's own name of the key at a path."""
     findings: tuple[Finding, ...] = ()
     warnings: tuple[Finding, ...] = ()
 
@@ -81,9 +81,9 @@ class RobotSource:
         return f"`{self.key_of(path)}`"
 
 
-def key_names(declaration: Declaration) -> tuple[KeyNames, list[Finding]]:
+def key_names(inventory: Inventory) -> tuple[KeyNames, list[Finding]]:
     """Read the partners' key names of an inventory; return them with the findings."""
-    path = declaration.root / FOLDER / _KEYS
+    path = inventory.root / FOLDER / _KEYS
     if not path.exists():
         return KeyNames(), []
     node, _, findings = _parse(path)
@@ -91,45 +91,45 @@ def key_names(declaration: Declaration) -> tuple[KeyNames, list[Finding]]:
     return names, findings + wrong
 
 
-def robot_files(declaration: Declaration) -> dict[str, Path]:
+def robot_files(inventory: Inventory) -> dict[str, Path]:
     """Return each robot's file by vehicle name, including files whose name no vehicle has."""
-    paths = sorted((declaration.root / FOLDER).glob("*.yml"))
+    paths = sorted((inventory.root / FOLDER).glob("*.yml"))
     return {path.stem: path for path in paths if path.name != _KEYS}
 
 
-def read_declared(declaration: Declaration, names: KeyNames) -> list[RobotSource]:
+def read_declared(inventory: Inventory, names: KeyNames) -> list[RobotSource]:
     """Read every robot file of the inventory, with findings per file and between the files."""
-    sources = [_read(path, declaration, names, vehicle) for vehicle, path in robot_files(declaration).items()]
+    sources = [_read(path, inventory, names, vehicle) for vehicle, path in robot_files(inventory).items()]
     return _with_namespaces_compared(sources)
 
 
-def read_given(files: Iterable[Path], declaration: Declaration, names: KeyNames) -> list[RobotSource]:
+def read_given(files: Iterable[Path], inventory: Inventory, names: KeyNames) -> list[RobotSource]:
     """Read partners' files; a file with the namespace of an inventory robot is a newer file of that robot."""
-    source_by_file = {source.file.resolve(): source for source in read_declared(declaration, names)}
+    source_by_file = {source.file.resolve(): source for source in read_declared(inventory, names)}
     vehicle_by_name = {source.robot.name: source.vehicle for source in source_by_file.values() if source.robot}
     sources = []
     for path in files:
-        source = source_by_file.get(path.resolve()) or _read(path, declaration, names, None)
+        source = source_by_file.get(path.resolve()) or _read(path, inventory, names, None)
         vehicle = source.vehicle or (vehicle_by_name.get(source.robot.name) if source.robot else None)
         sources.append(replace(source, vehicle=vehicle))
     return _with_namespaces_compared(sources)
 
 
-def past_guests(declaration: Declaration) -> dict[str, str]:
+def past_guests(inventory: Inventory) -> dict[str, str]:
     """Return guests whose last day has passed in the pilot's time zone, with that day (ISO date)."""
-    today = datetime.now(ZoneInfo(declaration.pilot.time_zone)).date().isoformat()
-    guests = {key: each for key, each in declaration.vehicles.items() if isinstance(each, Guest)}
+    today = datetime.now(ZoneInfo(inventory.pilot.time_zone)).date().isoformat()
+    guests = {key: each for key, each in inventory.vehicles.items() if isinstance(each, Guest)}
     return {key: guest.until for key, guest in guests.items() if guest.until < today}
 
 
-def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
+def load_robots(inventory: Inventory) -> tuple[list[RobotSource], KeyNames]:
     """Read every robot of an inventory; raise InventoryInvalid with the errors of all, so only warnings remain."""
-    names, findings = key_names(declaration)
-    sources = read_declared(declaration, names)
+    names, findings = key_names(inventory)
+    sources = read_declared(inventory, names)
     findings += [finding for source in sources for finding in source.findings]
     if findings:
         raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
-    return [source.with_token(declaration.decrypt) for source in sources], names
+    return [source.with_token(inventory.decrypt) for source in sources], names
 
 
 def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]:
@@ -175,13 +175,13 @@ def _parse(path: Path) -> tuple[_yaml.Node | None, int, list[Finding]]:
     return node, len(data), findings
 
 
-def _read(path: Path, declaration: Declaration, names: KeyNames, vehicle: str | None) -> RobotSource:
+def _read(path: Path, inventory: Inventory, names: KeyNames, vehicle: str | None) -> RobotSource:
     """Read one robot file; `vehicle` is set for files of the inventory."""
     root, size, findings = _parse(path)
     start = Mark(loader.shown_path(path), 1, 1)
-    if vehicle is not None and vehicle not in declaration.vehicles:
+    if vehicle is not None and vehicle not in inventory.vehicles:
         findings.append(
-            Finding.at(start, f"no vehicle is called `{vehicle}`", suggest(vehicle, declaration.vehicles, none=""))
+            Finding.at(start, f"no vehicle is called `{vehicle}`", suggest(vehicle, inventory.vehicles, none=""))
         )
     if root is not None and not isinstance(root.value, dict):
         findings.append(Finding.at(root.mark, "a robot's file holds keys, each with a value", "write `key: value`"))
@@ -196,14 +196,14 @@ def _read(path: Path, declaration: Declaration, names: KeyNames, vehicle: str | 
     warnings: list[Finding] = []
     if robot is not None:
         rules = _OF_THE_INVENTORY if vehicle is not None else _OF_A_PARTNER
-        wrong += [finding for rule in (*_RULES, *rules) for finding in rule(source, robot, declaration)]
-        warnings += [finding for rule in _WARNINGS for finding in rule(source, robot, declaration)]
+        wrong += [finding for rule in (*_RULES, *rules) for finding in rule(source, robot, inventory)]
+        warnings += [finding for rule in _WARNINGS for finding in rule(source, robot, inventory)]
         if vehicle is None:
             warnings += file_is_private(source, robot)
     return replace(source, findings=tuple(sorted((*findings, *clashes, *wrong))), warnings=tuple(sorted(warnings)))
 
 
-def one_of_two(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+def require_one_alternative(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[Finding]:
     """Require exactly one alternative: topic or library for the pose, action or callback for the mission executor."""
     blocks = {"pose": (robot.pose.topic, "topic", robot.pose.library, "library")}
     executor = robot.mission_executor
@@ -216,7 +216,7 @@ def one_of_two(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
             yield source.wrong((block,), message, "write one of them")
 
 
-def names_once(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+def names_once(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[Finding]:
     """Require unique topics, actions and command labels within one file."""
     first_paths: dict[tuple[str, str], _Path] = {}
     rows = [("topic", topic.name, topic.path) for topic in robot.topics()]
@@ -232,7 +232,7 @@ def names_once(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
             yield source.wrong(path, message, "remove one, or give each its own")
 
 
-def conditions(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+def conditions(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[Finding]:
     """Require that a command's condition is a boolean topic that the robot publishes."""
     full = {topic.name: topic.kind for topic in robot.topics()}
     booleans = [name for name, kind in full.items() if kind is TopicKind.BOOLEAN]
@@ -250,20 +250,20 @@ def conditions(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
         yield source.wrong(path, message, hint)
 
 
-def token_is_vaulted(source: RobotSource, robot: RobotFile, declaration: Declaration) -> Iterator[Finding]:
+def token_is_vaulted(source: RobotSource, robot: RobotFile, inventory: Inventory) -> Iterator[Finding]:
     """Require that a real token is encrypted, since the file goes into git, and that example tokens are marked so."""
     key = source.key_of(("token",))
     if not isinstance(robot.token, _yaml.SealedSecret) and not robot.token.is_example:
         hint = f"ansible-vault encrypt_string --stdin-name {key}"
         yield source.wrong(("token",), f"`{key}` stands in clear text", hint)
-    if not declaration.pilot.example_values:
+    if not inventory.pilot.example_values:
         for example in examples_in([source.node]):
             mark = Mark(example.file, example.line, example.column)
             message = f"`{example.key}` is still an example, but `example_values` of the pilot is false"
             yield Finding.at(mark, message, "write what is true, and delete the mark `# EXAMPLE`")
 
 
-def token_is_real(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+def token_is_real(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[Finding]:
     """Report a token that is still the example value."""
     if not isinstance(robot.token, _yaml.SealedSecret) and robot.token.is_example:
         message = f"{source.label(('token',))} is still an example"
@@ -279,7 +279,7 @@ def file_is_private(source: RobotSource, robot: RobotFile) -> Iterator[Finding]:
         yield source.wrong(("token",), message, f"chmod 600 {loader.shown_path(source.file)}")
 
 
-def units(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+def units(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[Finding]:
     """Require a unit for every number, so that an operator knows what it means."""
     for index, topic in enumerate(robot.telemetry.numbers):
         if topic.unit is None:
@@ -288,9 +288,9 @@ def units(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Fin
             yield source.wrong((*path, "topic"), message, "write it, or 1 for a number without a unit")
 
 
-def costs_are_of_topics(source: RobotSource, robot: RobotFile, declaration: Declaration) -> Iterator[Finding]:
+def costs_are_of_topics(source: RobotSource, robot: RobotFile, inventory: Inventory) -> Iterator[Finding]:
     """Require that the vehicle's `telemetry:` in the inventory, used to judge links, names topics of its robot."""
-    vehicle = declaration.vehicles.get(source.vehicle or "")
+    vehicle = inventory.vehicles.get(source.vehicle or "")
     topic_names = [topic.name for topic in robot.topics()]
     for item in vehicle.telemetry if vehicle is not None else ():
         if robot.full_name(item.topic) not in topic_names:
@@ -299,7 +299,7 @@ def costs_are_of_topics(source: RobotSource, robot: RobotFile, declaration: Decl
             yield source.wrong(("telemetry",), message, hint)
 
 
-_RULES = (one_of_two, names_once, conditions)
+_RULES = (require_one_alternative, names_once, conditions)
 _OF_THE_INVENTORY = (token_is_vaulted,)
 _OF_A_PARTNER = (token_is_real,)
 _WARNINGS = (units, costs_are_of_topics)

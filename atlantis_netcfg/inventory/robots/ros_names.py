@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 _LONGEST = 200
-"""DDS takes 255 characters; an action's five topics add up to 30 (`rr/…/_action/cancel_goalReply`)."""
+"""Maximum length. DDS allows 255; an action's five topics add up to 30 (`rr/…/_action/cancel_goalReply`)."""
 
 
 def why_no_name(text: str) -> tuple[str, str] | None:

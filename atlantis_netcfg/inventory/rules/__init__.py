@@ -70,4 +70,4 @@ RULES: tuple[Rule, ...] = (
 )
 
 WARNINGS: tuple[Rule, ...] = (*lan.WARNINGS, *satellite.COST_WARNINGS, *vehicles.WARNINGS)
-"""What is allowed, and yet not as it should be: it stops nothing."""
+"""Rules for values that are allowed but not recommended; their findings stop nothing."""

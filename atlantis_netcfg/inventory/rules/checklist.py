@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 _Path = tuple[str | int, ...]
 _ItemPlace = tuple[_draft.Part, _Path, model.CheckItem]
-"""An item and its place."""
+"""Part and path of an item, and the item."""
 
 
 def _of_vehicles(draft: _draft.Draft) -> Iterator[_ItemPlace]:
@@ -52,7 +52,7 @@ def _twice(draft: _draft.Draft, items: Iterable[_ItemPlace]) -> Iterator[finding
         first_place = first.setdefault((row, item.id), (part, path))
         if first_place != (part, path):
             where = draft.where(first_place[0], *first_place[1], "id")
-            yield draft.wrong(
+            yield draft.finding_at(
                 part, (*path, "id"), f"`{item.id}` is already the id of an item ({where})", "choose another"
             )
 
@@ -67,11 +67,11 @@ def vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
                 continue
             if item.vehicle not in vehicle_names:
                 hint = findings.suggest(item.vehicle, vehicle_names, none="add it to `vehicles`")
-                yield draft.wrong(part, (*path, "vehicle"), f"there is no vehicle `{item.vehicle}`", hint)
+                yield draft.finding_at(part, (*path, "vehicle"), f"there is no vehicle `{item.vehicle}`", hint)
             elif here is not None and item.vehicle not in here:
                 message = f"`{item.vehicle}` is not tested at `{name}`, so that nobody would be asked"
                 hint = "add it to `checklist: vehicles:` of the site, or remove the item"
-                yield draft.wrong(part, (*path, "vehicle"), message, hint)
+                yield draft.finding_at(part, (*path, "vehicle"), message, hint)
 
 
 def people(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -84,7 +84,7 @@ def people(draft: _draft.Draft) -> Iterator[findings.Finding]:
             if findings.why_no_name(word) is None and word not in roles:
                 none = f"declare it: `roles: [{{name: {word}, people: [A. Person]}}]` of `pilot`"
                 hint = findings.suggest(word, roles, none=f"{none}; a person's name has a capital letter or a blank")
-                yield draft.wrong(part, (*path, index), f"there is no role `{word}`", hint)
+                yield draft.finding_at(part, (*path, index), f"there is no role `{word}`", hint)
 
 
 def _person_lists(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, _Path, tuple[str, ...]]]:
@@ -103,11 +103,13 @@ def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for index, word in enumerate(mission_names):
             if word in mission_names[:index]:
                 path = ("checklist", "missions", index, "name")
-                yield draft.wrong(_draft.Part("site", name), path, f"there are two missions `{word}`", "rename one")
+                yield draft.finding_at(
+                    _draft.Part("site", name), path, f"there are two missions `{word}`", "rename one"
+                )
     roles = [role.name for role in draft.pilot.roles] if draft.pilot is not None else []
     for index, word in enumerate(roles):
         if word in roles[:index]:
-            yield draft.wrong(
+            yield draft.finding_at(
                 _draft.Part("pilot"), ("roles", index, "name"), f"there are two roles `{word}`", "rename one"
             )
 
@@ -119,7 +121,9 @@ def gateways(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for part, path, item in _of_a_site(name, site):
             if item.kind is model.ItemSort.COMMAND and item.seen_from is model.SeenFrom.GATEWAY and name not in sites:
                 message = f"`{item.id}` is run on the gateway, and `{name}` has none"
-                yield draft.wrong(part, (*path, "command"), message, "write `seen_from: laptop`, or remove the item")
+                yield draft.finding_at(
+                    part, (*path, "command"), message, "write `seen_from: laptop`, or remove the item"
+                )
 
 
 RULES: tuple[_draft.Rule, ...] = (unique, vehicles, people, names, gateways)

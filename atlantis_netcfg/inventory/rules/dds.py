@@ -29,7 +29,7 @@ def participants_have_addresses(draft: _draft.Draft) -> Iterator[Finding]:
         if isinstance(device, model.ServerComputer) and device.vpn_address is None:
             where = draft.where(_PILOT, "dds")
             message = f"`{host}` talks DDS over the VPN ({where}) and has no address in it"
-            yield draft.wrong(_draft.Part("device", host), (), message, "write its `vpn_address:`")
+            yield draft.finding_at(_draft.Part("device", host), (), message, "write its `vpn_address:`")
 
 
 def peers_in_the_vpn(draft: _draft.Draft) -> Iterator[Finding]:
@@ -41,7 +41,7 @@ def peers_in_the_vpn(draft: _draft.Draft) -> Iterator[Finding]:
     for index, peer in enumerate(dds.peers):
         if why := why_unusable(peer.address, network):
             message = f"the peer `{peer.name}` is to be reached over the VPN, and {peer.address} {why}, the VPN's"
-            yield draft.wrong(_PILOT, ("dds", "peers", index, "address"), message, example_in(network))
+            yield draft.finding_at(_PILOT, ("dds", "peers", index, "address"), message, example_in(network))
 
 
 def peers_once(draft: _draft.Draft) -> Iterator[Finding]:
@@ -58,7 +58,7 @@ def peers_once(draft: _draft.Draft) -> Iterator[Finding]:
     for index, peer in enumerate(dds.peers):
         if peer.address in owner_by_address:
             message = f"{peer.address} is already {owner_by_address[peer.address]}"
-            yield draft.wrong(_PILOT, ("dds", "peers", index, "address"), message, "leave this peer out")
+            yield draft.finding_at(_PILOT, ("dds", "peers", index, "address"), message, "leave this peer out")
         owner_by_address.setdefault(peer.address, f"the peer `{peer.name}`")
 
 
@@ -69,7 +69,7 @@ def peers_at_known_sites(draft: _draft.Draft) -> Iterator[Finding]:
         site_names = draft.names("site")
         if peer.site is not None and peer.site not in site_names:
             hint = suggest(peer.site, site_names, none="add it to hosts.yml")
-            yield draft.wrong(_PILOT, ("dds", "peers", index, "site"), f"there is no site `{peer.site}`", hint)
+            yield draft.finding_at(_PILOT, ("dds", "peers", index, "site"), f"there is no site `{peer.site}`", hint)
 
 
 def processes_are_found(draft: _draft.Draft) -> Iterator[Finding]:
@@ -78,7 +78,7 @@ def processes_are_found(draft: _draft.Draft) -> Iterator[Finding]:
     if dds is not None and dds.processes > dds.participants:
         message = f"{dds.processes} ROS processes run on a computer, and {dds.participants} of them are found"
         hint = f"write `participants: {dds.processes}`, or fewer here"
-        yield draft.wrong(_PILOT, ("dds", "processes"), message, hint)
+        yield draft.finding_at(_PILOT, ("dds", "processes"), message, hint)
 
 
 RULES: tuple[_draft.Rule, ...] = (

@@ -27,7 +27,7 @@ class _EndpointRow:
     path: _Path
     endpoints: model.Endpoints
     columns: frozenset[str]
-    """Columns that are checked at all."""
+    """Columns that are checked."""
 
     @property
     def endpoint_names(self) -> list[str]:
@@ -45,7 +45,7 @@ def _rows(draft: _draft.Draft) -> Iterator[_EndpointRow]:
 
 def _link_columns(site: model.Site) -> set[str]:
     """Return the checklist columns of a location that are checked because of its links."""
-    columns = {str(bearer.kind.traits.column) for bearer in site.bearers} & {str(model.Column.WIFI), model.ETHERNET}
+    columns = {str(link.kind.traits.column) for link in site.bearers} & {str(model.Column.WIFI), model.ETHERNET}
     return columns | ({model.ETHERNET} if site.location.ethernet else set())
 
 
@@ -58,9 +58,11 @@ def check_tested_vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
             path = ("checklist", "vehicles", index)
             if key not in vehicle_names:
                 hint = findings.suggest(key, vehicle_names, none="add it to `vehicles`")
-                yield draft.wrong(_draft.Part("site", name), path, f"there is no vehicle `{key}`", hint)
+                yield draft.finding_at(_draft.Part("site", name), path, f"there is no vehicle `{key}`", hint)
             elif key in here[:index]:
-                yield draft.wrong(_draft.Part("site", name), path, f"`{key}` stands twice in this list", "remove one")
+                yield draft.finding_at(
+                    _draft.Part("site", name), path, f"`{key}` stands twice in this list", "remove one"
+                )
 
 
 def in_the_table(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -74,7 +76,7 @@ def in_the_table(draft: _draft.Draft) -> Iterator[findings.Finding]:
             if name == model.ETHERNET:
                 message = "`ethernet` is described here, but it is not checked: there is no `ethernet: true`"
                 hint = "remove it here, or write `ethernet: true` beside `table3`"
-            yield draft.wrong(row.part, (*row.path, "endpoints", name), message, hint)
+            yield draft.finding_at(row.part, (*row.path, "endpoints", name), message, hint)
 
 
 def seen_by(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -92,13 +94,13 @@ def seen_by(draft: _draft.Draft) -> Iterator[findings.Finding]:
             ]
             if host not in draft.layout.hosts:
                 hint = findings.suggest(host, able, none="add it to hosts.yml")
-                yield draft.wrong(row.part, path, f"there is no host `{host}`", hint)
+                yield draft.finding_at(row.part, path, f"there is no host `{host}`", hint)
             elif host in draft.devices and host not in _routeros(draft):
                 message = f"`{host}` is no RouterOS device: it cannot be asked what it sees"
-                yield draft.wrong(row.part, path, message, f"there are: {findings.choices(able)}")
+                yield draft.finding_at(row.part, path, message, f"there are: {findings.choices(able)}")
             elif host in draft.devices and host not in able:
                 message = f"`{host}` is at `{_at(draft, host)}`, not here"
-                yield draft.wrong(row.part, path, message, f"there are: {findings.choices(able)}")
+                yield draft.finding_at(row.part, path, message, f"there are: {findings.choices(able)}")
 
 
 def _at(draft: _draft.Draft, host: str) -> str:
@@ -125,13 +127,17 @@ def another_modem(draft: _draft.Draft) -> Iterator[findings.Finding]:
         local = acoustic.acoustic_address
         for path in _to_itself(local, acoustic, usbl):
             message = f"`{key}` has the acoustic address {local} itself"
-            yield draft.wrong(part, ("endpoints", *path), message, "write the address of the modem at the other end")
+            yield draft.finding_at(
+                part, ("endpoints", *path), message, "write the address of the modem at the other end"
+            )
         other = first.setdefault((str(acoustic.driver), local), key)
         if other != key:
             where = draft.where(_draft.Part("vehicle", other), "endpoints", "acoustic", "acoustic_address")
             message = f"{local} is already the acoustic address of `{other}` ({where})"
             path = ("endpoints", "acoustic", "acoustic_address")
-            yield draft.wrong(part, path, message, f"give each {acoustic.driver} modem its own, on the modem as well")
+            yield draft.finding_at(
+                part, path, message, f"give each {acoustic.driver} modem its own, on the modem as well"
+            )
 
 
 def _to_itself(local: int, acoustic: model.AcousticEndpoint, usbl: model.UsblEndpoint | None) -> Iterator[_Path]:
@@ -148,7 +154,7 @@ def _to_itself(local: int, acoustic: model.AcousticEndpoint, usbl: model.UsblEnd
 
 def addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require an address for a vehicle at every site that tests it, so that its endpoints can be reached."""
-    gateways = {place for _, place, _ in draft.boxes(model.Gateway)}
+    gateways = {place for _, place, _ in draft.valid_devices(model.Gateway)}
     for name, site in draft.sites.items():
         reserved_names = {reservation.name for reservation in site.lan.reservations}
         site_vehicles = site.checklist.vehicles
@@ -156,17 +162,17 @@ def addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
             continue  # nobody says that anything is tested there
         for key in draft.vehicles if site_vehicles is None else site_vehicles:
             vehicle = draft.vehicles.get(key)
-            if vehicle is None or key in reserved_names or not (wanting := _wanting(vehicle)):
+            if vehicle is None or key in reserved_names or not (wanting := _endpoints_without_address(vehicle)):
                 continue
             path: _Path = (
                 ("checklist",) if site_vehicles is None else ("checklist", "vehicles", site_vehicles.index(key))
             )
             message = f"`{key}` is tested here and has no address, but is to be asked: {', '.join(wanting)}"
             hint = f"add `- {{name: {key}, mac: …, address: …}}` to `lan: reservations:`, or `address:` to each"
-            yield draft.wrong(_draft.Part("site", name), path, message, hint)
+            yield draft.finding_at(_draft.Part("site", name), path, message, hint)
 
 
-def _wanting(vehicle: model.Vehicle) -> list[str]:
+def _endpoints_without_address(vehicle: model.Vehicle) -> list[str]:
     """Return the endpoints that are checked at an address and have none configured."""
     all_of_it = vehicle.endpoints
     modems = {"acoustic": all_of_it.acoustic, "usbl": all_of_it.usbl}
@@ -181,7 +187,7 @@ def _wanting(vehicle: model.Vehicle) -> list[str]:
 def streams(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Report two autopilots that send their streams to the same port of one computer."""
     for name, site in draft.sites.items():
-        has_gateway = any(place == name for _, place, _ in draft.boxes(model.Gateway))
+        has_gateway = any(place == name for _, place, _ in draft.valid_devices(model.Gateway))
         first: dict[tuple[model.SeenFrom, int], str] = {}
         for key, vehicle in draft.vehicles.items():
             stream, here = vehicle.endpoints.rc_rf, site.checklist.vehicles
@@ -194,7 +200,7 @@ def streams(draft: _draft.Draft) -> Iterator[findings.Finding]:
                     f"UDP port {stream.port} of the {place} is already that of `{other}`, tested at `{name}` as well"
                 )
                 hint = f"let the companion computer of `{key}` forward to another port, and write it here"
-                yield draft.wrong(_draft.Part("vehicle", key), ("endpoints", "rc_rf", "port"), message, hint)
+                yield draft.finding_at(_draft.Part("vehicle", key), ("endpoints", "rc_rf", "port"), message, hint)
 
 
 RULES: tuple[_draft.Rule, ...] = (check_tested_vehicles, in_the_table, seen_by, another_modem, addresses, streams)
@@ -202,50 +208,54 @@ RULES: tuple[_draft.Rule, ...] = (check_tested_vehicles, in_the_table, seen_by, 
 _PAIR = 2
 
 
-def two_or_none(draft: _draft.Draft) -> Iterator[findings.Finding]:
+def require_two_probe_targets(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require at least two probe targets on a probed link: one silent target must not take it down.
 
     A satellite may have none at any rank: its port and its terminal are watched, which costs nothing.
     """
     for name, site in draft.sites.items():
-        for index, bearer in enumerate(site.bearers):
+        for index, link in enumerate(site.bearers):
             path = ("bearers", index, "canaries")
-            if 0 < len(set(bearer.canaries)) < _PAIR:
-                message = f"link `{bearer.name}` has one canary: if that host fails, the link counts as down"
-                yield draft.wrong(_draft.Part("site", name), path, message, "name two different hosts beyond the link")
-            elif not bearer.canaries and index < len(site.bearers) - 1 and not bearer.kind.traits.allow_list:
-                message = f"link `{bearer.name}` has no canaries, so its failure would not be noticed"
+            if 0 < len(set(link.canaries)) < _PAIR:
+                message = f"link `{link.name}` has one canary: if that host fails, the link counts as down"
+                yield draft.finding_at(
+                    _draft.Part("site", name), path, message, "name two different hosts beyond the link"
+                )
+            elif not link.canaries and index < len(site.bearers) - 1 and not link.kind.traits.allow_list:
+                message = f"link `{link.name}` has no canaries, so its failure would not be noticed"
                 hint = "name two; only a satellite and the last link in order of preference can go without"
-                yield draft.wrong(_draft.Part("site", name), ("bearers", index), message, hint)
+                yield draft.finding_at(_draft.Part("site", name), ("bearers", index), message, hint)
 
 
-def own_to_each_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
+def require_own_probe_targets(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require probe targets of its own for each link: a target is routed over one link only."""
     for name, site in draft.sites.items():
         part = _draft.Part("site", name)
         first_uses: dict[IPv4Address, tuple[int, int]] = {}
-        for index, bearer in enumerate(site.bearers):
-            for place, canary in enumerate(bearer.canaries):
-                first = first_uses.setdefault(canary, (index, place))
-                lonely = first[0] == index and len(set(bearer.canaries)) < _PAIR
+        for index, link in enumerate(site.bearers):
+            for place, probe_target in enumerate(link.canaries):
+                first = first_uses.setdefault(probe_target, (index, place))
+                lonely = first[0] == index and len(set(link.canaries)) < _PAIR
                 if first != (index, place) and not lonely:
                     other = site.bearers[first[0]].name
                     line = draft.mark(part, "bearers", first[0], "canaries", first[1]).line
-                    message = f"{canary} is already a canary of link `{other}` (line {line})"
+                    message = f"{probe_target} is already a canary of link `{other}` (line {line})"
                     hint = "a canary answers for one link: choose another host"
-                    yield draft.wrong(part, ("bearers", index, "canaries", place), message, hint)
+                    yield draft.finding_at(part, ("bearers", index, "canaries", place), message, hint)
 
 
-def used_for_nothing_else(draft: _draft.Draft) -> Iterator[findings.Finding]:
+def require_unused_probe_addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require that nothing needed has a probe target's address: it is unreachable while the link is down."""
     networks = NetworkIndex(claims(draft))
     for name, site in draft.sites.items():
-        for index, bearer in enumerate(site.bearers):
-            for place, canary in enumerate(bearer.canaries):
-                if use := _other_use(draft, networks, canary):
-                    message = f"the canary {canary} of link `{bearer.name}` is {use}"
+        for index, link in enumerate(site.bearers):
+            for place, probe_target in enumerate(link.canaries):
+                if use := _other_use(draft, networks, probe_target):
+                    message = f"the canary {probe_target} of link `{link.name}` is {use}"
                     hint = "choose a host beyond the link that is used for nothing else"
-                    yield draft.wrong(_draft.Part("site", name), ("bearers", index, "canaries", place), message, hint)
+                    yield draft.finding_at(
+                        _draft.Part("site", name), ("bearers", index, "canaries", place), message, hint
+                    )
 
 
 def _other_use(draft: _draft.Draft, networks: NetworkIndex, address: IPv4Address) -> str | None:
@@ -259,4 +269,8 @@ def _other_use(draft: _draft.Draft, networks: NetworkIndex, address: IPv4Address
     return f"inside {claim.what}, {claim.network}" if claim is not None else None
 
 
-PROBES_RULES: tuple[_draft.Rule, ...] = (two_or_none, own_to_each_link, used_for_nothing_else)
+PROBES_RULES: tuple[_draft.Rule, ...] = (
+    require_two_probe_targets,
+    require_own_probe_targets,
+    require_unused_probe_addresses,
+)

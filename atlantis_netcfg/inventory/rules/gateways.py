@@ -25,7 +25,7 @@ def release_known(draft: _draft.Draft) -> Iterator[Finding]:
         return
     if draft.pilot.gateways.ros2 is not None:
         hint = "write `dds:` with its `distribution:`"
-        yield draft.wrong(_PILOT, ("gateways", "ros2"), "which release of ROS 2 is not declared", hint)
+        yield draft.finding_at(_PILOT, ("gateways", "ros2"), "which release of ROS 2 is not declared", hint)
 
 
 def pins_once(draft: _draft.Draft) -> Iterator[Finding]:
@@ -35,7 +35,7 @@ def pins_once(draft: _draft.Draft) -> Iterator[Finding]:
     for index, pin in enumerate(ros2.pins if ros2 is not None else ()):
         if pin.package in seen_packages:
             message = f"`{pin.package}` is pinned twice"
-            yield draft.wrong(_PILOT, ("gateways", "ros2", "pins", index), message, "remove one of the two")
+            yield draft.finding_at(_PILOT, ("gateways", "ros2", "pins", index), message, "remove one of the two")
         seen_packages.add(pin.package)
 
 
@@ -46,7 +46,7 @@ def builds_on_ros(draft: _draft.Draft) -> Iterator[Finding]:
     gateways = draft.pilot.gateways
     if gateways.interop is not None and gateways.ros2 is None:
         message = "the library is built against ROS 2, and none is declared"
-        yield draft.wrong(_PILOT, ("gateways", "interop"), message, "write `ros2:` beside it")
+        yield draft.finding_at(_PILOT, ("gateways", "interop"), message, "write `ros2:` beside it")
 
 
 def tested_with_examples(draft: _draft.Draft) -> Iterator[Finding]:
@@ -55,10 +55,10 @@ def tested_with_examples(draft: _draft.Draft) -> Iterator[Finding]:
     if interop is not None and interop.connection_test is not None and interop.examples is None:
         message = "the program of the connection test is one of the examples, and none are declared"
         where = ("gateways", "interop", "connection_test")
-        yield draft.wrong(_PILOT, where, message, "write `examples:` beside it, or leave the test out")
+        yield draft.finding_at(_PILOT, where, message, "write `examples:` beside it, or leave the test out")
 
 
-def tokens_unseen(draft: _draft.Draft) -> Iterator[Finding]:
+def check_token_transport(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a token sent over plain HTTP; inside a site's own network that is accepted."""
     interop = draft.pilot.gateways.interop if draft.pilot is not None else None
     if interop is None:
@@ -73,7 +73,7 @@ def tokens_unseen(draft: _draft.Draft) -> Iterator[Finding]:
         parts = urlsplit(repository.url)
         if parts.scheme == "http" and not _private(parts.hostname or ""):
             message = "the token would go over plain HTTP, readable for everyone on the way"
-            yield draft.wrong(_PILOT, ("gateways", "interop", name, "url"), message, "write https://")
+            yield draft.finding_at(_PILOT, ("gateways", "interop", name, "url"), message, "write https://")
 
 
 def _private(host: str) -> bool:
@@ -85,14 +85,14 @@ def _private(host: str) -> bool:
 
 def one_interface(draft: _draft.Draft) -> Iterator[Finding]:
     """Require the same interface in image and `network:`; otherwise the first run cuts off the gateway."""
-    for host, _, device in draft.boxes(model.SiteComputer):
+    for host, _, device in draft.valid_devices(model.SiteComputer):
         if device.network is None or device.image is None or device.image.interface is None:
             continue
         if device.network.interface != device.image.interface:
             line = draft.mark(_draft.Part("device", host), "image", "interface").line
             message = f"the image configures `{device.image.interface}` (line {line}), not `{device.network.interface}`"
             hint = "write the same name twice: `ip link` on the board shows it"
-            yield draft.wrong(_draft.Part("device", host), ("network", "interface"), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), ("network", "interface"), message, hint)
 
 
 RULES: tuple[_draft.Rule, ...] = (
@@ -100,23 +100,23 @@ RULES: tuple[_draft.Rule, ...] = (
     pins_once,
     builds_on_ros,
     tested_with_examples,
-    tokens_unseen,
+    check_token_transport,
     one_interface,
 )
 
 
-def way_in(draft: _draft.Draft) -> Iterator[Finding]:
+def require_ssh_key(draft: _draft.Draft) -> Iterator[Finding]:
     """Require an SSH key for every image: it has no passwords, so without a key nobody could log in."""
-    for host, _, device in draft.boxes(model.SiteComputer):
+    for host, _, device in draft.valid_devices(model.SiteComputer):
         if device.image is not None and not device.image.ssh_keys:
             message = f"nobody could log in to `{host}`: its image has no SSH key, and no password stays in it"
             hint = "write the technicians' public keys, one a line"
-            yield draft.wrong(_draft.Part("device", host), ("image", "ssh_keys"), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), ("image", "ssh_keys"), message, hint)
 
 
 def keys_once(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a technician's SSH key that is listed twice: revoking one line would leave the other."""
-    for host, _, device in draft.boxes(model.SiteComputer):
+    for host, _, device in draft.valid_devices(model.SiteComputer):
         index_by_key: dict[str, int] = {}
         for index, key in enumerate(device.image.ssh_keys if device.image else ()):
             body = key.split(" ")[1]
@@ -124,21 +124,21 @@ def keys_once(draft: _draft.Draft) -> Iterator[Finding]:
             if first != index:
                 line = draft.mark(_draft.Part("device", host), "image", "ssh_keys", first).line
                 message = f"this key stands twice, first in line {line}"
-                yield draft.wrong(
+                yield draft.finding_at(
                     _draft.Part("device", host), ("image", "ssh_keys", index), message, "remove one of the two"
                 )
 
 
 def require_reservation(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a reservation for a gateway that uses DHCP: only that gives it the address in the inventory."""
-    for host, name, device in draft.boxes(model.SiteComputer):
+    for host, name, device in draft.valid_devices(model.SiteComputer):
         site = draft.sites.get(name)
         if device.image is None or device.image.address_by is not model.AddressBy.DHCP or site is None:
             continue
         if all(reservation.address != device.address for reservation in site.lan.reservations):
             message = f"`{host}` gets its address by DHCP, and the LAN of `{name}` reserves {device.address} for nobody"
             hint = f"add {{name: {host}, mac: …, address: {device.address}}} to `lan.reservations`, or write `static`"
-            yield draft.wrong(_draft.Part("device", host), ("image", "address_by"), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), ("image", "address_by"), message, hint)
 
 
-GATEWAY_RULES: tuple[_draft.Rule, ...] = (way_in, keys_once, require_reservation)
+GATEWAY_RULES: tuple[_draft.Rule, ...] = (require_ssh_key, keys_once, require_reservation)

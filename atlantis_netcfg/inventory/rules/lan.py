@@ -24,7 +24,7 @@ def gateway_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         if why := why_unusable(site.lan.gateway, site.lan.network):
             message = f"the gateway {site.lan.gateway} {why}"
-            yield draft.wrong(_draft.Part("site", name), ("lan", "gateway"), message, example_in(site.lan.network))
+            yield draft.finding_at(_draft.Part("site", name), ("lan", "gateway"), message, example_in(site.lan.network))
 
 
 def network_has_room(draft: _draft.Draft) -> Iterator[Finding]:
@@ -33,7 +33,7 @@ def network_has_room(draft: _draft.Draft) -> Iterator[Finding]:
         if site.lan.network.prefixlen > _MOST_PREFIX:
             message = f"{site.lan.network} is too small for a LAN"
             hint = f"{site.lan.network.supernet(new_prefix=24)} has room for 254"
-            yield draft.wrong(_draft.Part("site", name), ("lan", "network"), message, hint)
+            yield draft.finding_at(_draft.Part("site", name), ("lan", "network"), message, hint)
 
 
 def dhcp_range(draft: _draft.Draft) -> Iterator[Finding]:
@@ -45,16 +45,18 @@ def dhcp_range(draft: _draft.Draft) -> Iterator[Finding]:
             if why := why_unusable(address, lan.network):
                 outside = True
                 message = f"the DHCP range's {key} address {address} {why}"
-                yield draft.wrong(part, ("lan", "dhcp", key), message, example_in(lan.network))
+                yield draft.finding_at(part, ("lan", "dhcp", key), message, example_in(lan.network))
         if outside:
             continue
         if lan.dhcp.first > lan.dhcp.last:
             message = f"the DHCP range is reversed: {lan.dhcp.first} comes after {lan.dhcp.last}"
             hint = f"first: {lan.dhcp.last}, last: {lan.dhcp.first}"
-            yield draft.wrong(part, ("lan", "dhcp", "first"), message, hint)
+            yield draft.finding_at(part, ("lan", "dhcp", "first"), message, hint)
         elif lan.dhcp.first <= lan.gateway <= lan.dhcp.last:
             message = f"the DHCP range holds the router's own address {lan.gateway}"
-            yield draft.wrong(part, ("lan", "dhcp", "first"), message, f"begin after {lan.gateway}, or end before it")
+            yield draft.finding_at(
+                part, ("lan", "dhcp", "first"), message, f"begin after {lan.gateway}, or end before it"
+            )
 
 
 def reservations_in_network(draft: _draft.Draft) -> Iterator[Finding]:
@@ -65,11 +67,11 @@ def reservations_in_network(draft: _draft.Draft) -> Iterator[Finding]:
             path = ("lan", "reservations", index, "address")
             if why := why_unusable(reservation.address, site.lan.network):
                 message = f"the reserved address {reservation.address} of `{reservation.name}` {why}"
-                yield draft.wrong(_draft.Part("site", name), path, message, example_in(site.lan.network))
+                yield draft.finding_at(_draft.Part("site", name), path, message, example_in(site.lan.network))
             elif dhcp.first <= reservation.address <= dhcp.last:
                 message = f"the reserved address {reservation.address} of `{reservation.name}` is inside the DHCP range"
                 hint = f"choose one outside {dhcp.first} to {dhcp.last}"
-                yield draft.wrong(_draft.Part("site", name), path, message, hint)
+                yield draft.finding_at(_draft.Part("site", name), path, message, hint)
 
 
 def reservation_names(draft: _draft.Draft) -> Iterator[Finding]:
@@ -82,7 +84,7 @@ def reservation_names(draft: _draft.Draft) -> Iterator[Finding]:
                 part = _draft.Part("site", name)
                 line = draft.mark(part, "lan", "reservations", first, "name").line
                 message = f"`{reservation.name}` is reserved twice, first in line {line}"
-                yield draft.wrong(part, ("lan", "reservations", index, "name"), message, "remove one of the two")
+                yield draft.finding_at(part, ("lan", "reservations", index, "name"), message, "remove one of the two")
 
 
 def reservations_of_hosts(draft: _draft.Draft) -> Iterator[Finding]:
@@ -100,30 +102,30 @@ def reservations_of_hosts(draft: _draft.Draft) -> Iterator[Finding]:
             if device.address != reservation.address:
                 text = f"`{reservation.name}` is reserved {reservation.address}"
                 message = f"{text}, but {draft.where(of_host, 'address')} says {device.address}"
-                yield draft.wrong(part, (*path, "address"), message, "make both the same")
+                yield draft.finding_at(part, (*path, "address"), message, "make both the same")
             if device.mac is not None and device.mac != reservation.mac:
                 message = (
                     f"`{reservation.name}` is reserved for {reservation.mac}, but {draft.where(of_host, 'mac')} says"
                 )
-                yield draft.wrong(part, (*path, "mac"), f"{message} {device.mac}", "make both the same")
+                yield draft.finding_at(part, (*path, "mac"), f"{message} {device.mac}", "make both the same")
 
 
 def hosts_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that a LAN host's address is in the LAN and not assigned by DHCP to anyone else."""
-    for host, name, device in draft.boxes(model.LanBox):
+    for host, name, device in draft.valid_devices(model.LanBox):
         site = draft.sites.get(name)
         if site is None:
             continue
         part, dhcp = _draft.Part("device", host), site.lan.dhcp
         if why := why_unusable(device.address, site.lan.network):
             message = f"the address {device.address} of `{host}` {why}, the LAN of `{name}`"
-            yield draft.wrong(part, ("address",), message, example_in(site.lan.network))
+            yield draft.finding_at(part, ("address",), message, example_in(site.lan.network))
         elif dhcp.first <= device.address <= dhcp.last and all(
             reservation.name != host for reservation in site.lan.reservations
         ):
             message = f"the address {device.address} of `{host}` is inside the DHCP range of `{name}`"
             hint = f"choose one outside {dhcp.first} to {dhcp.last}"
-            yield draft.wrong(part, ("address",), message, hint)
+            yield draft.finding_at(part, ("address",), message, hint)
 
 
 RULES: tuple[_draft.Rule, ...] = (
@@ -166,7 +168,7 @@ def _twice(draft: _draft.Draft, uses: Iterator[_AddressUse], what: str) -> Itera
             result.add((use.value, use.owner))
             where = draft.where(first_use.part, *first_use.path)
             message = f"{use.value} of {use.owner} is already the {what} of {first_use.owner} ({where})"
-            yield draft.wrong(use.part, use.path, message, f"give each its own {what}")
+            yield draft.finding_at(use.part, use.path, message, f"give each its own {what}")
 
 
 def _addresses(draft: _draft.Draft) -> Iterator[_AddressUse]:
@@ -180,9 +182,9 @@ def _addresses(draft: _draft.Draft) -> Iterator[_AddressUse]:
 def _of_site(draft: _draft.Draft, name: str, site: model.Site) -> Iterator[_AddressUse]:
     part, router = _draft.Part("site", name), _router(draft, name)
     yield _AddressUse(str(site.lan.gateway), router, part, ("lan", "gateway"))
-    for index, bearer in enumerate(site.bearers):
-        yield _AddressUse(str(bearer.address), router, part, ("bearers", index, "address"))
-        yield _AddressUse(str(bearer.gateway), _far_end(draft, name, bearer), part, ("bearers", index, "gateway"))
+    for index, site_link in enumerate(site.bearers):
+        yield _AddressUse(str(site_link.address), router, part, ("bearers", index, "address"))
+        yield _AddressUse(str(site_link.gateway), _far_end(draft, name, site_link), part, ("bearers", index, "gateway"))
     for index, link in enumerate(site.served_links):
         yield _AddressUse(str(link.address), router, part, ("served_links", index, "address"))
     yield _AddressUse(
@@ -208,18 +210,20 @@ def _owner(draft: _draft.Draft, host: str) -> str:
     return _router(draft, site) if isinstance(draft.devices[host], model.Router) else f"`{host}`"
 
 
-def _far_end(draft: _draft.Draft, name: str, bearer: model.Bearer) -> str:
+def _far_end(draft: _draft.Draft, name: str, site_link: model.Link) -> str:
     """Return the owner of a link's gateway address: the box at this end, or the router that serves the link."""
     for host, box in draft.devices.items():
         if not isinstance(box, model.LteRouter | model.SatelliteTerminal) or draft.layout.hosts[host] != name:
             continue
-        if box.address == bearer.gateway:
+        if box.address == site_link.gateway:
             return f"`{host}`"
-    if bearer.kind.traits.bridge:
+    if site_link.kind.traits.bridge:
         for other, site in draft.sites.items():
-            if any((link.network, link.address) == (bearer.network, bearer.gateway) for link in site.served_links):
+            if any(
+                (link.network, link.address) == (site_link.network, site_link.gateway) for link in site.served_links
+            ):
                 return _router(draft, other)
-    return f"the gateway of link `{bearer.name}` at `{name}`"
+    return f"the gateway of link `{site_link.name}` at `{name}`"
 
 
 def _of_device(device: model.Device) -> Iterator[tuple[object, tuple[str, ...]]]:
@@ -257,14 +261,14 @@ UNIQUE_ADDRESSES_RULES: tuple[_draft.Rule, ...] = (addresses, macs)
 def classes_have_a_queue(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a traffic class at a site without a thin link: there the router queues nothing."""
     for name, site in draft.sites.items():
-        if any(bearer.thin for bearer in site.bearers):
+        if any(link.thin for link in site.bearers):
             continue
         for index, row in enumerate(site.lan.reservations):
             if row.traffic is not model.TrafficClass.CONTROL:
                 message = f"`{row.name}` counts as {row.traffic}, and `{name}` has no thin link where that matters"
                 path = ("lan", "reservations", index, "traffic")
                 hint = "remove `traffic:`; a thin link is a satellite, or sends less than 2 Mbit/s (`rate.up_kbps`)"
-                yield draft.wrong(_draft.Part("site", name), path, message, hint)
+                yield draft.finding_at(_draft.Part("site", name), path, message, hint)
 
 
 WARNINGS: tuple[_draft.Rule, ...] = (classes_have_a_queue,)

@@ -27,8 +27,8 @@ class BridgeEnd:
 
     site: str
     path: tuple[str, int]
-    link: model.Bearer | model.ServedLink
-    kind: model.BearerKind
+    link: model.Link | model.ServedLink
+    kind: model.LinkKind
 
     @property
     def part(self) -> _draft.Part:
@@ -39,10 +39,10 @@ class BridgeEnd:
 def ends(draft: _draft.Draft) -> Iterator[BridgeEnd]:
     """Yield every link and served link of every site."""
     for name, site in draft.sites.items():
-        for index, bearer in enumerate(site.bearers):
-            yield BridgeEnd(name, ("bearers", index), bearer, bearer.kind)
+        for index, site_link in enumerate(site.bearers):
+            yield BridgeEnd(name, ("bearers", index), site_link, site_link.kind)
         for index, link in enumerate(site.served_links):
-            yield BridgeEnd(name, ("served_links", index), link, model.BearerKind.WIFI_PTP)
+            yield BridgeEnd(name, ("served_links", index), link, model.LinkKind.WIFI_PTP)
 
 
 def addresses(draft: _draft.Draft) -> Iterator[Finding]:
@@ -58,18 +58,18 @@ def addresses(draft: _draft.Draft) -> Iterator[Finding]:
 def gaps_leave_time(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a link whose gaps take more than half of the time: no rehearsal can run over it."""
     for name, site in draft.sites.items():
-        for index, bearer in enumerate(site.bearers):
-            silent_s = sum(gap.length_s * gap.per_hour for gap in bearer.rate.gaps)
+        for index, link in enumerate(site.bearers):
+            silent_s = sum(gap.length_s * gap.per_hour for gap in link.rate.gaps)
             if silent_s > _MOST_SILENT_S:
-                message = f"the gaps of link `{bearer.name}` take {silent_s:g} s of each hour"
+                message = f"the gaps of link `{link.name}` take {silent_s:g} s of each hour"
                 hint = f"declare at most {_MOST_SILENT_S} s: shorter gaps (`length_s`), or fewer (`per_hour`)"
-                yield draft.wrong(_draft.Part("site", name), ("bearers", index, "rate", "gaps"), message, hint)
+                yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "rate", "gaps"), message, hint)
 
 
 def _in_network(draft: _draft.Draft, end: BridgeEnd, key: str, address: IPv4Address) -> Iterator[Finding]:
     if why := why_unusable(address, end.link.network):
         message = f"the {key} {address} of link `{end.link.name}` {why}"
-        yield draft.wrong(end.part, (*end.path, key), message, example_in(end.link.network))
+        yield draft.finding_at(end.part, (*end.path, key), message, example_in(end.link.network))
 
 
 def names(draft: _draft.Draft) -> Iterator[Finding]:
@@ -80,11 +80,11 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
         path = (*end.path, "name")
         if end.link.name == _RESERVED_NAME:
             message = "a link cannot be called `lan`: `via: lan` means the management port"
-            yield draft.wrong(end.part, path, message, "choose another name")
+            yield draft.finding_at(end.part, path, message, "choose another name")
         elif first is not end:
             line = draft.mark(first.part, *first.path, "name").line
             message = f"`{end.link.name}` is the name of two links of `{end.site}`, first in line {line}"
-            yield draft.wrong(end.part, path, message, "give each link its own name")
+            yield draft.finding_at(end.part, path, message, "give each link its own name")
 
 
 def devices(draft: _draft.Draft) -> Iterator[Finding]:
@@ -95,9 +95,9 @@ def devices(draft: _draft.Draft) -> Iterator[Finding]:
             if kind is not None:
                 message = f"link `{end.link.name}` is {end.kind} and has no device"
                 hint = f"add `device:` with {_candidates(draft, end.site, kind)}"
-                yield draft.wrong(end.part, end.path, message, hint)
+                yield draft.finding_at(end.part, end.path, message, hint)
         elif problem := _wrong_device(draft, end, end.link.device, kind):
-            yield draft.wrong(end.part, (*end.path, "device"), *problem)
+            yield draft.finding_at(end.part, (*end.path, "device"), *problem)
 
 
 def _candidates(draft: _draft.Draft, site: str, kind: str) -> str:
@@ -126,7 +126,7 @@ def each_box_once(draft: _draft.Draft) -> Iterator[Finding]:
     for end, first in _shared_devices(draft):
         where = draft.where(first.part, *first.path, "device")
         message = f"`{end.link.device}` already carries link `{first.link.name}` ({where})"
-        yield draft.wrong(end.part, (*end.path, "device"), message, "a device carries one link")
+        yield draft.finding_at(end.part, (*end.path, "device"), message, "a device carries one link")
 
 
 def _shared_devices(draft: _draft.Draft) -> Iterator[tuple[BridgeEnd, BridgeEnd]]:
@@ -148,7 +148,7 @@ def no_box_idle(draft: _draft.Draft) -> Iterator[Finding]:
         if end.link.device is None or _wrong_device(draft, end, end.link.device, kind) is not None:
             waiting.add((end.site, kind))
         used.add(end.link.device)
-    boxes = {traits.box for traits in model.BEARER_TRAITS.values()}
+    boxes = {traits.box for traits in model.LINK_TRAITS.values()}
     for host, device in draft.devices.items():
         site = draft.layout.hosts[host]
         if device.kind not in boxes or host in used or site not in draft.sites:
@@ -156,7 +156,7 @@ def no_box_idle(draft: _draft.Draft) -> Iterator[Finding]:
         if (site, device.kind) not in waiting:
             message = f"`{host}` carries no link of `{site}`"
             hint = f"name it as `device:` of a link in group_vars/{site}.yml, or remove the host"
-            yield draft.wrong(_draft.Part("device", host), (), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), (), message, hint)
 
 
 def boxes_in_network(draft: _draft.Draft) -> Iterator[Finding]:
@@ -171,7 +171,7 @@ def boxes_in_network(draft: _draft.Draft) -> Iterator[Finding]:
         address = device.access.address if isinstance(device, model.Cpe) else getattr(device, "address", None)
         if address is not None and (why := why_unusable(address, end.link.network)):
             message = f"the address {address} of `{host}` {why}, the network of link `{end.link.name}`"
-            yield draft.wrong(_draft.Part("device", host), path, message, example_in(end.link.network))
+            yield draft.finding_at(_draft.Part("device", host), path, message, example_in(end.link.network))
 
 
 RULES: tuple[_draft.Rule, ...] = (
@@ -190,20 +190,20 @@ def bridges(draft: _draft.Draft) -> Iterator[Finding]:
     every = list(ends(draft))
     if len(draft.sites) != len(draft.layout.sites):
         return  # an invalid site may hold the other end
-    bearers = [end for end in every if end.path[0] == "bearers" and end.kind.traits.bridge]
+    links = [end for end in every if end.path[0] == "bearers" and end.kind.traits.bridge]
     served_ends = [end for end in every if end.path[0] == "served_links"]
-    findings = [finding for end in served_ends for finding in _check_carried_site(draft, end, bearers)]
+    findings = [finding for end in served_ends for finding in _check_carried_site(draft, end, links)]
     yield from findings
-    for end in bearers:
+    for end in links:
         far = [other for other in served_ends if _carries(other) == end.site]
         if not far and not findings:  # a served link that carries a wrong site may be the one
             message = f"no site serves the other end of link `{end.link.name}` of `{end.site}`"
             hint = f"add it to `served_links` of the other site, with `carries: {end.site}`"
-            yield draft.wrong(end.part, end.path, message, hint)
+            yield draft.finding_at(end.part, end.path, message, hint)
         for other in far[1:]:
             where = draft.where(far[0].part, *far[0].path)
             message = f"`{end.site}` is carried twice, first by `{far[0].link.name}` ({where})"
-            yield draft.wrong(other.part, (*other.path, "carries"), message, "keep one")
+            yield draft.finding_at(other.part, (*other.path, "carries"), message, "keep one")
         if far:
             yield from _agree(draft, end, far[0])
 
@@ -212,32 +212,32 @@ def _carries(end: BridgeEnd) -> str:
     return str(getattr(end.link, "carries", ""))
 
 
-def _check_carried_site(draft: _draft.Draft, end: BridgeEnd, bearers: list[BridgeEnd]) -> Iterator[Finding]:
+def _check_carried_site(draft: _draft.Draft, end: BridgeEnd, links: list[BridgeEnd]) -> Iterator[Finding]:
     carried_site, path = _carries(end), (*end.path, "carries")
     others = [site for site in draft.sites if site != end.site]
     if carried_site == end.site:
         message = f"link `{end.link.name}` carries its own site"
-        yield draft.wrong(end.part, path, message, f"name the site at the other end: {', '.join(others)}")
+        yield draft.finding_at(end.part, path, message, f"name the site at the other end: {', '.join(others)}")
     elif carried_site not in draft.sites:
-        yield draft.wrong(
+        yield draft.finding_at(
             end.part, path, f"there is no site `{carried_site}`", suggest(carried_site, others, none="add the site")
         )
-    elif not any(bearer.site == carried_site for bearer in bearers):
+    elif not any(link.site == carried_site for link in links):
         message = f"`{carried_site}` has no wifi_ptp bearer that link `{end.link.name}` could serve"
-        yield draft.wrong(end.part, path, message, f"add the bearer to `{carried_site}`, or remove this link")
+        yield draft.finding_at(end.part, path, message, f"add the bearer to `{carried_site}`, or remove this link")
 
 
 def _agree(draft: _draft.Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
     where = f"`{far.site}` says {far.link.network} ({draft.where(far.part, *far.path, 'network')})"
     if near.link.network != far.link.network:
         message = f"the two ends of link `{near.link.name}` are in different networks: {near.link.network} here,"
-        yield draft.wrong(near.part, (*near.path, "network"), f"{message} {where}", "make both the same")
+        yield draft.finding_at(near.part, (*near.path, "network"), f"{message} {where}", "make both the same")
         return
     gateway = getattr(near.link, "gateway", None)
     if gateway != far.link.address:
         where = draft.where(far.part, *far.path, "address")
         message = f"the gateway {gateway} of link `{near.link.name}` is not the router that serves it"
-        yield draft.wrong(near.part, (*near.path, "gateway"), message, f"{far.link.address}, as {where} has it")
+        yield draft.finding_at(near.part, (*near.path, "gateway"), message, f"{far.link.address}, as {where} has it")
 
 
 BRIDGES_RULES: tuple[_draft.Rule, ...] = (bridges,)

@@ -33,11 +33,11 @@ class LteField:
 
     path: tuple[str, ...]
     of: tuple[LteDriver, ...]
-    """The drivers that use it; with any other it is refused."""
+    """Drivers that use the field; with any other driver it is rejected."""
     needed_by: tuple[LteDriver, ...] = ()
-    """The drivers that cannot do without."""
+    """Drivers that require the field."""
     hint: str = ""
-    """What to write where it is missing."""
+    """What to write if the field is missing."""
 
 
 FIELDS: tuple[LteField, ...] = (
@@ -56,12 +56,12 @@ FIELDS: tuple[LteField, ...] = (
     LteField(("sim", "pin"), of=(_ROUTEROS, _RUTOS)),
     LteField(("sim", "bands"), of=(_ROUTEROS, _RUTOS)),
 )
-"""The drivers' fields, in the order in which a declaration has them."""
+"""Fields of the drivers, in the order of the inventory."""
 
 _APN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]{0,98}[A-Za-z0-9])?")
-"""3GPP TS 23.003, 9.1: labels as of a DNS name, at most 100 characters."""
+"""APN as in 3GPP TS 23.003, 9.1: labels like those of a DNS name, at most 100 characters."""
 _PIN = re.compile(r"[0-9]{4,8}")
-"""3GPP TS 31.101, 9.5.1."""
+"""PIN as in 3GPP TS 31.101, 9.5.1."""
 _PORT = re.compile(r"/dev/[\w./-]+")
 
 
@@ -74,7 +74,7 @@ def _value(device: LteRouter, path: tuple[str, ...]) -> object:
 
 def fields(draft: _draft.Draft) -> Iterator[Finding]:
     """Require the fields that the driver needs, and refuse those that it ignores."""
-    for host, _, device in draft.boxes(LteRouter):
+    for host, _, device in draft.valid_devices(LteRouter):
         part, driver = _draft.Part("device", host), device.driver
         for field in FIELDS:
             is_set = _value(device, field.path) not in {None, ()}
@@ -82,86 +82,98 @@ def fields(draft: _draft.Draft) -> Iterator[Finding]:
             if is_set and driver not in field.of:
                 drivers = " and ".join(field.of)
                 message = f"`{name}` has no effect with driver `{driver}`"
-                yield draft.wrong(part, field.path, message, f"remove it: it is for driver {drivers}")
+                yield draft.finding_at(part, field.path, message, f"remove it: it is for driver {drivers}")
             elif not is_set and driver in field.needed_by:
                 message = f"driver `{driver}` needs `{name}`"
                 path = ("driver",)
-                yield draft.wrong(part, path, message, field.hint)
+                yield draft.finding_at(part, path, message, field.hint)
 
 
 def apn(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a valid access point name."""
-    for host, _, device in draft.boxes(LteRouter):
+    for host, _, device in draft.valid_devices(LteRouter):
         name = device.sim.apn
         if name is not None and not _APN.fullmatch(name):
             message = f"`{name}` is no access point name: letters, digits, dots and dashes, no blanks"
-            yield draft.wrong(_draft.Part("device", host), ("sim", "apn"), message, "copy it from the SIM's contract")
+            yield draft.finding_at(
+                _draft.Part("device", host), ("sim", "apn"), message, "copy it from the SIM's contract"
+            )
 
 
 def pin(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a malformed PIN, which would cost one of three tries; an encrypted PIN cannot be checked."""
-    for host, _, device in draft.boxes(LteRouter):
+    for host, _, device in draft.valid_devices(LteRouter):
         number = device.sim.pin
         if number is None or isinstance(number, SealedSecret) or _PIN.fullmatch(number.reveal()):
             continue
         message = "the PIN must have 4 to 8 digits; a wrong one costs one of the SIM's three tries"
         hint = "vault the PIN of the SIM's letter, or remove `pin` while there is none"
-        yield draft.wrong(_draft.Part("device", host), ("sim", "pin"), message, hint)
+        yield draft.finding_at(_draft.Part("device", host), ("sim", "pin"), message, hint)
 
 
 def administrator(draft: _draft.Draft) -> Iterator[Finding]:
     """Require both name and password for a RutOS administrator, or neither."""
-    for host, _, device in draft.boxes(LteRouter):
+    for host, _, device in draft.valid_devices(LteRouter):
         access = device.access
         if access is None or (access.admin_user is None) == (access.admin_password is None):
             continue
         missing, there = ("admin_password", "admin_user") if access.admin_user else ("admin_user", "admin_password")
         message = f"`{there}` stands without `{missing}`: nobody could log in to set the unit"
         hint = f"add `{missing}`, or remove `{there}`: then the unit is only checked"
-        yield draft.wrong(_draft.Part("device", host), ("access", there), message, hint)
+        yield draft.finding_at(_draft.Part("device", host), ("access", there), message, hint)
 
 
-def in_quotes(draft: _draft.Draft) -> Iterator[Finding]:
+def check_rutos_quoting(draft: _draft.Draft) -> Iterator[Finding]:
     """Refuse quotes and backslashes in RutOS values: they go to `uci` in single quotes."""
-    for host, _, device in draft.boxes(LteRouter):
+    for host, _, device in draft.valid_devices(LteRouter):
         user = device.sim.user
         if device.driver is _RUTOS and user is not None and ("'" in user or "\\" in user):
             message = f"`{user}` cannot be set on a RutOS unit: it has a quote or a backslash"
-            yield draft.wrong(_draft.Part("device", host), ("sim", "user"), message, "copy it from the SIM's contract")
+            yield draft.finding_at(
+                _draft.Part("device", host), ("sim", "user"), message, "copy it from the SIM's contract"
+            )
 
 
-def within_reach(draft: _draft.Draft) -> Iterator[Finding]:
+def require_local_modem(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a modem at a port of the computer that runs `provision`: others cannot be read."""
-    for host, _, device in draft.boxes(LteRouter):
+    for host, _, device in draft.valid_devices(LteRouter):
         part = _draft.Part("device", host)
         if device.host is not None and device.driver in {_MODEMMANAGER, _AT}:
             message = f"a modem in another computer (`{device.host}`) cannot be read yet"
             hint = "leave `host` out and run `provision` on that computer, or write `driver: manual`"
-            yield draft.wrong(part, ("host",), message, hint)
+            yield draft.finding_at(part, ("host",), message, hint)
         if device.driver is _AT and device.serial is not None and not _PORT.fullmatch(device.serial):
             message = f"`{device.serial}` is no serial port"
-            yield draft.wrong(part, ("serial",), message, "write its whole path, like /dev/ttyUSB2")
+            yield draft.finding_at(part, ("serial",), message, "write its whole path, like /dev/ttyUSB2")
 
 
-def is_the_gateway(draft: _draft.Draft) -> Iterator[Finding]:
+def require_gateway_address(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that a routing 4G unit has its link's gateway address, where the site's router looks for it."""
-    for host, name, device in draft.boxes(LteRouter):
+    for host, name, device in draft.valid_devices(LteRouter):
         site = draft.sites.get(name)
         if site is None or device.driver not in {_ROUTEROS, _RUTOS}:
             continue
-        for index, bearer in enumerate(site.bearers):
-            both = {bearer.gateway, device.address}
-            if bearer.device == host and len(both) > 1 and all(address in bearer.network for address in both):
+        for index, link in enumerate(site.bearers):
+            both = {link.gateway, device.address}
+            if link.device == host and len(both) > 1 and all(address in link.network for address in both):
                 where = draft.where(_draft.Part("site", name), "bearers", index, "gateway")
-                message = f"the address {device.address} is not the gateway of link `{bearer.name}` ({where})"
-                yield draft.wrong(_draft.Part("device", host), ("address",), message, f"write {bearer.gateway}")
+                message = f"the address {device.address} is not the gateway of link `{link.name}` ({where})"
+                yield draft.finding_at(_draft.Part("device", host), ("address",), message, f"write {link.gateway}")
 
 
-RULES: tuple[_draft.Rule, ...] = (fields, apn, pin, administrator, in_quotes, within_reach, is_the_gateway)
+RULES: tuple[_draft.Rule, ...] = (
+    fields,
+    apn,
+    pin,
+    administrator,
+    check_rutos_quoting,
+    require_local_modem,
+    require_gateway_address,
+)
 
 _MOST = 9
 _SATELLITE_HOLD_S = 90
-"""Longer than the 70 s for which Certus was seen to carry nothing (facts/devices.md, section 3)."""
+"""Minimum hold time: longer than an outage of 70 s observed on Certus (facts/devices.md, section 3)."""
 """Links are ten apart in distance, and a hundred more when they are given up: RouterOS has distances up to 255."""
 
 
@@ -170,7 +182,7 @@ def there_is_another_link(draft: _draft.Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         if "failover" in site.model_fields_set and len(site.bearers) == 1:
             message = f"`failover` is declared, and `{site.bearers[0].name}` is the only link of `{name}`"
-            yield draft.wrong(
+            yield draft.finding_at(
                 _draft.Part("site", name), ("failover",), message, "remove `failover:`, or declare a second link"
             )
 
@@ -186,7 +198,7 @@ def returns_no_sooner_than_it_leaves(draft: _draft.Draft) -> Iterator[Finding]:
             )
             key = "fail_back_s" if "fail_back_s" in times.model_fields_set else "hold_down_s"
             hint = "let `fail_back_s` be at least `hold_down_s`, better some minutes"
-            yield draft.wrong(_draft.Part("site", name), ("failover", key), message, hint)
+            yield draft.finding_at(_draft.Part("site", name), ("failover", key), message, hint)
 
 
 def metered_links_to_ask_over(draft: _draft.Draft) -> Iterator[Finding]:
@@ -194,10 +206,10 @@ def metered_links_to_ask_over(draft: _draft.Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         if "metered_probe_s" not in site.failover.model_fields_set or len(site.bearers) == 1:
             continue
-        if not any(bearer.metered and bearer.canaries for bearer in site.bearers[:-1]):
+        if not any(link.metered and link.canaries for link in site.bearers[:-1]):
             message = f"`metered_probe_s` is declared, and no link of `{name}` with canaries is metered"
             hint = "remove it: links that cost nothing are asked every 5 s, and the last link is not asked"
-            yield draft.wrong(_draft.Part("site", name), ("failover", "metered_probe_s"), message, hint)
+            yield draft.finding_at(_draft.Part("site", name), ("failover", "metered_probe_s"), message, hint)
 
 
 def satellites_are_asked_within_a_budget(draft: _draft.Draft) -> Iterator[Finding]:
@@ -206,31 +218,31 @@ def satellites_are_asked_within_a_budget(draft: _draft.Draft) -> Iterator[Findin
     Probing must also be useful: another link follows, and the link's own gaps do not count as a failure.
     """
     for name, site in draft.sites.items():
-        for index, bearer in enumerate(site.bearers):
-            if not (bearer.kind.traits.allow_list and bearer.canaries):
+        for index, link in enumerate(site.bearers):
+            if not (link.kind.traits.allow_list and link.canaries):
                 continue
             part, path, last = _draft.Part("site", name), ("bearers", index, "canaries"), index == len(site.bearers) - 1
             hold_s = site.failover.hold_down_s
             hint = f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it"
-            if bearer.canary_budget_bytes is None:
+            if link.probe_target_budget_bytes is None:
                 message = (
-                    f"link `{bearer.name}` is a satellite and has canaries: pinging them would be billed day and night"
+                    f"link `{link.name}` is a satellite and has canaries: pinging them would be billed day and night"
                 )
                 budget = (
                     f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it. "
                     "Or declare what they may take in a month: `canary_budget_mb: 2`"
                 )
-                yield draft.wrong(part, path, message, hint if last else budget)
+                yield draft.finding_at(part, path, message, hint if last else budget)
             elif last:
-                message = f"link `{bearer.name}` is a satellite and the last one: nobody would ask its canaries"
-                yield draft.wrong(part, path, message, hint)
+                message = f"link `{link.name}` is a satellite and the last one: nobody would ask its canaries"
+                yield draft.finding_at(part, path, message, hint)
             elif hold_s < _SATELLITE_HOLD_S:
                 message = (
-                    f"link `{bearer.name}` is a satellite, whose own gaps take up to 70 s, and would be left after "
+                    f"link `{link.name}` is a satellite, whose own gaps take up to 70 s, and would be left after "
                     f"{hold_s} s without an answer of its canaries"
                 )
                 longer = f"let `hold_down_s` below `failover:` be {_SATELLITE_HOLD_S} or more"
-                yield draft.wrong(part, path, message, longer)
+                yield draft.finding_at(part, path, message, longer)
 
 
 def not_too_many_links(draft: _draft.Draft) -> Iterator[Finding]:
@@ -238,7 +250,7 @@ def not_too_many_links(draft: _draft.Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         if len(site.bearers) > _MOST:
             message = f"`{name}` has {len(site.bearers)} links, and the order of preference has room for {_MOST}"
-            yield draft.wrong(
+            yield draft.finding_at(
                 _draft.Part("site", name), ("bearers", _MOST), message, "remove the links that nobody will use"
             )
 

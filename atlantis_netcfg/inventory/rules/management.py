@@ -28,7 +28,7 @@ def technician_in_network(draft: _draft.Draft) -> Iterator[Finding]:
         if why := why_unusable(site.management.technician, site.management.network):
             message = f"the technician's address {site.management.technician} {why}"
             hint = example_in(site.management.network)
-            yield draft.wrong(_draft.Part("site", name), ("management", "technician"), message, hint)
+            yield draft.finding_at(_draft.Part("site", name), ("management", "technician"), message, hint)
 
 
 def technician_admitted(draft: _draft.Draft) -> Iterator[Finding]:
@@ -38,7 +38,7 @@ def technician_admitted(draft: _draft.Draft) -> Iterator[Finding]:
         if outside is None and not any(site.management.technician in network for network in site.management.admit):
             message = f"the routers' firewall would drop the technician: no prefix holds {site.management.technician}"
             hint = f"add {site.management.network}"
-            yield draft.wrong(_draft.Part("site", name), ("management", "admit"), message, hint)
+            yield draft.finding_at(_draft.Part("site", name), ("management", "admit"), message, hint)
 
 
 def vpn_admitted(draft: _draft.Draft) -> Iterator[Finding]:
@@ -49,7 +49,7 @@ def vpn_admitted(draft: _draft.Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         if _by_tunnel(draft, name) and not any(pool.subnet_of(prefix) for prefix in site.management.admit):
             message = f"the routers' firewall would drop management through the VPN: no prefix holds {pool}"
-            yield draft.wrong(_draft.Part("site", name), ("management", "admit"), message, f"add {pool}")
+            yield draft.finding_at(_draft.Part("site", name), ("management", "admit"), message, f"add {pool}")
 
 
 def _by_tunnel(draft: _draft.Draft, site: str) -> bool:
@@ -80,32 +80,32 @@ def partners_kept_out(draft: _draft.Draft) -> Iterator[Finding]:
             if inside:
                 message = f"{prefix} would let partners manage the routers: {', '.join(inside)}"
                 hint = "admit the management network and the VPN's infrastructure pool only"
-                yield draft.wrong(_draft.Part("site", name), ("management", "admit", index), message, hint)
+                yield draft.finding_at(_draft.Part("site", name), ("management", "admit", index), message, hint)
 
 
 def router_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that a router's management address is in the management network."""
-    for host, name, router in draft.boxes(model.Router):
+    for host, name, router in draft.valid_devices(model.Router):
         site = draft.sites.get(name)
         if site is not None and (why := why_unusable(router.access.address, site.management.network)):
             message = f"the management address {router.access.address} {why}, the management network of `{name}`"
             hint = example_in(site.management.network)
-            yield draft.wrong(_draft.Part("device", host), ("access", "address"), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), ("access", "address"), message, hint)
 
 
 def switch_in_lan(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that a switch's address is in the LAN and not assigned by DHCP to anyone else."""
-    for host, name, switch in draft.boxes(model.Switch):
+    for host, name, switch in draft.valid_devices(model.Switch):
         site, address, part = draft.sites.get(name), switch.access.address, _draft.Part("device", host)
         if site is None:
             continue
         if why := why_unusable(address, site.lan.network):
             message = f"the management address {address} {why}, the LAN of `{name}`"
-            yield draft.wrong(part, ("access", "address"), message, example_in(site.lan.network))
+            yield draft.finding_at(part, ("access", "address"), message, example_in(site.lan.network))
         elif site.lan.dhcp.first <= address <= site.lan.dhcp.last:
             message = f"the management address {address} of `{host}` is inside the DHCP range of `{name}`"
             hint = f"choose one outside {site.lan.dhcp.first} to {site.lan.dhcp.last}"
-            yield draft.wrong(part, ("access", "address"), message, hint)
+            yield draft.finding_at(part, ("access", "address"), message, hint)
 
 
 def via_known(draft: _draft.Draft) -> Iterator[Finding]:
@@ -114,11 +114,11 @@ def via_known(draft: _draft.Draft) -> Iterator[Finding]:
         site = draft.sites.get(name)
         if site is not None and access.via not in _ways(site):
             message, hint = f"`{access.via}` is no bearer of `{name}`", suggest(access.via, _ways(site), none="")
-            yield draft.wrong(_draft.Part("device", host), ("access", "via"), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), ("access", "via"), message, hint)
 
 
 def _ways(site: model.Site) -> list[str]:
-    return [_LAN, *(bearer.name for bearer in site.bearers)]
+    return [_LAN, *(link.name for link in site.bearers)]
 
 
 RULES: tuple[_draft.Rule, ...] = (
@@ -149,7 +149,7 @@ def check_groups(draft: _draft.Draft) -> Iterator[Finding]:
             group = draft.layout.kind_marks[host]
             message = f"`{host}` is a {result}, but stands in group `{_GROUP_OF[kind]}` ({group.file}:{group.line})"
             hint = f"move it to `{_GROUP_OF[result]}`, or write `kind: {kind}`"
-            yield draft.wrong(_draft.Part("device", host), ("kind",), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), ("kind",), message, hint)
 
 
 def one_router(draft: _draft.Draft) -> Iterator[Finding]:
@@ -177,7 +177,7 @@ def zone(draft: _draft.Draft) -> Iterator[Finding]:
     if zones:
         near = nearest(draft.pilot.time_zone, zones)
         hint = f"did you mean `{near}`?" if near else "a time zone is like Europe/Lisbon"
-        yield draft.wrong(
+        yield draft.finding_at(
             _draft.Part("pilot"), ("time_zone",), f"there is no time zone `{draft.pilot.time_zone}`", hint
         )
 
@@ -198,7 +198,9 @@ def servers(draft: _draft.Draft) -> Iterator[Finding]:
     for index, time_server in enumerate(draft.pilot.time_servers):
         if time_server.address in name_by_address:
             message = f"{time_server.address} is already the address of {name_by_address[time_server.address]}"
-            yield draft.wrong(_draft.Part("pilot"), ("time_servers", index, "address"), message, "name another server")
+            yield draft.finding_at(
+                _draft.Part("pilot"), ("time_servers", index, "address"), message, "name another server"
+            )
         name_by_address.setdefault(time_server.address, time_server.name)
 
 

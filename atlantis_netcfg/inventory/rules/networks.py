@@ -26,7 +26,7 @@ _RESERVED_NETWORKS: tuple[tuple[IPv4Network, str], ...] = (
     (IPv4Network("224.0.0.0/4"), "multicast"),
     (IPv4Network("240.0.0.0/4"), "nothing, it is reserved"),
 )
-"""RFC 6890, and RFC 5771 for multicast."""
+"""Reserved networks (RFC 6890), and multicast (RFC 5771)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Claim:
     part: _draft.Part
     path: tuple[str | int, ...]
     end: str = ""
-    """Which end of a Wi-Fi bridge it is: both ends are one network."""
+    """End of a Wi-Fi bridge, because both ends are one network; empty: not a bridge."""
 
 
 def claims(draft: _draft.Draft) -> Iterator[Claim]:
@@ -47,14 +47,14 @@ def claims(draft: _draft.Draft) -> Iterator[Claim]:
         part = _draft.Part("site", name)
         yield Claim(site.lan.network, f"the LAN of `{name}`", part, ("lan", "network"))
         yield Claim(site.management.network, f"the management network of `{name}`", part, ("management", "network"))
-        for index, bearer in enumerate(site.bearers):
-            end = "carried" if bearer.kind.traits.bridge else ""
-            what = f"link `{bearer.name}` of `{name}`"
-            yield Claim(bearer.network, what, part, ("bearers", index, "network"), end)
+        for index, site_link in enumerate(site.bearers):
+            end = "carried" if site_link.kind.traits.bridge else ""
+            what = f"link `{site_link.name}` of `{name}`"
+            yield Claim(site_link.network, what, part, ("bearers", index, "network"), end)
         for index, link in enumerate(site.served_links):
             what = f"link `{link.name}` of `{name}`"
             yield Claim(link.network, what, part, ("served_links", index, "network"), "serving")
-    for host, _, gateway in draft.boxes(Gateway):
+    for host, _, gateway in draft.valid_devices(Gateway):
         if gateway.access_point is not None:
             network, what = gateway.access_point.network, f"the access point of `{host}`"
             yield Claim(network, what, _draft.Part("device", host), ("access_point", "network"))
@@ -109,7 +109,7 @@ def disjoint(draft: _draft.Draft) -> Iterator[Finding]:
             more = f" and {len(others) - 1} more" if len(others) > 1 else ""
             where = f"{first.network} of {first.what} ({draft.where(first.part, *first.path)}){more}"
             message = f"{claim.network} of {claim.what} overlaps {where}"
-            yield draft.wrong(claim.part, claim.path, message, "give it a network of its own")
+            yield draft.finding_at(claim.part, claim.path, message, "give it a network of its own")
         network_index.add(claim)
 
 
@@ -123,7 +123,9 @@ def usable(draft: _draft.Draft) -> Iterator[Finding]:
         for block, purpose in _RESERVED_NETWORKS:
             if claim.network.overlaps(block):
                 message = f"{claim.network} of {claim.what} touches {block}, which is for {purpose}"
-                yield draft.wrong(claim.part, claim.path, message, "choose from 10.0.0.0/8, or as the provider gave it")
+                yield draft.finding_at(
+                    claim.part, claim.path, message, "choose from 10.0.0.0/8, or as the provider gave it"
+                )
                 break
 
 
@@ -142,12 +144,12 @@ def pools(draft: _draft.Draft) -> Iterator[Finding]:
         if not pool.subnet_of(vpn.network):
             where = draft.where(_draft.Part("pilot"), "vpn", "network")
             message = f"the pool {pool} of {what} is not inside the VPN's network {vpn.network} ({where})"
-            yield draft.wrong(part, path, message, f"choose a part of {vpn.network}")
+            yield draft.finding_at(part, path, message, f"choose a part of {vpn.network}")
         for other, other_pool, other_part, other_path in earlier_pools:
             if pool.overlaps(other_pool):
                 where = draft.where(other_part, *other_path)
                 message = f"the pool {pool} of {what} overlaps {other_pool} of {other} ({where})"
-                yield draft.wrong(part, path, message, "give it a pool of its own")
+                yield draft.finding_at(part, path, message, "give it a pool of its own")
         earlier_pools.append((what, pool, part, path))
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def links_of(site: model.Site) -> list[str]:
     """Return the names of a site's links and served links, as a port may name them."""
-    return [*(bearer.name for bearer in site.bearers), *(link.name for link in site.served_links)]
+    return [*(site_link.name for site_link in site.bearers), *(link.name for link in site.served_links)]
 
 
 def names(draft: _draft.Draft) -> Iterator[Finding]:
@@ -32,49 +32,49 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
             if first != index:
                 line = draft.mark(part, "ports", first, "name").line
                 message = f"port {port.name} stands twice, first in line {line}"
-                yield draft.wrong(part, ("ports", index, "name"), message, "remove one, or name the other port")
+                yield draft.finding_at(part, ("ports", index, "name"), message, "remove one, or name the other port")
 
 
-def one_for_management(draft: _draft.Draft) -> Iterator[Finding]:
+def require_one_management_port(draft: _draft.Draft) -> Iterator[Finding]:
     """Require exactly one management port: the way into a router when everything else fails."""
-    for host, _, router in draft.boxes(model.Router):
+    for host, _, router in draft.valid_devices(model.Router):
         part = _draft.Part("device", host)
         used = [index for index, port in enumerate(router.ports) if port.use is model.PortUse.MANAGEMENT]
         if not used:
             message = f"`{host}` has no management port: nobody could reach it when its links fail"
-            yield draft.wrong(part, ("ports",), message, "give one port `use: management`")
+            yield draft.finding_at(part, ("ports",), message, "give one port `use: management`")
         for index in used[1:]:
             message = f"`{host}` has a second management port, the first is {router.ports[used[0]].name}"
             hint = "keep one: the management network is on one port"
-            yield draft.wrong(part, ("ports", index, "use"), message, hint)
+            yield draft.finding_at(part, ("ports", index, "use"), message, hint)
 
 
-def some_for_the_lan(draft: _draft.Draft) -> Iterator[Finding]:
+def require_lan_port(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a LAN port on every router."""
-    for host, _, router in draft.boxes(model.Router):
+    for host, _, router in draft.valid_devices(model.Router):
         if not any(port.use is model.PortUse.LAN for port in router.ports):
             message = f"`{host}` has no LAN port: robots and gateway could not be plugged in"
-            yield draft.wrong(_draft.Part("device", host), ("ports",), message, "give one port `use: lan`")
+            yield draft.finding_at(_draft.Part("device", host), ("ports",), message, "give one port `use: lan`")
 
 
 def link_and_use(draft: _draft.Draft) -> Iterator[Finding]:
     """Require `link` on a port with `use: link`, and on no other."""
-    for host, _, router in draft.boxes(model.Router):
+    for host, _, router in draft.valid_devices(model.Router):
         for index, port in enumerate(router.ports):
             if port.use is model.PortUse.LINK and port.link is None:
                 message = f"port {port.name} is for a link, but which is not said"
-                yield draft.wrong(
+                yield draft.finding_at(
                     _draft.Part("device", host), ("ports", index), message, "add `link: <name of the link>`"
                 )
             elif port.use is not model.PortUse.LINK and port.link is not None:
                 message = f"port {port.name} names link `{port.link}`, but its use is {port.use}"
                 hint = "write `use: link`, or remove `link:`"
-                yield draft.wrong(_draft.Part("device", host), ("ports", index, "link"), message, hint)
+                yield draft.finding_at(_draft.Part("device", host), ("ports", index, "link"), message, hint)
 
 
 def known_links(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that a port's link exists at its site."""
-    for host, name, router in draft.boxes(model.Router):
+    for host, name, router in draft.valid_devices(model.Router):
         site = draft.sites.get(name)
         if site is None:
             continue
@@ -86,7 +86,7 @@ def known_links(draft: _draft.Draft) -> Iterator[Finding]:
                 f": that is one of `{elsewhere[0]}`" if elsewhere else ""
             )
             hint = suggest(port.link, links_of(site), none="")
-            yield draft.wrong(_draft.Part("device", host), ("ports", index, "link"), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), ("ports", index, "link"), message, hint)
 
 
 def one_port_a_link(draft: _draft.Draft) -> Iterator[Finding]:
@@ -105,32 +105,34 @@ def one_port_a_link(draft: _draft.Draft) -> Iterator[Finding]:
             ]
             if not used and not unclear:
                 message = f"no port of `{host}` leads to link `{link}` of `{name}`"
-                yield draft.wrong(part, ("ports",), message, f"give one port `use: link, link: {link}`")
+                yield draft.finding_at(part, ("ports",), message, f"give one port `use: link, link: {link}`")
             for index in used[1:]:
                 message = f"link `{link}` is already on port {router.ports[used[0]].name}"
-                yield draft.wrong(part, ("ports", index, "link"), message, "a link has one port")
+                yield draft.finding_at(part, ("ports", index, "link"), message, "a link has one port")
 
 
 def one_uplink(draft: _draft.Draft) -> Iterator[Finding]:
     """Require exactly one uplink port on a switch: it is managed through it."""
-    for host, _, switch in draft.boxes(model.Switch):
+    for host, _, switch in draft.valid_devices(model.Switch):
         part = _draft.Part("device", host)
         used = [index for index, port in enumerate(switch.ports) if port.use is model.SwitchPortUse.UPLINK]
         if not used:
             message = f"`{host}` has no port towards the router: nobody could reach it"
-            yield draft.wrong(part, ("ports",), message, "give one port `use: uplink`")
+            yield draft.finding_at(part, ("ports",), message, "give one port `use: uplink`")
         for index in used[1:]:
             message = f"`{host}` has a second uplink, the first is {switch.ports[used[0]].name}"
-            yield draft.wrong(part, ("ports", index, "use"), message, "keep one: two cables to one LAN make a loop")
+            yield draft.finding_at(
+                part, ("ports", index, "use"), message, "keep one: two cables to one LAN make a loop"
+            )
 
 
 def isolated_in_the_lan(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that an isolated switch port is a LAN port."""
-    for host, _, switch in draft.boxes(model.Switch):
+    for host, _, switch in draft.valid_devices(model.Switch):
         for index, port in enumerate(switch.ports):
             if port.isolated and port.use is not model.SwitchPortUse.LAN:
                 message = f"port {port.name} is isolated, but its use is {port.use}"
-                yield draft.wrong(
+                yield draft.finding_at(
                     _draft.Part("device", host), ("ports", index, "isolated"), message, "write `use: lan`, or remove it"
                 )
 
@@ -144,8 +146,8 @@ def _unclear(use: model.PortUse, link: str | None, site: model.Site) -> bool:
 
 RULES: tuple[_draft.Rule, ...] = (
     names,
-    one_for_management,
-    some_for_the_lan,
+    require_one_management_port,
+    require_lan_port,
     link_and_use,
     known_links,
     one_port_a_link,
@@ -154,23 +156,23 @@ RULES: tuple[_draft.Rule, ...] = (
 )
 
 
-def _fed(draft: _draft.Draft) -> Iterator[tuple[str, model.PowerSource]]:
+def _powered_devices(draft: _draft.Draft) -> Iterator[tuple[str, model.PowerSource]]:
     """Yield every device with `powered_by`."""
     for host, device in draft.devices.items():
         if device.powered_by is not None:
             yield host, device.powered_by
 
 
-def _rightly_fed(draft: _draft.Draft) -> Iterator[tuple[str, model.PowerSource]]:
+def _devices_with_valid_source(draft: _draft.Draft) -> Iterator[tuple[str, model.PowerSource]]:
     """Yield the devices whose power source is the router or a switch of their own site."""
-    for host, source in _fed(draft):
+    for host, source in _powered_devices(draft):
         if _wrong_source(draft, host, source.device, []) is None:
             yield host, source
 
 
 def source_known(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that the power source is the router or a switch of the same site."""
-    for host, source in _fed(draft):
+    for host, source in _powered_devices(draft):
         if _wrong_source(draft, host, source.device, []) is None:
             continue
         site = draft.layout.hosts[host]
@@ -180,7 +182,7 @@ def source_known(draft: _draft.Draft) -> Iterator[Finding]:
             if place == site and name != host and _can_feed(draft, name)
         ]
         if problem := _wrong_source(draft, host, source.device, able):
-            yield draft.wrong(_draft.Part("device", host), ("powered_by", "device"), *problem)
+            yield draft.finding_at(_draft.Part("device", host), ("powered_by", "device"), *problem)
 
 
 def _can_feed(draft: _draft.Draft, host: str) -> bool:
@@ -202,14 +204,14 @@ def _wrong_source(draft: _draft.Draft, host: str, source: str, able: list[str]) 
 
 def port_feeds(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that the source port exists, supplies power, is enabled, and is the port of the device's link."""
-    fed = Counter((source.device, source.port) for _, source in _fed(draft))
-    for host, source in _rightly_fed(draft):
+    fed = Counter((source.device, source.port) for _, source in _powered_devices(draft))
+    for host, source in _devices_with_valid_source(draft):
         router = draft.devices.get(source.device)
         is_shared = fed[source.device, source.port] > 1
         if isinstance(router, model.Router | model.Switch) and (
             problem := _wrong_port(draft, host, source, router, is_shared=is_shared)
         ):
-            yield draft.wrong(_draft.Part("device", host), ("powered_by", "port"), *problem)
+            yield draft.finding_at(_draft.Part("device", host), ("powered_by", "port"), *problem)
 
 
 def _wrong_port(
@@ -252,7 +254,7 @@ def _cable(ports: tuple[model.Port, ...], link: str) -> str:
     return f"port: {right}" if right is not None else "name the port of its link"
 
 
-def _links(draft: _draft.Draft, host: str) -> tuple[model.Bearer | model.ServedLink, ...]:
+def _links(draft: _draft.Draft, host: str) -> tuple[model.Link | model.ServedLink, ...]:
     site = draft.sites.get(draft.layout.hosts[host])
     return (*site.bearers, *site.served_links) if site is not None else ()
 
@@ -268,12 +270,14 @@ def _link_of(draft: _draft.Draft, host: str) -> str | None:
 def one_device_a_port(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a port that powers two devices."""
     first_hosts: dict[tuple[str, str], str] = {}
-    for host, source in _rightly_fed(draft):
+    for host, source in _devices_with_valid_source(draft):
         first = first_hosts.setdefault((source.device, source.port), host)
         if first != host:
             where = draft.where(_draft.Part("device", first), "powered_by", "port")
             message = f"port {source.port} of `{source.device}` already feeds `{first}` ({where})"
-            yield draft.wrong(_draft.Part("device", host), ("powered_by", "port"), message, "a port feeds one device")
+            yield draft.finding_at(
+                _draft.Part("device", host), ("powered_by", "port"), message, "a port feeds one device"
+            )
 
 
 POWER_RULES: tuple[_draft.Rule, ...] = (source_known, port_feeds, one_device_a_port)

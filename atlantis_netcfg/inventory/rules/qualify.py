@@ -25,10 +25,10 @@ def reflector(draft: _draft.Draft) -> Iterator[findings.Finding]:
     path = ("qualify", "reflector")
     if host not in draft.layout.hosts:
         hint = findings.suggest(host, centres, none="add a host of group control_centres")
-        yield draft.wrong(_PILOT, path, f"there is no host `{host}`", hint)
+        yield draft.finding_at(_PILOT, path, f"there is no host `{host}`", hint)
     elif kind not in {None, "control_centre"}:
         hint = f"name a control_centre: {findings.choices(centres) or 'there is none'}"
-        yield draft.wrong(_PILOT, path, f"`{host}` is a {kind}", hint)
+        yield draft.finding_at(_PILOT, path, f"`{host}` is a {kind}", hint)
 
 
 def port_is_free(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -45,7 +45,7 @@ def port_is_free(draft: _draft.Draft) -> Iterator[findings.Finding]:
             where = draft.where(_draft.Part("device", host), "forwards", index, "port")
             message = f"udp port {qualify.port} is already forwarded to `{forward.to}` ({where})"
             hint = f"choose another `port:`, or remove that row: `{host}` forwards this port by itself"
-            yield draft.wrong(_PILOT, ("qualify", "port"), message, hint)
+            yield draft.finding_at(_PILOT, ("qualify", "port"), message, hint)
 
 
 def key_is_long(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -55,7 +55,7 @@ def key_is_long(draft: _draft.Draft) -> Iterator[findings.Finding]:
     length = len(draft.pilot.qualify.key.reveal().encode())
     if length < KEY_OCTETS:
         message = f"the key has {length} octets, and {KEY_OCTETS} are needed"
-        yield draft.wrong(_PILOT, ("qualify", "key"), message, "`openssl rand -base64 24` makes one")
+        yield draft.finding_at(_PILOT, ("qualify", "key"), message, "`openssl rand -base64 24` makes one")
 
 
 def address_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -68,7 +68,7 @@ def address_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
             where = draft.where(claim.part, *claim.path)
             message = f"the far end {address} is inside {claim.what}, {claim.network} ({where})"
             hint = "name the public address of the control centre, or leave `address:` out: then it is `vpn.endpoint`"
-            yield draft.wrong(_PILOT, ("qualify", "address"), message, hint)
+            yield draft.finding_at(_PILOT, ("qualify", "address"), message, hint)
 
 
 RULES: tuple[_draft.Rule, ...] = (reflector, port_is_free, key_is_long, address_outside)

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
 
 _SHARED_KEYS = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
-"""What both ends have in common, besides the key."""
+"""Settings that both ends must share, besides the key."""
 _WIDEST = {"2ghz": 40, "5ghz": 80}
 _KEY_CHARACTERS = range(8, 64)
-"""Of a WPA2 passphrase (IEEE 802.11, annex M.4); RouterOS takes the same for nv2."""
+"""Length of a WPA2 passphrase (IEEE 802.11, annex M.4); RouterOS accepts the same for nv2."""
 
 
 def _radios(draft: _draft.Draft) -> Iterator[tuple[str, _draft.Part, model.Ptp]]:
-    for host, _, cpe in draft.boxes(model.Cpe):
+    for host, _, cpe in draft.valid_devices(model.Cpe):
         yield host, _draft.Part("device", host), cpe.ptp
 
 
@@ -42,7 +42,7 @@ def standard_and_band(draft: _draft.Draft) -> Iterator[findings.Finding]:
             message = f"{radio.standard} is a standard of {' and '.join(bands)}, not of {radio.band}"
             fitting = [standard for standard, its in channels.BANDS.items() if radio.band in its]
             hint = f"write `band: {bands[0]}`, or one of {', '.join(fitting)}"
-            yield draft.wrong(part, (block, "standard"), message, hint)
+            yield draft.finding_at(part, (block, "standard"), message, hint)
 
 
 def width(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -51,7 +51,7 @@ def width(draft: _draft.Draft) -> Iterator[findings.Finding]:
         widths = [item for item in channels.WIDTHS[radio.standard] if item <= _WIDEST[radio.band]]
         if radio.width_mhz not in widths:
             message = f"{radio.standard} at {radio.band} has no channels of {radio.width_mhz} MHz"
-            yield draft.wrong(part, (block, "width_mhz"), message, f"choose {' or '.join(map(str, widths))}")
+            yield draft.finding_at(part, (block, "width_mhz"), message, f"choose {' or '.join(map(str, widths))}")
 
 
 def protocol_and_standard(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -59,15 +59,15 @@ def protocol_and_standard(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for _, part, ptp in _radios(draft):
         if ptp.standard == "802.11ax" and ptp.protocol is not model.PtpProtocol.IEEE_80211:
             message = f"a device of 802.11ax does not speak {ptp.protocol}"
-            yield draft.wrong(part, ("ptp", "protocol"), message, 'write "802.11", or choose an older standard')
+            yield draft.finding_at(part, ("ptp", "protocol"), message, 'write "802.11", or choose an older standard')
 
 
-def protocol_that_is_set_up(draft: _draft.Draft) -> Iterator[findings.Finding]:
+def refuse_nstreme(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Refuse nstreme: it needs extra settings, and nv2 serves its purpose better (MikroTik manual, Nv2)."""
     for _, part, ptp in _radios(draft):
         if ptp.protocol is model.PtpProtocol.NSTREME:
             message = "nstreme is not set up by this toolkit"
-            yield draft.wrong(part, ("ptp", "protocol"), message, 'write nv2, or "802.11"')
+            yield draft.finding_at(part, ("ptp", "protocol"), message, 'write nv2, or "802.11"')
 
 
 def menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -81,7 +81,7 @@ def menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
             hint = "write `menus: wifi` or `menus: auto`, or choose an older standard"
         else:
             continue
-        yield draft.wrong(part, ("ptp", "menus"), message, hint)
+        yield draft.finding_at(part, ("ptp", "menus"), message, hint)
 
 
 def menus_of_an_access_point(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -94,7 +94,7 @@ def menus_of_an_access_point(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for name, value in (("standard", "802.11ax"), ("wpa", "wpa3")):
             if getattr(radio, name) == value:
                 hint = "write `menus: wifi` if the router has them, or choose an older one"
-                yield draft.wrong(part, ("access_point", name), f"the `wireless` menus do not know {value}", hint)
+                yield draft.finding_at(part, ("access_point", name), f"the `wireless` menus do not know {value}", hint)
 
 
 def same_menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -107,7 +107,7 @@ def same_menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
             where = draft.where(_draft.Part("device", ptp.peer), "ptp", "menus")
             message = f"`menus` is {ptp.menus} here and {other.ptp.menus} at the other end ({where})"
             hint = "a bridge needs the same driver at both ends: take two devices of one family"
-            yield draft.wrong(part, ("ptp", "menus"), message, hint)
+            yield draft.finding_at(part, ("ptp", "menus"), message, hint)
 
 
 def wpa(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -116,10 +116,10 @@ def wpa(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if ptp.wpa != "wpa3":
             continue
         if ptp.menus is model.RadioMenus.WIRELESS:
-            yield draft.wrong(part, ("ptp", "wpa"), "the `wireless` menus do not know wpa3", "write `wpa: wpa2`")
+            yield draft.finding_at(part, ("ptp", "wpa"), "the `wireless` menus do not know wpa3", "write `wpa: wpa2`")
         elif ptp.protocol is model.PtpProtocol.NV2:
             message = "nv2 has a key of its own, and no wpa3"
-            yield draft.wrong(part, ("ptp", "wpa"), message, 'leave `wpa` out, or write `protocol: "802.11"`')
+            yield draft.finding_at(part, ("ptp", "wpa"), message, 'leave `wpa` out, or write `protocol: "802.11"`')
 
 
 def _channel(radio: model.WifiRadio) -> tuple[str, str, int, int]:
@@ -138,14 +138,14 @@ def channel(draft: _draft.Draft) -> Iterator[findings.Finding]:
         )
         if not channels.is_channel(radio.band, radio.frequency_mhz):
             message = f"{radio.frequency_mhz} MHz is no channel of {radio.band}"
-            yield draft.wrong(part, (block, "frequency_mhz"), message, hint)
+            yield draft.finding_at(part, (block, "frequency_mhz"), message, hint)
         elif why := channels.why_illegal(
             radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor
         ):
             message = (
                 f"{radio.frequency_mhz} MHz with {radio.width_mhz} MHz width is not legal {where} in {radio.country}"
             )
-            yield draft.wrong(part, (block, "frequency_mhz"), f"{message}: {why}", hint)
+            yield draft.finding_at(part, (block, "frequency_mhz"), f"{message}: {why}", hint)
 
 
 def country(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -156,7 +156,7 @@ def country(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if radio.country != draft.pilot.country:
             where = draft.where(_draft.Part("pilot"), "country")
             message = f"the radio's country is {radio.country}, the pilot's is {draft.pilot.country} ({where})"
-            yield draft.wrong(part, (block, "country"), message, "make both the same")
+            yield draft.finding_at(part, (block, "country"), message, "make both the same")
 
 
 def key(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -166,7 +166,7 @@ def key(draft: _draft.Draft) -> Iterator[findings.Finding]:
             message = "the bridge's key must have 8 to 63 printable ASCII characters"
             if block != "ptp":
                 message = "the access point's key must have 8 to 63 printable ASCII characters"
-            yield draft.wrong(part, (block, "key"), message, "make another key")
+            yield draft.finding_at(part, (block, "key"), message, "make another key")
 
 
 def is_passphrase(key: Secret) -> bool:
@@ -201,7 +201,7 @@ def peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
             )
         else:
             continue
-        yield draft.wrong(part, ("ptp", "peer"), *problem)
+        yield draft.finding_at(part, ("ptp", "peer"), *problem)
 
 
 def agree(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -219,15 +219,15 @@ def agree(draft: _draft.Draft) -> Iterator[findings.Finding]:
             if here != there:
                 text = f"`{name}` is {_word(here)} here and {_word(there)} at the other end"
                 message = f"{text} ({draft.where(first, 'ptp', name)})"
-                yield draft.wrong(part, ("ptp", name), message, "make both ends the same")
+                yield draft.finding_at(part, ("ptp", name), message, "make both ends the same")
         is_sealed = isinstance(ptp.key, SealedSecret) or isinstance(other.ptp.key, SealedSecret)
         if not is_sealed and ptp.key != other.ptp.key:
             message = f"the key differs from the other end's ({draft.where(first, 'ptp', 'key')})"
-            yield draft.wrong(part, ("ptp", "key"), message, "make both ends the same")
+            yield draft.finding_at(part, ("ptp", "key"), message, "make both ends the same")
         if ptp.mode is other.ptp.mode:
             both = f"both ends are {ptp.mode} ({draft.where(first, 'ptp', 'mode')})"
             opposite = next(mode for mode in model.PtpMode if mode is not ptp.mode)
-            yield draft.wrong(part, ("ptp", "mode"), both, f"write `mode: {opposite}` at one of them")
+            yield draft.finding_at(part, ("ptp", "mode"), both, f"write `mode: {opposite}` at one of them")
 
 
 def _second(draft: _draft.Draft, host: str, peer: str) -> bool:
@@ -239,14 +239,16 @@ def _word(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value}"
 
 
-def bridged_peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
+def check_bridge_radios(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require that a bridge's radios are those of the link's two ends."""
     for name, site in draft.sites.items():
         for index, link in enumerate(site.served_links):
             far = draft.sites.get(link.carries)
             here = draft.devices.get(link.device)
             carried_boxes = (
-                {bearer.device for bearer in far.bearers if bearer.kind.traits.bridge} if far is not None else set()
+                {site_link.device for site_link in far.bearers if site_link.kind.traits.bridge}
+                if far is not None
+                else set()
             )
             peer = here.ptp.peer if isinstance(here, model.Cpe) else None
             is_known_peer = peer is not None and draft.kind_of(peer) == "cpe" and peer != link.device
@@ -257,14 +259,14 @@ def bridged_peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
                 hint = (
                     f"its peer is {findings.choices(str(item) for item in carried_boxes)}: correct `peer` or `carries`"
                 )
-                yield draft.wrong(_draft.Part("site", name), ("served_links", index, "device"), message, hint)
+                yield draft.finding_at(_draft.Part("site", name), ("served_links", index, "device"), message, hint)
 
 
 RULES: tuple[_draft.Rule, ...] = (
     standard_and_band,
     width,
     protocol_and_standard,
-    protocol_that_is_set_up,
+    refuse_nstreme,
     menus,
     menus_of_an_access_point,
     same_menus,
@@ -274,13 +276,13 @@ RULES: tuple[_draft.Rule, ...] = (
     key,
     peers,
     agree,
-    bridged_peers,
+    check_bridge_radios,
 )
 
 _SHORT_M = 500
 _LIGHT_M_S = 299_792_458.0
 _AIM_DBM = -50
-"""In the middle of what is healthy, for the power that a hint names."""
+"""Target level for the transmit power in a hint: the middle of the healthy range."""
 
 
 def _lost_db(ptp: model.Ptp, distance_m: int) -> float:
@@ -293,7 +295,7 @@ def bounds(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if ptp.signal.weakest_dbm >= ptp.signal.strongest_dbm:
             message = f"the weakest level, {ptp.signal.weakest_dbm} dBm, is not below the strongest"
             message += f", {ptp.signal.strongest_dbm} dBm"
-            yield draft.wrong(part, ("ptp", "signal"), message, "exchange them: -75 dBm is weaker than -35 dBm")
+            yield draft.finding_at(part, ("ptp", "signal"), message, "exchange them: -75 dBm is weaker than -35 dBm")
 
 
 def eirp(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -310,7 +312,7 @@ def eirp(draft: _draft.Draft) -> Iterator[findings.Finding]:
             message += f" at {radio.frequency_mhz} MHz"
             most = int(limit) - radio.antenna_gain_dbi
             hint = f"write `tx_power_dbm: {most}` or less" if most >= 0 else "take an antenna with less gain"
-            yield draft.wrong(part, (block, "tx_power_dbm"), message, hint)
+            yield draft.finding_at(part, (block, "tx_power_dbm"), message, hint)
 
 
 def short_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -319,7 +321,7 @@ def short_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if ptp.distance_m is None or ptp.distance_m >= _SHORT_M or ptp.tx_power_dbm is not None:
             continue
         message = f"over {ptp.distance_m} m full power overdrives the other receiver: `tx_power_dbm` has to be declared"
-        yield draft.wrong(part, ("ptp", "distance_m"), message, _power(ptp, ptp.distance_m))
+        yield draft.finding_at(part, ("ptp", "distance_m"), message, _power(ptp, ptp.distance_m))
 
 
 def _power(ptp: model.Ptp, distance_m: int) -> str:
@@ -362,7 +364,9 @@ def level(draft: _draft.Draft) -> Iterator[findings.Finding]:
             continue
         where = draft.where(_draft.Part("device", ptp.peer), "ptp", "signal")
         message = f"`{ptp.peer}` would hear {received_dbm:.0f} dBm over {distance_m} m, {what} that it declares"
-        yield draft.wrong(part, ("ptp", "tx_power_dbm"), f"{message}, {bound} dBm ({where})", _power(ptp, distance_m))
+        yield draft.finding_at(
+            part, ("ptp", "tx_power_dbm"), f"{message}, {bound} dBm ({where})", _power(ptp, distance_m)
+        )
 
 
 EIRP_RULES: tuple[_draft.Rule, ...] = (bounds, eirp, short_link, level)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _PILOT = _draft.Part("pilot")
 _HARDWARE = "sk-"
-"""Kinds of keys whose private half is not on the computer."""
+"""Prefix of key types whose private key is on a hardware token, not on the computer."""
 
 
 def ends_known(draft: _draft.Draft) -> Iterator[Finding]:
@@ -36,16 +36,16 @@ def robots_known(draft: _draft.Draft) -> Iterator[Finding]:
         path = ("retrieval", "robots", index, "robot")
         if name not in vehicle_names:
             hint = suggest(name, vehicle_names, none="add it to vehicles.yml")
-            yield draft.wrong(_PILOT, path, f"there is no vehicle `{name}`", hint)
+            yield draft.finding_at(_PILOT, path, f"there is no vehicle `{name}`", hint)
         elif name in names[:index]:
             hint = "keep the one with the gateway of the site where the robot is now"
-            yield draft.wrong(_PILOT, path, f"`{name}` stands twice in this list", hint)
+            yield draft.finding_at(_PILOT, path, f"`{name}` stands twice in this list", hint)
         elif name in draft.layout.hosts:
             message = f"`{name}` is also the name of a computer, and both would have the same folder"
-            yield draft.wrong(_PILOT, path, message, "give the vehicle another key")
+            yield draft.finding_at(_PILOT, path, message, "give the vehicle another key")
 
 
-def robots_near(draft: _draft.Draft) -> Iterator[Finding]:
+def require_unmetered_collection(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that a gateway collects over an unmetered path: from a robot in its LAN or Wi-Fi range."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     for index, robot in enumerate(retrieval.robots if retrieval is not None else ()):
@@ -58,17 +58,17 @@ def robots_near(draft: _draft.Draft) -> Iterator[Finding]:
             if robot.robot not in [reservation.name for reservation in site.lan.reservations]:
                 message = f"the address of `{robot.robot}` at {here} is not declared"
                 hint = f"write `address:` here, or reserve one in `lan.reservations` of {here}"
-                yield draft.wrong(_PILOT, path, message, hint)
+                yield draft.finding_at(_PILOT, path, message, hint)
             continue
         wifi = vehicle.endpoints.wifi
         radio = wifi.client.network if wifi is not None and wifi.client is not None else None
         if robot.address not in site.lan.network and (radio is None or robot.address not in radio):
             message = f"{robot.address} is neither in the LAN of {here}, nor in the network of `{robot.robot}` itself"
             hint = f"what is collected is not counted, so it stays at the site: {site.lan.network} is the LAN of {here}"
-            yield draft.wrong(_PILOT, (*path, "address"), message, hint)
+            yield draft.finding_at(_PILOT, (*path, "address"), message, hint)
 
 
-def robots_apart(draft: _draft.Draft) -> Iterator[Finding]:
+def check_collection_folder(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a source folder that overlaps the gateway's collection folder, whose files must not be removed."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     gateways = {robot.host for robot in retrieval.robots} if retrieval is not None else set()
@@ -76,11 +76,11 @@ def robots_apart(draft: _draft.Draft) -> Iterator[Finding]:
         if source.host in gateways and _touches(source.folder):
             path = ("retrieval", "sources", index, "folder")
             message = f"{source.folder} is where `{source.host}` keeps what it collects from robots"
-            yield draft.wrong(_PILOT, path, message, "choose another folder: it is sent by the robot's own name")
-    for host, _, device in draft.boxes(model.Gateway):
+            yield draft.finding_at(_PILOT, path, message, "choose another folder: it is sent by the robot's own name")
+    for host, _, device in draft.valid_devices(model.Gateway):
         if host in gateways and device.recording is not None and _touches(device.recording.folder):
             message = f"{device.recording.folder} is where `{host}` keeps what it collects from robots"
-            yield draft.wrong(_draft.Part("device", host), ("recording",), message, "choose another folder")
+            yield draft.finding_at(_draft.Part("device", host), ("recording",), message, "choose another folder")
 
 
 def _touches(folder: str) -> bool:
@@ -96,7 +96,7 @@ def sources_once(draft: _draft.Draft) -> Iterator[Finding]:
     for index, name in enumerate(names):
         if name in names[:index]:
             path = ("retrieval", "sources", index, "host")
-            yield draft.wrong(_PILOT, path, f"`{name}` stands twice in this list", "remove one")
+            yield draft.finding_at(_PILOT, path, f"`{name}` stands twice in this list", "remove one")
 
 
 def _end(
@@ -104,24 +104,30 @@ def _end(
 ) -> Iterator[Finding]:
     where = ("retrieval", *path)
     if name not in draft.layout.hosts:
-        host_names = [host for host, _, _ in draft.boxes(kind)]
+        host_names = [host for host, _, _ in draft.valid_devices(kind)]
         hint = suggest(name, host_names, none=f"declare the {words} first")
-        yield draft.wrong(_PILOT, where, f"there is no host `{name}`", hint)
+        yield draft.finding_at(_PILOT, where, f"there is no host `{name}`", hint)
         return
     device = draft.devices.get(name)
     if device is None:
         return  # that is told
     if not isinstance(device, kind):
-        hint = f"name a {words}: {', '.join(host for host, _, _ in draft.boxes(kind)) or 'none is declared'}"
-        yield draft.wrong(_PILOT, where, f"`{name}` is no {words}", hint)
+        hint = f"name a {words}: {', '.join(host for host, _, _ in draft.valid_devices(kind)) or 'none is declared'}"
+        yield draft.finding_at(_PILOT, where, f"`{name}` is no {words}", hint)
         return
     if device.vpn_address is None:
         message = f"recordings go through the VPN, and `{name}` has no address in it"
-        yield draft.wrong(_PILOT, where, message, f"write `vpn_address:` of `{name}`")
+        yield draft.finding_at(_PILOT, where, message, f"write `vpn_address:` of `{name}`")
     if device.ssh.host_key is None or device.ssh.host_key.startswith(_HARDWARE):
         message = f"the two ends of a transfer know each other by their SSH host keys, and that of `{name}` is missing"
         hint = f"write `ssh: {{host_key: …}}` in host_vars/{name}.yml: its /etc/ssh/ssh_host_ed25519_key.pub"
-        yield draft.wrong(_PILOT, where, message, hint)
+        yield draft.finding_at(_PILOT, where, message, hint)
 
 
-RULES: tuple[_draft.Rule, ...] = (ends_known, sources_once, robots_known, robots_near, robots_apart)
+RULES: tuple[_draft.Rule, ...] = (
+    ends_known,
+    sources_once,
+    robots_known,
+    require_unmetered_collection,
+    check_collection_folder,
+)

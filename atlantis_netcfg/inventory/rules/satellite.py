@@ -17,28 +17,30 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.findings import Finding
 
 FACTORY_ADDRESS = IPv4Address("192.168.1.1")
-"""Of the satellite terminal as technicians report it, and of Teltonika's 4G routers (facts/devices.md, section 3)."""
+"""Reported by technicians for the satellite terminal; also of Teltonika's 4G routers (facts/devices.md, section 3)."""
 
 
 def only_on_satellites(draft: _draft.Draft) -> Iterator[Finding]:
     """Report `allow` and `refused_probes` on a link that is not a satellite."""
     for name, site in draft.sites.items():
-        for index, bearer in enumerate(site.bearers):
-            if bearer.kind.traits.allow_list:
+        for index, link in enumerate(site.bearers):
+            if link.kind.traits.allow_list:
                 continue
             for key, what in (("allow", "an allow-list is"), ("refused_probes", "targets to be refused are")):
-                if getattr(bearer, key):
-                    message = f"link `{bearer.name}` is {bearer.kind}: {what} for satellites only"
-                    yield draft.wrong(_draft.Part("site", name), ("bearers", index, key), message, f"remove `{key}:`")
+                if getattr(link, key):
+                    message = f"link `{link.name}` is {link.kind}: {what} for satellites only"
+                    yield draft.finding_at(
+                        _draft.Part("site", name), ("bearers", index, key), message, f"remove `{key}:`"
+                    )
 
 
-def additions_only(draft: _draft.Draft) -> Iterator[Finding]:
+def refuse_derived_targets(draft: _draft.Draft) -> Iterator[Finding]:
     """Report an `allow` entry that is derived anyway: a fact kept in two places drifts apart."""
     if draft.pilot is None:
         return
     derived_targets = satellite_allow_list.derive_targets(draft.pilot)
-    for name, index, bearer in _satellites(draft):
-        for place, target in enumerate(bearer.allow):
+    for name, index, link in _satellites(draft):
+        for place, target in enumerate(link.allow):
             same = next(
                 (allowed_target for allowed_target in derived_targets if _key(allowed_target) == _key(target)), None
             )
@@ -48,21 +50,23 @@ def additions_only(draft: _draft.Draft) -> Iterator[Finding]:
                     satellite_allow_list.FAR_END_TARGET: f"the {satellite_allow_list.FAR_END_TARGET}",
                 }
                 what = target_names.get(same.name, f"the time server {same.name}")
-                message = f"`{bearer.name}` admits {what} by itself: {_spelt(target)} needs no entry"
+                message = f"`{link.name}` admits {what} by itself: {_spelt(target)} needs no entry"
                 hint = "remove it; `allow:` holds only what comes on top of the VPN and the time servers"
-                yield draft.wrong(_draft.Part("site", name), ("bearers", index, "allow", place), message, hint)
+                yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "allow", place), message, hint)
 
 
 def each_once(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a destination that is listed twice."""
-    for name, index, bearer in _satellites(draft):
+    for name, index, link in _satellites(draft):
         for key in ("allow", "refused_probes"):
             seen_targets: set[tuple[IPv4Address, int | None, model.Transport]] = set()
-            for place, target in enumerate(getattr(bearer, key)):
+            for place, target in enumerate(getattr(link, key)):
                 if _key(target) in seen_targets:
                     verb = "admits" if key == "allow" else "probes"
-                    message = f"`{bearer.name}` {verb} {target.address} twice in the same way"
-                    yield draft.wrong(_draft.Part("site", name), ("bearers", index, key, place), message, "remove one")
+                    message = f"`{link.name}` {verb} {target.address} twice in the same way"
+                    yield draft.finding_at(
+                        _draft.Part("site", name), ("bearers", index, key, place), message, "remove one"
+                    )
                 seen_targets.add(_key(target))
 
 
@@ -70,38 +74,38 @@ def refused_means_refused(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that a refused-probe target is outside the allow-list and beyond the link."""
     if draft.pilot is None:
         return
-    for name, index, bearer in _satellites(draft):
-        for place, target in enumerate(bearer.refused_probes):
+    for name, index, link in _satellites(draft):
+        for place, target in enumerate(link.refused_probes):
             path = ("bearers", index, "refused_probes", place)
             if satellite_allow_list.admits(
-                satellite_allow_list.allowed_targets(draft.pilot, bearer), target.address, target.port, target.transport
+                satellite_allow_list.allowed_targets(draft.pilot, link), target.address, target.port, target.transport
             ):
-                message = f"`{bearer.name}` admits {_spelt(target)}, so it cannot prove that anything is refused"
+                message = f"`{link.name}` admits {_spelt(target)}, so it cannot prove that anything is refused"
                 hint = "name an address or a port of yours that is not on the allow-list"
-                yield draft.wrong(_draft.Part("site", name), path, message, hint)
-            elif target.address in bearer.network:
-                message = f"{target.address} is in {bearer.network}, on this side of the satellite"
-                yield draft.wrong(
+                yield draft.finding_at(_draft.Part("site", name), path, message, hint)
+            elif target.address in link.network:
+                message = f"{target.address} is in {link.network}, on this side of the satellite"
+                yield draft.finding_at(
                     _draft.Part("site", name), path, message, "name an address of yours on the other side"
                 )
 
 
 def one_factory_address(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a terminal and a 4G unit of one site that share the factory address."""
-    for host, site, terminal in draft.boxes(model.SatelliteTerminal):
+    for host, site, terminal in draft.valid_devices(model.SatelliteTerminal):
         if terminal.address != FACTORY_ADDRESS:
             continue
-        for other, place, unit in draft.boxes(model.LteRouter):
+        for other, place, unit in draft.valid_devices(model.LteRouter):
             if place == site and unit.address == FACTORY_ADDRESS:
                 where = draft.where(_draft.Part("device", other), "address")
                 message = f"`{host}` and `{other}` ({where}) are both at {FACTORY_ADDRESS}, as both makes come"
                 hint = "give one of them another network on its own pages, then declare that here and in `bearers:`"
-                yield draft.wrong(_draft.Part("device", host), ("address",), message, hint)
+                yield draft.finding_at(_draft.Part("device", host), ("address",), message, hint)
 
 
 def evidence_is_whole(draft: _draft.Draft) -> Iterator[Finding]:
     """Require both the backup's file name and its hash, or neither."""
-    for host, _, terminal in draft.boxes(model.SatelliteTerminal):
+    for host, _, terminal in draft.valid_devices(model.SatelliteTerminal):
         evidence, part = terminal.evidence, _draft.Part("device", host)
         if evidence is None:
             continue
@@ -109,18 +113,18 @@ def evidence_is_whole(draft: _draft.Draft) -> Iterator[Finding]:
             missing = "backup_sha256" if evidence.backup_sha256 is None else "backup_file"
             message = f"the evidence of `{host}` names a backup without `{missing}`"
             hint = "add it (sha256sum FILE prints the hash), or remove both"
-            yield draft.wrong(part, ("evidence",), message, hint)
+            yield draft.finding_at(part, ("evidence",), message, hint)
         if evidence.backup_file is not None and ("/" in evidence.backup_file or evidence.backup_file.startswith(".")):
             message = f"`{evidence.backup_file}` is no plain file name"
             hint = "put the file into the inventory's folder evidence/, and write its name only"
-            yield draft.wrong(part, ("evidence", "backup_file"), message, hint)
+            yield draft.finding_at(part, ("evidence", "backup_file"), message, hint)
 
 
-def _satellites(draft: _draft.Draft) -> Iterator[tuple[str, int, model.Bearer]]:
+def _satellites(draft: _draft.Draft) -> Iterator[tuple[str, int, model.Link]]:
     for name, site in draft.sites.items():
-        for index, bearer in enumerate(site.bearers):
-            if bearer.kind.traits.allow_list:
-                yield name, index, bearer
+        for index, link in enumerate(site.bearers):
+            if link.kind.traits.allow_list:
+                yield name, index, link
 
 
 def _key(target: model.AllowedTarget) -> tuple[IPv4Address, int | None, model.Transport]:
@@ -133,107 +137,109 @@ def _spelt(target: model.AllowedTarget) -> str:
 
 RULES: tuple[_draft.Rule, ...] = (
     only_on_satellites,
-    additions_only,
+    refuse_derived_targets,
     each_once,
     refused_means_refused,
     one_factory_address,
     evidence_is_whole,
 )
 
-_CANARY_BUDGETS = ("canary_budget_mb", "canary_budget_eur")
+_PROBE_TARGET_BUDGETS = ("canary_budget_mb", "canary_budget_eur")
 _LEAST_MB = 0.1
-"""Reading one configured router comes to about 80 kB on the wire, before anything is changed."""
+"""Minimum cap in MB: reading one configured router takes about 80 kB on the wire, before any change."""
 
 
-def of_metered_links_only(draft: _draft.Draft) -> Iterator[Finding]:
+def refuse_cost_on_unmetered(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a tariff, cap or budget on an unmetered link."""
-    for name, index, bearer in _bearers(draft):
-        for key in ("billing", "cap_mb", "standing_budget_mb", "standing_budget_eur", *_CANARY_BUDGETS):
-            if not bearer.metered and key in bearer.model_fields_set and getattr(bearer, key) is not None:
-                message = f"link `{bearer.name}` is declared as free (`metered: false`), so `{key}` means nothing"
+    for name, index, link in _links(draft):
+        for key in ("billing", "cap_mb", "standing_budget_mb", "standing_budget_eur", *_PROBE_TARGET_BUDGETS):
+            if not link.metered and key in link.model_fields_set and getattr(link, key) is not None:
+                message = f"link `{link.name}` is declared as free (`metered: false`), so `{key}` means nothing"
                 hint = f"remove `{key}:`, or write `metered: true` if every byte costs"
-                yield draft.wrong(_draft.Part("site", name), ("bearers", index, key), message, hint)
+                yield draft.finding_at(_draft.Part("site", name), ("bearers", index, key), message, hint)
 
 
 def leaves_room_to_read(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a cap large enough to read one router; below that it would forbid everything."""
-    for name, index, bearer in _bearers(draft):
-        if bearer.metered and bearer.cap_mb < _LEAST_MB:
-            message = f"link `{bearer.name}` admits {bearer.cap_mb:g} MB to an action, not enough to read one router"
+    for name, index, link in _links(draft):
+        if link.metered and link.cap_mb < _LEAST_MB:
+            message = f"link `{link.name}` admits {link.cap_mb:g} MB to an action, not enough to read one router"
             hint = f"write {_LEAST_MB:g} or more; what nobody has agreed to pay is not sent in any case"
-            yield draft.wrong(_draft.Part("site", name), ("bearers", index, "cap_mb"), message, hint)
+            yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "cap_mb"), message, hint)
 
 
 def a_floor_has_a_rate(draft: _draft.Draft) -> Iterator[Finding]:
     """Require `floor_bytes_per_s` where `floor_after_s` is set."""
-    for name, index, bearer in _bearers(draft):
-        billing = bearer.billing
+    for name, index, link in _links(draft):
+        billing = link.billing
         if billing is not None and billing.floor_after_s and not billing.floor_bytes_per_s:
-            message = f"the tariff of link `{bearer.name}` has a floor from {billing.floor_after_s} s on, and no floor"
+            message = f"the tariff of link `{link.name}` has a floor from {billing.floor_after_s} s on, and no floor"
             hint = "add `floor_bytes_per_s` from the contract, or remove `floor_after_s`"
-            yield draft.wrong(_draft.Part("site", name), ("bearers", index, "billing", "floor_after_s"), message, hint)
+            yield draft.finding_at(
+                _draft.Part("site", name), ("bearers", index, "billing", "floor_after_s"), message, hint
+            )
 
 
 def a_budget_in_euro_has_a_tariff(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a tariff in EUR for a budget in EUR: otherwise standing traffic cannot be compared with it."""
-    for name, index, bearer in _bearers(draft):
+    for name, index, link in _links(draft):
         for key in ("standing_budget_eur", "canary_budget_eur"):
-            if not bearer.metered or getattr(bearer, key) is None:
+            if not link.metered or getattr(link, key) is None:
                 continue
-            billing, path, in_mb = bearer.billing, ("bearers", index, key), key.replace("_eur", "_mb")
+            billing, path, in_mb = link.billing, ("bearers", index, key), key.replace("_eur", "_mb")
             if billing is None:
-                message = (
-                    f"link `{bearer.name}` has a budget in EUR and no tariff, so nobody can say whether it is kept"
-                )
+                message = f"link `{link.name}` has a budget in EUR and no tariff, so nobody can say whether it is kept"
                 hint = f"add `billing:` from the contract, or write `{in_mb}:`"
-                yield draft.wrong(_draft.Part("site", name), path, message, hint)
+                yield draft.finding_at(_draft.Part("site", name), path, message, hint)
             elif billing.currency != "EUR":
-                message = f"the tariff of link `{bearer.name}` is in {billing.currency}, and its budget in EUR"
-                yield draft.wrong(_draft.Part("site", name), path, message, f"write `{in_mb}:` in its place")
+                message = f"the tariff of link `{link.name}` is in {billing.currency}, and its budget in EUR"
+                yield draft.finding_at(_draft.Part("site", name), path, message, f"write `{in_mb}:` in its place")
 
 
-def a_budget_of_canaries_is_of_use(draft: _draft.Draft) -> Iterator[Finding]:
+def a_budget_of_probe_targets_is_of_use(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that a probe budget has probe targets, and suffices to notice a dead link in time."""
-    for name, index, bearer in _bearers(draft):
-        key = next((key for key in _CANARY_BUDGETS if getattr(bearer, key) is not None), None)
-        if not bearer.metered or key is None:
+    for name, index, link in _links(draft):
+        key = next((key for key in _PROBE_TARGET_BUDGETS if getattr(link, key) is not None), None)
+        if not link.metered or key is None:
             continue
         path = ("bearers", index, key)
-        if not bearer.canaries:
-            message = f"link `{bearer.name}` has a budget for canaries, and no canaries"
-            yield draft.wrong(_draft.Part("site", name), path, message, f"add `canaries:`, or remove `{key}:`")
-        elif bearer.canary_pause_s > model.LONGEST_PAUSE_S and bearer.canary_budget_bytes is not None:
-            least_mb = ceil(bearer.canary_budget_bytes / 1e4 * bearer.canary_pause_s / model.LONGEST_PAUSE_S) / 100
+        if not link.canaries:
+            message = f"link `{link.name}` has a budget for canaries, and no canaries"
+            yield draft.finding_at(_draft.Part("site", name), path, message, f"add `canaries:`, or remove `{key}:`")
+        elif link.probe_target_pause_s > model.LONGEST_PAUSE_S and link.probe_target_budget_bytes is not None:
+            least_mb = (
+                ceil(link.probe_target_budget_bytes / 1e4 * link.probe_target_pause_s / model.LONGEST_PAUSE_S) / 100
+            )
             message = (
-                f"the budget of the canaries of link `{bearer.name}` admits one question in "
-                f"{bearer.canary_pause_s / 60:.0f} min, too seldom to notice that it is dead"
+                f"the budget of the canaries of link `{link.name}` admits one question in "
+                f"{link.probe_target_pause_s / 60:.0f} min, too seldom to notice that it is dead"
             )
             hint = f"once in {model.LONGEST_PAUSE_S // 60} min takes {least_mb:.2f} MB a month: let `{key}` admit that"
-            yield draft.wrong(_draft.Part("site", name), path, message, hint)
+            yield draft.finding_at(_draft.Part("site", name), path, message, hint)
 
 
 def metered_links_have_a_budget(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a budget for the standing traffic of a metered link, which is paid every day."""
-    for name, index, bearer in _bearers(draft):
-        if bearer.metered and not bearer.has_standing_budget:
-            message = f"no budget is declared for what goes over {bearer.name} by itself"
-            yield draft.wrong(_draft.Part("site", name), ("bearers", index), message, BUDGET_HINT)
+    for name, index, link in _links(draft):
+        if link.metered and not link.has_standing_budget:
+            message = f"no budget is declared for what goes over {link.name} by itself"
+            yield draft.finding_at(_draft.Part("site", name), ("bearers", index), message, BUDGET_HINT)
 
 
 BUDGET_HINT = "add `standing_budget_mb:` to the link, or `standing_budget_eur:` if its tariff is in EUR"
 
 
-def _bearers(draft: _draft.Draft) -> Iterator[tuple[str, int, model.Bearer]]:
+def _links(draft: _draft.Draft) -> Iterator[tuple[str, int, model.Link]]:
     for name, site in draft.sites.items():
-        for index, bearer in enumerate(site.bearers):
-            yield name, index, bearer
+        for index, link in enumerate(site.bearers):
+            yield name, index, link
 
 
 COST_RULES: tuple[_draft.Rule, ...] = (
-    of_metered_links_only,
+    refuse_cost_on_unmetered,
     leaves_room_to_read,
     a_floor_has_a_rate,
     a_budget_in_euro_has_a_tariff,
-    a_budget_of_canaries_is_of_use,
+    a_budget_of_probe_targets_is_of_use,
 )
 COST_WARNINGS: tuple[_draft.Rule, ...] = (metered_links_have_a_budget,)

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 _LENGTH = 12
 _GUESSES = 10**10
-"""What zxcvbn calls very hard to guess; a recorded handshake of WPA2 takes a million guesses a second."""
+"""Limit for "very hard to guess" in zxcvbn; a recorded WPA2 handshake allows a million guesses a second."""
 _PREFIX = 32
-"""Characters that are judged: longer secrets are keys, and judging all of one takes long."""
+"""Number of characters checked: longer secrets are keys, and checking a whole key takes long."""
 _BY_PROVIDER = {("sim", "pin"), ("sim", "password")}
-"""Nobody here has chosen them: the provider has."""
+"""Secrets chosen by the provider, not by the users."""
 
 
-def in_clear(draft: _draft.Draft) -> Iterator[Finding]:
+def refuse_clear_text(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a real secret in clear text: the file goes into git."""
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
@@ -33,7 +33,7 @@ def in_clear(draft: _draft.Draft) -> Iterator[Finding]:
             if not is_vaulted and not secret.is_example:
                 name = str(path[-1])
                 message = f"`{name}` stands in clear text"
-                yield draft.wrong(part, path, message, f"ansible-vault encrypt_string --stdin-name {name}")
+                yield draft.finding_at(part, path, message, f"ansible-vault encrypt_string --stdin-name {name}")
 
 
 def printable(draft: _draft.Draft) -> Iterator[Finding]:
@@ -42,7 +42,7 @@ def printable(draft: _draft.Draft) -> Iterator[Finding]:
         for path, secret in _secrets(model):
             if not isinstance(secret, SealedSecret) and not (secret.reveal() and secret.reveal().isprintable()):
                 message = f"`{path[-1]}` is empty, or has a line break or another control character"
-                yield draft.wrong(part, path, message, "make another one")
+                yield draft.finding_at(part, path, message, "make another one")
 
 
 def weak(draft: _draft.Draft) -> Iterator[Finding]:
@@ -53,7 +53,7 @@ def weak(draft: _draft.Draft) -> Iterator[Finding]:
             if isinstance(draft.nodes[part].at(*path).value, Secret) and not isinstance(secret, SealedSecret):
                 message, hint = _weakness(str(path[-1]), secret.reveal(), words, is_ours=path[-2:] not in _BY_PROVIDER)
                 if message:
-                    yield draft.wrong(part, path, message, hint)
+                    yield draft.finding_at(part, path, message, hint)
 
 
 def _weakness(name: str, text: str, words: tuple[str, ...], *, is_ours: bool) -> tuple[str, str]:
@@ -117,4 +117,4 @@ def examples_left(draft: _draft.Draft) -> Iterator[Finding]:
         yield Finding.at(mark, f"{words} {verb} marked as an example, {but}", hint)
 
 
-RULES: tuple[_draft.Rule, ...] = (in_clear, printable, weak, examples_left)
+RULES: tuple[_draft.Rule, ...] = (refuse_clear_text, printable, weak, examples_left)

@@ -20,7 +20,7 @@ _PortKey = tuple[model.Transport, int]
 
 def _services(draft: _draft.Draft) -> Iterator[tuple[str, model.ServerComputer, int, model.HostedService]]:
     """Yield host, device, list index and service."""
-    for host, _, device in draft.boxes(model.ServerComputer):
+    for host, _, device in draft.valid_devices(model.ServerComputer):
         for index, service in enumerate(device.services):
             yield host, device, index, service
 
@@ -33,7 +33,7 @@ def names_once(draft: _draft.Draft) -> Iterator[Finding]:
         if first != index:
             line = draft.mark(_draft.Part("device", host), "services", first, "name").line
             message = f"`{service.name}` is already the name of a service of `{host}`, in line {line}"
-            yield draft.wrong(
+            yield draft.finding_at(
                 _draft.Part("device", host), ("services", index, "name"), message, "give each its own name"
             )
 
@@ -54,7 +54,7 @@ def ports_once(draft: _draft.Draft) -> Iterator[Finding]:
         )
         if key in owner_by_port:
             message = f"{service.transport} port {service.port} of `{host}` is already {owner_by_port[key]}"
-            yield draft.wrong(part, path, message, "choose a port that is free")
+            yield draft.finding_at(part, path, message, "choose a port that is free")
         why = f"that of the service `{service.name}`, in line {draft.mark(part, *path).line}"
         owner_by_port.setdefault(key, why)
 
@@ -88,12 +88,12 @@ def open_ports(draft: _draft.Draft) -> Iterator[Finding]:
         path = ("services", index)
         if service.port is None and (service.open_to or service.partners):
             message = f"the service `{service.name}` has no port that could be open to anybody"
-            yield draft.wrong(
+            yield draft.finding_at(
                 _draft.Part("device", host), path, message, "write its `port:`, or leave out who reaches it"
             )
         elif device.vpn_address is None and (service.partners or model.ServiceNetwork.VPN in service.open_to):
             message = f"`{service.name}` is to be reached through the VPN, and `{host}` has no address in it"
-            yield draft.wrong(
+            yield draft.finding_at(
                 _draft.Part("device", host), path, message, f"write `vpn_address:` of `{host}`, or `open_to: [lan]`"
             )
 
@@ -109,9 +109,9 @@ def partners_known(draft: _draft.Draft) -> Iterator[Finding]:
             path = ("services", index, "partners", place)
             if partner not in partner_names:
                 hint = suggest(partner, partner_names, none="add it to `partners`")
-                yield draft.wrong(_draft.Part("device", host), path, f"there is no partner `{partner}`", hint)
+                yield draft.finding_at(_draft.Part("device", host), path, f"there is no partner `{partner}`", hint)
             elif partner in service.partners[:place]:
-                yield draft.wrong(
+                yield draft.finding_at(
                     _draft.Part("device", host), path, f"`{partner}` stands twice in this list", "remove one"
                 )
 
@@ -124,7 +124,7 @@ def started_once(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         if service.program is not None:
             message = f"the service `{service.name}` is a program and a container"
-            yield draft.wrong(part, path, message, "leave one of them out")
+            yield draft.finding_at(part, path, message, "leave one of them out")
         names: set[str] = set()
         for place, variable in enumerate(service.container.environment):
             where = (*path, "environment", place)
@@ -132,9 +132,9 @@ def started_once(draft: _draft.Draft) -> Iterator[Finding]:
                 message = f"`{variable.name}` has neither a value nor a secret"
                 if variable.secret is not None:
                     message = f"`{variable.name}` has a value and a secret"
-                yield draft.wrong(part, where, message, "write `value:`, or `secret:` and a vaulted one")
+                yield draft.finding_at(part, where, message, "write `value:`, or `secret:` and a vaulted one")
             if variable.name in names:
-                yield draft.wrong(part, where, f"`{variable.name}` stands twice in this list", "remove one")
+                yield draft.finding_at(part, where, f"`{variable.name}` stands twice in this list", "remove one")
             names.add(variable.name)
 
 
@@ -148,27 +148,27 @@ def programs_apart(draft: _draft.Draft) -> Iterator[Finding]:
         part, path = _draft.Part("device", host), ("services", index, form)
         if service.workload.user == "root":
             message = f"the service `{service.name}` would run as root, and its program is not ours"
-            yield draft.wrong(part, (*path, "user"), message, "leave `user:` out: it gets an account of its own")
+            yield draft.finding_at(part, (*path, "user"), message, "leave `user:` out: it gets an account of its own")
         if service.workload.data is not None:
             first = owner_by_folder.setdefault((host, service.workload.data), service.name)
             if first != service.name:
                 message = f"{service.workload.data} is already the folder of the service `{first}`"
-                yield draft.wrong(part, (*path, "data"), message, "give each its own folder")
+                yield draft.finding_at(part, (*path, "data"), message, "give each its own folder")
 
 
 def containers_possible(draft: _draft.Draft) -> Iterator[Finding]:
     """Refuse containers on Ubuntu 20.04 (required by Foxy): its archive has no podman."""
-    for host, _, device in draft.boxes(model.ServerComputer):
+    for host, _, device in draft.valid_devices(model.ServerComputer):
         if not _has_foxy(draft, device):
             continue
         message = f"`{host}` gets ROS 2 foxy, so that it has Ubuntu 20.04, and no podman is in the archive of that"
         hint = "run the container on a computer without foxy: Debian 12 has podman"
         for index, each in enumerate(device.services):
             if each.container is not None:
-                yield draft.wrong(_draft.Part("device", host), ("services", index, "container"), message, hint)
+                yield draft.finding_at(_draft.Part("device", host), ("services", index, "container"), message, hint)
         if device.ros1_bridge is not None and device.ros1_bridge.archive is not None:
             hint = "leave out `archive:` and `sha256:`: there the bridge is a package of ROS"
-            yield draft.wrong(_draft.Part("device", host), ("ros1_bridge",), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), ("ros1_bridge",), message, hint)
 
 
 def _has_foxy(draft: _draft.Draft, device: model.ServerComputer) -> bool:
@@ -180,73 +180,75 @@ def _has_foxy(draft: _draft.Draft, device: model.ServerComputer) -> bool:
 
 def bridges_possible(draft: _draft.Draft) -> Iterator[Finding]:
     """Require DDS over the VPN for a ROS 1 bridge, and a name that no service has."""
-    for host, _, device in draft.boxes(model.ServerComputer):
+    for host, _, device in draft.valid_devices(model.ServerComputer):
         part, bridge = _draft.Part("device", host), device.ros1_bridge
         if bridge is None:
             continue
         if draft.pilot is not None and draft.pilot.dds is None:
             message = f"`{host}` is to bridge topics to ROS 2, and the pilot declares no DDS"
-            yield draft.wrong(part, ("ros1_bridge",), message, "write `dds: {distribution: …}` in pilot.yml")
+            yield draft.finding_at(part, ("ros1_bridge",), message, "write `dds: {distribution: …}` in pilot.yml")
         if device.vpn_address is None:
             message = f"the bridge of `{host}` talks through the VPN, and `{host}` has no address in it"
-            yield draft.wrong(part, ("ros1_bridge",), message, f"write `vpn_address:` of `{host}`")
+            yield draft.finding_at(part, ("ros1_bridge",), message, f"write `vpn_address:` of `{host}`")
         for index, service in enumerate(device.services):
             if service.name == model.ROS1_BRIDGE:
                 message = f"`{model.ROS1_BRIDGE}` is the name of the bridge to ROS 1 of `{host}`"
-                yield draft.wrong(part, ("services", index, "name"), message, "give the service another name")
+                yield draft.finding_at(part, ("services", index, "name"), message, "give the service another name")
         topics = [each.topic for each in bridge.topics]
         for index, topic in enumerate(topics):
             if topic in topics[:index]:
                 path = ("ros1_bridge", "topics", index)
-                yield draft.wrong(part, path, f"`{topic}` stands twice in this list", "remove one")
+                yield draft.finding_at(part, path, f"`{topic}` stands twice in this list", "remove one")
 
 
 def bridge_is_package_or_image(draft: _draft.Draft) -> Iterator[Finding]:
     """Require the package for a ROS 1 bridge on Foxy, and an image with its hash elsewhere."""
-    for host, _, device in draft.boxes(model.ServerComputer):
+    for host, _, device in draft.valid_devices(model.ServerComputer):
         part, bridge = _draft.Part("device", host), device.ros1_bridge
         if bridge is None:
             continue
         if (bridge.archive is None) is not (bridge.sha256 is None):
             message = f"the bridge of `{host}` has one of `archive:` and `sha256:`, which belong together"
-            yield draft.wrong(part, ("ros1_bridge",), message, "write both; beside foxy neither")
+            yield draft.finding_at(part, ("ros1_bridge",), message, "write both; beside foxy neither")
         elif bridge.archive is None and draft.pilot is not None and not _has_foxy(draft, device):
             message = f"the bridge of `{host}` is no package there, for `{host}` does not get ROS 2 foxy"
             hint = "write `archive:` and `sha256:` of an image that holds it: docs/control-centre.md says how"
-            yield draft.wrong(part, ("ros1_bridge",), message, hint)
+            yield draft.finding_at(part, ("ros1_bridge",), message, hint)
 
 
-def choices_declared(draft: _draft.Draft) -> Iterator[Finding]:
+def require_configured_choices(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that whatever is chosen for a control centre is configured for the pilot; the library needs ROS 2."""
     if draft.pilot is None:
         return
     gateways = draft.pilot.gateways
-    for host, _, device in draft.boxes(model.ControlCentre):
+    for host, _, device in draft.valid_devices(model.ControlCentre):
         part = _draft.Part("device", host)
         if device.ros2 and gateways.ros2 is None:
             message = f"`{host}` is to have ROS 2, and the pilot declares none"
-            yield draft.wrong(part, ("ros2",), message, "write `gateways: {ros2: …}` in pilot.yml, or `ros2: false`")
+            yield draft.finding_at(
+                part, ("ros2",), message, "write `gateways: {ros2: …}` in pilot.yml, or `ros2: false`"
+            )
         if device.interop and gateways.interop is None:
             message = f"`{host}` is to have the library, and the pilot declares none"
-            yield draft.wrong(part, ("interop",), message, "write `gateways: {interop: …}`, or `interop: false`")
+            yield draft.finding_at(part, ("interop",), message, "write `gateways: {interop: …}`, or `interop: false`")
         elif device.interop and not device.ros2:
             message = f"the library of `{host}` is built against ROS 2, which it does not have"
-            yield draft.wrong(part, ("interop",), message, "write `ros2: true` beside it")
+            yield draft.finding_at(part, ("interop",), message, "write `ros2: true` beside it")
 
 
 def recorder_declared(draft: _draft.Draft) -> Iterator[Finding]:
     """Require ROS 2 on a gateway that records, and unique topics."""
-    for host, _, device in draft.boxes(model.Gateway):
+    for host, _, device in draft.valid_devices(model.Gateway):
         if device.recording is None:
             continue
         part, topics = _draft.Part("device", host), device.recording.topics
         if draft.pilot is not None and draft.pilot.gateways.ros2 is None:
             message = f"`{host}` is to record topics of ROS 2, and the pilot declares none"
-            yield draft.wrong(part, ("recording",), message, "write `gateways: {ros2: …}` in pilot.yml")
+            yield draft.finding_at(part, ("recording",), message, "write `gateways: {ros2: …}` in pilot.yml")
         for index, topic in enumerate(topics):
             if topic in topics[:index]:
                 path = ("recording", "topics", index)
-                yield draft.wrong(part, path, f"`{topic}` stands twice in this list", "remove one")
+                yield draft.finding_at(part, path, f"`{topic}` stands twice in this list", "remove one")
 
 
 RULES: tuple[_draft.Rule, ...] = (
@@ -259,6 +261,6 @@ RULES: tuple[_draft.Rule, ...] = (
     containers_possible,
     bridges_possible,
     bridge_is_package_or_image,
-    choices_declared,
+    require_configured_choices,
     recorder_declared,
 )

@@ -46,7 +46,7 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
             owner, where = owner_by_name.setdefault(_plain(word), (key, draft.where(part, *path)))
             if owner != key:
                 message = f"`{word}` is already a name of `{owner}` ({where})"
-                yield draft.wrong(part, path, message, "a name means one vehicle: remove it here or there")
+                yield draft.finding_at(part, path, message, "a name means one vehicle: remove it here or there")
 
 
 def _plain(word: str) -> str:
@@ -60,7 +60,7 @@ def aliases(draft: _draft.Draft) -> Iterator[Finding]:
         for index, alias in enumerate(vehicle.aliases):
             if alias.casefold() in (word.casefold() for word in earlier_names):
                 message = f"`{alias}` is already a name of this vehicle"
-                yield draft.wrong(_draft.Part("vehicle", key), ("aliases", index), message, "remove it")
+                yield draft.finding_at(_draft.Part("vehicle", key), ("aliases", index), message, "remove it")
             earlier_names.append(alias)
 
 
@@ -73,7 +73,7 @@ def partners(draft: _draft.Draft) -> Iterator[Finding]:
     for key, vehicle in draft.vehicles.items():
         if vehicle.partner is not None and vehicle.partner not in partner_names:
             hint = suggest(vehicle.partner, partner_names, none="add it to `partners`, or write null")
-            yield draft.wrong(
+            yield draft.finding_at(
                 _draft.Part("vehicle", key), ("partner",), f"there is no partner `{vehicle.partner}`", hint
             )
 
@@ -89,7 +89,7 @@ def columns(draft: _draft.Draft) -> Iterator[Finding]:
     for part, path, row in rows:
         for index, column in enumerate(row):
             if column in row[:index]:
-                yield draft.wrong(part, (*path, index), f"`{column}` stands twice in this row", "remove one")
+                yield draft.finding_at(part, (*path, index), f"`{column}` stands twice in this row", "remove one")
 
 
 def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
@@ -109,10 +109,12 @@ def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
             message = f"`{key}` is not as in the report's Table 3: {'; '.join(differs)}"
             hint = "correct it, or say why: `table3_deviation: <reason>`"
             path = "kind" if vehicle.kind is not row.kind else "table3"
-            yield draft.wrong(_draft.Part("vehicle", key), (path,), message, hint)
+            yield draft.finding_at(_draft.Part("vehicle", key), (path,), message, hint)
         if not differs and vehicle.table3_deviation is not None:
             message = f"`{key}` says why it differs from the report's Table 3, but it does not differ"
-            yield draft.wrong(_draft.Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`")
+            yield draft.finding_at(
+                _draft.Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`"
+            )
 
 
 def guests(draft: _draft.Draft) -> Iterator[Finding]:
@@ -122,22 +124,24 @@ def guests(draft: _draft.Draft) -> Iterator[Finding]:
         part = _draft.Part("vehicle", key)
         if isinstance(vehicle, model.Guest) and not vehicle.guest:
             hint = "remove the line, or declare the vehicle in vehicles.yml"
-            yield draft.wrong(part, ("guest",), f"`{key}` stands in guests.yml, and says that it is no guest", hint)
+            yield draft.finding_at(
+                part, ("guest",), f"`{key}` stands in guests.yml, and says that it is no guest", hint
+            )
         if not vehicle.guest:
             continue
         if vehicle.name in table:
             message = f"`{vehicle.name}` is a robot of the report's Table 3, and no guest"
-            yield draft.wrong(part, ("name",), message, "remove `guest: true`, or give the guest another name")
+            yield draft.finding_at(part, ("name",), message, "remove `guest: true`, or give the guest another name")
         if vehicle.table3_deviation is not None:
             message = f"`{key}` is a guest: there is no row of the report that it could differ from"
-            yield draft.wrong(part, ("table3_deviation",), message, "remove `table3_deviation:`")
+            yield draft.finding_at(part, ("table3_deviation",), message, "remove `table3_deviation:`")
         if vehicle.partner is None:
             message = f"nobody says whose guest `{key}` is"
-            yield draft.wrong(part, ("partner",), message, "add `partner:` with a key of `partners`")
+            yield draft.finding_at(part, ("partner",), message, "add `partner:` with a key of `partners`")
         for index, site in enumerate(vehicle.tested_at if isinstance(vehicle, model.Guest) else ()):
             if site not in draft.layout.sites:
                 hint = suggest(site, draft.layout.sites, none="add it to hosts.yml")
-                yield draft.wrong(part, ("tested_at", index), f"there is no site `{site}`", hint)
+                yield draft.finding_at(part, ("tested_at", index), f"there is no site `{site}`", hint)
 
 
 def _differences(vehicle: model.Vehicle, row: VehicleRow) -> Iterator[str]:
@@ -162,7 +166,7 @@ def _not_of_the_report(
         hint = (
             f"did you mean `{near}`?" if near else "say why it is here: `table3_deviation: <reason>`, or `guest: true`"
         )
-        yield draft.wrong(
+        yield draft.finding_at(
             _draft.Part("vehicle", key), ("name",), f"the report's Table 3 has no vehicle `{vehicle.name}`", hint
         )
 
@@ -176,7 +180,7 @@ def report_complete(draft: _draft.Draft) -> Iterator[Finding]:
     for name in table3():
         if name not in vehicle_names and nearest(name, vehicle_names) is None:
             message = f"`{name}` of the report's Table 3 is not declared"
-            yield draft.wrong(whole, (), message, "every robot of the report stays in the checklist: add it")
+            yield draft.finding_at(whole, (), message, "every robot of the report stays in the checklist: add it")
 
 
 def topics_once(draft: _draft.Draft) -> Iterator[Finding]:
@@ -186,7 +190,9 @@ def topics_once(draft: _draft.Draft) -> Iterator[Finding]:
         for index, item in enumerate(vehicle.telemetry):
             if item.topic in seen_topics:
                 message = f"the topic `{item.topic}` of `{key}` stands twice"
-                yield draft.wrong(_draft.Part("vehicle", key), ("telemetry", index, "topic"), message, "remove one")
+                yield draft.finding_at(
+                    _draft.Part("vehicle", key), ("telemetry", index, "topic"), message, "remove one"
+                )
             seen_topics.add(item.topic)
 
 
@@ -198,7 +204,7 @@ def topics_go_by_dds(draft: _draft.Draft) -> Iterator[Finding]:
         if vehicle.telemetry:
             message = f"`{key}` publishes telemetry, and the pilot declares no DDS to carry it"
             hint = "write `dds: {distribution: foxy}` below `pilot:`, or remove `telemetry:`"
-            yield draft.wrong(_draft.Part("vehicle", key), ("telemetry",), message, hint)
+            yield draft.finding_at(_draft.Part("vehicle", key), ("telemetry",), message, hint)
 
 
 def useful_rates(draft: _draft.Draft) -> Iterator[Finding]:
@@ -208,7 +214,7 @@ def useful_rates(draft: _draft.Draft) -> Iterator[Finding]:
             if item.least_hz is not None and item.least_hz > item.rate_hz:
                 message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, below its `least_hz`"
                 path = ("telemetry", index, "least_hz")
-                yield draft.wrong(
+                yield draft.finding_at(
                     _draft.Part("vehicle", key), path, message, "write a lower `least_hz`, or leave it out"
                 )
 
@@ -231,7 +237,7 @@ _GUIDELINES = {
     model.TelemetryData.IMAGES: (4.0, 5.0, "images: 4 to 5 Hz, of low resolution"),
     model.TelemetryData.POINT_CLOUDS: (0.0, 1.0, "point clouds: below 1 Hz"),
 }
-"""The lowest and the highest rate, and the guideline of the report's section 3.3.3."""
+"""Minimum and maximum rate in Hz, and the guideline in the report's section 3.3.3."""
 
 
 def beside_guideline(data: model.TelemetryData, rate_hz: float) -> tuple[str, str] | None:
@@ -250,7 +256,7 @@ def rates_within_the_guidelines(draft: _draft.Draft) -> Iterator[Finding]:
             if way == "above":
                 message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, above the report's guideline"
                 path = ("telemetry", index, "rate_hz")
-                yield draft.wrong(_draft.Part("vehicle", key), path, message, f"{guideline} (report, 3.3.3)")
+                yield draft.finding_at(_draft.Part("vehicle", key), path, message, f"{guideline} (report, 3.3.3)")
 
 
 WARNINGS: tuple[_draft.Rule, ...] = (rates_within_the_guidelines,)

@@ -34,24 +34,24 @@ def server(draft: _draft.Draft) -> Iterator[findings.Finding]:
             f"there is no host `{host}`",
             findings.suggest(host, servers, none="add a host of group vpn_servers"),
         )
-        yield draft.wrong(_draft.Part("pilot"), ("vpn", "server"), message, hint)
+        yield draft.finding_at(_draft.Part("pilot"), ("vpn", "server"), message, hint)
     elif kind not in {None, "vpn_server"}:
         hint = f"name a vpn_server: {findings.choices(servers) or 'there is none'}"
-        yield draft.wrong(_draft.Part("pilot"), ("vpn", "server"), f"`{host}` is a {kind}", hint)
+        yield draft.finding_at(_draft.Part("pilot"), ("vpn", "server"), f"`{host}` is a {kind}", hint)
 
 
 def one_server(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Report a second VPN server: it would hold the same keys unnoticed."""
     if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
         return
-    for host, _, _ in draft.boxes(VpnServer):
+    for host, _, _ in draft.valid_devices(VpnServer):
         if host != draft.pilot.vpn.server:
             message = f"`{host}` is a VPN server, and the pilot's is `{draft.pilot.vpn.server}`"
             hint = "take it out of vpn_servers, or name it in `pilot.vpn.server`"
-            yield draft.wrong(_draft.Part("device", host), ("kind",), message, hint)
+            yield draft.finding_at(_draft.Part("device", host), ("kind",), message, hint)
 
 
-def way_in(draft: _draft.Draft) -> Iterator[findings.Finding]:
+def require_port_forwarding(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require that the router of the server's site forwards the VPN's port to the server."""
     if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
         return
@@ -67,7 +67,7 @@ def way_in(draft: _draft.Draft) -> Iterator[findings.Finding]:
     unknown = [index for index, item in enumerate(router.forwards) if item.to not in draft.layout.hosts]
     if not unknown:
         message = f"no forward of `{host}` leads {vpn.transport} port {vpn.port} to the VPN server `{vpn.server}`"
-        yield draft.wrong(_draft.Part("device", host), ("forwards",), message, f"write {desired_forward}")
+        yield draft.finding_at(_draft.Part("device", host), ("forwards",), message, f"write {desired_forward}")
 
 
 def shared_key_end(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -75,14 +75,14 @@ def shared_key_end(draft: _draft.Draft) -> Iterator[findings.Finding]:
     if draft.pilot is None or draft.pilot.vpn.shared_key_until is None or draft.pilot.vpn.transport is Transport.UDP:
         return
     message = "`shared_key_until` works over UDP only, and `transport` is tcp"
-    yield draft.wrong(
+    yield draft.finding_at(
         _draft.Part("pilot"), ("vpn", "shared_key_until"), message, "leave it out, or write `transport: udp`"
     )
 
 
 def forwards(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require that a forward leads to a host of the router's own LAN, and each port to one host."""
-    for host, site, router in draft.boxes(Router):
+    for host, site, router in draft.valid_devices(Router):
         part, index_by_port = _draft.Part("device", host), dict[tuple[str, int], int]()
         here = [name for name, at in draft.layout.hosts.items() if at == site and draft.kind_of(name) in _LAN_KINDS]
         for index, forward in enumerate(router.forwards):
@@ -91,16 +91,16 @@ def forwards(draft: _draft.Draft) -> Iterator[findings.Finding]:
                     f"there is no host `{forward.to}`",
                     findings.suggest(forward.to, here, none="add it to hosts.yml"),
                 )
-                yield draft.wrong(part, ("forwards", index, "to"), message, hint)
+                yield draft.finding_at(part, ("forwards", index, "to"), message, hint)
             elif forward.to not in here and draft.kind_of(forward.to) is not None:
                 message = f"`{forward.to}` is not in the LAN of `{site}`"
                 hint = f"hosts of that LAN: {findings.choices(here) or 'none'}"
-                yield draft.wrong(part, ("forwards", index, "to"), message, hint)
+                yield draft.finding_at(part, ("forwards", index, "to"), message, hint)
             first = index_by_port.setdefault((forward.transport, forward.port), index)
             if first != index:
                 line = draft.mark(part, "forwards", first, "port").line
                 message = f"{forward.transport} port {forward.port} is forwarded twice, first in line {line}"
-                yield draft.wrong(part, ("forwards", index, "port"), message, "a port leads to one host")
+                yield draft.finding_at(part, ("forwards", index, "port"), message, "a port leads to one host")
 
 
 def endpoint_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -114,7 +114,7 @@ def endpoint_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
             where = draft.where(claim.part, *claim.path)
             message = f"the VPN's endpoint {endpoint} is inside {claim.what}, {claim.network} ({where})"
             hint = "name the public address at which the sites reach the server"
-            yield draft.wrong(_draft.Part("pilot"), ("vpn", "endpoint"), message, hint)
+            yield draft.finding_at(_draft.Part("pilot"), ("vpn", "endpoint"), message, hint)
 
 
 def tunnel_addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -129,37 +129,41 @@ def tunnel_addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
             path, address = ("vpn_client", "address"), device.vpn_client.address
         if address is not None and (why := networks.why_unusable(address, pool)):
             message = f"the tunnel address {address} of `{host}` {why}, the infrastructure's pool"
-            yield draft.wrong(_draft.Part("device", host), path, message, networks.example_in(pool))
+            yield draft.finding_at(_draft.Part("device", host), path, message, networks.example_in(pool))
 
 
 def users(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require a separate VPN user and certificate for every router, so that each can be revoked."""
     host_by_user: dict[str, str] = {}
-    for host, _, router in draft.boxes(Router):
+    for host, _, router in draft.valid_devices(Router):
         if router.vpn_client is None:
             continue
         first = host_by_user.setdefault(router.vpn_client.user, host)
         if first != host:
             where = draft.where(_draft.Part("device", first), "vpn_client", "user")
             message = f"`{router.vpn_client.user}` is already the VPN user of `{first}` ({where})"
-            yield draft.wrong(_draft.Part("device", host), ("vpn_client", "user"), message, f"write `user: {host}`")
+            yield draft.finding_at(
+                _draft.Part("device", host), ("vpn_client", "user"), message, f"write `user: {host}`"
+            )
 
 
 def password_length(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require a password of at most 1000 bytes, RouterOS's limit since 7.18 (MikroTik manual, OpenVPN)."""
-    for host, _, router in draft.boxes(Router):
+    for host, _, router in draft.valid_devices(Router):
         client = router.vpn_client
         if client is None or isinstance(client.password, SealedSecret):
             continue
         if len(client.password.reveal().encode()) > _PASSWORD_BYTES:
             message = f"the VPN password has more than {_PASSWORD_BYTES} bytes"
-            yield draft.wrong(_draft.Part("device", host), ("vpn_client", "password"), message, "choose a shorter one")
+            yield draft.finding_at(
+                _draft.Part("device", host), ("vpn_client", "password"), message, "choose a shorter one"
+            )
 
 
 RULES: tuple[_draft.Rule, ...] = (
     server,
     one_server,
-    way_in,
+    require_port_forwarding,
     shared_key_end,
     forwards,
     endpoint_outside,
@@ -182,7 +186,7 @@ def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if name in _RESERVED_USERS:
             message = f"a partner cannot be called `{name}`: in the VPN that is {_RESERVED_USERS[name]}"
             part = _draft.Part("partner", name)
-            yield draft.wrong(part, (), message, "choose another key; `full_name` is free")
+            yield draft.finding_at(part, (), message, "choose another key; `full_name` is free")
 
 
 def sees(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -193,9 +197,9 @@ def sees(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for index, vehicle in enumerate(partner.sees):
             if vehicle not in vehicle_names:
                 hint = findings.suggest(vehicle, vehicle_names, none="add it to `vehicles`")
-                yield draft.wrong(part, ("sees", index), f"there is no vehicle `{vehicle}`", hint)
+                yield draft.finding_at(part, ("sees", index), f"there is no vehicle `{vehicle}`", hint)
             elif vehicle in partner.sees[:index]:
-                yield draft.wrong(part, ("sees", index), f"`{vehicle}` stands twice in this list", "remove one")
+                yield draft.finding_at(part, ("sees", index), f"`{vehicle}` stands twice in this list", "remove one")
 
 
 def server_inside(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -207,7 +211,7 @@ def server_inside(draft: _draft.Draft) -> Iterator[findings.Finding]:
     if isinstance(device, VpnServer) and device.vpn_address is None:
         message = f"`{host}` runs the VPN and has no address in it"
         hint = f"write `vpn_address:`, one of {draft.pilot.vpn.infrastructure}"
-        yield draft.wrong(_draft.Part("device", host), (), message, hint)
+        yield draft.finding_at(_draft.Part("device", host), (), message, hint)
 
 
 def services(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -220,10 +224,10 @@ def services(draft: _draft.Draft) -> Iterator[findings.Finding]:
         device = draft.devices.get(service.host)
         if service.host not in draft.layout.hosts:
             hint = findings.suggest(service.host, inside, none="add it to hosts.yml")
-            yield draft.wrong(_PILOT, path, f"there is no host `{service.host}`", hint)
+            yield draft.finding_at(_PILOT, path, f"there is no host `{service.host}`", hint)
         elif device is not None and _tunnel_address(device) is None and service.host != draft.pilot.vpn.server:
             message = f"partners reach services through the VPN, and `{service.host}` has no address in it"
-            yield draft.wrong(_PILOT, path, message, f"hosts that have one: {findings.choices(inside) or 'none'}")
+            yield draft.finding_at(_PILOT, path, message, f"hosts that have one: {findings.choices(inside) or 'none'}")
 
 
 def services_once(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -239,11 +243,11 @@ def services_once(draft: _draft.Draft) -> Iterator[findings.Finding]:
             message = (
                 f"{service.transport} port {service.port} of `{service.host}` is already a service, in line {line}"
             )
-            yield draft.wrong(_PILOT, (*path, "port"), message, "remove one")
+            yield draft.finding_at(_PILOT, (*path, "port"), message, "remove one")
         elif (first := index_by_name.setdefault(service.name.casefold(), index)) != index:
             line = draft.mark(_PILOT, "vpn", "services", first, "name").line
             message = f"`{service.name}` is already the name of a service, in line {line}"
-            yield draft.wrong(_PILOT, (*path, "name"), message, "give each its own name")
+            yield draft.finding_at(_PILOT, (*path, "name"), message, "give each its own name")
 
 
 def _tunnel_address(device: Device) -> IPv4Address | None:

@@ -26,22 +26,22 @@ def _vehicle_networks(draft: _draft.Draft) -> Iterator[tuple[str, model.WifiEndp
             yield name, wifi, wifi.key
 
 
-def joined_at_all(draft: _draft.Draft) -> Iterator[Finding]:
+def require_access_point(draft: _draft.Draft) -> Iterator[Finding]:
     """Require an access point with an SSID wherever a vehicle has a Wi-Fi key: a key is for nothing else."""
     for name, wifi, key in _vehicle_networks(draft):
         part = _draft.Part("vehicle", name)
         if wifi.role is not model.WifiRole.ACCESS_POINT:
             message = f"`{name}` is a station: the key of the site's network is declared at its access point"
-            yield draft.wrong(part, (*_WIFI, "key"), message, "remove `key`, or write `role: access_point`")
+            yield draft.finding_at(part, (*_WIFI, "key"), message, "remove `key`, or write `role: access_point`")
         elif wifi.seen_from is not model.SeenFrom.GATEWAY:
             message = f"the access point of `{name}` is joined by the laptop, which nobody configures"
-            yield draft.wrong(part, (*_WIFI, "key"), message, "remove `key`, or write `seen_from: gateway`")
+            yield draft.finding_at(part, (*_WIFI, "key"), message, "remove `key`, or write `seen_from: gateway`")
         elif wifi.ssid is None:
             message = f"the access point of `{name}` has a key and no name: a radio joins a network by its name"
-            yield draft.wrong(part, (*_WIFI, "key"), message, "write its `ssid` beside it")
+            yield draft.finding_at(part, (*_WIFI, "key"), message, "write its `ssid` beside it")
         elif not is_passphrase(key):
             message = "the access point's key must have 8 to 63 printable ASCII characters"
-            yield draft.wrong(part, (*_WIFI, "key"), message, "write the key that the vehicle has")
+            yield draft.finding_at(part, (*_WIFI, "key"), message, "write the key that the vehicle has")
 
 
 def not_of_a_location(draft: _draft.Draft) -> Iterator[Finding]:
@@ -52,10 +52,10 @@ def not_of_a_location(draft: _draft.Draft) -> Iterator[Finding]:
             if wifi is not None and getattr(wifi, key) is not None:
                 message = f"`{key}` is for the access point of a vehicle, and this is the location"
                 path = ("location", "endpoints", "wifi", key)
-                yield draft.wrong(_draft.Part("site", name), path, message, f"remove `{key}`")
+                yield draft.finding_at(_draft.Part("site", name), path, message, f"remove `{key}`")
 
 
-def told_apart(draft: _draft.Draft) -> Iterator[Finding]:
+def require_distinct_ssids(draft: _draft.Draft) -> Iterator[Finding]:
     """Require different SSIDs for the access points that one radio may join."""
     first: dict[tuple[str, str], str] = {}
     for name, wifi, _ in _vehicle_networks(draft):
@@ -66,7 +66,7 @@ def told_apart(draft: _draft.Draft) -> Iterator[Finding]:
             where = draft.where(_draft.Part("vehicle", other), *_WIFI, "ssid")
             message = f"`{wifi.ssid}` is already the access point of `{other}` ({where}), for the same radio"
             hint = "give each access point a name of its own, on the vehicle as well; or another `interface`"
-            yield draft.wrong(_draft.Part("vehicle", name), (*_WIFI, "ssid"), message, hint)
+            yield draft.finding_at(_draft.Part("vehicle", name), (*_WIFI, "ssid"), message, hint)
 
 
 def addresses(draft: _draft.Draft) -> Iterator[Finding]:
@@ -78,28 +78,30 @@ def addresses(draft: _draft.Draft) -> Iterator[Finding]:
         client, path = wifi.client, (*_WIFI, "client")
         if wifi.key is None:
             message = "`client` is the address of the gateway's radio, which is configured only with a `key`"
-            yield draft.wrong(part, path, message, "write the `key` of the access point beside it, or remove `client`")
+            yield draft.finding_at(
+                part, path, message, "write the `key` of the access point beside it, or remove `client`"
+            )
         if why := why_unusable(client.address, client.network):
-            yield draft.wrong(part, (*path, "address"), f"{client.address} {why}", example_in(client.network))
+            yield draft.finding_at(part, (*path, "address"), f"{client.address} {why}", example_in(client.network))
         if wifi.address is None:
             continue
         if wifi.address == client.address:
             message = f"{client.address} is the address of `{name}` itself"
-            yield draft.wrong(part, (*path, "address"), message, f"choose another one of {client.network}")
+            yield draft.finding_at(part, (*path, "address"), message, f"choose another one of {client.network}")
         elif why := why_unusable(wifi.address, client.network):
             message = f"{wifi.address} of `{name}` {why}, the network of its access point"
-            yield draft.wrong(part, (*_WIFI, "address"), message, "correct this address, or `client.network`")
+            yield draft.finding_at(part, (*_WIFI, "address"), message, "correct this address, or `client.network`")
 
 
 def radios(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a vehicle-joining radio that is the interface of the gateway's LAN."""
-    for host, site, gateway in draft.boxes(model.Gateway):
+    for host, site, gateway in draft.valid_devices(model.Gateway):
         tested_vehicles = draft.sites[site].checklist.vehicles if site in draft.sites else None
         for name, wifi, _ in _vehicle_networks(draft):
             if wifi.interface in _lan(gateway) and (tested_vehicles is None or name in tested_vehicles):
                 message = f"`{wifi.interface}` is the interface of the LAN at `{host}`, and no radio"
                 hint = "write the name of a radio: `iw dev` on the gateway lists them, like wlan0"
-                yield draft.wrong(_draft.Part("vehicle", name), (*_WIFI, "interface"), message, hint)
+                yield draft.finding_at(_draft.Part("vehicle", name), (*_WIFI, "interface"), message, hint)
 
 
 def _lan(gateway: model.Gateway) -> set[str | None]:
@@ -109,29 +111,29 @@ def _lan(gateway: model.Gateway) -> set[str | None]:
 
 def check_access_point(draft: _draft.Draft) -> Iterator[Finding]:
     """Require settings that hostapd 2.9 (Ubuntu 20.04) supports with one radio, and a usable address."""
-    for host, _, gateway in draft.boxes(model.Gateway):
+    for host, _, gateway in draft.valid_devices(model.Gateway):
         radio, part = gateway.access_point, _draft.Part("device", host)
         if radio is None:
             continue
         if radio.standard == "802.11ax":
             message = "hostapd 2.9, which Ubuntu 20.04 has, does not know 802.11ax"
-            yield draft.wrong(part, ("access_point", "standard"), message, "choose 802.11ac or an older standard")
+            yield draft.finding_at(part, ("access_point", "standard"), message, "choose 802.11ac or an older standard")
         if radio.width_mhz != _WIDTH_MHZ:
             message = f"this toolkit sets up a gateway's access point with {_WIDTH_MHZ} MHz alone"
-            yield draft.wrong(part, ("access_point", "width_mhz"), message, "leave `width_mhz` out")
+            yield draft.finding_at(part, ("access_point", "width_mhz"), message, "leave `width_mhz` out")
         for name in ("tx_power_dbm", "antenna_gain_dbi"):
             if getattr(radio, name) is not None:
                 message = f"hostapd sets no power: `{name}` would do nothing on a gateway"
                 hint = f"leave `{name}` out: the radio keeps to the country's limit"
-                yield draft.wrong(part, ("access_point", name), message, hint)
+                yield draft.finding_at(part, ("access_point", name), message, hint)
         if why := why_unusable(radio.address, radio.network):
             path = ("access_point", "address")
-            yield draft.wrong(part, path, f"{radio.address} {why}", example_in(radio.network))
+            yield draft.finding_at(part, path, f"{radio.address} {why}", example_in(radio.network))
 
 
-def one_use(draft: _draft.Draft) -> Iterator[Finding]:
+def require_one_use_per_radio(draft: _draft.Draft) -> Iterator[Finding]:
     """Require one use per radio: it opens a network or joins others, and is not the LAN's interface."""
-    for host, site, gateway in draft.boxes(model.Gateway):
+    for host, site, gateway in draft.valid_devices(model.Gateway):
         if gateway.access_point is None:
             continue
         name, path = gateway.access_point.interface, ("access_point", "interface")
@@ -143,18 +145,20 @@ def one_use(draft: _draft.Draft) -> Iterator[Finding]:
         ]
         if name in _lan(gateway):
             message = f"`{name}` is the interface of the LAN, and no radio"
-            yield draft.wrong(_draft.Part("device", host), path, message, "write the name of a radio, like wlan3")
+            yield draft.finding_at(_draft.Part("device", host), path, message, "write the name of a radio, like wlan3")
         elif joins:
             message = f"`{name}` joins the access point of `{joins[0]}`: one radio does not open a network as well"
-            yield draft.wrong(_draft.Part("device", host), path, message, "name another radio, here or at the vehicle")
+            yield draft.finding_at(
+                _draft.Part("device", host), path, message, "name another radio, here or at the vehicle"
+            )
 
 
 RULES: tuple[_draft.Rule, ...] = (
-    joined_at_all,
+    require_access_point,
     not_of_a_location,
-    told_apart,
+    require_distinct_ssids,
     addresses,
     radios,
     check_access_point,
-    one_use,
+    require_one_use_per_radio,
 )

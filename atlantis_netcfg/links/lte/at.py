@@ -41,7 +41,7 @@ _STATES = {
     9: Registration.REGISTERED_HOME,
     10: Registration.REGISTERED_ROAMING,
 }
-"""`<stat>`, 7.2, 10.1.20 and 10.1.22. 0, "not searching either", and 8, "emergency only", have no word of their own."""
+"""`<stat>`, 7.2, 10.1.20 and 10.1.22. 0 (not searching) and 8 (emergency only) have no value of their own."""
 _REGISTERED_STATES = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
 _CME = {
     10: Registration.SIM_MISSING,
@@ -51,7 +51,7 @@ _CME = {
     15: Registration.SIM_MISSING,
     16: Registration.SIM_PIN_REQUIRED,
 }
-"""9.2: 10 not inserted, 11 PIN, 12 PUK, 13 failure, 15 wrong, 16 incorrect password; 14 is busy and says nothing."""
+"""9.2: 10 not inserted, 11 PIN, 12 PUK, 13 failure, 15 wrong, 16 incorrect password. 14 (busy) indicates no state."""
 _CME_WORDS = (
     ("not inserted", 10),
     ("puk required", 12),
@@ -237,10 +237,10 @@ READS: tuple[str, ...] = (
     "AT+CGPADDR",
     "AT+CGDCONT?",
 )
-"""Sent one after another for a reading, in this order."""
+"""Commands of one reading, in the order in which they are sent."""
 
 VENDOR_READS: dict[str, tuple[str, ...]] = {"quectel": ("AT+QNWINFO",)}
-"""Sent afterwards if the manufacturer's name holds the word."""
+"""Further read commands by a word in the manufacturer's name; sent after `READS`."""
 
 ALLOW_LIST: frozenset[str] = frozenset(
     {
@@ -358,13 +358,13 @@ def _name(proc: Path, pid: int) -> str:
 
 
 ANSWER_S = 30.0
-"""For one command; reads answer at once, but a modem that is busy registering may take its time."""
+"""Timeout in seconds for one command: reads are fast, but a modem that is registering may be slow."""
 BAUD = 115200
-"""What USB modems ignore and serial ones default to."""
+"""Baud rate: USB modems ignore it, and serial modems have it as their default."""
 _LONGEST = 65536
-"""Bytes without an end of line after which a line is noise."""
+"""Maximum number of bytes without an end of line; more is treated as noise."""
 _MOST = 262_144
-"""Characters in answer to one command; the longest, a list of networks, has some thousand."""
+"""Maximum number of characters in one response; the longest, a list of networks, has some thousand."""
 
 
 class AtUnreachable(DeviceError):
@@ -469,7 +469,7 @@ class AtModem:
 
 
 _BUSY = (11, 16)
-"""EAGAIN of the file lock, EBUSY of the exclusive flag."""
+"""Error numbers of a port in use: EAGAIN of the file lock, EBUSY of the exclusive flag."""
 
 
 def _final(line: str) -> bool:
@@ -486,7 +486,7 @@ class AtLook:
 
     reading: LteReading
     commands: int
-    """Sent, and answered."""
+    """Number of commands that were sent and answered."""
 
 
 def read(port: str, *, answer_s: float = ANSWER_S) -> AtLook:

@@ -30,7 +30,7 @@ class Registration(StrEnum):
     SIM_MISSING = "sim_missing"
     SIM_PIN_REQUIRED = "sim_pin_required"
     SIM_PUK_REQUIRED = "sim_puk_required"
-    """Too many wrong PINs: only the PUK helps."""
+    """Too many wrong PINs were entered: only the PUK unlocks the SIM."""
     DISABLED = "disabled"
     UNKNOWN = "unknown"
 
@@ -46,14 +46,14 @@ class LteReading:
     """The driver: routeros, rutos, modemmanager, at, manual."""
     state: Registration = Registration.UNKNOWN
     access_tech: str | None = None
-    """As the device names it, in lower case: lte, 5g, umts …"""
+    """Radio technology as the device names it, in lower case: lte, 5g, umts …"""
     operator: str | None = None
     plmn: str | None = None
     """Mobile country and network code, like 26801."""
     band: str | None = None
-    """Like B3."""
+    """Radio band, like B3."""
     cell: str | None = None
-    """Identity of the serving cell, in the device's own form; None: not said."""
+    """Identity of the serving cell, in the device's own format; None: not reported."""
     rsrp_dbm: float | None = None
     rsrq_db: float | None = None
     sinr_db: float | None = None
@@ -61,19 +61,19 @@ class LteReading:
     roaming: bool | None = None
     sim_slot: int | None = None
     address: str | None = None
-    """IP address that the network has given; None: none, or not readable."""
+    """IP address assigned by the network; None: none, or not readable."""
     is_connected: bool | None = None
-    """Whether the unit says that its data connection is up; None: not said."""
+    """Whether the unit reports an active data connection; None: not reported."""
     apn: str | None = None
-    """In use, read back: a declared one may be ignored."""
+    """APN in use, as read from the unit: it may ignore the one in the inventory."""
     pin_refused: bool | None = None
-    """Whether the SIM has refused a PIN; None: not said."""
+    """Whether the SIM has refused a PIN; None: not reported."""
     pin_tries_left: int | None = None
-    """Before the PUK is needed; None: not said."""
+    """PIN attempts left before the PUK is required; None: not reported."""
     network_apn: bool | None = None
-    """RouterOS' `use-network-apn`: the network's own APN goes before the configured one; None: not said."""
+    """RouterOS' `use-network-apn`: the network's APN takes precedence over the configured one; None: not reported."""
     last_error: str | None = None
-    """In the device's own words."""
+    """Last error, as the device words it."""
 
 
 LOOK_FOR = (
@@ -83,7 +83,7 @@ LOOK_FOR = (
     "roaming as in the contract",
     "RSRP above -105 dBm, RSRQ above -15 dB, SINR above 0 dB",
 )
-"""What has to stand on the unit's own page."""
+"""What a person should check on the unit's own web page."""
 
 
 def unmanaged_reading() -> LteReading:
@@ -91,9 +91,9 @@ def unmanaged_reading() -> LteReading:
     return LteReading(source="manual")
 
 
-def check_by_hand(address: str) -> status.BearerFinding:
+def manual_check_finding(address: str) -> status.LinkFinding:
     """Return the finding for a unit without a driver: a person must check its web page."""
-    return status.BearerFinding(
+    return status.LinkFinding(
         Verdict.INCONCLUSIVE,
         "look-yourself",
         f"no driver for this 4G unit: a person must look at its own page, http://{address}/ or as its manual says",
@@ -111,19 +111,19 @@ class LteSubscription:
     """The SIM and its subscription, as given in the inventory."""
 
     apn: str | None = None
-    """None: the network's own default is meant."""
+    """None: the network's default APN is used."""
     roaming: bool = False
     pin_declared: bool = False
     apn_required: bool = False
-    """The subscription has a user or a password, which belong to an APN."""
+    """Whether an APN is required, because the subscription has a user or a password."""
     bands: tuple[int, ...] = ()
-    """LTE bands that the unit is held to; none: all that it has."""
+    """LTE bands to which the unit is restricted; empty: no restriction."""
 
 
 _REGISTERED_STATES = frozenset({Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING})
 
 
-def judge(reading: LteReading, subscription: LteSubscription) -> tuple[status.BearerFinding, ...]:
+def judge(reading: LteReading, subscription: LteSubscription) -> tuple[status.LinkFinding, ...]:
     """Return all findings about the unit; empty if it matches the inventory and its signal is good."""
     if reading.state in _REGISTERED_STATES:
         return tuple(_judge_registered(reading, subscription))
@@ -140,7 +140,7 @@ def link_state(reading: LteReading) -> status.LinkState:
 
 
 def quality(reading: LteReading) -> status.Quality:
-    """Return the quality readings for a `BearerStatus`."""
+    """Return the quality readings for a `LinkStatus`."""
     return {
         "registration": reading.state.value,
         "operator": reading.operator,
@@ -157,29 +157,29 @@ def quality(reading: LteReading) -> status.Quality:
     }
 
 
-def _not_registered(reading: LteReading, subscription: LteSubscription) -> status.BearerFinding:
+def _not_registered(reading: LteReading, subscription: LteSubscription) -> status.LinkFinding:
     if reading.state is Registration.SIM_PIN_REQUIRED:
         return _pin(reading, subscription)
     verdict, code, message, hint = _STATES[reading.state]
     if reading.last_error:
         message = f"{message} (the device says: {reading.last_error})"
-    return status.BearerFinding(verdict, code, message, hint)
+    return status.LinkFinding(verdict, code, message, hint)
 
 
-def _pin(reading: LteReading, subscription: LteSubscription) -> status.BearerFinding:
+def _pin(reading: LteReading, subscription: LteSubscription) -> status.LinkFinding:
     tries_text = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
     if reading.pin_refused:
         message = f"the SIM has refused the PIN, and it is not tried again{tries_text}"
         hint = "compare `sim.pin` with the SIM's letter; unlock the SIM in a telephone before the next run"
-        return status.BearerFinding(Verdict.FAIL, "pin-wrong", message, hint)
+        return status.LinkFinding(Verdict.FAIL, "pin-wrong", message, hint)
     if not subscription.pin_declared:
         hint = "declare `sim.pin` (vaulted), or switch the PIN of the SIM off in a telephone"
-        return status.BearerFinding(
+        return status.LinkFinding(
             Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{tries_text}", hint
         )
     message = f"the SIM asks for a PIN; the declared one is tried once, by a run that sets the device{tries_text}"
     hint = "run the site; if a run has tried it already, the PIN is wrong: do not try again before you know it"
-    return status.BearerFinding(Verdict.FAIL, "pin-not-entered", message, hint)
+    return status.LinkFinding(Verdict.FAIL, "pin-not-entered", message, hint)
 
 
 _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
@@ -222,7 +222,7 @@ _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
 }
 
 
-def _judge_registered(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
+def _judge_registered(reading: LteReading, subscription: LteSubscription) -> Iterator[status.LinkFinding]:
     yield from _roaming(reading, subscription)
     yield from _apn(reading, subscription)
     yield from _address(reading, subscription)
@@ -234,39 +234,39 @@ def _foreign(reading: LteReading) -> bool:
     return reading.state is Registration.REGISTERED_ROAMING or reading.roaming is True
 
 
-def _roaming(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
+def _roaming(reading: LteReading, subscription: LteSubscription) -> Iterator[status.LinkFinding]:
     if not _foreign(reading):
         return
     where = reading.operator or reading.plmn or "a foreign network"
     if subscription.roaming:
         message = f"the SIM roams in {where}: data may cost a multiple of the price at home"
-        yield status.BearerFinding(
+        yield status.LinkFinding(
             Verdict.WARN, "roaming-on", message, "look the price up in the contract before a large transfer"
         )
     else:
         message = f"the SIM is a foreign one in {where}, and roaming is not allowed: registered, but without data"
         hint = "use a SIM of this country, or write `sim.roaming: true` if the contract pays for it"
-        yield status.BearerFinding(Verdict.FAIL, "roaming-not-allowed", message, hint)
+        yield status.LinkFinding(Verdict.FAIL, "roaming-not-allowed", message, hint)
 
 
-def _apn(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
+def _apn(reading: LteReading, subscription: LteSubscription) -> Iterator[status.LinkFinding]:
     if subscription.apn is None:
         hint = "declare `sim.apn` as the SIM's contract says"
         if subscription.apn_required:
             message = "a user or password of the subscription is declared, but not the APN they belong to"
-            yield status.BearerFinding(Verdict.FAIL, "apn-missing", message, hint)
+            yield status.LinkFinding(Verdict.FAIL, "apn-missing", message, hint)
         elif reading.apn is None and reading.address is None and not _foreign(reading):
-            yield status.BearerFinding(
+            yield status.LinkFinding(
                 Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint
             )
     elif reading.network_apn and reading.apn is None:
         message = f"the unit takes the network's APN, so the declared one, {subscription.apn}, may not be in use"
         hint = "run the site, which switches `use-network-apn` off"
-        yield status.BearerFinding(Verdict.WARN, "apn-of-the-network", message, hint)
+        yield status.LinkFinding(Verdict.WARN, "apn-of-the-network", message, hint)
     elif reading.apn is not None and _bare(reading.apn) != _bare(subscription.apn):
         message = f"the APN in use is {reading.apn}, the declared one is {subscription.apn}"
         hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
-        yield status.BearerFinding(Verdict.WARN, "apn-differs", message, hint)
+        yield status.LinkFinding(Verdict.WARN, "apn-differs", message, hint)
 
 
 def _bare(apn: str) -> str:
@@ -274,15 +274,15 @@ def _bare(apn: str) -> str:
     return re.sub(r"\.mnc\d{3}\.mcc\d{3}\.gprs$", "", apn.casefold())
 
 
-def _address(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
+def _address(reading: LteReading, subscription: LteSubscription) -> Iterator[status.LinkFinding]:
     if reading.address is not None or reading.is_connected or (_foreign(reading) and not subscription.roaming):
         return
     message = "the unit is registered, but the network has given it no address (or it does not say so)"
     hint = "check APN, user and password against the contract, and that the SIM has data left"
-    yield status.BearerFinding(Verdict.FAIL, "no-address", message, hint)
+    yield status.LinkFinding(Verdict.FAIL, "no-address", message, hint)
 
 
-def _bands(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
+def _bands(reading: LteReading, subscription: LteSubscription) -> Iterator[status.LinkFinding]:
     allowed_bands = [f"B{number}" for number in subscription.bands]
     if (
         allowed_bands
@@ -291,10 +291,10 @@ def _bands(reading: LteReading, subscription: LteSubscription) -> Iterator[statu
         and reading.band not in allowed_bands
     ):
         message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(allowed_bands)}"
-        yield status.BearerFinding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
+        yield status.LinkFinding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
 
 
-def _levels(reading: LteReading) -> Iterator[status.BearerFinding]:
+def _levels(reading: LteReading) -> Iterator[status.LinkFinding]:
     levels = (
         ("rsrp", "RSRP", reading.rsrp_dbm, WEAK_RSRP_DBM, "dBm"),
         ("rsrq", "RSRQ", reading.rsrq_db, WEAK_RSRQ_DB, "dB"),
@@ -303,7 +303,7 @@ def _levels(reading: LteReading) -> Iterator[status.BearerFinding]:
     for code, name, value, limit, unit in levels:
         if value is not None and value < limit:
             message = f"{name} is {value:g} {unit}, below {limit:g} {unit}"
-            yield status.BearerFinding(Verdict.WARN, f"weak-{code}", message, _WEAK[code])
+            yield status.LinkFinding(Verdict.WARN, f"weak-{code}", message, _WEAK[code])
 
 
 _WEAK = {

@@ -12,7 +12,7 @@ from jeepney.io.blocking import DBusConnection, open_dbus_connection
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
-from atlantis_netcfg.links.status import BearerFinding
+from atlantis_netcfg.links.status import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SERVICE = "org.freedesktop.ModemManager1"
 ROOT = "/org/freedesktop/ModemManager1"
 TIMEOUT_S = 30.0
-"""The bus is in this computer; ModemManager itself may wait for its modem."""
+"""Timeout in seconds of a D-Bus call: the bus is local, but ModemManager may wait for its modem."""
 SYSTEM_BUS = "unix:path=/run/dbus/system_bus_socket"
 
 Objects = dict[str, dict[str, dict[str, Any]]]
@@ -121,11 +121,11 @@ MODEM = "org.freedesktop.ModemManager1.Modem"
 MODEM_3GPP = f"{MODEM}.Modem3gpp"
 SIGNAL = f"{MODEM}.Signal"
 _STATE_FAILED, _STATE_LOCKED, _STATE_DISABLED, _STATE_ENABLED, _SEARCHING, _STATE_REGISTERED = -1, 2, 3, 6, 7, 8
-"""MMModemState: from `registered` on it is in a network; between disabled and enabled it is on its way."""
+"""MMModemState: from `registered` on the modem is in a network; between disabled and enabled it is in transition."""
 _SIM_REASONS = {2: "sim-missing", 3: "sim-error"}
 """MMModemStateFailedReason."""
 _LOCKS = {2: Registration.SIM_PIN_REQUIRED, 4: Registration.SIM_PUK_REQUIRED}
-"""MMModemLock: sim-pin, sim-puk; the second PIN (3, 5) stands in nobody's way."""
+"""MMModemLock: sim-pin, sim-puk. The second PIN (3, 5) does not prevent registration."""
 _PIN_LOCK = 2
 _STATES = {
     0: Registration.SEARCHING,
@@ -149,18 +149,18 @@ _TECHNOLOGIES = (
     (0x3E0, "umts"),
     (0x1E, "gsm"),
 )
-"""MMModemAccessTechnology, the best first."""
+"""MMModemAccessTechnology, best first."""
 _IN_NETWORK = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
 _LOWEST_DBM = -200.0
-"""Below it a figure is a place-holder (MM_SIGNAL_UNKNOWN is the lowest number there is)."""
+"""A value not above this is a placeholder (MM_SIGNAL_UNKNOWN is the lowest representable number)."""
 
 
-def reading_of(interfaces: Mapping[str, Mapping[str, Any]], bearers: Sequence[Mapping[str, Any]] = ()) -> LteReading:
+def reading_of(interfaces: Mapping[str, Mapping[str, Any]], links: Sequence[Mapping[str, Any]] = ()) -> LteReading:
     """Combine a modem's properties and those of its bearers into one record."""
     modem, network = interfaces.get(MODEM, {}), interfaces.get(MODEM_3GPP, {})
     state, error = _state(modem, network)
     signal = _signal(interfaces.get(SIGNAL, {}))
-    bearer = next((each for each in bearers if each.get("Connected") is True), {})
+    link = next((each for each in links if each.get("Connected") is True), {})
     is_registered = state in _IN_NETWORK
     retries = modem.get("UnlockRetries")
     tries_left = retries.get(_PIN_LOCK) if isinstance(retries, dict) else None
@@ -176,8 +176,8 @@ def reading_of(interfaces: Mapping[str, Mapping[str, Any]], bearers: Sequence[Ma
         rssi_dbm=signal.get("rssi"),
         roaming=_roaming(network) if is_registered else None,
         sim_slot=_slot(modem.get("PrimarySimSlot")),
-        address=_text(_part(bearer, "Ip4Config").get("address")),
-        apn=_text(_part(bearer, "Properties").get("apn")),
+        address=_text(_part(link, "Ip4Config").get("address")),
+        apn=_text(_part(link, "Properties").get("apn")),
         pin_refused=True if state is Registration.SIM_PUK_REQUIRED else None,
         pin_tries_left=tries_left if isinstance(tries_left, int) else None,
         last_error=error,
@@ -254,9 +254,9 @@ def _part(properties: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     return part if isinstance(part, dict) else {}
 
 
-_BEARER = "org.freedesktop.ModemManager1.Bearer"
+_LINK = "org.freedesktop.ModemManager1.Bearer"
 
-NO_SIGNAL = BearerFinding(
+NO_SIGNAL = LinkFinding(
     Verdict.INCONCLUSIVE,
     "signal-not-set-up",
     "ModemManager gives no signal figures, because nobody has told it to ask for them",
@@ -269,8 +269,8 @@ class MmLook:
     """The result of reading ModemManager once."""
 
     reading: LteReading
-    findings: tuple[BearerFinding, ...]
-    """What the record has no place for: signal figures that nobody asks for."""
+    findings: tuple[LinkFinding, ...]
+    """`NO_SIGNAL` if ModemManager is not configured to poll the signal, else empty."""
     calls: int
 
 
@@ -286,6 +286,6 @@ def read(address: str | None = None, *, timeout_s: float = TIMEOUT_S) -> MmLook:
             )
         (interfaces,) = modems.values()
         paths = interfaces[MODEM].get("Bearers") or []
-        bearers = [bus.properties(str(path), _BEARER) for path in paths]
+        links = [bus.properties(str(path), _LINK) for path in paths]
         findings = () if signal_is_set_up(interfaces) else (NO_SIGNAL,)
-        return MmLook(reading_of(interfaces, bearers), findings, bus.calls)
+        return MmLook(reading_of(interfaces, links), findings, bus.calls)

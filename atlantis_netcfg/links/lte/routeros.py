@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     Rows = Sequence[Row]
 
 IDENTITIES = frozenset({"imei", "imsi", "iccid", "uicc", "subscriber-number", "phone-number"})
-"""Fields of a monitor that name a person's SIM or a device; they go into no report and no log."""
+"""Fields of a monitor that identify a person's SIM or a device; excluded from all reports and logs."""
 _APN = ("name", "apn", "use-network-apn", "default")
 _INTERFACE = ("name", "default-name", "disabled", "running", "inactive", "apn-profiles", "allow-roaming", "band")
 _ADDRESS = ("address", "interface", "disabled", "invalid")
 _RSRP_DBM, _RSRQ_DB, _SINR_DB, _RSSI_DBM = (-156.0, -31.0), (-43.0, 20.0), (-23.0, 40.0), (-125.0, -1.0)
-"""What 3GPP TS 36.133 and 38.133 can report, and what a modem cannot have measured."""
+"""Ranges that 3GPP TS 36.133 and 38.133 can report; a modem cannot have measured a value outside of them."""
 
 
 def queries(interface: str = "lte1") -> tuple[status.Query, status.Query, status.Query, status.Query]:
@@ -130,7 +130,7 @@ _REGISTRATIONS = (
     (re.compile(r"\broaming\b"), Registration.REGISTERED_ROAMING),
     (re.compile(r"\bregistered\b|\bconnected\b|\bconnecting\b|\bcall in progress\b"), Registration.REGISTERED_HOME),
 )
-"""Negatives first: `not registered` has `registered` in it, and `denied` may stand beside either."""
+"""Negatives first: `not registered` contains `registered`, and `denied` may occur with either."""
 
 
 def _state(monitor_row: Row, its_row: Row) -> Registration:

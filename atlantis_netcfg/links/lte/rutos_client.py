@@ -54,9 +54,9 @@ class PageMissing(RutosError):
 
 
 TIMEOUT_S = 180.0
-"""Certus has gaps of 70 s in practice (FFI report 20/01338); an answer may wait for two of them."""
+"""Timeout in seconds: Certus has gaps of 70 s in practice (FFI report 20/01338); a response may wait for two."""
 _LARGEST = 1_000_000
-"""Bytes of an answer; a status page has a few thousand."""
+"""Maximum number of bytes in a response; a status page has a few thousand."""
 _NOT_OFFERED = (404, 405, 501)
 
 
@@ -69,7 +69,7 @@ class RutosEndpoint:
     user: str
     password: Secret
     pin: str | None
-    """SHA-256 of the certificate in hex; None: the unit was never met."""
+    """SHA-256 of the certificate in hex; None: no certificate is pinned yet."""
     timeout_s: float = TIMEOUT_S
 
     def __str__(self) -> str:
@@ -93,7 +93,7 @@ class RutosWire:
         self._line: socket.socket | None = None
         self.requests = 0
         self.sent = 0
-        """Bytes of paths and bodies, without headers and TLS."""
+        """Bytes sent in paths and bodies, without headers and TLS."""
         self.received = 0
 
     def close(self) -> None:
@@ -199,7 +199,7 @@ class RutosWire:
         connection.auto_open = 0  # by itself it would come back to whoever answers then, without a look
         wire = socket.create_connection((endpoint.host, endpoint.port), endpoint.timeout_s)
         try:
-            self._hold(wire)
+            self._keep_duplicate(wire)
             connection.sock = context.wrap_socket(wire, server_hostname=endpoint.host)
             self._compare(connection)
         except BaseException:
@@ -210,7 +210,7 @@ class RutosWire:
         self._connection = connection
         return connection
 
-    def _hold(self, wire: socket.socket) -> None:
+    def _keep_duplicate(self, wire: socket.socket) -> None:
         """Keep a duplicate of the socket to abort with: TLS takes over the original and may block on it."""
         self._let_go()
         self._line = wire.dup()

@@ -33,12 +33,12 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "imei": ("imei",),
     "iccid": ("iccid",),
 }
-"""The names under which it may stand, the newest first. Assumption: rutos-state-words. Assumption: rutos-levels."""
+"""Possible field names of each value, newest first. Assumption: rutos-state-words. Assumption: rutos-levels."""
 
 _SILENT = frozenset({"", "n/a", "na", "-", "--", "unknown", "null", "none", "no service"})
-"""Texts that say nothing."""
+"""Texts that mean that there is no value."""
 _PLAUSIBLE = {"rsrp": (-160.0, -20.0), "rsrq": (-45.0, 20.0), "sinr": (-40.0, 60.0), "rssi": (-140.0, -10.0)}
-"""Beyond these a figure is a place-holder of the firmware, in dBm or dB (3GPP TS 36.133, 9.1 with some room)."""
+"""A value outside is a placeholder of the firmware; dBm or dB (3GPP TS 36.133, 9.1 with some margin)."""
 _TRY = re.compile(r"(\d+)\s+attempt")
 
 
@@ -253,11 +253,11 @@ def _texts(row: Mapping[str, Any]) -> Sequence[str]:
 
 INTERFACES, DEVICE = "/api/interfaces/basic/status", "/api/system/device/status"
 READS = ("/api/modems/status", "/api/sim_cards/status", INTERFACES, DEVICE)
-"""All that is ever asked for after `POST /api/login`; each by GET."""
+"""All pages that are requested after `POST /api/login`, each by GET."""
 UBUS_READS = (("gsm.modem0", "get_signal_query"), ("gsm.modem0", "info"))
-"""All that is ever called on older firmware after `session login`."""
+"""All ubus calls on older firmware after `session login`."""
 _NOBODY = "0" * 32
-"""The session of somebody who has not logged in (OpenWrt, rpcd)."""
+"""Session identifier before login (OpenWrt, rpcd)."""
 _FORBIDDEN = (401, 403)  # Assumption: rutos-refusals
 _PERMISSION_DENIED = 6
 """UBUS_STATUS_PERMISSION_DENIED."""
@@ -269,16 +269,16 @@ class RutosLook:
 
     reading: LteReading
     serial: str | None = None
-    """Identifies the unit; None: this user may not read it, or the firmware does not say."""
+    """Serial number, which identifies the unit; None: this user may not read it, or the firmware does not report it."""
     slots: tuple[str, ...] = ()
-    """Sections of the SIM slots, in their order: slots, not cards."""
+    """Configuration sections of the SIM slots (not of the SIM cards), in their order."""
     requests: int = 0
     sent_bytes: int = 0
     received_bytes: int = 0
     identities: Mapping[str, str] = field(default_factory=dict, repr=False)
-    """`imei` and `iccid`, whole: for a record that masks them, and for nothing else."""
+    """Unmasked `imei` and `iccid`, only for a record that masks them."""
     unread: tuple[str, ...] = ()
-    """Pages that this user or this firmware does not have."""
+    """Pages that this user may not read or this firmware does not have."""
 
 
 def identities_of(modem: Mapping[str, Any]) -> dict[str, str]:

@@ -26,20 +26,20 @@ if TYPE_CHECKING:
 SHOW = "uci show network && uci show simcard"
 """Reads both packages in one round trip."""
 WRITE = "uci batch"
-"""Reads lines on its standard input, goes on after an error, and ends with 0: only reading back tells."""
+"""Reads commands from standard input, continues after an error and exits with 0: verify by reading back."""
 PIN = "pincode"
-"""The option in which a unit keeps the PIN that it tries. Assumption: rutos-pin"""
+"""The option in which a unit stores the PIN that it enters. Assumption: rutos-pin"""
 RELOAD = "reload_config"
-"""OpenWrt's own command: services whose configuration has changed are reloaded."""
+"""OpenWrt's command that reloads the services whose configuration has changed."""
 _LINE = re.compile(r"(\w+)\.(@?\w+(?:\[\d+\])?)(?:\.(\w+))?=(.*)")
 _MOBILE = ("wwan", "qmi", "mbim", "ncm", "mobile")
-"""Protocols of a mobile interface; `wwan` is RutOS 7's."""
+"""Protocols of a mobile interface; `wwan` is that of RutOS 7."""
 
 _A_PERSONS = 2
-"""Below so many tries nothing is tried by a program: the last one before the PUK is a person's."""
+"""With fewer PIN attempts left the program tries none: the last one before the PUK is left to a person."""
 
 Sections = dict[tuple[str, str], dict[str, str]]
-"""Options by package and section; the section's type stands under the empty name."""
+"""Options by package and section; the section's type has the empty name as its key."""
 
 
 class SettingError(DeviceError):
@@ -97,7 +97,7 @@ def parse_show(text: str) -> Sections:
     return sections
 
 
-def pin_held(reading: LteReading, settings: LteSettings, sections: Sections, *, pin_refusal: str) -> str | None:
+def why_pin_blocks(reading: LteReading, settings: LteSettings, sections: Sections, *, pin_refusal: str) -> str | None:
     """Return why nothing may be set while the SIM asks for a PIN: a reload may try the PIN saved in the unit.
 
     `pin_refusal`: why a PIN must not be tried, from earlier runs. None: the SIM asks for no PIN, or the PIN of the

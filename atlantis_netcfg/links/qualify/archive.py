@@ -28,7 +28,7 @@ RECORD_FILE: Final = "record.json"
 
 
 @dataclass(frozen=True, slots=True)
-class KeptRun:
+class SavedRun:
     """A saved measurement run and its folder."""
 
     folder: Path
@@ -43,17 +43,17 @@ def folder_of(store: Store, site: str) -> Path:
         raise UsageError(f"`{site}` cannot be the name of a site", hint="type its name: `site=coastal`") from error
 
 
-def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]:
+def stored_runs(store: Store, site: str, link: str | None = None) -> list[SavedRun]:
     """Return the runs of a site, or of one link, oldest first; raise DamagedStateError for a broken `run.json`."""
     folder = folder_of(store, site)
     places = [path for path in folder.iterdir() if (path / measured_run.RUN_FILE).is_file()] if folder.is_dir() else []
-    runs = [KeptRun(place, _run(place)) for place in places]
+    runs = [SavedRun(place, _run(place)) for place in places]
     return sorted(
         (item for item in runs if link in {None, item.run.link}), key=lambda item: (item.run.begun, item.run.id)
     )
 
 
-def kept_run(store: Store, site: str, run: str) -> KeptRun:
+def find_run(store: Store, site: str, run: str) -> SavedRun:
     """Return a run by its name; raise NoSuchRun or DamagedStateError."""
     folder = folder_of(store, site)
     names = (
@@ -67,7 +67,7 @@ def kept_run(store: Store, site: str, run: str) -> KeptRun:
         suggestion = f"did you mean `{near}`? " if near else ""
         hint = f"{suggestion}`provision qualify history site={site}{option}` lists them" if names else None
         raise NoSuchRun(f"{site} has no measurement `{run}`", hint=hint)
-    return KeptRun(folder / run, _run(folder / run))
+    return SavedRun(folder / run, _run(folder / run))
 
 
 def _run(folder: Path) -> measured_run.MeasuredRun:
@@ -98,7 +98,7 @@ def _digest(folder: Path) -> str:
     return hashlib.sha256(path.read_bytes() if path.is_file() else b"").hexdigest()
 
 
-def record_of(saved_run: KeptRun, thresholds: tuple[str, QualifyProfile] | None = None) -> QualifyRecord:
+def record_of(saved_run: SavedRun, thresholds: tuple[str, QualifyProfile] | None = None) -> QualifyRecord:
     """Return the figures of a run: the saved ones if they match its samples, otherwise computed again."""
     digest = _digest(saved_run.folder)
     saved_record = _kept_record(saved_run.folder) if thresholds is None else None
@@ -107,7 +107,7 @@ def record_of(saved_run: KeptRun, thresholds: tuple[str, QualifyProfile] | None 
     return make_record(saved_run.run, samples_of(saved_run.folder), digest, thresholds)
 
 
-def made_anew(folder: Path, thresholds: tuple[str, QualifyProfile] | None = None) -> tuple[QualifyRecord, list[Sample]]:
+def recompute(folder: Path, thresholds: tuple[str, QualifyProfile] | None = None) -> tuple[QualifyRecord, list[Sample]]:
     """Compute a run's figures from its samples, return both; raise SamplesUnreadable or DamagedStateError."""
     samples = samples_of(folder)
     return make_record(_run(folder), samples, _digest(folder), thresholds), samples

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from decimal import Decimal
 
 IPV4_HEADERS: Final = 28
-"""IPv4 without options, and UDP."""
+"""Octets of the headers of IPv4 without options, and UDP."""
 IPV6_HEADERS: Final = 48
 VPN_HEADERS: Final = 52
-"""What OpenVPN puts around a packet over UDP with an AEAD cipher: IPv4 and UDP again, opcode and peer, number, tag."""
+"""OpenVPN's overhead per packet over UDP with an AEAD cipher: IPv4 and UDP again, opcode and peer, number, tag."""
 COPY_S: Final = 1.0
-"""How long after an answer the link may still bring its copy."""
+"""Seconds after a response in which the link may still deliver a duplicate of it."""
 
 
 class BudgetError(UsageError, ValueError):
@@ -47,12 +47,12 @@ class Budget:
     """Limits of a measurement; None means no limit. Raises BudgetError if money is limited without a tariff."""
 
     max_bytes: int | None = None
-    """IP and UDP headers included, both directions."""
+    """Maximum number of bytes in both directions, IP and UDP headers included."""
     max_seconds: float | None = None
     max_price: Decimal | None = None
     tariff: cost.Tariff | None = None
     closing_s: float = 0.0
-    """How long answers are awaited after the last packet."""
+    """Seconds to wait for responses after the last packet."""
 
     def __post_init__(self) -> None:
         if self.max_price is not None and self.tariff is None:
@@ -84,7 +84,7 @@ class BudgetGuard:
     def __init__(self, budget: Budget, now_s: Callable[[], float], headers: int = IPV4_HEADERS) -> None:
         self.budget = budget
         self.limited_by: BudgetLimit | None = None
-        """What refused a packet; once set, every packet is refused."""
+        """The limit that refused a packet; once set, every packet is refused."""
         self.sent_bytes = 0
         self.received_bytes = 0
         self._charged = 0
@@ -92,13 +92,13 @@ class BudgetGuard:
         self._begin = now_s()
         self._headers = headers
         self._answers_until_s: float | None = None
-        """When the far end has sent the last of what was requested."""
+        """Time by which the far end has sent the last requested response; None: nothing was sent yet."""
         self._awaited: deque[tuple[float, int]] = deque()
-        """Until when, and how many octets: answers that have not come, in the order of sending."""
+        """Expected responses in the order of sending: time until which each may arrive, and its octets."""
         self._arrived: deque[tuple[float, int]] = deque()
-        """The same of answers that have come, and may come once more."""
+        """Received responses that may be duplicated: time until which a duplicate may arrive, and its octets."""
         self._copies = 0
-        """Sum of both."""
+        """Sum of the octets in `_awaited` and `_arrived`."""
 
     @property
     def seconds(self) -> float:

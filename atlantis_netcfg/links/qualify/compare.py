@@ -28,7 +28,7 @@ class FigureTrend(StrEnum):
     WORSE = "worse"
     ALIKE = "alike"
     UNKNOWN = "not known"
-    """One of the runs has no such figure."""
+    """At least one of the runs does not have this figure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Headline:
     value: Callable[[QualifyRecord], float | None]
     higher_is_better: bool = False
     resolution: float = 0.0
-    """Differences up to this say nothing."""
+    """Differences up to this value are not significant."""
 
 
 def _train(record: QualifyRecord, take: Callable[[TrainFigures], float | None]) -> float | None:
@@ -97,7 +97,7 @@ class FigureChange:
     first: float | None
     second: float | None
     difference: float | None
-    """The second less the first, by the first; None where that says nothing."""
+    """Relative difference: second minus first, divided by the first; None if that is not meaningful."""
     change: FigureTrend
 
 
@@ -117,7 +117,7 @@ class RunComparison:
     remarks: tuple[str, ...]
     figures: tuple[FigureChange, ...]
     facts: tuple[FactChange, ...] = ()
-    """What the boxes said at the time, and the tool."""
+    """Facts that the devices reported at the time of each run, and the version of this program."""
 
 
 def compare_runs(first: QualifyRecord, second: QualifyRecord) -> RunComparison:

@@ -46,15 +46,15 @@ class DelayVariation:
     """The variation of the delay in one direction; it needs no common clock."""
 
     above_min: Percentiles
-    """Delay less the least one: what queues and radio add."""
+    """Delay minus the minimum delay: the share added by queues and radio."""
     rfc3550_s: float
     """The jitter of RFC 3550, 6.4.1, at the end of the train."""
     rfc3550_mean_s: float
-    """Its mean over the train: the estimator itself never comes to rest."""
+    """Mean of the RFC 3550 jitter over the train, because the estimator itself does not converge."""
     ipdv_p95_s: float
-    """Of the absolute difference of the delays of neighbouring packets (RFC 3393)."""
+    """95th percentile of the absolute difference in delay between consecutive packets (RFC 3393)."""
     delay: Percentiles | None
-    """The delay itself, where both clocks are said to be synchronised."""
+    """The delay itself; None unless both clocks report that they are synchronised."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,18 +63,18 @@ class TrainLoss:
 
     sent: int
     received: int
-    """Packets with an answer, late ones among them."""
+    """Packets with a response, including late responses."""
     late: int
     unsent: int
-    """This computer did not take them; not among `sent`."""
+    """Packets that this computer did not send because of an error; not included in `sent`."""
     in_flight: int
-    """Neither answered nor overdue when the run ended; not lost."""
+    """Packets neither answered nor overdue when the run ended; not counted as lost."""
     lost: int
     up: int | None
     down: int | None
     why: str
     limited: int
-    """Refused by the reflector because they were too many for its rate; they are among `up` and no loss of the link."""
+    """Packets that the reflector refused because of its rate limit; included in `up`, but not lost by the link."""
     copies_up: int | None
     copies_down: int
 
@@ -93,9 +93,9 @@ class FrameLoss:
     down: float | None
     both: float
     packets: int
-    """Of known fate, outside of gaps."""
+    """Packets outside of gaps whose result is known."""
     in_gaps: int
-    """Packets lost in gaps: they count for the availability."""
+    """Packets lost in gaps: they count towards the availability."""
 
     @property
     def share_up(self) -> float:
@@ -109,13 +109,13 @@ class ArrivalGaps:
 
     longest_s: float
     above: tuple[tuple[int, int], ...]
-    """How many were longer than so many seconds."""
+    """Pairs of a duration in seconds and the number of gaps longer than it."""
     beyond_1_s: float
-    """Sum of the seconds of those that were longer than one."""
+    """Total duration in seconds of all gaps longer than 1 s."""
     open_end: bool
-    """The longest one had not ended when the train did: it may be longer."""
+    """The longest gap had not ended when the train ended: it may be longer."""
     at_most_s: float | None
-    """What no gap exceeded; None: one at the beginning or the end of the train may be of any length."""
+    """Upper bound of all gaps; None: a gap at the beginning or the end of the train may have any length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ class TrainFigures:
     up: DelayVariation | None
     down: DelayVariation | None
     reordered_up: float | None
-    """Share of the packets that arrived (RFC 4737, 3.4)."""
+    """Share of reordered packets among those that arrived (RFC 4737, 3.4)."""
     reordered_down: float | None
     gaps: ArrivalGaps
     rpm: float | None
@@ -262,10 +262,10 @@ def _direction(
         if len(pairs) <= arrived_count <= sent_count:
             return sent_count - arrived_count, lost_count - (sent_count - arrived_count), "by the reflector's count"
         return None, None, "the reflector's count does not agree with what was sent"
-    return (0, 0, "nothing was lost") if not lost_count else _by_numbers(lost_count, pairs)
+    return (0, 0, "nothing was lost") if not lost_count else _split_by_sequence(lost_count, pairs)
 
 
-def _by_numbers(lost_count: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None, int | None, str]:
+def _split_by_sequence(lost_count: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None, int | None, str]:
     """Split the loss by the reflector's sequence numbers, if it reported no counters."""
     if not pairs:
         return None, None, "nothing was answered"

@@ -27,13 +27,13 @@ SHAPE_UNKNOWN: Final = (
     "Of Tables 33 and 34 of the report only the titles are known; these sizes and rates are a proposal."
 )
 RTPS_OCTETS: Final = 72
-"""What RTPS adds to a small sample: 60 to 80 octets were counted."""
+"""Octets that RTPS adds to a small sample: 60 to 80 were measured."""
 FEW: Final = "few messages"
-"""One is lost, and of so few that it is more than may be: neither a failure nor proof."""
+"""Reason: messages exceed the loss limit, but too few to decide; neither a failure nor proof."""
 GAP: Final = "a gap of the link"
-"""It has cost packets, whatever the size and the rate."""
+"""Reason: a gap of the link caused loss, independent of size and rate."""
 LEAST_PACKETS: Final = 10
-"""Fewer of a train sustain no rate."""
+"""Minimum number of packets of a train for a judgement; fewer prove no sustained rate."""
 TELEMETRY_SIZES: Final = (32, 128, 512)
 TELEMETRY_RATES_HZ: Final = (1.0, 2.0, 4.0, 10.0)
 IMAGE_RATES_HZ: Final = (0.2, 1.0, 2.0, 5.0)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.transfers import MessageFigures
 
 SILENCE_S: Final = 90.0
-"""Silence that is longer than a satellite's longest gap proves that a link does not carry."""
+"""Silence in seconds that proves that a link carries nothing: longer than the longest gap of a satellite."""
 _SHORT_S: Final = 0.5
 
 

@@ -55,7 +55,7 @@ class FarEnd(RunPart):
     over_vpn: bool
     authenticated: bool
     source: str
-    """This computer's address, as the packets bear it."""
+    """This computer's source address in the packets."""
 
 
 class BudgetLimits(RunPart):
@@ -94,32 +94,32 @@ class MeasuredRun(RunPart):
     site: str
     link: str
     kind: str
-    """Of the bearer, as the declaration has it."""
+    """Link kind in the inventory."""
     emulated: bool
-    """The far end and the link were emulated: the figures say nothing of a real link."""
+    """Whether far end and link were emulated: then the figures do not describe a real link."""
     selection: Selection
     far_end: FarEnd
     begun: datetime
     ended: datetime | None
-    """None: the program ended before it could write this."""
+    """None: the program was terminated before it could record the end."""
     reason: str
-    """Why it ended: `done`, `stopped`, or the limit of the budget."""
+    """Why the run ended: `done`, `stopped`, or the limit of the budget."""
     clock_synchronised: bool
-    """This computer's, by its kernel."""
+    """Whether this computer's clock is synchronised, as its kernel reports."""
     budget: BudgetLimits
     currency: str | None = None
     tariff: Tariff | None = None
-    """As the link is declared; None: nobody has declared it, or the link is not paid by the byte."""
+    """Tariff of the link in the inventory; None: no tariff is declared, or the link is not metered."""
     sent_bytes: int = 0
-    """As they went over the wire, IP and UDP headers included; by this computer's count."""
+    """Bytes on the wire by this computer's count, IP and UDP headers included."""
     received_bytes: int = 0
     charged_bytes: int = 0
-    """What counts for the budget: with answers that have not come, since a provider may bill them."""
+    """Bytes charged to the budget, including missing responses, because a provider may bill them."""
     price: Decimal | None = None
     counts: tuple[LinkCount, ...] = ()
-    """Of every link of the site, the measured one among them."""
+    """Counts of every link of the site, including the measured one."""
     way: Verdict = Verdict.INCONCLUSIVE
-    """Whether the traffic left by the link that was meant, and by no other."""
+    """Whether the traffic used the intended link and no other."""
     way_reason: str = ""
     path_mtu_up: int | None = None
     path_mtu_both: int | None = None
@@ -127,10 +127,10 @@ class MeasuredRun(RunPart):
     thresholds_name: str
     thresholds: QualifyProfile
     facts: dict[str, str] = {}
-    """What the boxes said of the link at the beginning: signal, cell, version. Label to value."""
+    """Facts about the link that its devices reported at the beginning (signal, cell, version): label to value."""
     remarks: tuple[str, ...] = ()
     time_zone: str = ""
-    """The pilot's, as IANA names it, for pages; empty: UTC."""
+    """The pilot's time zone (IANA name), for pages; empty: UTC."""
 
 
 def write_run(folder: Path, run: MeasuredRun) -> None:

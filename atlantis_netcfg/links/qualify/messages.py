@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
 
 QUESTIONS: Final = 3
-"""How often the receiver is asked for what it has, where it says nothing."""
+"""How often a receiver that does not respond is asked for the status of a message."""
 _WAIT_STEP: Final = 20_000_000
 _LAG_NS: Final = 20_000_000
-"""What this computer woke late by is made up for, and no more: the rest of a pace is not sent in one burst."""
+"""Maximum delay of this computer that is made up for: a paced message is not sent in one burst."""
 DEFAULT_PACKET: Final = 1200
-"""UDP payload that passes most tunnels; `path_mtu` says what this path takes."""
+"""UDP payload that fits most tunnels; `path_mtu` measures what this path accepts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +40,12 @@ class MessagePlan:
     duration_s: float
     resend: bool = False
     pace_bps: float | None = None
-    """At which rate the chunks of a message leave; None: at once, as DDS sends fragments."""
+    """Rate at which the chunks of a message are sent; None: at once, as DDS sends fragments."""
     packet: int = DEFAULT_PACKET
     timeout_s: float = 5.0
-    """How long an answer is awaited before the receiver is asked, and what is missing sent again."""
+    """Seconds to wait for a response before the receiver is asked and missing chunks are resent."""
     give_up_s: float = 90.0
-    """After so long without the receiver's word a message is lost; a satellite's gaps last up to 70 s."""
+    """Seconds without a response after which a message counts as lost; a satellite's gaps last up to 70 s."""
 
     def __post_init__(self) -> None:
         if self.size < 1:
@@ -74,7 +74,7 @@ class _OpenMessage:
     word: stamp.Acknowledgement | None = None
     error: int = 1
     queue_length: int = 0
-    """How many of its packets are still to be sent."""
+    """Number of its packets that are still to be sent."""
 
 
 @dataclass(slots=True)
@@ -93,12 +93,12 @@ class MessageStream:
     _started_count: int = 0
     _free_at: int = 0
     _queue: deque[tuple[_OpenMessage, int | None]] = field(default_factory=deque)
-    """Chunks to send; None: only the question."""
+    """Chunks to send; None: only a status request."""
     _open: dict[int, _OpenMessage] = field(default_factory=dict)
     _waits: list[tuple[int, int]] = field(default_factory=list)
-    """A heap: when to look after which message; times that have moved are put right when they come up."""
+    """Heap of times and message numbers to check; a time that has changed is corrected when it is reached."""
     _charge_by_sequence: dict[int, int] = field(default_factory=dict)
-    """Sequences that want an answer, with what was charged for it."""
+    """Sequence numbers of packets that expect a response, with the octets charged for it."""
 
     @property
     def chunk_size(self) -> int:
@@ -147,7 +147,7 @@ class MessageStream:
     def next_packet(self, now_ns: int) -> session.Outgoing | None:
         """See `PacketStream`."""
         self._start(now_ns)
-        self._look(now_ns)
+        self._handle_timeouts(now_ns)
         if not self._queue or now_ns < self._free_at:
             return None
         message, index = self._queue[0]
@@ -174,7 +174,7 @@ class MessageStream:
             self._put(message, range(message.count))
             heapq.heappush(self._waits, (now_ns + self._patience(message), message.number))
 
-    def _look(self, now_ns: int) -> None:
+    def _handle_timeouts(self, now_ns: int) -> None:
         """Request the status of messages without response, and give up those past their timeout."""
         while self._waits and self._waits[0][0] <= now_ns:
             _, number = heapq.heappop(self._waits)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _BASE: Final = stamp.extended_size(is_authenticated=True)
 _STATUS_SIZE: Final = _BASE + stamp.REQUEST_SIZE
-"""Of a request, and of the status that answers it."""
+"""Size of a request and of the status that answers it."""
 
 
 def requested_bytes(plan: MessagePlan, headers: int) -> int:
@@ -40,15 +40,15 @@ def requested_bytes(plan: MessagePlan, headers: int) -> int:
 class _AwaitedMessage:
     number: int
     asked_at: int
-    """When it was first asked for, or was to be."""
+    """Time of the first request for the message, sent or planned."""
     sent_at: int = -1
-    """When the request left that has brought it, as far as is known."""
+    """Time at which the request was sent that delivered the message, as far as known."""
     until: int = 0
-    """When to ask for it again, or to give it up."""
+    """Time at which the message is requested again or given up."""
     questions: int = 0
     requests: int = 0
     requested_chunks: int = 0
-    """Chunks, each as often as it was requested."""
+    """Number of requested chunks; a chunk counts each time that it is requested."""
     status: stamp.RequestStatus | None = None
     have: set[int] = field(default_factory=set)
     size: int = 0
@@ -62,7 +62,7 @@ class _ChunkRequest:
     message: _AwaitedMessage
     first: int = 0
     count: int = 0
-    """0: a question for the status."""
+    """Number of requested chunks; 0: only a status request."""
 
 
 @dataclass(slots=True)
@@ -76,20 +76,20 @@ class DownMessageStream:
     write: Callable[[samples.Sample], None]
     session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
     far_rate_bps: float | None = None
-    """What the reflector sends to this address at most; None: it has not said so yet."""
+    """Maximum rate of the reflector to this address; None: not reported yet."""
     _origin: int = 0
     _begin: int = 0
     _sequence: int = 0
     _far_free_at: int = 0
-    """When the far end has sent all that was requested, as far as its pace goes: one message after the other."""
+    """Time at which the far end, by its pace, has sent all that was requested; it sends one message after the other."""
     _started_count: int = 0
     _token: bytes | None = None
     _queue: deque[_ChunkRequest] = field(default_factory=deque)
     _open: dict[int, _AwaitedMessage] = field(default_factory=dict)
     _requests: dict[int, _ChunkRequest] = field(default_factory=dict)
-    """By their sequence."""
+    """Open requests by their sequence number."""
     _accepted_chunks: set[tuple[int, int]] = field(default_factory=set)
-    """Sequence of the request, and chunk (-1: the status): a second one is a copy."""
+    """Sequence number of the request, and chunk (-1: the status); the same pair again is a duplicate."""
 
     def __post_init__(self) -> None:
         if self.peer.key is None:
@@ -150,7 +150,7 @@ class DownMessageStream:
             self._put(_ChunkRequest(message, 0, self._chunks))
         for message in [*self._open.values()]:
             if message.until <= now_ns:
-                self._look(message, now_ns)
+                self._handle_timeout(message, now_ns)
         while self._queue and self._queue[0].message.number not in self._open:
             self._queue.popleft()
         return self._outgoing(self._queue[0], now_ns) if self._queue else None
@@ -180,7 +180,7 @@ class DownMessageStream:
         self._queue.append(request)
         request.message.until = 1 << 62
 
-    def _look(self, message: _AwaitedMessage, now_ns: int) -> None:
+    def _handle_timeout(self, message: _AwaitedMessage, now_ns: int) -> None:
         """Handle a message's timeout: request its status or its missing chunks, or give it up."""
         age_s = (now_ns - message.asked_at) / session.SECOND
         if self._token is None or self.plan.resend:

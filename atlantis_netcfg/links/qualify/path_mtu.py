@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 _SECOND: Final = 1_000_000_000
 _TRIES: Final = 3
-"""A packet of a size may be lost: so often it is sent before the size is suspected."""
+"""Number of attempts per size, because a packet may be lost for other reasons."""
 _SPARE_S: Final = 0.2
-"""How much longer than two round trips an answer is awaited before the next try."""
+"""Seconds beyond two round trips to wait for a response before the next attempt."""
 LEAST: Final = 576
-"""What every IPv4 host takes (RFC 791)."""
+"""Minimum packet size that every IPv4 host accepts (RFC 791)."""
 ETHERNET: Final = 1500
 
 
@@ -35,7 +35,7 @@ class PathMtu:
 
     up: int | None
     both: int | None
-    """There and back."""
+    """Longest packet that passed in both directions."""
     why: str = ""
 
     @property
@@ -63,9 +63,9 @@ class _MtuProbe:
     session_id: int
     sequence: int = 0
     _rtt_s: float = 0.0
-    """The longest up to now; 0: nothing was answered."""
+    """Longest round trip so far in seconds; 0: no response yet."""
     _pending_probes: dict[int, tuple[int, bool, int, int]] = field(default_factory=dict)
-    """By sequence: size, whether the way there alone is measured, what was charged for the answer, when it was sent."""
+    """By sequence number: size, whether only the way up is measured, octets charged for the response, send time."""
 
     def passes(self, size: int, *, up_only: bool) -> bool:
         """Return whether packets of this size pass; results from within a gap are ignored."""

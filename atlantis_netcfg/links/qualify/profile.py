@@ -44,12 +44,12 @@ VERSION: Final = 1
 PROFILE_FILE: Final = "profile.json"
 IDLE: Final = "idle"
 _LOAD_DOWN: Final = "load down"
-"""The one stream of messages that the far end sends; all others go up."""
+"""The only message stream that the far end sends; all others go up."""
 _MOST_DELAYS: Final = 1000
 _FEWEST: Final = 20
-"""Answered packets of which a profile is made."""
+"""Minimum number of answered packets for a profile."""
 _MOST_DRIFT: Final = 200e-6
-"""Two clocks that drift apart faster are not two clocks: the link itself has changed."""
+"""Maximum plausible drift between two clocks; a larger one means that the link itself has changed."""
 _SECOND: Final = 1_000_000_000
 
 
@@ -67,14 +67,14 @@ class DirectionProfile(ProfilePart):
     """The behaviour of one direction; loss, duplicates and reordering are shares of packets outside of gaps."""
 
     delays_s: tuple[float, ...]
-    """In ascending order, each as likely as the others; the time in which a test packet is sent is in it."""
+    """Delays in ascending order, equally likely; includes the time for sending a test packet."""
     loss: float
     duplicates: float
     reordered: float
     reorder_s: float
-    """By how much longer a packet took that was overtaken, above the median; the median of them."""
+    """Median delay of overtaken packets minus the median delay of the others, in seconds."""
     rate_bps: float | None
-    """IP and UDP headers included; None: not measured."""
+    """Rate including IP and UDP headers; None: not measured."""
     mtu: int | None
 
 
@@ -95,12 +95,12 @@ class LinkProfile(ProfilePart):
     link: str
     kind: str
     emulated: bool
-    """The run was a rehearsal itself."""
+    """Whether the run was itself a rehearsal."""
     recorded_s: float
-    """How long the train lasted: the gaps came in so long, and come again in as long."""
+    """Duration of the train in seconds; its gaps are replayed with this period."""
     interval_s: float
     packet_octets: int
-    """Of the train, headers included."""
+    """Size in octets of the train's packets, headers included."""
     packets: int
     split: str
     up: DirectionProfile
@@ -134,8 +134,8 @@ def profile_of(run: measured_run.MeasuredRun, samples: Iterable[Sample]) -> Link
     replies = sum(isinstance(sample, ReplySample) for sample in idle)
     by_number = sorted(pairs, key=lambda pair: pair.reflector_sequence)
     by_arrival = sorted(pairs, key=lambda pair: pair.arrived_at_ns)
-    late_up = _overtaken([(pair.sequence, pair.sequence) for pair in by_number])
-    late_down = _overtaken([(pair.reflector_sequence, pair.sequence) for pair in by_arrival])
+    late_up = _reorder_lines([(pair.sequence, pair.sequence) for pair in by_number])
+    late_down = _reorder_lines([(pair.reflector_sequence, pair.sequence) for pair in by_arrival])
     rate_up, rate_down = _rates(all_samples, begin.headers)
     return LinkProfile(
         run=run.id,
@@ -204,7 +204,7 @@ def _drift(times_s: Sequence[float], differences_s: Sequence[float]) -> float:
     return drift if abs(drift) <= _MOST_DRIFT else 0.0
 
 
-def _overtaken(arrivals: Sequence[tuple[int, int]]) -> set[int]:
+def _reorder_lines(arrivals: Sequence[tuple[int, int]]) -> set[int]:
     """Return the packets that arrived after a later one; `arrivals` holds sending order and number."""
     highest_order, late_numbers = -1, set()
     for order, number in arrivals:

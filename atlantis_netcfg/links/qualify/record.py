@@ -40,7 +40,7 @@ _IMAGE: Final = re.compile(r"image (.+) (\S+)")
 _RATE: Final = re.compile(r"rate (\d+) (\S+)")
 _WITH_LOAD: Final = frozenset({Selection.THROUGHPUT, Selection.ALL})
 _UNDER_LOAD: Final = "buffer delay"
-"""The criterion that needs a load."""
+"""Prefix of the criterion that needs a load."""
 FAR_END_LIMIT: Final = "as much as the far end sends: the link may carry more"
 _NO_REFERENCE: Final = "nothing without load was measured to compare with"
 
@@ -50,9 +50,9 @@ class MeasuredRate(grids.RateRow):
     """A size at a rate, as `grids` judges it."""
 
     mb_per_hour: float
-    """On the wire, both ways together, headers of IP and UDP included, where nothing is lost."""
+    """Volume on the wire in both directions, IP and UDP headers included, if nothing is lost."""
     price_per_hour: Decimal | None
-    """Of an hour as a session of its own, in the currency of the run's tariff; None: no tariff is declared."""
+    """Price of one hour as a separate session, in the currency of the run's tariff; None: no tariff is declared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,15 +64,15 @@ class LoadRow:
     sent: int
     received: int
     lost: int
-    """With those of which the receiver said nothing."""
+    """Lost messages, including those of which the receiver reported nothing."""
     in_flight: int
     goodput_bps: float | None
-    """By the receiver's count and clock."""
+    """Goodput by the receiver's count and clock."""
     latency: Percentiles | None
     offered_bps: float | None
-    """What the sender offered, in octets of messages; None: not known."""
+    """Rate that the sender offered, in message octets; None: not known."""
     verdict: Verdict
-    """INCONCLUSIVE: the load did not fill the link, so the goodput is none of it; `doubt` says why."""
+    """INCONCLUSIVE: the load did not fill the link, so the goodput is not that of the link; `doubt` says why."""
     doubt: str
 
 
@@ -95,12 +95,12 @@ class HighestRate:
     size: int
     label: str
     rate_hz: float | None
-    """None: not even the first one, or nothing was seen."""
+    """None: even the lowest rate failed, or nothing was observed."""
     limited_by: search.RateLimit
     proved: bool
-    """A higher rate was seen to fail."""
+    """Whether a higher rate was observed to fail."""
     reference_s: float
-    """Latency without load, which the latencies are compared with."""
+    """Latency without load, with which the latencies are compared."""
     mb_per_hour: float | None
     price_per_hour: Decimal | None
     steps: tuple[RateStep, ...]
@@ -113,29 +113,29 @@ class QualifyRecord(BaseModel):
 
     version: int = VERSION
     samples_sha256: str
-    """Of `samples.jsonl`."""
+    """SHA-256 of `samples.jsonl`."""
     run: MeasuredRun
     thresholds_name: str
-    """Those of the verdicts here; the run's own stand in `run`."""
+    """Name of the thresholds for these verdicts; those of the run itself are in `run`."""
     thresholds: judgement.QualifyProfile
     idle: TrainFigures | None
-    """None: the run has no train without load."""
+    """Figures of the train without load; None: the run has none."""
     under_load: TrainFigures | None
     rpm_under_load: float | None
-    """Latency under load as one number: round trips a minute, higher is better."""
+    """Latency under load as one number: round trips per minute, higher is better."""
     load: tuple[LoadRow, ...]
     telemetry: tuple[MeasuredRate, ...]
     images: tuple[MeasuredRate, ...]
     highest_rates: tuple[HighestRate, ...]
     grid_note: str = grids.SHAPE_UNKNOWN
     wire_bytes: int
-    """Sent and received, by this computer's count; the router's stands in `run.counts`."""
+    """Bytes sent and received, by this computer's count; the router's counts are in `run.counts`."""
     mb_per_hour: float | None
-    """Of the run itself; that of a size at a rate stands in its row."""
+    """Volume per hour of the run itself; that of a size and rate is in its row."""
     judgements: tuple[judgement.Judgement, ...]
-    """Against the thresholds, by the figures without load, and under load where that was to be measured."""
+    """Judgements by the thresholds, of the figures without load, and under load if a load was planned."""
     verdict: Verdict
-    """The worst of the judgements, `load` and `run.way`; INCONCLUSIVE without a judgement, and of a run cut short."""
+    """Worst of the judgements, `load` and `run.way`; INCONCLUSIVE if the run has no judgement or was cut short."""
 
 
 def make_record(

@@ -45,7 +45,7 @@ class Silence:
 
     packets: int
     down: int | None
-    """How many of them the reflector had answered; None: not known."""
+    """Number of these packets that the reflector had answered; None: not known."""
 
 
 def answered_packets(packets: Sequence[PacketSent], replies: Sequence[ReplySample]) -> list[AnsweredPacket]:

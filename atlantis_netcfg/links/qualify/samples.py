@@ -35,11 +35,11 @@ class TrainBegan:
     interval_s: float
     duration_s: float
     timeout_s: float
-    """An answer after more than this is late."""
+    """Timeout in seconds; a later response counts as late."""
     headers: int
     authenticated: bool
     synchronised: bool
-    """Whether this computer's clock is."""
+    """Whether this computer's clock is synchronised."""
     version: int = VERSION
 
 
@@ -62,13 +62,13 @@ class ReplySample:
     arrived_at_ns: int
     reflector_sequence: int
     received_ns: int
-    """When the reflector had the request, on its clock."""
+    """Time at which the reflector received the request, on its clock."""
     replied_ns: int
     size: int
     ttl: int
-    """Of the answer as it arrived."""
+    """TTL of the response on arrival."""
     reflector_error: int
-    """16 bits: what the reflector says of its clock."""
+    """Error estimate of the reflector's clock, as 16 bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,26 +99,26 @@ class MessageResult:
     size: int
     chunks: int
     chunks_sent: int
-    """With those that were sent again, and questions. Down: that were requested."""
+    """Number of sent chunks, including repetitions and status requests. Down: number of requested chunks."""
     sent_at_ns: int
-    """Down: when the request was sent."""
+    """Time of sending. Down: when the request was sent."""
     acknowledged_at_ns: int | None
-    """When the receiver's word came that it has all of it; None: no such word. Down: when the last octet came."""
+    """When the receiver acknowledged the whole message; None: never. Down: when the last octet arrived."""
     received_size: int | None
-    """What the receiver said at last; None: it said nothing. Down: None where nothing came, and nobody knows why."""
+    """Octets that the receiver reported last; None: no report. Down: None if nothing arrived for an unknown reason."""
     first_ns: int | None
     last_ns: int | None
     in_flight: bool
-    """The run ended before its time was up: neither received nor lost."""
+    """The run ended before the message's timeout: it counts neither as received nor as lost."""
     direction: str = MessageDirection.UP
     chunk_size: int | None = None
-    """Octets of each chunk but the last; None: a version that did not write it."""
+    """Octets of each chunk but the last; None: written by a version without this field."""
     far_rate_bps: float | None = None
-    """Down: what the far end sends to this computer at most; no link shows more."""
+    """Down: maximum rate of the far end to this computer; no link can show more."""
     due_ns: int | None = None
-    """How long after it the next one begins, by rate and pace of the plan; None: a version that did not write it."""
+    """Interval to the next message by rate and pace of the plan; None: written by a version without this field."""
     far_sent_ns: int | None = None
-    """Down: when the far end sent its first octet, on the far end's clock."""
+    """Down: time at which the far end sent its first octet, on the far end's clock."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,12 +22,12 @@ FIRST_HZ: Final = 0.5
 HALVINGS: Final = 4
 MAX_LOSS: Final = 0.01
 MIN_LOST: Final = 2
-"""One lost message is no rate."""
+"""Losses that are tolerated beyond the expected ones: one lost message is not a loss rate."""
 MIN_BAND_S: Final = 0.3
 BAND: Final = 0.5
 MAX_STRETCH: Final = 0.03
 SURE: Final = 3
-"""So many standard errors more than may be are no chance."""
+"""Number of standard errors above the limit from which a deviation is not attributed to chance."""
 
 
 class RateLimit(StrEnum):

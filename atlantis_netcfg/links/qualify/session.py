@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 SECOND: Final = 1_000_000_000
 _COUNTER_REQUESTS: Final = 3
 _SLICE_S: Final = 0.2
-"""How often the budget is looked at while nothing is due."""
+"""Interval in seconds at which the budget is checked while nothing is due."""
 
 
 class EndReason(StrEnum):
@@ -45,7 +45,7 @@ class EndReason(StrEnum):
     DONE = "done"
     STOPPED = "stopped"
     SILENT = "no answer"
-    """To anything at all: what is left needs answers."""
+    """No response to any packet; the remaining stages need responses."""
     LEFT_OUT = "nothing to try"
     """By its declared rate the link carries none of the sizes and rates."""
 
@@ -57,12 +57,12 @@ class Outgoing:
     tlvs: Tlvs
     size: int
     answer: int
-    """UDP payload of all its answers at most; 0: there is none."""
+    """Maximum UDP payload of all its responses together; 0: no response."""
     sequence: int
     answers: int = 1
-    """How many datagrams these are."""
+    """Number of datagrams in the response."""
     answer_s: float = 0.0
-    """How long the far end sends them."""
+    """Seconds during which the far end sends the responses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +70,12 @@ class ReflectorPeer:
     """The reflector, and how packets for it are made."""
 
     key: bytes | None
-    """None: unauthenticated, for reflectors of others."""
+    """None: unauthenticated, for reflectors other than this project's."""
     is_synchronised: bool = False
-    """Whether this computer's clock is; absolute one-way delays need both."""
+    """Whether this computer's clock is synchronised; absolute one-way delays need both clocks synchronised."""
     clock_error_s: float = 1.0
     counts: bool = True
-    """It is our reflector, which tells its counters."""
+    """Whether it is this project's reflector, which reports its counters."""
 
 
 class PacketStream(Protocol):
@@ -111,7 +111,7 @@ class TrainPlan:
     interval_s: float
     duration_s: float
     timeout_s: float = 5.0
-    """How long the last answers are awaited; what comes later is late."""
+    """Seconds to wait for the last responses; a later response counts as late."""
 
     @property
     def packets(self) -> int:
@@ -275,7 +275,7 @@ class _RunningStreams:
     streams: Sequence[PacketStream]
     guard: BudgetGuard
     stamps: dict[tuple[int, int], int] = field(default_factory=dict)
-    """What each packet that wants an answer was stamped with, by session identifier and sequence."""
+    """Timestamp of each packet that expects a response, by session identifier and sequence number."""
 
     def until_ended(self, stop: Callable[[], bool]) -> str:
         while dues := [due for stream in self.streams if (due := stream.due_ns()) is not None]:

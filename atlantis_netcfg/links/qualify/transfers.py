@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 _SECOND: Final = 1_000_000_000
 _FEWEST: Final = 3
-"""Of fewer messages nobody can say how sure it is that a queue grows."""
+"""Minimum number of messages for a standard error of queue growth."""
 _FULL_SHARE: Final = 0.97
-"""Of what was to be offered: less does not fill a link that carries as much. Of what was offered: more is all of it."""
+"""Offering less than this share of the plan does not fill the link; receiving more of the offer means no queue."""
 _NEAR: Final = 0.75
-"""Of a limit with headers: so much of it is goodput at least where the limit is reached."""
+"""Goodput above this share of a rate limit (which includes headers) means that the limit was reached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,33 +32,33 @@ class MessageFigures:
     chunks: int
     sent_count: int
     received_count: int
-    """The receiver said that it has all of them."""
+    """Number of messages that the receiver has reported as complete."""
     in_flight: int
     unknown: int
-    """Not one word of the receiver came: they may have arrived."""
+    """Number of messages without any response from the receiver: they may have arrived."""
     lost_count: int
     latency: figures.Percentiles | None
-    """From the first `send` to the receiver's word that it has the last octet; down: from the request to that octet."""
+    """From the first `send` to the receiver's report of the last octet; down: from the request to that octet."""
     receiver_bps: float | None
-    """Goodput by the receiver's count and clock, from the first octet of all messages to the last. None: too little."""
+    """Goodput by the receiver's count and clock, from first to last octet of all messages. None: too little data."""
     busy_bps: float | None
-    """Goodput while a message arrives: the median over the messages of more than one chunk."""
+    """Goodput while a message arrives: median of the messages with more than one chunk."""
     packets: int
-    """Of messages that are not in flight, and how many of them the receiver lacks."""
+    """Number of packets of messages that are not in flight; `packets_lost` of them did not reach the receiver."""
     packets_lost: int
     delay_p95_s: float | None
-    """95th percentile of the delay until the last octet that came of a message, above the least. None: none came."""
+    """95th percentile of the delay of a message's last received octet, minus the minimum. None: none arrived."""
     stretch: float | None
-    """How much longer arriving took than sending, as a share: more than 0 where a queue grows. None: too few came."""
+    """Relative excess of arrival time over sending time: above 0 if a queue grows. None: too few arrived."""
     stretch_error: float
-    """Its standard error."""
+    """Standard error of `stretch`."""
     far_rate_bps: float | None = None
-    """Down: what the far end sends at most. Goodput that comes near it is no figure of the link."""
+    """Down: maximum rate of the far end. Goodput close to it does not describe the link."""
 
     offered_bps: float | None = None
-    """Octets of messages that the sender began to send a second, those of the last one left out."""
+    """Message octets that the sender began to send, as a rate; the last message is not included."""
     planned_bps: float | None = None
-    """What it was to offer; both are None where that is not known."""
+    """Planned rate; both this and `offered_bps` are None if not known."""
 
     def doubt(self, loss: float) -> str:
         """Return why the goodput does not describe the link, given its loss share without load; empty if it does."""
@@ -99,7 +99,7 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
     delays = [(m.sent_at_ns / _SECOND, (m.last_ns - m.sent_at_ns) / _SECOND) for m in ended_ones if m.last_ns]
     least = min((delay for _, delay in delays), default=0.0)
     above = figures.percentiles(delay - least for _, delay in delays)
-    stretch, stretch_error = _stretch(delays)
+    stretch, stretch_error = _delay_growth(delays)
     offered_bps, planned_bps = _offered_bps(results)
     return MessageFigures(
         size=results[0].size,
@@ -184,7 +184,7 @@ def _latencies(whole: Sequence[MessageResult]) -> list[float]:
     ]
 
 
-def _stretch(delays: Sequence[tuple[float, float]]) -> tuple[float | None, float]:
+def _delay_growth(delays: Sequence[tuple[float, float]]) -> tuple[float | None, float]:
     """Return the growth of the delay per second (least squares) and its standard error."""
     if len(delays) < _FEWEST or delays[0][0] == delays[-1][0]:
         return None, 0.0

@@ -23,10 +23,10 @@ _IPV6_RECVHOPLIMIT: Final = 51
 _IPV6_HOPLIMIT: Final = 52
 _IPV6_MTU_DISCOVER: Final = 23
 _NO_FRAGMENTS: Final = 3
-"""IP_PMTUDISC_PROBE: the DF bit, and what the kernel believes of the path does not bound the size."""
+"""IP_PMTUDISC_PROBE: set the DF bit and ignore the kernel's path MTU."""
 _LONGEST: Final = 65536
 _RECEIVE_BUFFER: Final = 1 << 22
-"""As much of it as the kernel grants: what finds no room there would look like loss of the link."""
+"""Requested receive buffer; the kernel may grant less. An overflow would look like packet loss of the link."""
 _SECOND: Final = 1_000_000_000
 _UNKNOWN_TTL: Final = 255
 
@@ -37,7 +37,7 @@ class Arrival:
 
     datagram: bytes
     at_ns: int
-    """On the steady clock; as the kernel stamped it, where it does."""
+    """Arrival time on the monotonic clock; the kernel's timestamp if there is one."""
     ttl: int = _UNKNOWN_TTL
 
 

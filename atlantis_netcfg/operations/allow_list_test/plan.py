@@ -18,28 +18,28 @@ from atlantis_netcfg.routeros.api import Command, Reply
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.routeros._types import Row
 
 
 MARK = "atlantis: for a proof, taken back after it"
-"""Comment of the rows, by which a person would know them."""
+"""Comment of the temporary rows, by which a person can identify them."""
 BUDGET_BYTES = 20_000
-"""What a proof may send and receive over the satellite, counted by the router's own port counters."""
+"""Maximum number of bytes of a test over the satellite in both directions, by the router's port counters."""
 _ROUND_BYTES = {
     satellite.SatelliteProbe.ICMP: 2 * ECHO_BYTES,
     satellite.SatelliteProbe.TCP: 180,
     satellite.SatelliteProbe.TIME: 2 * NTP_BYTES,
 }
-"""A round of 5 s: half a TCP connection of about six segments of 60 bytes, or one question for the time."""
+"""Bytes of a 5 s round: half a TCP connection of about six segments of 60 bytes, or one NTP request and response."""
 VPN_BYTES = 6 * 600
-"""Questions to the VPN server: 390 bytes, and an answer that comes twice where the server keeps the session."""
+"""Requests to the VPN server: 390 bytes, and a response that is sent twice if the server keeps the session."""
 TEMPORARY_ROWS = (satellite.SatelliteProbe.TCP, satellite.SatelliteProbe.TIME, satellite.SatelliteProbe.VPN)
-"""What can only be tried with rows on the router for a moment."""
+"""Probes that need temporary rows on the router."""
 _READ, _READ_TARGET, _READ_LINK = 1_800, 350, 350
-"""Bytes of one reading of the counters above TLS, question and answer: rules of each target, routes of each link.
+"""Bytes of one counter reading above TLS, request and response: fixed, per target (rules), per link (routes).
 
-Measured on emulated routers: 3.1 kB with 3 targets and 2 links, 3.8 kB with 3 links; a test holds the sum.
+Measured on emulated routers: 3.1 kB with 3 targets and 2 links, 3.8 kB with 3 links; a test checks the sum.
 """
 _LOGIN, _TERMINAL, _PING, _ROWS = 100, 700, 200, 2_000
 _NO_TCP = "a TCP connection needs a row of netwatch for a moment"
@@ -56,37 +56,37 @@ class Task:
 
     name: str
     target: str
-    """As a person would say it: `203.0.113.2 udp 1194`."""
+    """Readable target: `203.0.113.2 udp 1194`."""
     address: str
     port: int | None
     transport: str
     expectation: satellite.ExpectedOutcome
     probe: satellite.SatelliteProbe
     why_not: str = ""
-    """Why there is no way; of probe `none` only."""
+    """Why the target cannot be probed; only for probe `none`."""
     hint: str = ""
-    """What makes a way."""
+    """What would make the probe possible."""
 
 
-def tasks(pilot: model.Pilot, bearer: model.Bearer, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
+def tasks(pilot: model.Pilot, link: model.Link, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
     """Return the probes of a satellite link; `active`: it carries the site's traffic now.
 
     `try_all`: rows may be added to the router temporarily. The far end of measurements is left to `provision qualify`:
     it responds only to holders of its key, and a router has none.
     """
-    how = _How(pilot, bearer.name, active, try_all)
+    how = _ProbeContext(pilot, link.name, active, try_all)
     far_target = satellite_allow_list.far_end(pilot)
     allowed_tasks = (
         _task(target, satellite.ExpectedOutcome.REACHED, how)
-        for target in satellite_allow_list.allowed_targets(pilot, bearer)
+        for target in satellite_allow_list.allowed_targets(pilot, link)
         if target != far_target
     )
-    blocked_tasks = (_task(target, satellite.ExpectedOutcome.REFUSED, how) for target in bearer.refused_probes)
+    blocked_tasks = (_task(target, satellite.ExpectedOutcome.REFUSED, how) for target in link.refused_probes)
     return (*allowed_tasks, *blocked_tasks)
 
 
 @dataclass(frozen=True, slots=True)
-class _How:
+class _ProbeContext:
     """The facts that decide how a target is probed."""
 
     pilot: model.Pilot
@@ -104,11 +104,11 @@ class _How:
             )
         return ""
 
-    def elsewhere(self, target: model.AllowedTarget) -> bool:
+    def uses_other_link(self, target: model.AllowedTarget) -> bool:
         """Return whether the router would use another link for the target."""
         return target.address == self.pilot.vpn.endpoint and not self.active
 
-    def tells_time(self, target: model.AllowedTarget) -> bool:
+    def is_time_server(self, target: model.AllowedTarget) -> bool:
         """Return whether the target is a time server of the pilot."""
         servers = {server.address for server in self.pilot.time_servers}
         return target.port == satellite_allow_list.NTP_PORT and target.address in servers
@@ -153,7 +153,7 @@ def session_bytes(all_tasks: tuple[Task, ...], rounds: int, links: int, *, open_
     return always, by_turns
 
 
-def _task(target: model.AllowedTarget, expectation: satellite.ExpectedOutcome, how: _How) -> Task:
+def _task(target: model.AllowedTarget, expectation: satellite.ExpectedOutcome, how: _ProbeContext) -> Task:
     probe, why_not = _probe(target, expectation, how)
     words = str(target.address) if target.port is None else f"{target.address} {target.transport} {target.port}"
     return Task(
@@ -170,11 +170,13 @@ def _task(target: model.AllowedTarget, expectation: satellite.ExpectedOutcome, h
 
 
 def _probe(
-    target: model.AllowedTarget, expectation: satellite.ExpectedOutcome, how: _How
+    target: model.AllowedTarget, expectation: satellite.ExpectedOutcome, how: _ProbeContext
 ) -> tuple[satellite.SatelliteProbe, str]:
     if target.port is None:
         return (
-            (satellite.SatelliteProbe.NONE, _FOLLOWS) if how.elsewhere(target) else (satellite.SatelliteProbe.ICMP, "")
+            (satellite.SatelliteProbe.NONE, _FOLLOWS)
+            if how.uses_other_link(target)
+            else (satellite.SatelliteProbe.ICMP, "")
         )
     if target.transport is model.Transport.TCP:
         if not how.try_all:
@@ -185,9 +187,9 @@ def _probe(
     return _answering(target, how)
 
 
-def _answering(target: model.AllowedTarget, how: _How) -> tuple[satellite.SatelliteProbe, str]:
+def _answering(target: model.AllowedTarget, how: _ProbeContext) -> tuple[satellite.SatelliteProbe, str]:
     """Return how an allowed UDP target is probed: by responses to the router's own requests."""
-    if how.tells_time(target) and (how.try_all or not how.active):
+    if how.is_time_server(target) and (how.try_all or not how.active):
         return (satellite.SatelliteProbe.TIME, "") if how.try_all else (satellite.SatelliteProbe.NONE, _NO_TIME)
     tunnel = (target.address, target.port) == (how.pilot.vpn.endpoint, how.pilot.vpn.port)
     if not how.active and tunnel:
@@ -202,15 +204,15 @@ _RULE = ".id,chain,action,comment,packets,src-address,src-port,dst-address,dst-p
 
 
 @dataclass(frozen=True, slots=True)
-class NameReading:
+class CounterReading:
     """The router's counters at one moment: packets and bytes since creation or reset."""
 
     port_bytes: int
-    """Both directions."""
+    """Bytes in both directions."""
     port_name: str
-    """What the port is called now: its identity is its default name."""
+    """Current name of the port, which is identified by its default name."""
     rules: tuple[Row, ...]
-    """Of the two chains of the satellite."""
+    """Rules of the satellite's two firewall chains."""
     routes: tuple[Row, ...]
     tunnels: tuple[Row, ...]
 
@@ -235,7 +237,7 @@ class NameReading:
         """Return the packets sent to a target, by the rule that admits them."""
         return self._packet_count(chain, task, "dst")
 
-    def went_out(self, chain: str, task: Task, before: NameReading) -> bool | None:
+    def went_out(self, chain: str, task: Task, before: CounterReading) -> bool | None:
         """Return whether packets to a target were counted since `before`; None if no rule counts them."""
         if not any(self._is_rule(row, task, "dst") for row in self.chain(chain)):
             return None
@@ -262,7 +264,7 @@ def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:
     )
 
 
-def read(port: str, replies: Sequence[Reply]) -> NameReading:
+def read(port: str, replies: Sequence[Reply]) -> CounterReading:
     """Parse the replies to `reads`; raise DeviceError if the port is missing or a read was refused."""
     interfaces, rules, routes, tunnels = (reply.check().rows for reply in replies)
     interface = next((row for row in interfaces if row.get("default-name") == port), None)
@@ -271,7 +273,7 @@ def read(port: str, replies: Sequence[Reply]) -> NameReading:
             f"the router tells no byte counters of port {port}, and without them nothing is sent",
             hint="is the socket of the satellite's cable declared as its port? `provision drift site=…` compares",
         )
-    return NameReading(
+    return CounterReading(
         port_name=interface.get("name", port),
         port_bytes=_number(interface, "rx-byte") + _number(interface, "tx-byte"),
         rules=tuple(rules),
@@ -305,10 +307,10 @@ def _number(row: Row, name: str) -> int:
 
 
 TIMEOUT_S = 10.0
-"""For all names together: a resolver that has not answered by then is told as silent."""
+"""Timeout in seconds for all DNS names together; a resolver that has not responded by then counts as silent."""
 
 
-def named_targets(declaration: Declaration, site: str, bearer: model.Bearer) -> tuple[satellite.NamedTarget, ...]:
+def named_targets(inventory: Inventory, site: str, link: model.Link) -> tuple[satellite.NamedTarget, ...]:
     """Return the entries of a link's allow-list that have a DNS name, including the VPN's."""
     return tuple(
         satellite.NamedTarget(
@@ -316,10 +318,10 @@ def named_targets(declaration: Declaration, site: str, bearer: model.Bearer) -> 
             target.dns_name,
             str(target.address),
             "pilot.vpn in group_vars/all/pilot.yml"
-            if target.name == satellite_allow_list.VPN_TARGET and target.address == declaration.pilot.vpn.endpoint
-            else f"`allow` of `{bearer.name}` in group_vars/{site}.yml",
+            if target.name == satellite_allow_list.VPN_TARGET and target.address == inventory.pilot.vpn.endpoint
+            else f"`allow` of `{link.name}` in group_vars/{site}.yml",
         )
-        for target in satellite_allow_list.allowed_targets(declaration.pilot, bearer)
+        for target in satellite_allow_list.allowed_targets(inventory.pilot, link)
         if target.dns_name is not None
     )
 

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import errors, events
 from atlantis_netcfg.inventory.satellite_allow_list import far_end
-from atlantis_netcfg.links import BearerFinding, satellite
-from atlantis_netcfg.links.policy import BearerRoute, active_bearer
+from atlantis_netcfg.links import LinkFinding, satellite
+from atlantis_netcfg.links.policy import LinkRoute, active_link
 from atlantis_netcfg.operations.allow_list_test import plan
 from atlantis_netcfg.routeros import api, estimate, safe_mode
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.inventory.model import Bearer, Pilot
+    from atlantis_netcfg.inventory.model import Link, Pilot
     from atlantis_netcfg.operations.allow_list_test.vpn import VpnQuestion
 
 
@@ -26,7 +26,7 @@ _FILTER = "/ip/firewall/filter"
 
 
 @asynccontextmanager
-async def temporarily(session: api.Session, rows: Sequence[api.Command]) -> AsyncIterator[None]:
+async def temporary_rows(session: api.Session, rows: Sequence[api.Command]) -> AsyncIterator[None]:
     """Keep these rows (`…/add` commands, marked by `MARK`) on the router while the context lasts.
 
     Raises DeviceError with the router unchanged, or OutcomeUnknown if the removal of the rows is not confirmed.
@@ -42,7 +42,7 @@ async def temporarily(session: api.Session, rows: Sequence[api.Command]) -> Asyn
         await _close(session, rows, replies)
 
 
-def filter_rows(reading: plan.NameReading, chains: tuple[str, str], address: str) -> tuple[api.Command, ...]:
+def filter_rows(reading: plan.CounterReading, chains: tuple[str, str], address: str) -> tuple[api.Command, ...]:
     """Return rows that admit ICMP to and from one host in both chains, before all other rules; raise DeviceError."""
     words = (("action", "return"), ("comment", plan.MARK), ("protocol", "icmp"))
     out = (("chain", chains[0]), ("dst-address", address), ("place-before", _first(reading, chains[0])))
@@ -63,7 +63,7 @@ async def _take(session: api.Session) -> None:
         ) from unavailable
 
 
-def _first(reading: plan.NameReading, chain: str) -> str:
+def _first(reading: plan.CounterReading, chain: str) -> str:
     rows = reading.chain(chain)
     if not rows or ".id" not in rows[0]:
         raise errors.DeviceError(f"the router has no chain {chain}: provision the site first")
@@ -100,39 +100,39 @@ async def _is_clean(session: api.Session, rows: Sequence[api.Command]) -> bool:
 
 
 RULES = api.Command("/routing/rule/print", ((".proplist", ".id"),))
-"""The first of them is where ours goes."""
+"""Reads the routing rules; temporary rules are placed before the first."""
 STATUS = api.Command("/tool/netwatch/print", ((".proplist", "host,port,status"),), (f"?comment={plan.MARK}",))
 _INTERVAL, _PATIENCE = "10s", "8s"
 
 
 def rows(
-    todo: Sequence[plan.Task], bearer: Bearer, rules: api.Reply, *, active: bool, source: str = ""
+    todo: Sequence[plan.Task], link: Link, rules: api.Reply, *, active: bool, source: str = ""
 ) -> tuple[api.Command, ...]:
     """Return the rows needed to probe these targets; existing traffic keeps its route, except time requests.
 
     `source`: the address of this computer, if it sends the request.
     """
-    return (*_connections(todo, bearer), *(() if active else _ways(todo, bearer, rules, source)))
+    return (*_connections(todo, link), *(() if active else _ways(todo, link, rules, source)))
 
 
-def _connections(todo: Sequence[plan.Task], bearer: Bearer) -> Iterator[api.Command]:
+def _connections(todo: Sequence[plan.Task], link: Link) -> Iterator[api.Command]:
     for task in todo:
         if task.probe is satellite.SatelliteProbe.TCP:
-            where = (("host", task.address), ("port", str(task.port)), ("src-address", str(bearer.address)))
+            where = (("host", task.address), ("port", str(task.port)), ("src-address", str(link.address)))
             pace = (("interval", _INTERVAL), ("timeout", _PATIENCE), ("thr-tcp-conn-time", _PATIENCE))
             yield api.Command("/tool/netwatch/add", (("type", "tcp-conn"), ("comment", plan.MARK), *where, *pace))
 
 
-def _ways(todo: Sequence[plan.Task], bearer: Bearer, rules: api.Reply, source: str) -> Iterator[api.Command]:
+def _ways(todo: Sequence[plan.Task], link: Link, rules: api.Reply, source: str) -> Iterator[api.Command]:
     first = next((("place-before", row[".id"]) for row in rules.check().rows if ".id" in row), None)
     for task in todo:
         if task.probe in plan.TEMPORARY_ROWS:
             where: tuple[tuple[str, str], ...] = (
                 ("dst-address", f"{task.address}/32"),
-                ("table", f"via-{bearer.name}"),
+                ("table", f"via-{link.name}"),
             )
             # Only what netwatch sends from the link's own address, or this computer from its own.
-            if sender := {satellite.SatelliteProbe.TCP: str(bearer.address), satellite.SatelliteProbe.VPN: source}.get(
+            if sender := {satellite.SatelliteProbe.TCP: str(link.address), satellite.SatelliteProbe.VPN: source}.get(
                 task.probe
             ):
                 where = (("src-address", f"{sender}/32"), *where)
@@ -157,8 +157,8 @@ def find_connected_tasks(todo: Sequence[plan.Task], status: api.Reply) -> set[pl
 def outcome(
     task: plan.Task,
     answering_tasks: Collection[plan.Task],
-    before: plan.NameReading,
-    now: plan.NameReading,
+    before: plan.CounterReading,
+    now: plan.CounterReading,
     chains: tuple[str, str],
 ) -> tuple[satellite.ProbeOutcome, str]:
     """Return a target's outcome; `chains` are those of outgoing packets and of responses.
@@ -190,29 +190,29 @@ class Proof:
     """The result of an allow-list test: attempts, verdicts, and counted bytes."""
 
     site: str
-    bearer: str
+    link: str
     active: bool
-    """Whether the satellite carried the site's traffic meanwhile."""
-    results: tuple[tuple[satellite.Attempt, BearerFinding], ...]
-    findings: tuple[BearerFinding, ...]
-    """Of the terminal and of names, which no probe has shown."""
+    """Whether the satellite carried the site's traffic during the test."""
+    results: tuple[tuple[satellite.Attempt, LinkFinding], ...]
+    findings: tuple[LinkFinding, ...]
+    """Findings about the terminal and DNS names, which no probe shows."""
     bytes_counted: int
-    """By the router, on the satellite's port, both directions, whoever caused them."""
+    """Bytes on the satellite's port in both directions by the router's count, including other traffic."""
     budget_bytes: int
     kept_off: int
-    """Packets that the filter has kept off the satellite since its rules were made."""
+    """Packets that the filter blocked towards the satellite since its rules were created."""
     turned_away: int
-    """Packets that came in by the satellite and were dropped, since then."""
+    """Packets from the satellite that the filter dropped since its rules were created."""
     carrier: str
-    """The link that the session to the router goes over."""
+    """Link that carries the session to the router."""
     opening_bytes: int = 0
-    """What was carried before the first count, TLS and an attempt that learnt the certificate included."""
+    """Bytes of the session before the first counter reading, with TLS and an attempt to learn the certificate."""
     session_bytes: int = 0
-    """All that was carried, as above."""
+    """All bytes of the session, counted in the same way."""
     sessions: int = 1
-    """Connections to the router."""
+    """Number of connections to the router."""
     left_out: str = ""
-    """What the satellite lets through and is not tried here, with the command that does."""
+    """What the satellite lets through and this test does not cover, with the command that does."""
 
     @property
     def exit(self) -> errors.ExitCode:
@@ -235,7 +235,7 @@ class Proof:
         """Return the object that `--json` prints."""
         return {
             "site": self.site,
-            "bearer": self.bearer,
+            "bearer": self.link,
             "exit": int(self.exit),
             "active": self.active,
             "targets": [_result(attempt, finding) for attempt, finding in self.results],
@@ -253,7 +253,7 @@ class Proof:
 
     def _lines(self) -> Iterable[str]:
         carries = "carries the traffic now" if self.active else "does not carry the traffic now"
-        yield f"{self.site}, {self.bearer}: {carries}"
+        yield f"{self.site}, {self.link}: {carries}"
         for finding in (*(finding for _, finding in self.results), *self.findings):
             yield f"  {finding.verdict.value:<12} {finding.message}"
             if finding.hint:
@@ -274,7 +274,7 @@ class Proof:
         yield f"  the router counted {traffic}; kept off {self.kept_off} packets, turned away {self.turned_away}"
 
 
-def _result(attempt: satellite.Attempt, finding: BearerFinding) -> dict[str, Any]:
+def _result(attempt: satellite.Attempt, finding: LinkFinding) -> dict[str, Any]:
     return {
         "name": attempt.name,
         "target": attempt.target,
@@ -290,9 +290,9 @@ def _result(attempt: satellite.Attempt, finding: BearerFinding) -> dict[str, Any
 
 _COUNTER_PROBES = (satellite.SatelliteProbe.UDP_COUNTER, satellite.SatelliteProbe.TUNNEL)
 _END_TURNS = 2
-"""What follows the last turn costs no more than so many: rows are removed, and the counters are read once more."""
+"""Maximum cost after the last turn, in turns: rows are removed, and the counters are read once more."""
 _REFUSALS = 3
-"""Echo requests to a target that the router's own filter should stop: each has to show in its drop counter."""
+"""Echo requests to a target that the router's own filter should block: its drop counter must count each of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,19 +315,19 @@ class Proving:
 
     pilot: Pilot
     site: str
-    bearer: Bearer
+    link: Link
     router: str
-    """Name of the router, for progress."""
+    """Name of the router, for progress messages."""
     port: str
-    ways: Sequence[BearerRoute]
+    ways: Sequence[LinkRoute]
     terminal: str
     """Name of the terminal, for findings."""
     carrier: str
-    """The link that the session to the router goes over."""
+    """Link that carries the session to the router."""
     open_filter: bool = False
     try_all: bool = False
     vpn: VpnQuestion | errors.NetcfgError = field(default_factory=lambda: errors.NetcfgError("nothing here can ask it"))
-    """Who asks the VPN server over an idle link, or why nobody can."""
+    """Request to the VPN server over an idle link, or the error that says why it is not possible."""
     pace: ProofPace = ProofPace()
     notify: events.Subscriber = lambda _event: None
     _attempts: list[satellite.Attempt] = field(default_factory=list)
@@ -337,9 +337,9 @@ class Proving:
     @property
     def expected_bytes(self) -> int:
         """Upper limit of bytes over the satellite, with the session to the router if that uses it too."""
-        all_tasks = plan.tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        all_tasks = plan.tasks(self.pilot, self.link, active=True, try_all=self.try_all)
         probes = plan.expected_bytes(all_tasks, self.pace.rounds) + (plan.VPN_BYTES if self.try_all else 0)
-        if self.carrier != self.bearer.name:
+        if self.carrier != self.link.name:
             return min(plan.BUDGET_BYTES, probes)
         always, by_turns = self._session()
         return min(plan.BUDGET_BYTES, probes + ceil((1 + estimate.HEADERS) * by_turns)) + estimate.on_the_wire(
@@ -352,13 +352,13 @@ class Proving:
         return estimate.on_the_wire(sum(self._session()) + estimate.HANDSHAKE_BYTES, 1)
 
     def _session(self) -> tuple[int, int]:
-        all_tasks = plan.tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        all_tasks = plan.tasks(self.pilot, self.link, active=True, try_all=self.try_all)
         return plan.session_bytes(all_tasks, self.pace.rounds, len(self.ways), open_filter=self.open_filter)
 
     @property
     def seconds(self) -> float:
         """Approximate upper limit of the duration, in seconds."""
-        all_tasks = plan.tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        all_tasks = plan.tasks(self.pilot, self.link, active=True, try_all=self.try_all)
         opened_for = sum(
             1
             for task in all_tasks
@@ -372,11 +372,10 @@ class Proving:
         before = await self._read(session)
         self._start_bytes = before.port_bytes
         self._opening_bytes = session.traffic.bytes
-        active = active_bearer(before.routes, self.ways) == self.bearer.name
+        active = active_link(before.routes, self.ways) == self.link.name
         terminal = await self._terminal(session, before.port_name)
         all_tasks = [
-            self._resolve_task(task)
-            for task in plan.tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
+            self._resolve_task(task) for task in plan.tasks(self.pilot, self.link, active=active, try_all=self.try_all)
         ]
         for task in all_tasks:
             if task.probe is satellite.SatelliteProbe.NONE:
@@ -404,7 +403,7 @@ class Proving:
         return replace(task, probe=satellite.SatelliteProbe.NONE, why_not=str(self.vpn), hint=self.vpn.hint or "")
 
     def _proof(
-        self, before: plan.NameReading, after: plan.NameReading, terminal: Sequence[BearerFinding], *, active: bool
+        self, before: plan.CounterReading, after: plan.CounterReading, terminal: Sequence[LinkFinding], *, active: bool
     ) -> Proof:
         is_link_up = any(
             attempt.expected_outcome is satellite.ExpectedOutcome.REACHED
@@ -413,7 +412,7 @@ class Proving:
         )
         return Proof(
             site=self.site,
-            bearer=self.bearer.name,
+            link=self.link.name,
             active=active,
             results=tuple((item, self._judge(item, link_seen=is_link_up)) for item in self._attempts),
             findings=tuple(terminal),
@@ -431,29 +430,29 @@ class Proving:
         target = far_end(self.pilot)
         if target is None:
             return ""
-        command = f"provision qualify site={self.site} link={self.bearer.name}"
+        command = f"provision qualify site={self.site} link={self.link.name}"
         return f"{target.name} ({target.address} udp {target.port}): `{command}` tries it"
 
-    def _judge(self, attempt: satellite.Attempt, *, link_seen: bool) -> BearerFinding:
+    def _judge(self, attempt: satellite.Attempt, *, link_seen: bool) -> LinkFinding:
         finding = satellite.judge_attempt(attempt, link_seen=link_seen)
-        return replace(finding, hint=finding.hint and errors.complete(finding.hint, site=self.site))
+        return replace(finding, hint=finding.hint and errors.fill_hint(finding.hint, site=self.site))
 
     @property
     def _chains(self) -> tuple[str, str]:
-        return f"to-{self.bearer.name}", f"from-{self.bearer.name}"
+        return f"to-{self.link.name}", f"from-{self.link.name}"
 
-    async def _read(self, session: api.Session) -> plan.NameReading:
+    async def _read(self, session: api.Session) -> plan.CounterReading:
         return plan.read(self.port, await session.flight(plan.reads(self.port, self._chains)))
 
-    async def _terminal(self, session: api.Session, port: str) -> tuple[BearerFinding, ...]:
+    async def _terminal(self, session: api.Session, port: str) -> tuple[LinkFinding, ...]:
         """Check which device responds on the terminal's port: local, without airtime."""
         self._say("who answers on the terminal's port")
-        there = plan.ping(str(self.bearer.gateway), str(self.bearer.address), count=2)
+        there = plan.ping(str(self.link.gateway), str(self.link.address), count=2)
         commands = [there, *(plan.factory_ping(address, port) for address in satellite.FACTORY_ADDRESSES)]
         gateway, *factory = await session.flight(commands)
         if trap := next((reply.trap for reply in factory if reply.trap is not None), None):
             message = f"the router would not ask who is on {port}: {trap.message}"
-            return (BearerFinding(events.Verdict.INCONCLUSIVE, "box-not-asked", message),)
+            return (LinkFinding(events.Verdict.INCONCLUSIVE, "box-not-asked", message),)
         strangers = [
             address
             for address, reply in zip(satellite.FACTORY_ADDRESSES, factory, strict=True)
@@ -462,13 +461,13 @@ class Proving:
         return satellite.judge_factory_address(
             self.terminal,
             self.port,
-            str(self.bearer.gateway),
+            str(self.link.gateway),
             answers=plan.has_answer(gateway),
             answers_at_factory=strangers[0] if strangers else None,
         )
 
     async def _reach(
-        self, session: api.Session, todo: Sequence[plan.Task], before: plan.NameReading
+        self, session: api.Session, todo: Sequence[plan.Task], before: plan.CounterReading
     ) -> list[satellite.Attempt]:
         """Probe all targets in each round until all have responded, the window ends, or the budget is used up."""
         answers: dict[plan.Task, float] = {}
@@ -481,7 +480,7 @@ class Proving:
                 break
             self._say(f"{len(remaining_tasks)} allowed targets have not answered yet", turn, self.pace.rounds)
             pings = [task for task in remaining_tasks if task.probe is satellite.SatelliteProbe.ICMP]
-            replies = await session.flight([plan.ping(task.address, str(self.bearer.address)) for task in pings])
+            replies = await session.flight([plan.ping(task.address, str(self.link.address)) for task in pings])
             answers.update(
                 {task: waited_s for task, reply in zip(pings, replies, strict=True) if plan.has_answer(reply)}
             )
@@ -492,14 +491,19 @@ class Proving:
                 waited_s += self.pace.every_s
         return [self._allowed_attempt(task, answers.get(task), waited_s, before, now) for task in todo]
 
-    def _more(self, before: plan.NameReading, now: plan.NameReading, task: plan.Task) -> bool:
+    def _more(self, before: plan.CounterReading, now: plan.CounterReading, task: plan.Task) -> bool:
         chain = self._chains[1]
         return task.probe in (*_COUNTER_PROBES, satellite.SatelliteProbe.TIME) and now.answers(
             chain, task
         ) > before.answers(chain, task)
 
     def _allowed_attempt(
-        self, task: plan.Task, after_s: float | None, waited_s: float, before: plan.NameReading, now: plan.NameReading
+        self,
+        task: plan.Task,
+        after_s: float | None,
+        waited_s: float,
+        before: plan.CounterReading,
+        now: plan.CounterReading,
     ) -> satellite.Attempt:
         if after_s is not None:
             return replace(_attempt(task, satellite.ProbeOutcome.ANSWERED, window_s=waited_s), after_s=after_s)
@@ -519,7 +523,7 @@ class Proving:
         """Probe with the filter closed: the router's drop counter shows that nothing was sent."""
         self._say(f"{task.name}, which is to be refused")
         before = await self._read(session)
-        reply = await session.command(plan.ping(task.address, str(self.bearer.address), count=_REFUSALS))
+        reply = await session.command(plan.ping(task.address, str(self.link.address), count=_REFUSALS))
         after = await self._read(session)
         if plan.has_answer(reply):
             return _attempt(task, satellite.ProbeOutcome.ANSWERED)
@@ -533,11 +537,11 @@ class Proving:
         self._say(f"{task.name}, with the router's filter open for it")
         reading = await self._read(session)
         waited_s, is_answered = 0.0, False
-        async with temporarily(session, filter_rows(reading, self._chains, task.address)):
+        async with temporary_rows(session, filter_rows(reading, self._chains, task.address)):
             for turn in range(self.pace.rounds):
                 if turn and self._is_spent(await self._read(session)):
                     break
-                is_answered = plan.has_answer(await session.command(plan.ping(task.address, str(self.bearer.address))))
+                is_answered = plan.has_answer(await session.command(plan.ping(task.address, str(self.link.address))))
                 if is_answered:
                     break
                 await self.pace.sleep(self.pace.every_s)
@@ -555,8 +559,8 @@ class Proving:
         server = next((task for task in todo if task.probe is satellite.SatelliteProbe.VPN), None)
         vpn = None if server is None or isinstance(self.vpn, errors.NetcfgError) else self.vpn
         source = "" if vpn is None else vpn.source
-        rule_rows = rows(todo, self.bearer, await session.command(RULES), active=active, source=source)
-        async with temporarily(session, rule_rows):
+        rule_rows = rows(todo, self.link, await session.command(RULES), active=active, source=source)
+        async with temporary_rows(session, rule_rows):
             if any(task.probe is satellite.SatelliteProbe.TIME for task in todo):
                 await ask_now(session)
             if server is not None and vpn is not None and (after_s := await vpn.answered_after_s()) is not None:
@@ -578,17 +582,17 @@ class Proving:
         task: plan.Task,
         answers: Mapping[plan.Task, float],
         waited_s: float,
-        before: plan.NameReading,
-        now: plan.NameReading,
+        before: plan.CounterReading,
+        now: plan.CounterReading,
     ) -> satellite.Attempt:
         result, note = outcome(task, answers, before, now, self._chains)
         return replace(_attempt(task, result, window_s=waited_s, note=note), after_s=answers.get(task))
 
-    def _is_spent(self, now: plan.NameReading) -> bool:
+    def _is_spent(self, now: plan.CounterReading) -> bool:
         """Return whether the budget lacks room for another round and the end, counting all use of the satellite."""
         return now.port_bytes - self._start_bytes + (1 + _END_TURNS) * self._turn_bytes >= plan.BUDGET_BYTES
 
-    def _affordable(self, now: plan.NameReading) -> int:
+    def _affordable(self, now: plan.CounterReading) -> int:
         """Return the rounds that the budget allows, with adding and removing rows: at least one."""
         if not self._turn_bytes:
             return self.pace.rounds
@@ -598,9 +602,9 @@ class Proving:
     @property
     def _turn_bytes(self) -> int:
         """Bytes of one round over the satellite; 0 if the session to the router uses another link."""
-        if self.carrier != self.bearer.name:
+        if self.carrier != self.link.name:
             return 0
-        all_tasks = plan.tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        all_tasks = plan.tasks(self.pilot, self.link, active=True, try_all=self.try_all)
         return ceil((1 + estimate.HEADERS) * plan.reading_bytes(all_tasks, len(self.ways)))
 
     def _say(self, message: str, step: int = 0, total: int = 0) -> None:

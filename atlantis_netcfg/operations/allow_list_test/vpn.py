@@ -28,13 +28,13 @@ from atlantis_netcfg.vpn.rehearsal import rehearsed_identity, vpn_server
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
     from atlantis_netcfg.operations.common.request import Request
 
 _QUESTIONS, _EVERY_S = 6, 15.0
-"""They outlast the gaps of a satellite, and fit into the time after which silence counts."""
+"""Number of requests and their interval: they outlast a satellite's gaps and fit into the silence window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class VpnQuestion:
     """A request to the VPN server from a socket of this computer."""
 
     source: str
-    """The address that the router leads over the link."""
+    """Source address that the router routes over the link."""
     transport: UdpTransport
     packet: FirstPacket
     on_answer: Callable[[], object] | None = None
@@ -65,21 +65,23 @@ class VpnQuestion:
 
 @contextmanager
 def vpn_trial(
-    declaration: Declaration, router: Host, bearer: Bearer, request: Request, twins: Rehearsal | None
+    inventory: Inventory, router: Host, site_link: Link, request: Request, emulators: Rehearsal | None
 ) -> Iterator[VpnQuestion | NetcfgError]:
     """Open the probe of a link, or yield the error that prevents it; in a rehearsal a real OpenVPN responds locally."""
-    far = str(declaration.pilot.vpn.endpoint), declaration.pilot.vpn.port
+    far = str(inventory.pilot.vpn.endpoint), inventory.pilot.vpn.port
     with ExitStack() as stack:
         trial: VpnQuestion | NetcfgError
         try:
-            if twins is None:
-                identity, source = identity_for(declaration, router, request), source_of(declaration, router.site, *far)
+            if emulators is None:
+                identity, source = identity_for(inventory, router, request), source_of(inventory, router.site, *far)
                 asking, tell = stack.enter_context(UdpTransport(far, source=source)), None
             else:
-                identity = rehearsed_identity(declaration, router, Wrap.TLS_CRYPT)
-                source = str(declaration.sites[router.site].management.technician)
+                identity = rehearsed_identity(inventory, router, Wrap.TLS_CRYPT)
+                source = str(inventory.sites[router.site].management.technician)
                 server = "127.0.0.1", stack.enter_context(vpn_server(identity))
-                link = EmulatedLink(stack.enter_context(UdpRelay(server, *link_shapes(bearer, twins.replay))), twins)
+                link = EmulatedLink(
+                    stack.enter_context(UdpRelay(server, *link_shapes(site_link, emulators.replay))), emulators
+                )
                 asking = stack.enter_context(link.transport())
                 tell = partial(link.tell, router.name, MeasuredFlow(source, asking.source[1], *far))
             trial = VpnQuestion(source, asking, FirstPacket(identity.wrap_key), tell)

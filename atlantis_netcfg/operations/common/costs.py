@@ -1,7 +1,7 @@
 """Cost of a request on metered links: shown and agreed to first, counted afterwards.
 
-Every entry point uses this module, so that neither a command nor a playbook can forget to ask: `gate` refuses a request
-before its first byte, a `Meter` accompanies each device's run, and `Costs.report` returns the bill.
+Every entry point uses this module, so that neither a command nor a playbook can forget to ask: `require_consent`
+refuses a request before its first byte, a `Meter` accompanies each device's run, and `Costs.report` returns the bill.
 """
 
 from __future__ import annotations
@@ -13,42 +13,42 @@ from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import cost
-from atlantis_netcfg.links.policy import BearerRoute, active_bearer
+from atlantis_netcfg.links.policy import LinkRoute, active_link
 from atlantis_netcfg.operations.common import request as requests
 from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.common.request import Mode, Request
-from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
+from atlantis_netcfg.operations.common.session_link import LAN, site_link_of
 from atlantis_netcfg.operations.common.site_links import link_of, links_of
 from atlantis_netcfg.routeros import apply
-from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import Estimate, on_the_wire
+from atlantis_netcfg.routeros.estimate import LinkMetrics as Carrier
 from atlantis_netcfg.routeros.estimate import beforehand as before_reading
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.routeros._types import Observation
 
 _MB: Final = 1_000_000
 
 
-def ways_of(declaration: Declaration, host: Host) -> tuple[BearerRoute, ...]:
+def ways_of(inventory: Inventory, host: Host) -> tuple[LinkRoute, ...]:
     """Return the links in the router's routing; empty for a device that is not a router."""
     if not isinstance(host.device, model.Router):
         return ()
-    ports = {bearer: port for port, bearer in ports_of(host).items()}
+    ports = {link: port for port, link in ports_of(host).items()}
     return tuple(
-        BearerRoute(
-            name=bearer.name,
-            gateway=str(bearer.gateway),
-            address=str(bearer.address),
-            canaries=tuple(map(str, bearer.canaries)),
-            port=ports.get(bearer.name),
-            kind=bearer.kind.value,
-            is_metered=bearer.metered,
+        LinkRoute(
+            name=link.name,
+            gateway=str(link.gateway),
+            address=str(link.address),
+            probe_targets=tuple(map(str, link.canaries)),
+            port=ports.get(link.name),
+            kind=link.kind.value,
+            is_metered=link.metered,
         )
-        for bearer in declaration.sites[host.site].bearers
+        for link in inventory.sites[host.site].bearers
     )
 
 
@@ -60,15 +60,15 @@ def ports_of(host: Host) -> Mapping[str, str]:
 
 
 _TOOL: Final = 60_000
-"""Bytes of the program that runs our modules on a gateway, packed; a test holds that it is no more."""
+"""Maximum bytes of the packed program that runs our modules on a gateway; checked by a test."""
 _LOOK: Final = (34_000, 10_000)
-"""Bytes up and down of all roles where nothing is to be done."""
+"""Bytes up and down of all roles if there is nothing to change."""
 _WORK: Final = (117_000, 46_000)
-"""The same on a gateway that has nothing yet, the program among them."""
+"""Bytes up and down of all roles on a new gateway, including the program."""
 
 
-def beforehand(
-    declaration: Declaration, hosts: Sequence[Host], request: Request, *, at_most: bool = True
+def preview_costs(
+    inventory: Inventory, hosts: Sequence[Host], request: Request, *, at_most: bool = True
 ) -> tuple[cost.Preview, ...]:
     """Return one cost preview per metered link that this request uses, summed over its devices.
 
@@ -80,10 +80,10 @@ def beforehand(
     sums: dict[cost.MeteredLink, list[Estimate]] = {}
     bounds: set[cost.MeteredLink] = set()
     for host in hosts:
-        bearer = _carrier(declaration, host, request)
-        if bearer is not None and bearer.is_metered:
-            link = link_of(declaration, host.site, bearer.name)
-            sums.setdefault(link, []).append(_host(host, bearer, request, at_most=at_most))
+        site_link = _carrier(inventory, host, request)
+        if site_link is not None and site_link.is_metered:
+            link = link_of(inventory, host.site, site_link.name)
+            sums.setdefault(link, []).append(_host(host, site_link, request, at_most=at_most))
             if at_most and (_writes(request) or (request.mode is Mode.PLAN and is_supported(host))):
                 bounds.add(link)
     return tuple(
@@ -97,20 +97,20 @@ def beforehand(
     )
 
 
-def gate(declaration: Declaration, hosts: Sequence[Host], request: Request) -> None:
+def require_consent(inventory: Inventory, hosts: Sequence[Host], request: Request) -> None:
     """Raise CostRefusal before the first byte unless the cost is agreed to; a rehearsal costs nothing.
 
     Beyond the cap, consent does not help. What a run would write is checked against the cap once its plan is known.
     Raises UsageError for a link that a site does not have.
     """
-    readings = beforehand(declaration, hosts, request, at_most=False)
+    readings = preview_costs(inventory, hosts, request, at_most=False)
     if request.rehearsed:
         return
     for reading in readings:
         if reading.over_cap:
             raise reading.refusal()
     if not request.accept_cost:
-        dear = beforehand(declaration, hosts, request)
+        dear = preview_costs(inventory, hosts, request)
         if dear:
             raise unpaid([each.words for each in dear], request.command)
 
@@ -128,34 +128,34 @@ def accepting(command: str) -> str:
     return f"`-e {requests.ACCEPT_COST}=true`" if command == requests.PLAIN_ANSIBLE else f"`{cost.ACCEPT}`"
 
 
-def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier | None:
+def _carrier(inventory: Inventory, host: Host, request: Request) -> Carrier | None:
     """Return the link that a session to a host uses; None if there is no session, or for a local modem.
 
     A RutOS unit has no route in the inventory: it is behind the router of its site, and is reached the same way.
     A computer has no backup.
     """
     if is_supported(host) or (isinstance(host.device, model.SshHost) and request.mode is not Mode.BACKUP):
-        return bearer_of(declaration, host, request.via.get(host.name))
+        return site_link_of(inventory, host, request.via.get(host.name))
     if not isinstance(host.device, model.LteRouter) or host.device.driver is not model.LteDriver.RUTOS:
         return None
     here = (
-        item for item in declaration.hosts.values() if item.site == host.site and isinstance(item.device, model.Router)
+        item for item in inventory.hosts.values() if item.site == host.site and isinstance(item.device, model.Router)
     )
     router = next(here, None)
     if router is None:
         return None
-    return bearer_of(declaration, router, request.via.get(host.name) or request.via.get(router.name))
+    return site_link_of(inventory, router, request.via.get(host.name) or request.via.get(router.name))
 
 
-def _host(host: Host, bearer: Carrier, request: Request, *, at_most: bool) -> Estimate:
+def _host(host: Host, link: Carrier, request: Request, *, at_most: bool) -> Estimate:
     if is_supported(host):
-        return _estimate(bearer, request, at_most=at_most)
+        return _estimate(link, request, at_most=at_most)
     if isinstance(host.device, model.SshHost):
-        return _computer(bearer, writes=at_most and _writes(request))
-    return _unit(bearer)
+        return _computer(link, writes=at_most and _writes(request))
+    return _unit(link)
 
 
-def _computer(bearer: Carrier, *, writes: bool) -> Estimate:
+def _computer(link: Carrier, *, writes: bool) -> Estimate:
     """Estimate all roles of a computer over SSH; measured on an emulated gateway with 700 ms and 352/704 kbit/s.
 
     Nothing to do: 18.8 kB up and 5.9 kB down in 10 round trips, with a new connection and the role of a bundle.
@@ -167,20 +167,20 @@ def _computer(bearer: Carrier, *, writes: bool) -> Estimate:
     """
     up, down = _WORK if writes else (_LOOK[0] + _TOOL, _LOOK[1])
     trips, work_s = (63, 25.0) if writes else (13, 6.0)
-    seconds = trips * bearer.rtt_s + 8 * up / bearer.rate_up_bps + 8 * down / bearer.rate_down_bps + work_s
-    return Estimate(bearer.name, trips, up, down, seconds)
+    seconds = trips * link.rtt_s + 8 * up / link.rate_up_bps + 8 * down / link.rate_down_bps + work_s
+    return Estimate(link.name, trips, up, down, seconds)
 
 
-def _unit(bearer: Carrier) -> Estimate:
+def _unit(link: Carrier) -> Estimate:
     """Estimate reading a RutOS unit: two HTTPS sessions with a few kB of JSON (inferred, not measured on a unit)."""
-    return Estimate(bearer.name, 8, 4_000, 12_000, 12 * bearer.rtt_s, sessions=2)
+    return Estimate(link.name, 8, 4_000, 12_000, 12 * link.rtt_s, sessions=2)
 
 
-def _estimate(bearer: Carrier, request: Request, *, at_most: bool) -> Estimate:
+def _estimate(link: Carrier, request: Request, *, at_most: bool) -> Estimate:
     if request.mode is Mode.BACKUP:
-        return before_reading(bearer, exports=True)
+        return before_reading(link, exports=True)
     plans = at_most and request.mode is Mode.PLAN
-    return before_reading(bearer, writes=at_most and _writes(request), plans=plans)
+    return before_reading(link, writes=at_most and _writes(request), plans=plans)
 
 
 def _writes(request: Request) -> bool:
@@ -197,17 +197,17 @@ class Meter:
     inventory, whatever its own routes are.
     """
 
-    declaration: Declaration
+    inventory: Inventory
     host: Host
     request: Request
     declared_link: str = field(init=False)
     active: str | None = field(init=False, default=None)
-    """The bearer of the active default route; None: not read, or not one alone."""
+    """Link of the active default route; None: not read, or not unique."""
     expected_cost: cost.Preview | None = field(init=False, default=None)
-    """What the run was expected to cost over the link that carries it, where that is metered."""
+    """Expected cost of the run on the link that carries it, if that link is metered."""
 
     def __post_init__(self) -> None:
-        self.declared_link = bearer_of(self.declaration, self.host, self.request.via.get(self.host.name)).name
+        self.declared_link = site_link_of(self.inventory, self.host, self.request.via.get(self.host.name)).name
 
     @property
     def ports(self) -> tuple[str, ...]:
@@ -223,13 +223,13 @@ class Meter:
 
     @property
     def _links(self) -> Mapping[str, cost.MeteredLink]:
-        return links_of(self.declaration, self.host.site)
+        return links_of(self.inventory, self.host.site)
 
     def judge(
         self, observation: Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool
     ) -> apply.Admission:
         """Read the active route, then check that the plan's traffic is agreed to and below the cap."""
-        self.active = active_bearer(observation.rows.get("/ip/route", ()), ways_of(self.declaration, self.host))
+        self.active = active_link(observation.rows.get("/ip/route", ()), ways_of(self.inventory, self.host))
         notes = (*self._elsewhere(), *self._without_budget())
         if not self.link.is_metered or estimate is None:
             return apply.Admission(notes)
@@ -273,11 +273,9 @@ class Meter:
 
     def _without_budget(self) -> Iterator[str]:
         """Yield a warning for each of a router's metered links without a budget for standing traffic."""
-        for bearer in (
-            self.declaration.sites[self.host.site].bearers if isinstance(self.host.device, model.Router) else ()
-        ):
-            if bearer.metered and not bearer.has_standing_budget:
-                yield f"WARN: no budget is declared for what goes over {bearer.name} by itself; docs/cost.md"
+        for link in self.inventory.sites[self.host.site].bearers if isinstance(self.host.device, model.Router) else ():
+            if link.metered and not link.has_standing_budget:
+                yield f"WARN: no budget is declared for what goes over {link.name} by itself; docs/cost.md"
 
     def _elsewhere(self) -> Iterator[str]:
         """Yield a warning if the session uses another link than in the inventory, above all a more expensive one."""
@@ -288,7 +286,7 @@ class Meter:
             f"but its traffic goes over {self.active}"
         )
         dear = ", which is paid by the byte" if self.link.is_metered else ""
-        order = [route.name for route in ways_of(self.declaration, self.host)]
+        order = [route.name for route in ways_of(self.inventory, self.host)]
         down = order.index(self.declared_link) < order.index(self.active)
         yield f"{sentence} now{dear}" + (f": {self.declared_link} is down" if down else "")
 
@@ -369,11 +367,11 @@ def _words(final_bill: cost.Bill, router: dict[str, Any] | None) -> str:
 class Costs:
     """The meters of one request, made when their device's turn comes."""
 
-    declaration: Declaration
+    inventory: Inventory
     request: Request
     _meters: dict[str, Meter] = field(default_factory=dict)
 
-    def beside(self, job: apply.DeviceJob) -> apply.DeviceJob:
+    def with_meter(self, job: apply.DeviceJob) -> apply.DeviceJob:
         """Return the job with its meter."""
         meter = self._meter(job.name)
         return replace(job, cost_policy=meter, counted_ports=meter.ports)
@@ -386,5 +384,5 @@ class Costs:
 
     def _meter(self, name: str) -> Meter:
         if name not in self._meters:
-            self._meters[name] = Meter(self.declaration, self.declaration.hosts[name], self.request)
+            self._meters[name] = Meter(self.inventory, self.inventory.hosts[name], self.request)
         return self._meters[name]

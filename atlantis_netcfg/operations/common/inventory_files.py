@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _READABLE = 0o644
 
 
-def validate_change(root: Path, file: str, text: str | None) -> inventory.Declaration:
+def validate_change(root: Path, file: str, text: str | None) -> inventory.Inventory:
     """Return the pilot with the change; raise InventoryInvalid with the user's file names. Nothing is written."""
     with temporary.folder("inventory") as place:
         copy = place / root.name

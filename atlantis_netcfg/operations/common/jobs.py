@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.inventory.model import Access, LteRouter
-from atlantis_netcfg.links.policy import active_bearer
+from atlantis_netcfg.links.policy import active_link
 from atlantis_netcfg.operations import restore
 from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.operations.common.kinds import ManagedDevice, get_managed_device
 from atlantis_netcfg.operations.common.saved_states import saved_run
-from atlantis_netcfg.operations.common.session_link import bearer_of, patient
+from atlantis_netcfg.operations.common.session_link import site_link_of, with_timeouts
 from atlantis_netcfg.operations.common.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros import api, apply, desired, link_use
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from atlantis_netcfg.core.events import Subscriber
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.links.policy import BearerRoute
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.links.policy import LinkRoute
     from atlantis_netcfg.operations.common.request import LinkOrder, Request
     from atlantis_netcfg.routeros._types import Observation
 
@@ -32,25 +32,25 @@ _SSH = 22
 
 
 def device_job(
-    declaration: Declaration, host: Host, request: Request, journal: runs.Recorder, notify: Subscriber
+    inventory: Inventory, host: Host, request: Request, journal: runs.Recorder, notify: Subscriber
 ) -> apply.DeviceJob:
     """Build the job of one device; raise RenderError, or NoMatchError for a kind that the engine does not handle."""
-    managed_device = get_managed_device(declaration, host)
+    managed_device = get_managed_device(inventory, host)
     access = managed_device.access
     store = runs.Store(request.state, is_rehearsal=request.rehearsed)
-    ways = ways_of(declaration, host)
+    ways = ways_of(inventory, host)
     states = _states(managed_device, request, store, ways)
-    bearer = bearer_of(declaration, host, request.via.get(host.name))
+    link = site_link_of(inventory, host, request.via.get(host.name))
     return apply.DeviceJob(
         name=host.name,
         site=host.site,
         address=str(access.address),
-        endpoint=patient(endpoint_of(host, access, request), bearer),
+        endpoint=with_timeouts(endpoint_of(host, access, request), link),
         desired_state=next(iter(states.values())),
         fitting=None if "" in states else apply.StateVariants(states, managed_device.unfit),
-        bearer=bearer,
+        link=link,
         events=notify,
-        journal=_minding_the_sim(host, request, store, journal),
+        journal=_pin_recorder(host, request, store, journal),
         agreed_hash=None if request.plans is None else request.plans.get(host.name, ""),
         ssh=_console(host, access, request, store.pins),
         run=journal.run if isinstance(journal, runs.Journal) else "",
@@ -68,7 +68,7 @@ def _history(host: Host, request: Request, store: runs.Store, journal: runs.Reco
 
 
 def _states(
-    managed_device: ManagedDevice, request: Request, store: runs.Store, ways: Sequence[BearerRoute]
+    managed_device: ManagedDevice, request: Request, store: runs.Store, ways: Sequence[LinkRoute]
 ) -> Mapping[str, desired.DesiredState]:
     """Return the desired states by the radio menu that they require; an empty key fits any device."""
     pin_problem = (
@@ -80,14 +80,14 @@ def _states(
     }
 
 
-def _minding_the_sim(host: Host, request: Request, store: runs.Store, journal: runs.Recorder) -> runs.Recorder:
+def _pin_recorder(host: Host, request: Request, store: runs.Store, journal: runs.Recorder) -> runs.Recorder:
     """Return a recorder that notes a PIN attempt before the PIN is sent; an emulated SIM is always new."""
     if request.rehearsed or not isinstance(host.device, LteRouter):
         return journal
     return PinRecorder(journal, TriedPin(store.root, host.site, host.name))
 
 
-def _desired_state(host: Host, text: str, request: Request, ways: Sequence[BearerRoute]) -> desired.DesiredState:
+def _desired_state(host: Host, text: str, request: Request, ways: Sequence[LinkRoute]) -> desired.DesiredState:
     """Return the desired state: of the inventory, of the state before a run (rollback), or of a confirmed state."""
     desired_state = desired.read(text, source=f"the desired text of {host.name}")
     if request.use is not None:
@@ -108,7 +108,7 @@ def _desired_state(host: Host, text: str, request: Request, ways: Sequence[Beare
 
 
 def _apply_link_order(
-    desired_state: desired.DesiredState, ways: Sequence[BearerRoute], order: LinkOrder
+    desired_state: desired.DesiredState, ways: Sequence[LinkRoute], order: LinkOrder
 ) -> desired.DesiredState:
     """Return the desired state with the routes and the scheduled job for a temporary order of links."""
     if order.link is None or order.until is None:
@@ -117,11 +117,11 @@ def _apply_link_order(
     return link_use.start_use(desired_state, use, order.since_uptime_s, {way.name: way.address for way in ways})
 
 
-def _check_use(ways: Sequence[BearerRoute], order: LinkOrder, observation: Observation) -> str:
+def _check_use(ways: Sequence[LinkRoute], order: LinkOrder, observation: Observation) -> str:
     """Return a message if the link should carry the traffic by now and does not; empty otherwise."""
     if order.link is None or not order.proved:
         return ""
-    active = active_bearer(observation.rows.get(link_use.ROUTES, ()), ways)
+    active = active_link(observation.rows.get(link_use.ROUTES, ()), ways)
     return "" if active == order.link else f"{order.link} does not carry the traffic then, but {active or 'nothing'}"
 
 
@@ -153,11 +153,11 @@ def endpoint_of(host: Host, access: Access, request: Request) -> api.Endpoint:
         access.password,
         pin,
         window=pins.window(host.name) or api.READING_WINDOW,
-        on_window_shrink=partial(_narrow, pins, host.name),
+        on_window_shrink=partial(_limit_requests, pins, host.name),
     )
 
 
-def _narrow(pins: runs.Pins, name: str) -> None:
+def _limit_requests(pins: runs.Pins, name: str) -> None:
     """Remember to send few requests at once to this device; if that cannot be saved, it is detected again."""
     with suppress(errors.NetcfgError):
         pins.narrow(name, api.WINDOW)

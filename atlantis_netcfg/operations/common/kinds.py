@@ -19,7 +19,7 @@ from atlantis_netcfg.routeros import render
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +27,9 @@ class KindText:
     """A desired text of a device, with the radio menu that it requires."""
 
     text: str
-    """Secrets in clear: never print it."""
+    """Text with secrets in clear: never print it."""
     radio: str = ""
-    """Menu in which the device has to have its radio for this text to be the right one; empty: it is the only text."""
+    """Radio menu that the device must have for this text; empty: there is only this text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +37,11 @@ class HostPlace:
     """The port and address by which an adopted device is managed."""
 
     address: str
-    """With prefix length."""
+    """Address with prefix length."""
     port: str
-    """By its factory name."""
+    """Factory name of the port."""
     technician: str
-    """Where the packets come from: the laptop, or the router that it stands behind."""
+    """Source of the management packets: the laptop, or the router in front of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Hardware:
 class ManagedDevice(ABC):
     """A device of the inventory that the RouterOS engine configures; each kind is a subclass."""
 
-    declaration: Declaration
+    inventory: Inventory
     host: Host
 
     @staticmethod
@@ -144,13 +144,12 @@ class ManagedCpe(ManagedDevice):
     def texts(self) -> tuple[KindText, ...]:
         """Return one text for each family of menus that supports the settings."""
         return tuple(
-            KindText(render.cpe(self.declaration, self.host, family), _MENUS[family])
-            for family in families(self.cpe.ptp)
+            KindText(render.cpe(self.inventory, self.host, family), _MENUS[family]) for family in families(self.cpe.ptp)
         )
 
     def prerequisites(self) -> tuple[render.Prerequisite, ...]:
         """Return the required port and certificate."""
-        return render.cpe_prerequisites(self.declaration, self.host)
+        return render.cpe_prerequisites(self.inventory, self.host)
 
     @property
     def place(self) -> HostPlace:
@@ -158,14 +157,14 @@ class ManagedCpe(ManagedDevice):
 
         The laptop's address is the highest one of the link's network that no device of the inventory has.
         """
-        view = render.cpe_view(self.declaration, self.host, families(self.cpe.ptp)[0])
+        view = render.cpe_view(self.inventory, self.host, families(self.cpe.ptp)[0])
         return HostPlace(view.management.address, view.port, self._laptop(IPv4Network(view.network)))
 
     def _laptop(self, network: IPv4Network) -> str:
-        boxes = (host.device for host in self.declaration.hosts.values())
+        boxes = (host.device for host in self.inventory.hosts.values())
         used_addresses = {str(box.access.address) for box in boxes if isinstance(box, model.Cpe)}
-        for site in self.declaration.sites.values():
-            used_addresses |= {str(bearer.address) for bearer in site.bearers} | {
+        for site in self.inventory.sites.values():
+            used_addresses |= {str(link.address) for link in site.bearers} | {
                 str(each.address) for each in site.served_links
             }
         free = [str(address) for address in network.hosts() if str(address) not in used_addresses]
@@ -216,26 +215,24 @@ class ManagedLte(ManagedDevice):
         """The access settings of the inventory; the unit is always reached over the site's 4G link."""
         device = self.host.device
         assert isinstance(device, model.LteRouter)  # noqa: S101 - `takes` has said so
-        assert device.access is not None  # noqa: S101 - a rule of the declaration has said so
+        assert device.access is not None  # noqa: S101 - a rule of the inventory
         credentials = {"user": device.access.user, "password": device.access.password}
         port = {} if device.access.port is None else {"port": device.access.port}
         return model.Access.model_validate({"address": device.address, **credentials, **port})
 
     def texts(self) -> tuple[KindText, ...]:
         """Return the only text."""
-        return (KindText(render.lte(self.declaration, self.host)),)
+        return (KindText(render.lte(self.inventory, self.host)),)
 
     def prerequisites(self) -> tuple[render.Prerequisite, ...]:
         """Return the required modem, port and certificate."""
-        return render.lte_prerequisites(self.declaration, self.host)
+        return render.lte_prerequisites(self.inventory, self.host)
 
     @property
     def place(self) -> HostPlace:
         """The cable; the technician is behind the site's router, which masquerades."""
-        view = render.lte_view(self.declaration, self.host)
-        return HostPlace(
-            view.management.address, view.port, str(render.lte_bearer(self.declaration, self.host).address)
-        )
+        view = render.lte_view(self.inventory, self.host)
+        return HostPlace(view.management.address, view.port, str(render.lte_link(self.inventory, self.host).address))
 
     @property
     def hardware(self) -> Hardware:
@@ -243,7 +240,7 @@ class ManagedLte(ManagedDevice):
 
         The SIM is in its home network: tests of roaming configure that themselves.
         """
-        view = render.lte_view(self.declaration, self.host)
+        view = render.lte_view(self.inventory, self.host)
         cell = routeros.CellSpec(apns=() if view.apn is None else (view.apn,), bands=view.bands or (3,))
         card = routeros.SimSpec(pin="" if view.pin is None else view.pin.reveal())
         bands = tuple(sorted({*routeros.ModemSpec().bands, *view.bands}))
@@ -309,16 +306,16 @@ class ManagedRouter(ManagedPorts):
 
     def texts(self) -> tuple[KindText, ...]:
         """Return the only text; with an access point it requires a radio in the menus of the inventory."""
-        return (KindText(render.router(self.declaration, self.host), self._radio),)
+        return (KindText(render.router(self.inventory, self.host), self._radio),)
 
     def prerequisites(self) -> tuple[render.Prerequisite, ...]:
         """Return the required ports and certificates."""
-        return render.prerequisites(self.declaration, self.host)
+        return render.prerequisites(self.inventory, self.host)
 
     @property
     def place(self) -> HostPlace:
         """The management port."""
-        network = self.declaration.sites[self.host.site].management
+        network = self.inventory.sites[self.host.site].management
         return HostPlace(
             address=str(IPv4Interface(f"{self.access.address}/{network.network.prefixlen}")),
             port=next(port.name for port in self._box.ports if port.use == model.PortUse.MANAGEMENT),
@@ -338,7 +335,7 @@ class ManagedSwitch(ManagedPorts):
 
     def texts(self) -> tuple[KindText, ...]:
         """Return the only text; with an access point it requires a radio in the menus of the inventory."""
-        return (KindText(render.switch(self.declaration, self.host), self._radio),)
+        return (KindText(render.switch(self.inventory, self.host), self._radio),)
 
     def prerequisites(self) -> tuple[render.Prerequisite, ...]:
         """Return the required ports, certificate and radio."""
@@ -347,7 +344,7 @@ class ManagedSwitch(ManagedPorts):
     @property
     def place(self) -> HostPlace:
         """The cable to the router, which masquerades: a laptop connected instead uses the router's address."""
-        lan = self.declaration.sites[self.host.site].lan
+        lan = self.inventory.sites[self.host.site].lan
         assert isinstance(self.host.device, model.Switch)  # noqa: S101 - `takes` has said so
         return HostPlace(
             address=str(IPv4Interface(f"{self.access.address}/{lan.network.prefixlen}")),
@@ -364,14 +361,14 @@ def is_supported(host: Host) -> bool:
     return any(kind.takes(host) for kind in _KINDS)
 
 
-def get_managed_device(declaration: Declaration, host: Host) -> ManagedDevice:
+def get_managed_device(inventory: Inventory, host: Host) -> ManagedDevice:
     """Return the managed device of a host; raise NoMatchError if the engine does not handle it."""
     for kind in _KINDS:
         if kind.takes(host):
-            return kind(declaration, host)
+            return kind(inventory, host)
     raise NoMatchError(f"{host.name} is a {host.device.kind.replace('_', ' ')}: no role handles it yet")
 
 
-def is_unit(host: Host) -> bool:
+def is_other_lte_unit(host: Host) -> bool:
     """Return whether a host is a 4G unit with a separate driver, not handled by the RouterOS engine."""
     return isinstance(host.device, model.LteRouter) and host.device.driver is not model.LteDriver.ROUTEROS

@@ -19,14 +19,14 @@ from atlantis_netcfg.operations.common.session_link import LAN
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory import Inventory
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.links.qualify.profile import DirectionProfile, LinkProfile
 
 LinkShapes = tuple[LinkShape, LinkShape]
-"""From the site, and to it."""
+"""The direction from the site, and the one to it."""
 _HOLDS = 0.5
-"""A delay that was measured holds for so much of the train's interval: the train says nothing of less."""
+"""Share of the train's interval for which a measured delay is kept: the train has no finer resolution."""
 _HOUR_S = 3600.0
 _MEDIAN = 2
 
@@ -37,7 +37,7 @@ class Replay:
 
     profile: LinkProfile
     name: str
-    """As a person has named the run."""
+    """The run's name as a person gave it."""
 
     @property
     def words(self) -> str:
@@ -57,9 +57,9 @@ class Replay:
         origin = ", which was a rehearsal itself" if self.profile.emulated else ""
         return f"link {self.profile.link} as it is today: it was a replay of run {self.profile.run}{origin}"
 
-    def refuse_elsewhere(self, declaration: Declaration, sites: Collection[str]) -> None:
+    def refuse_elsewhere(self, inventory: Inventory, sites: Collection[str]) -> None:
         """Raise UsageError if no site has the replayed link: the rehearsal would ignore the profile."""
-        links = [bearer.name for site in sites for bearer in declaration.sites[site].bearers]
+        links = [link.name for site in sites for link in inventory.sites[site].bearers]
         if self.profile.link not in links:
             raise UsageError(
                 f"`--profile {self.name}`: the run is of link `{self.profile.link}`, which {', '.join(sites)} has not",
@@ -67,10 +67,10 @@ class Replay:
             )
 
 
-def link_shapes(bearer: Bearer, replay: Replay | None = None) -> LinkShapes:
+def link_shapes(link: Link, replay: Replay | None = None) -> LinkShapes:
     """Return a link's shapes up and down; `replay` applies if it is of this link."""
-    rate = bearer.rate
-    if replay is not None and replay.profile.link == bearer.name:
+    rate = link.rate
+    if replay is not None and replay.profile.link == link.name:
         return build_shapes(replay.profile, rate.up_kbps * 1000, rate.down_kbps * 1000)
     gaps = tuple(DrawnGap(gap.length_s) for gap in rate.gaps for _ in range(gap.per_hour))
     up, down = (
@@ -87,11 +87,11 @@ def link_shapes(bearer: Bearer, replay: Replay | None = None) -> LinkShapes:
     return up, down
 
 
-def shapes_to(declaration: Declaration, site: str, via: str, replay: Replay | None = None) -> LinkShapes:
+def shapes_to(inventory: Inventory, site: str, via: str, replay: Replay | None = None) -> LinkShapes:
     """Return the shapes of a site's link or of the technician's cable."""
-    for bearer in declaration.sites[site].bearers:
-        if bearer.name == via:
-            return link_shapes(bearer, replay)
+    for link in inventory.sites[site].bearers:
+        if link.name == via:
+            return link_shapes(link, replay)
     up, down = (LinkShape(rate_bps=rate, delay_s=LAN.rtt_s / 2) for rate in (LAN.rate_up_bps, LAN.rate_down_bps))
     return up, down
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
     from types import FrameType
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.common.request import Request
 
 
@@ -36,11 +36,11 @@ class PlayControl:
     """One play: the first stop signal makes its workers finish safely, the next one ends them."""
 
     workers: Callable[[], list[int]] = list
-    """Process ids of the tasks that run now."""
+    """Process ids of the running tasks."""
     stopped_by: str = ""
-    """Name of the signal, as `SIGINT`; empty: nobody has stopped it."""
+    """Name of the signal, like `SIGINT`; empty: not stopped."""
     cleanups: list[Callable[[str], None]] = field(default_factory=list)
-    """Called with the reason when Ansible has ended without saying so."""
+    """Functions called with the reason if Ansible ended without reporting it."""
     _ignored_signals: tuple[int, ...] = ()
 
     @contextmanager
@@ -88,20 +88,20 @@ def refuse_after_stop() -> None:
         raise KeyboardInterrupt(_current[-1].stopped_by)
 
 
-def when_cut_off(cleanup: Callable[[str], None]) -> None:
+def on_interrupt(cleanup: Callable[[str], None]) -> None:
     """Register a cleanup that is called, with the reason, if the play ends without its last event."""
     if _current:
         _current[-1].cleanups.append(cleanup)
 
 
 _READING = (DeviceObservation, StateBackup, PlanRecord)
-"""Records of a device on which nothing was changed or armed yet: whatever does that is recorded before it is sent."""
+"""Records made while nothing was changed or armed yet: changing and arming are recorded before they are sent."""
 
 
-def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
+def results_from_journal(  # noqa: PLR0913, PLR0917 - one call, from one place
     names: Sequence[str],
     requested_names: Collection[str],
-    declaration: Declaration,
+    inventory: Inventory,
     request: Request,
     runs: Mapping[str, Mapping[str, str]],
     reason: NetcfgError | str,
@@ -118,29 +118,29 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     if not names:
         return {}
     note, results = [] if isinstance(reason, NetcfgError) else _log_output(output, request), {}
-    others = other_ends(names, declaration, request)
+    others = other_ends(names, inventory, request)
     for name in names:
-        site = declaration.hosts[name].site
+        site = inventory.hosts[name].site
         run, recorded_run = _journal(name, site, runs.get(site, {}).values(), request)
         # The far end of a bridge was reached from the site of the near one.
         start = name if name in requested_names else others.get(name, name)
-        hint = f"provision resume site={declaration.hosts[start].site} run={run}"
-        if is_supported(declaration.hosts[name]):
+        hint = f"provision resume site={inventory.hosts[start].site} run={run}"
+        if is_supported(inventory.hosts[name]):
             hint = f"{_TAKES_BACK}; then:  {hint}"
         result = _result(name, run, recorded_run, str(reason) or "it has ended without a result", hint, request)
         if isinstance(reason, NetcfgError) and result.status is Status.LEFT_AS_FOUND:
-            # A refusal has a code of its own (a declaration that cannot be used: 3), but nothing of it is green.
+            # A refusal has a code of its own (an inventory that cannot be used: 3), but nothing of it is green.
             result = DeviceResult(name, result.status, reason.exit or ExitCode.FAILED, str(reason), reason.hint)
         results[name] = {**result.as_dict(), "notes": note, "other_end": others.get(name)}
     return results
 
 
-def other_ends(names: Sequence[str], declaration: Declaration, request: Request) -> dict[str, str]:
+def other_ends(names: Sequence[str], inventory: Inventory, request: Request) -> dict[str, str]:
     """Return both ends of every bridge that has one of these hosts as an end, each with the other one."""
     from atlantis_netcfg.operations.common.schedule import members_of  # noqa: PLC0415 - what plays nothing needs no pairs
 
     try:
-        members = members_of(declaration, [name for name in names if is_supported(declaration.hosts[name])], request)
+        members = members_of(inventory, [name for name in names if is_supported(inventory.hosts[name])], request)
     except NetcfgError:  # then nothing was begun on any of them
         return {}
     bridges = [member.bridge.ends for member in members if member.bridge is not None]

@@ -21,7 +21,7 @@ from atlantis_netcfg.operations.common.costs import ports_of
 from atlantis_netcfg.operations.common.link_shapes import shapes_to
 from atlantis_netcfg.operations.common.request import Request, Target
 from atlantis_netcfg.operations.common.schedule import members_of, with_other_ends
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers
 from atlantis_netcfg.operations.lte.units import EmulatedUnit, emulated_units, not_rehearsed
 from atlantis_netcfg.routeros.assumptions import summarize_assumptions
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.emulator.coverage import PlaceTruth
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.adopt import Adoption
     from atlantis_netcfg.operations.common.link_shapes import Replay
 
 _LISTENS_S = 1.0
-"""Instead of the minute (or ten) for which an access point listens for radar: nobody would rehearse twice."""
+"""Emulated radar wait of an access point, instead of one or ten minutes, to keep rehearsals short."""
 _NOMINAL_M = 150.0
-"""Where no distance is declared: from the coastal testbed to the control centre."""
+"""Distance if none is declared: from the coastal testbed to the control centre."""
 _RADIO_NOT_REHEARSED = (
     "radio: the minute or ten that an access point listens for radar are one second",
     "radio: aim, interference, rain, tide and the antenna's real gain; the level is that of free space",
@@ -56,12 +56,12 @@ class Rehearsal:
 
     targets: Mapping[str, Target]
     not_rehearsed: tuple[str, ...]
-    twins: routeros.SpawnedSite
+    emulators: routeros.SpawnedSite
     units: Mapping[str, EmulatedUnit] = field(default_factory=dict)
-    """4G units that are not RouterOS."""
+    """Emulated 4G units that are not RouterOS devices."""
     computers: RehearsedComputers = field(default_factory=RehearsedComputers)
     replay: Replay | None = None
-    """A measured run that takes the place of a declared link."""
+    """Measured run that replaces a link of the inventory."""
 
     @property
     def request_fields(self) -> dict[str, Any]:
@@ -85,7 +85,7 @@ class Rehearsal:
             return self.computers.export(name)
         if name in self.units:
             return self.units[name].export()
-        return str(self.twins.do(name, "export"))
+        return str(self.emulators.do(name, "export"))
 
     def tune(self, name: str, truth: PlaceTruth) -> bool:
         """Set an emulated 4G unit's reception to that of a place; return False if it does not support this."""
@@ -95,21 +95,21 @@ class Rehearsal:
                 hear(truth)
             return hear is not None
         levels = {"rsrp_dbm": truth.rsrp_dbm, "rsrq_db": truth.rsrq_db, "sinr_db": truth.sinr_db}
-        self.twins.do(name, "modem", cell={"cell_id": truth.cell_id, **levels} if truth.has_service else None)
+        self.emulators.do(name, "modem", cell={"cell_id": truth.cell_id, **levels} if truth.has_service else None)
         return True
 
-    def relink(self, declaration: Declaration, host: Host, via: str) -> None:
+    def relink(self, inventory: Inventory, host: Host, via: str) -> None:
         """Put the emulated device of a host behind another link."""
         if host.name in self.computers.machines:
-            shapes = shapes_to(declaration, host.site, via, self.replay)
+            shapes = shapes_to(inventory, host.site, via, self.replay)
             self.computers.machines[host.name].link(shapes=shapes)
             return
-        self.twins.do(host.name, "link", **link(declaration, host, via, self.replay).model_dump())
+        self.emulators.do(host.name, "link", **link(inventory, host, via, self.replay).model_dump())
 
 
 @contextmanager
 def rehearsal(
-    declaration: Declaration,
+    inventory: Inventory,
     hosts: Sequence[Host],
     via: str | None = None,
     notify: events.Subscriber = events.ignore,
@@ -117,11 +117,11 @@ def rehearsal(
 ) -> Iterator[Rehearsal]:
     """Start an emulated device for every supported host until the context ends; `via`: the link used for all."""
     if replay is not None:
-        replay.refuse_elsewhere(declaration, dict.fromkeys(host.site for host in hosts))
+        replay.refuse_elsewhere(inventory, dict.fromkeys(host.site for host in hosts))
     requested_names = {host.name for host in hosts}
-    emulated_hosts = with_other_ends(declaration, [host for host in hosts if kinds.is_supported(host)])
-    others = [host for host in hosts if kinds.is_unit(host)]
-    spec = site_spec(declaration, emulated_hosts, via, {end.name for end in emulated_hosts} - requested_names, replay)
+    emulated_hosts = with_other_ends(inventory, [host for host in hosts if kinds.is_supported(host)])
+    others = [host for host in hosts if kinds.is_other_lte_unit(host)]
+    spec = site_spec(inventory, emulated_hosts, via, {end.name for end in emulated_hosts} - requested_names, replay)
     if emulated_hosts or others:
         number = len(emulated_hosts) + len(others)
         words = "starting 1 emulated device" if number == 1 else f"starting {number} emulated devices"
@@ -129,8 +129,8 @@ def rehearsal(
     with (
         temporary.folder("twins") as folder,
         emulated_units(others, folder) as units,
-        rehearsed_computers(declaration, hosts, folder / "computers", notify) as computers,
-        routeros.spawn(spec, folder) as twins,
+        rehearsed_computers(inventory, hosts, folder / "computers", notify) as computers,
+        routeros.spawn(spec, folder) as emulators,
     ):
         targets = {
             name: Target(
@@ -140,9 +140,9 @@ def rehearsal(
                 ssh=ready.get("ssh"),
                 host_key=ready.get("host_key"),
             )
-            for name, ready in twins.ready.items()
+            for name, ready in emulators.ready.items()
         }
-        with_radio = [host for host in emulated_hosts if kinds.get_managed_device(declaration, host).hardware.radios]
+        with_radio = [host for host in emulated_hosts if kinds.get_managed_device(inventory, host).hardware.radios]
         radio: tuple[str, ...] = _RADIO_NOT_REHEARSED if with_radio else ()
         if any(isinstance(host.device, Router) for host in with_radio):
             radio = (*radio, *_STATIONS_NOT_REHEARSED)
@@ -150,11 +150,11 @@ def rehearsal(
         routers = (*routeros.NOT_REHEARSED, summarize_assumptions()) if emulated_hosts else ()
         replay_limits = () if replay is None else (replay.not_rehearsed,)
         untold = (*replay_limits, *routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)
-        yield Rehearsal(targets, untold, twins, units, computers, replay)
+        yield Rehearsal(targets, untold, emulators, units, computers, replay)
 
 
 def site_spec(
-    declaration: Declaration,
+    inventory: Inventory,
     hosts: Sequence[Host],
     via: str | None = None,
     along: Collection[str] = (),
@@ -165,22 +165,22 @@ def site_spec(
     `along`: hosts added as the other end of a bridge, at a site that may not have the link `via`.
     """
     name = ",".join(sorted({host.site for host in hosts}))
-    twins = tuple(_twin(declaration, host, None if host.name in along else via, replay) for host in hosts)
-    return routeros.SiteSpec(name=name, twins=twins, pairs=tuple(_air(declaration, hosts, via, along)))
+    emulators = tuple(_emulator(inventory, host, None if host.name in along else via, replay) for host in hosts)
+    return routeros.SiteSpec(name=name, emulators=emulators, pairs=tuple(_air(inventory, hosts, via, along)))
 
 
 def _air(
-    declaration: Declaration, hosts: Sequence[Host], via: str | None, along: Collection[str]
+    inventory: Inventory, hosts: Sequence[Host], via: str | None, along: Collection[str]
 ) -> Iterator[routeros.RadioPair]:
     """Yield the radio links between these hosts; the near end is on the technician's side."""
     names = [host.name for host in hosts]
     requested_names = [name for name in names if name not in along]
     request = Request(state=Path(), via=dict.fromkeys(requested_names, via) if via is not None else {})
-    for member in members_of(declaration, requested_names, request):
+    for member in members_of(inventory, requested_names, request):
         if member.bridge is None or not all(end.name in names for end in member.hosts):
             continue
         near, far = member.bridge.ends
-        radios = [kinds.get_managed_device(declaration, end).hardware.radios[0] for end in (near, far)]
+        radios = [kinds.get_managed_device(inventory, end).hardware.radios[0] for end in (near, far)]
         distance = next((end.device.ptp.distance_m for end in (near, far) if isinstance(end.device, Cpe)), None)
         air = routeros.Air(distance_m=distance or _NOMINAL_M, dfs_wait_s=_LISTENS_S, weather_wait_s=_LISTENS_S)
         yield routeros.RadioPair(near=near.name, far=far.name, near_radio=radios[0], far_radio=radios[1], air=air)
@@ -190,27 +190,27 @@ def _air(
 def rehearse_adoption(adoption: Adoption) -> Iterator[routeros.SpawnedSite]:
     """Run an adoption against an emulated device in factory state, which ends with the context."""
     name = adoption.host.name
-    spec = factory_spec(adoption.declaration, adoption.host, serial=adoption.via != "ssh")
+    spec = factory_spec(adoption.inventory, adoption.host, serial=adoption.via != "ssh")
     with (
         temporary.folder("twins") as folder,
-        routeros.spawn(routeros.SiteSpec(name=adoption.host.site, twins=(spec,)), folder) as twins,
+        routeros.spawn(routeros.SiteSpec(name=adoption.host.site, emulators=(spec,)), folder) as emulators,
     ):
         if spec.router.serial:
-            adoption.via = f"serial:{twins.ready[name]['serial']}"
+            adoption.via = f"serial:{emulators.ready[name]['serial']}"
 
         def locate(address: str, port: int) -> tuple[str, int]:
             """Return the emulated port for the target's address, or for any other, which counts as the factory's."""
-            ready = dict(twins.do(name, "info"))
+            ready = dict(emulators.do(name, "info"))
             doors = ready if address == adoption.target.host else ready["first_contact"]
             return ready["host"], int(doors["ports"].get(str(port), 0))
 
         adoption.locate = locate
-        yield twins
+        yield emulators
 
 
-def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) -> routeros.TwinSpec:
+def factory_spec(inventory: Inventory, host: Host, *, serial: bool = False) -> routeros.EmulatorSpec:
     """Return the specification of a router's emulator in factory state, with the laptop on a factory LAN port."""
-    spec = _twin(declaration, host, None)
+    spec = _emulator(inventory, host, None)
     management = spec.router.management
     port = next((port for port in spec.router.ports[1:] if port != management.port), None)
     if spec.router.radios and len(spec.router.ports) == 1:
@@ -231,10 +231,10 @@ def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) 
     return spec.model_copy(update={"router": router, "link": routeros.RouterLink()})
 
 
-def _twin(declaration: Declaration, host: Host, via: str | None, replay: Replay | None = None) -> routeros.TwinSpec:
-    managed_device = kinds.get_managed_device(declaration, host)
+def _emulator(inventory: Inventory, host: Host, via: str | None, replay: Replay | None = None) -> routeros.EmulatorSpec:
+    managed_device = kinds.get_managed_device(inventory, host)
     hardware, place, access = managed_device.hardware, managed_device.place, managed_device.access
-    return routeros.TwinSpec(
+    return routeros.EmulatorSpec(
         router=routeros.RouterSpec(
             name=host.name,
             board=hardware.board,
@@ -247,22 +247,22 @@ def _twin(declaration: Declaration, host: Host, via: str | None, replay: Replay 
             users=(routeros.User(name=access.user, password=access.password.reveal()),),
             management=routeros.ManagementSpec(address=place.address, port=place.port, technician=place.technician),
             certificates=managed_device.certificates,
-            neighbours=_around(declaration, host),
+            neighbours=_reachable_addresses(inventory, host),
         ),
-        link=link(declaration, host, bearer_of(declaration, host, via).name, replay),
+        link=link(inventory, host, site_link_of(inventory, host, via).name, replay),
     )
 
 
-def _around(declaration: Declaration, host: Host) -> tuple[str, ...]:
+def _reachable_addresses(inventory: Inventory, host: Host) -> tuple[str, ...]:
     """Return the addresses that answer a router's pings: each link's next hop and probe targets, all healthy."""
     if not isinstance(host.device, Router):
         return ()
-    bearers = declaration.sites[host.site].bearers
-    return tuple(str(address) for bearer in bearers for address in (bearer.gateway, *bearer.canaries))
+    links = inventory.sites[host.site].bearers
+    return tuple(str(address) for link in links for address in (link.gateway, *link.canaries))
 
 
-def link(declaration: Declaration, host: Host, via: str, replay: Replay | None = None) -> routeros.RouterLink:
+def link(inventory: Inventory, host: Host, via: str, replay: Replay | None = None) -> routeros.RouterLink:
     """Return the emulated device's link, shaped by inventory or replay and counted on the router port that it uses."""
     port = next((port for port, name in ports_of(host).items() if name == via), None)
-    up, down = shapes_to(declaration, host.site, via, replay)
+    up, down = shapes_to(inventory, host.site, via, replay)
     return routeros.RouterLink(up=up, down=down, port=port)

@@ -15,8 +15,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.crash_report import report_crash
-from atlantis_netcfg.core.paths import hold_own, state_dir
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.core.paths import require_own, state_dir
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.examples import by_line
 
 if TYPE_CHECKING:
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Event
 
 ACCEPT_COST = "atlantis_accept_cost"
-"""Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""
+"""Ansible extra variable by which a person accepts the cost: `-e atlantis_accept_cost=true`."""
 REMOVE_FOREIGN = "atlantis_remove_foreign"
-"""The same for rows of others that go by the hundred."""
+"""Ansible extra variable by which a person accepts that foreign rows are removed in bulk."""
 REHEARSE_VARIABLE = "atlantis_rehearse"
-"""Have emulated devices take the place of the real ones."""
+"""Ansible extra variable that replaces the real devices by emulated ones."""
 PLAIN_ANSIBLE = "ansible-playbook"
-"""What the journal calls a run that was not asked for by `provision`."""
+"""Command name in the journal of a run that was not started by `provision`."""
 
 
 _REQUEST = "atlantis_request"
@@ -41,7 +41,7 @@ _FIELDS = {ACCEPT_COST: "accept_cost", REMOVE_FOREIGN: "remove_foreign", REHEARS
 
 def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
     """Return the request fields set by Ansible variables; raise UsageError for unknown or invalid ones."""
-    from atlantis_netcfg.inventory.new_inventory.questions import wrong  # noqa: PLC0415 - plain Ansible alone asks it
+    from atlantis_netcfg.inventory.new_inventory.questions import validation_error  # noqa: PLC0415 - plain Ansible alone asks it
 
     for name in variables:
         if name.startswith("atlantis_") and name not in {_REQUEST, *_FIELDS}:
@@ -54,7 +54,7 @@ def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
         if key not in Request.model_fields:
             suggestion = errors.nearest(str(key), Request.model_fields) or "mode"
             raise errors.UsageError(f"{_REQUEST} has no key `{key}`", hint=f"did you mean `{suggestion}`?")
-        if (why := wrong(Request, str(key), value)) is not None:
+        if (why := validation_error(Request, str(key), value)) is not None:
             raise errors.UsageError(f"{_REQUEST}: {why}")
     options = {}
     for name, field in _FIELDS.items():
@@ -93,51 +93,51 @@ class Target(_Data):
     host: str
     port: int
     pin: str = ""
-    """SHA-256 of its certificate, hex; a gateway has none."""
+    """SHA-256 of the device's certificate in hex; a gateway has none."""
     ssh: int | None = None
-    """Port of its console."""
+    """SSH port of the device's console."""
     host_key: str | None = None
-    """Its SSH host key, as OpenSSH prints it."""
+    """The device's SSH host key, as OpenSSH prints it."""
     serial: str | None = None
-    """Path of its serial port, where it has nothing else."""
+    """Path of the device's serial port, if it has no other access."""
     known_hosts: str | None = None
-    """A gateway: file with its SSH host key."""
+    """For a gateway: file with its SSH host key."""
     identity: str | None = None
-    """A gateway: file with the private key that opens it."""
+    """For a gateway: file with the private key for its login."""
 
 
 class StandIns(_Data):
     """Replacements, in a rehearsal, for the servers from which a gateway downloads."""
 
     archive: str
-    """Address of a signed archive with packages of ROS' names."""
+    """URL of a signed archive with packages that have the names of ROS packages."""
     key: str
-    """Its public key, base64."""
+    """Public key of the archive, base64."""
     fingerprint: str
     codename: str
-    """Of the system that the archive is for, and that the gateways of the rehearsal have."""
+    """Codename of the operating system that the archive is for, and that the rehearsed gateways have."""
     distribution: str
     repositories: str
-    """Address below which the last part of each declared repository's address is served."""
+    """Base URL below which the last part of each declared repository's URL is served."""
 
 
 class LinkOrder(_Data):
     """The order of `provision use`: one link carries the site's traffic for a time, or the normal order returns."""
 
     link: str | None = None
-    """None: the declared order."""
+    """None: the order in the inventory."""
     since_uptime_s: int = 0
-    """Of the router, when it was read."""
+    """The router's uptime when it was read."""
     until_uptime_s: int = 0
     until: datetime | None = None
-    """By the clock of this computer."""
+    """End by this computer's clock."""
     proved: bool = True
-    """It has to carry the traffic at once, or the change is taken back."""
+    """Whether the link must carry the traffic at once; otherwise the change is rolled back."""
 
 
 def _private_state(state: Path) -> Path:
     if state.exists():
-        hold_own(state, "name a folder of the user that runs this: `atlantis_request.state`, or ATLANTIS_STATE")
+        require_own(state, "name a folder of the user that runs this: `atlantis_request.state`, or ATLANTIS_STATE")
     return state
 
 
@@ -149,38 +149,38 @@ class Request(_Data):
     mode: Mode = Mode.APPLY
     rehearsed: bool = False
     targets: dict[str, Target] = {}
-    """Rehearsal: host name to twin; a device without a twin is not contacted."""
+    """Rehearsal: emulated device by host name; a device without one is not contacted."""
     standins: StandIns | None = None
     images: dict[str, dict[str, str]] = {}
-    """Rehearsal: host name and service to the SHA-256 of the archive that stands for the service's image."""
+    """Rehearsal: SHA-256 of the archive that replaces a service's image, by host name and service."""
     authority: Path | None = None
-    """Folder of the VPN's authority; None: the technician's own, below `state`. A rehearsal has one of its own."""
+    """Folder of the VPN authority; None: the technician's own, below `state`. A rehearsal has a separate one."""
     via: dict[str, str] = {}
-    """Host name to the bearer in use, where it differs from the declared one."""
+    """Link in use by host name, if it differs from the one in the inventory."""
     plans: dict[str, str] | None = None
-    """Host name to the hash of the plan that a person has agreed to; a different plan is not applied."""
+    """Hash of the plan that a person has accepted, by host name; a different plan is not applied."""
     run: str | None = None
-    """Resume: the run to go on with."""
+    """Name of the run to resume."""
     back_to: str | None = None
-    """Not what is declared is wanted, but what the devices were before this run."""
+    """Restore the devices to their state before this run, instead of the inventory."""
     restore: str | None = None
-    """Not what is declared is wanted, but what this run has read back; the device may be a replacement."""
+    """Apply the state that this run has read back, instead of the inventory; the device may be a replacement."""
     use: LinkOrder | None = None
-    """Not what is declared is wanted of the router, but another order of its links for a time."""
+    """Apply another order of the router's links for a limited time, instead of the inventory."""
     offline: Path | None = None
-    """A bundle: gateways take packages and sources from it, and from nowhere else."""
+    """Bundle from which gateways take all packages and sources; no other source is used."""
     unprotected: bool = False
-    """A person has said that devices may be changed although nothing would take the change back."""
+    """A person has accepted changes to devices without automatic rollback."""
     prepares: bool = False
-    """Of a rehearsal: fresh emulated devices are configured, before the command itself begins."""
+    """Rehearsal: configure new emulated devices before the command itself begins."""
     accept_cost: bool = False
-    """A person has allowed traffic over links that are paid by the byte."""
+    """A person has accepted traffic over metered links."""
     remove_foreign: bool = False
-    """A person has agreed that rows of others go by the hundred from menus that are ours entirely."""
+    """A person has accepted that foreign rows are removed in bulk from menus that the toolkit owns entirely."""
     events_fd: int | None = None
-    """File descriptor for events, one JSON object a line."""
+    """File descriptor for events, one JSON object per line."""
     command: str = PLAIN_ANSIBLE
-    """What the technician typed, for the journal and the site lock."""
+    """Command that the technician typed, for the journal and the site lock."""
 
     @property
     def vpn(self) -> Path:
@@ -221,23 +221,23 @@ class EventStream:
                 rest = rest[os.write(self._descriptor, rest) :]
 
 
-_shared_declarations: dict[Path, Declaration] = {}
+_shared_inventories: dict[Path, Inventory] = {}
 
 
 @contextmanager
-def share_declaration(declaration: Declaration) -> Iterator[None]:
+def share_inventory(inventory: Inventory) -> Iterator[None]:
     """Let tasks of this process and its forks use this inventory instead of loading it again."""
-    folder = declaration.root.absolute()
-    _shared_declarations[folder] = declaration
+    folder = inventory.root.absolute()
+    _shared_inventories[folder] = inventory
     try:
         yield
     finally:
-        del _shared_declarations[folder]
+        del _shared_inventories[folder]
 
 
-def declaration_of(inventory: Path, decrypt: Callable[[str], str] | None = None) -> Declaration:
+def open_inventory(inventory: Path, decrypt: Callable[[str], str] | None = None) -> Inventory:
     """Return the inventory of a folder: the shared one, or loaded now. Raise the errors of `load`."""
-    return _shared_declarations.get(inventory.absolute()) or load(inventory, decrypt=decrypt)
+    return _shared_inventories.get(inventory.absolute()) or load(inventory, decrypt=decrypt)
 
 
 @contextmanager
@@ -259,19 +259,17 @@ def open_request(request: Mapping[str, Any] | None, *, plan_only: bool) -> Itera
 
 
 _MAX_LINES = 3
-"""Lines with example values that a refusal names; it counts the values."""
+"""Maximum number of lines with example values that a refusal lists; it gives the number of values."""
 
 
-def refuse_examples(declaration: Declaration, *, is_rehearsal: bool) -> None:
+def refuse_examples(inventory: Inventory, *, is_rehearsal: bool) -> None:
     """Raise UsageError if real devices would be contacted while the inventory has example values."""
-    if not declaration.pilot.example_values or is_rehearsal:
+    if not inventory.pilot.example_values or is_rehearsal:
         return
     hint = f"replace them and set `example_values: false` in group_vars/all/pilot.yml, or {errors.REHEARSE}"
-    if declaration.examples:
-        first = "\n".join(f"  {line}" for line in by_line(declaration.examples)[:_MAX_LINES])
-        hint += (
-            f"\n{len(declaration.examples)} values are examples; `provision validate --examples` lists them:\n{first}"
-        )
+    if inventory.examples:
+        first = "\n".join(f"  {line}" for line in by_line(inventory.examples)[:_MAX_LINES])
+        hint += f"\n{len(inventory.examples)} values are examples; `provision validate --examples` lists them:\n{first}"
     raise errors.UsageError(
         "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
         hint=hint,

@@ -29,13 +29,13 @@ class StartState:
 
     host: str
     words: str
-    """What it is."""
+    """Description of the state."""
     gap: str
-    """What it says nothing about."""
+    """What the state does not cover."""
     back_to: str | None = None
     restore: str | None = None
     is_ready: bool = False
-    """It is as it is: nothing is done to it."""
+    """The device already has this state; nothing is changed."""
 
 
 _LIST_HINT = "`provision runs` lists what is there"

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.inventory.model import Cpe, Router
-from atlantis_netcfg.operations.common.session_link import LAN, as_bearer
+from atlantis_netcfg.operations.common.session_link import LAN, as_link
 from atlantis_netcfg.routeros.pair import Pair, Signal
 from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.routeros.apply import DeviceJob
-    from atlantis_netcfg.routeros.estimate import BearerProfile
+    from atlantis_netcfg.routeros.estimate import LinkMetrics
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,10 @@ class Bridge:
         return self.near, self.far
 
 
-def with_other_ends(declaration: Declaration, hosts: Sequence[Host]) -> tuple[Host, ...]:
+def with_other_ends(inventory: Inventory, hosts: Sequence[Host]) -> tuple[Host, ...]:
     """Return the hosts, and the other ends of their bridges at any site."""
     names = [host.name for host in hosts]
-    ends = [end for pair in _ends(declaration, names) for end in pair]
+    ends = [end for pair in _ends(inventory, names) for end in pair]
     return tuple({host.name: host for host in (*hosts, *ends)}.values())
 
 
@@ -50,17 +50,17 @@ def pair_of(bridge: Bridge, near: DeviceJob, far: DeviceJob) -> Pair:
     return Pair(near, far, link_timeout_s=max(ptp.link_timeout_s for ptp in ptps), signal=signal)
 
 
-def far_bearer(declaration: Declaration, bridge: Bridge, near: DeviceJob) -> BearerProfile | None:
+def far_link(inventory: Inventory, bridge: Bridge, near: DeviceJob) -> LinkMetrics | None:
     """Return the link that limits a session to the far end: the near end's, or the bridge if the near end is on LAN."""
-    if near.bearer is not None and near.bearer.name != LAN.name:
-        return near.bearer
+    if near.link is not None and near.link.name != LAN.name:
+        return near.link
     names = {end.name for end in bridge.ends}
-    bearers = (bearer for site in declaration.sites.values() for bearer in site.bearers)
-    return next((as_bearer(item) for item in bearers if item.kind.traits.bridge and item.device in names), None)
+    links = (link for site in inventory.sites.values() for link in site.bearers)
+    return next((as_link(item) for item in links if item.kind.traits.bridge and item.device in names), None)
 
 
 def bridges(
-    declaration: Declaration, names: Sequence[str], via: Mapping[str, str] | None = None, near_site: str | None = None
+    inventory: Inventory, names: Sequence[str], via: Mapping[str, str] | None = None, near_site: str | None = None
 ) -> tuple[Bridge, ...]:
     """Return the bridges with an end among the hosts `names`; both ends, at whichever site the other one is.
 
@@ -68,25 +68,25 @@ def bridges(
     decides if the inventory has both ends reached by cable. Raises UsageError if the near end is undecidable.
     """
     bridge_list = []
-    for first, second in _ends(declaration, names):
-        near = _near(declaration, (first, second), via or {}, near_site)
+    for first, second in _ends(inventory, names):
+        near = _near(inventory, (first, second), via or {}, near_site)
         bridge_list.append(Bridge(near, second if near is first else first))
     return tuple(bridge_list)
 
 
-def _ends(declaration: Declaration, names: Sequence[str]) -> Iterator[tuple[Host, Host]]:
+def _ends(inventory: Inventory, names: Sequence[str]) -> Iterator[tuple[Host, Host]]:
     """Yield each bridge once, in the order of the inventory."""
     seen_names: set[str] = set()
-    for host in declaration.hosts.values():
-        peer = declaration.hosts.get(host.device.ptp.peer) if isinstance(host.device, Cpe) else None
+    for host in inventory.hosts.values():
+        peer = inventory.hosts.get(host.device.ptp.peer) if isinstance(host.device, Cpe) else None
         if peer is None or host.name in seen_names or not {host.name, peer.name} & set(names):
             continue
         seen_names |= {host.name, peer.name}
         yield host, peer
 
 
-def _near(declaration: Declaration, ends: tuple[Host, Host], via: Mapping[str, str], near_site: str | None) -> Host:
-    direct = [end for end in ends if not _over_a_bridge(declaration, end, via)]
+def _near(inventory: Inventory, ends: tuple[Host, Host], via: Mapping[str, str], near_site: str | None) -> Host:
+    direct = [end for end in ends if not _over_a_bridge(inventory, end, via)]
     if len(direct) == 1:
         return direct[0]
     here = [end for end in direct if end.site == near_site]
@@ -104,11 +104,11 @@ def _hint(ends: tuple[Host, Host]) -> str:
     return f"name the site where you stand ({' or '.join(dict.fromkeys(end.site for end in ends))}), or say via="
 
 
-def _over_a_bridge(declaration: Declaration, end: Host, via: Mapping[str, str]) -> bool:
+def _over_a_bridge(inventory: Inventory, end: Host, via: Mapping[str, str]) -> bool:
     assert isinstance(end.device, Cpe)  # noqa: S101 - `_ends` gives no others
     name = via.get(end.name, end.device.access.via)
-    bearers = [bearer for site in declaration.sites.values() for bearer in site.bearers if bearer.name == name]
-    return name != LAN.name and any(bearer.kind.traits.bridge for bearer in bearers)
+    links = [link for site in inventory.sites.values() for link in site.bearers if link.name == name]
+    return name != LAN.name and any(link.kind.traits.bridge for link in links)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,33 +118,33 @@ class RunUnit:
     hosts: tuple[Host, ...]
     bridge: Bridge | None = None
     after: tuple[str, ...] = ()
-    """Routers of the run through which the way to it leads: they are changed before."""
+    """Routers of the run on the route to the device: they are changed first."""
 
 
-def members_of(declaration: Declaration, names: Sequence[str], request: Request) -> tuple[RunUnit, ...]:
+def members_of(inventory: Inventory, names: Sequence[str], request: Request) -> tuple[RunUnit, ...]:
     """Return the run units of the hosts `names`; the other end of a bridge is added, at any site.
 
     Raises UsageError if it is undecidable which end of a bridge is the near one.
     """
     pairs = bridges(
-        declaration, _without_single_ends(declaration, names, request), request.via, _near_site(declaration, names)
+        inventory, _without_single_ends(inventory, names, request), request.via, _near_site(inventory, names)
     )
     ends = {end.name: pair for pair in pairs for end in pair.ends}
     members: dict[str, RunUnit] = {}
     for name in names:
         pair = ends.get(name)
-        hosts = (declaration.hosts[name],) if pair is None else pair.ends
-        members.setdefault(hosts[0].name, RunUnit(hosts, pair, _after(declaration, hosts, names, request)))
+        hosts = (inventory.hosts[name],) if pair is None else pair.ends
+        members.setdefault(hosts[0].name, RunUnit(hosts, pair, _after(inventory, hosts, names, request)))
     return tuple(members.values())
 
 
-def _near_site(declaration: Declaration, names: Sequence[str]) -> str:
+def _near_site(inventory: Inventory, names: Sequence[str]) -> str:
     """Return the technician's assumed site: the only one requested, else the control centre's."""
-    sites = {declaration.hosts[name].site for name in names}
-    return sites.pop() if len(sites) == 1 else declaration.hosts[declaration.pilot.vpn.server].site
+    sites = {inventory.hosts[name].site for name in names}
+    return sites.pop() if len(sites) == 1 else inventory.hosts[inventory.pilot.vpn.server].site
 
 
-def _without_single_ends(declaration: Declaration, names: Sequence[str], request: Request) -> list[str]:
+def _without_single_ends(inventory: Inventory, names: Sequence[str], request: Request) -> list[str]:
     """Return the names without bridge ends that are handled alone.
 
     A replacement device is restored while there is no bridge, and a run that saved one end only changed only that one.
@@ -159,7 +159,7 @@ def _without_single_ends(declaration: Declaration, names: Sequence[str], request
         for name in names
         if all(
             _has_saved_state(store, end, request.back_to)
-            for pair in bridges(declaration, [name], request.via, declaration.hosts[name].site)
+            for pair in bridges(inventory, [name], request.via, inventory.hosts[name].site)
             for end in pair.ends
         )
     ]
@@ -172,10 +172,10 @@ def _has_saved_state(store: Store, host: Host, run: str) -> bool:
         return False
 
 
-def _after(declaration: Declaration, hosts: Sequence[Host], names: Sequence[str], request: Request) -> tuple[str, ...]:
+def _after(inventory: Inventory, hosts: Sequence[Host], names: Sequence[str], request: Request) -> tuple[str, ...]:
     """Return the routers that must finish first: devices behind a site's router wait for it if anything is changed."""
     if request.mode.reads_only or any(isinstance(host.device, Router) for host in hosts):
         return ()
     sites = {host.site for host in hosts}
-    selected_hosts = (declaration.hosts[name] for name in names)
+    selected_hosts = (inventory.hosts[name] for name in names)
     return tuple(host.name for host in selected_hosts if host.site in sites and isinstance(host.device, Router))

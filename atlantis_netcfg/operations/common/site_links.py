@@ -11,39 +11,39 @@ from atlantis_netcfg.links.cost import MeteredLink, Tariff
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory import Inventory
+    from atlantis_netcfg.inventory.model import Link
 
 CABLE: Final = "lan"
-"""The technician's cable."""
+"""Link name of the technician's cable."""
 _MB: Final = 1_000_000
 
 
-def links_of(declaration: Declaration, site: str) -> Mapping[str, MeteredLink]:
+def links_of(inventory: Inventory, site: str) -> Mapping[str, MeteredLink]:
     """Return every link of a site by name, including the technician's cable."""
-    links = (_link(site, bearer) for bearer in declaration.sites[site].bearers)
+    links = (_link(site, site_link) for site_link in inventory.sites[site].bearers)
     return {CABLE: MeteredLink(CABLE, site, is_metered=False), **{link.name: link for link in links}}
 
 
-def link_of(declaration: Declaration, site: str, name: str) -> MeteredLink:
-    """Return one link of a site; raise KeyError for an unknown name (`bearer_of` checks it before)."""
-    return links_of(declaration, site)[name]
+def link_of(inventory: Inventory, site: str, name: str) -> MeteredLink:
+    """Return one link of a site; raise KeyError for an unknown name (`site_link_of` checks it before)."""
+    return links_of(inventory, site)[name]
 
 
-def bearer_named(declaration: Declaration, site: str, name: str) -> Bearer:
+def link_named(inventory: Inventory, site: str, name: str) -> Link:
     """Return the link of that name; raise UsageError, which suggests the nearest name."""
-    bearers = {bearer.name: bearer for bearer in declaration.sites[site].bearers}
-    if name not in bearers:
-        near = nearest(name, bearers)
-        choices = f"its links are: {', '.join(bearers)}"
+    links = {link.name: link for link in inventory.sites[site].bearers}
+    if name not in links:
+        near = nearest(name, links)
+        choices = f"its links are: {', '.join(links)}"
         raise UsageError(
             f"`{site}` has no link `{name}`", hint=f"did you mean `link={near}`? {choices}" if near else choices
         )
-    return bearers[name]
+    return links[name]
 
 
-def _link(site: str, bearer: Bearer) -> MeteredLink:
-    billing = bearer.billing if bearer.metered else None
+def _link(site: str, link: Link) -> MeteredLink:
+    billing = link.billing if link.metered else None
     tariff = None
     if billing is not None:
         tariff = Tariff(
@@ -53,6 +53,4 @@ def _link(site: str, bearer: Bearer) -> MeteredLink:
             floor_bytes_per_s=billing.floor_bytes_per_s,
             floor_after_s=billing.floor_after_s,
         )
-    return MeteredLink(
-        bearer.name, site, bearer.metered, tariff, round(bearer.cap_mb * _MB) if bearer.metered else None
-    )
+    return MeteredLink(link.name, site, link.metered, tariff, round(link.cap_mb * _MB) if link.metered else None)

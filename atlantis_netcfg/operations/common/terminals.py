@@ -13,18 +13,18 @@ from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.inventory.model import Router, SatelliteTerminal
 from atlantis_netcfg.links import satellite
-from atlantis_netcfg.operations.common.request import Mode, declaration_of, open_request
+from atlantis_netcfg.operations.common.request import Mode, open_inventory, open_request
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.links import BearerFinding
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.links import LinkFinding
 
 
 EVIDENCE_FOLDER = "evidence"
-"""Below the inventory: where backups that terminals have exported are looked for; ansible.cfg keeps Ansible out."""
+"""Inventory folder with backups exported by terminals; excluded from Ansible in ansible.cfg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class TerminalResult:
     name: str
     model: str | None
     evidence: satellite.SatelliteEvidence | None
-    findings: tuple[BearerFinding, ...]
+    findings: tuple[LinkFinding, ...]
 
     @property
     def verdict(self) -> Verdict:
@@ -88,8 +88,8 @@ def is_terminal(host: Host) -> bool:
     return isinstance(host.device, SatelliteTerminal)
 
 
-def look(
-    declaration: Declaration, host: Host, store: runs.Store, *, today: date, backup: Path | None = None
+def judge_terminal(
+    inventory: Inventory, host: Host, store: runs.Store, *, today: date, backup: Path | None = None
 ) -> TerminalResult:
     """Judge a terminal's entry in the inventory without writing; `backup` names the file instead of searching it.
 
@@ -98,11 +98,11 @@ def look(
     device = host.device
     assert isinstance(device, SatelliteTerminal)  # noqa: S101 - callers ask `is_terminal`
     evidence = _evidence(device)
-    backup_file = _backup(declaration.root, evidence, backup)
+    backup_file = _backup(inventory.root, evidence, backup)
     saved_firmware = _load_firmware(store).get(host.name)
     judgements = satellite.judge_evidence(host.name, evidence, backup_file, saved_firmware, today)
-    findings = [replace(item, hint=item.hint and errors.complete(item.hint, site=host.site)) for item in judgements]
-    return TerminalResult(host.name, device.model, evidence, (*findings, *_network_side(declaration, host, device)))
+    findings = [replace(item, hint=item.hint and errors.fill_hint(item.hint, site=host.site)) for item in judgements]
+    return TerminalResult(host.name, device.model, evidence, (*findings, *_network_side(inventory, host, device)))
 
 
 def perform(
@@ -110,10 +110,12 @@ def perform(
 ) -> dict[str, Any]:
     """Judge the terminals of a play and return `per_host`: each result for Ansible. Raise NetcfgError."""
     with open_request(request, plan_only=plan_only) as (run_request, channel):
-        declaration = declaration_of(inventory)
+        pilot_inventory = open_inventory(inventory)
         store = runs.Store(run_request.state, is_rehearsal=run_request.rehearsed)
         today = datetime.now(UTC).astimezone().date()
-        results = {name: look(declaration, declaration.hosts[name], store, today=today) for name in hosts}
+        results = {
+            name: judge_terminal(pilot_inventory, pilot_inventory.hosts[name], store, today=today) for name in hosts
+        }
         if run_request.mode is Mode.APPLY:
             _record(store, results.values())
         channel.outcome({name: result.as_dict() for name, result in results.items()}, {})
@@ -133,7 +135,7 @@ def _of_host(result: TerminalResult) -> dict[str, Any]:
     }
 
 
-def _words(finding: BearerFinding) -> str:
+def _words(finding: LinkFinding) -> str:
     hint = f" ({finding.hint})" if finding.hint else ""
     return f"{finding.verdict}: {finding.message}{hint}"
 
@@ -152,13 +154,13 @@ def _evidence(device: SatelliteTerminal) -> satellite.SatelliteEvidence | None:
     )
 
 
-def _network_side(declaration: Declaration, host: Host, device: SatelliteTerminal) -> tuple[BearerFinding, ...]:
+def _network_side(inventory: Inventory, host: Host, device: SatelliteTerminal) -> tuple[LinkFinding, ...]:
     address = device.evidence.sim_address if device.evidence is not None else None
-    site = declaration.sites[host.site]
-    bearer = next((bearer.name for bearer in site.bearers if bearer.device == host.name), host.name)
-    routers = [other.device for other in declaration.site_hosts(host.site) if isinstance(other.device, Router)]
+    site = inventory.sites[host.site]
+    link = next((link.name for link in site.bearers if link.device == host.name), host.name)
+    routers = [other.device for other in inventory.site_hosts(host.site) if isinstance(other.device, Router)]
     return satellite.judge_carrier_nat(
-        bearer, None if address is None else str(address), forwards=any(router.forwards for router in routers)
+        link, None if address is None else str(address), forwards=any(router.forwards for router in routers)
     )
 
 

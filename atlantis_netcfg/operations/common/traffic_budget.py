@@ -25,7 +25,7 @@ from atlantis_netcfg.computers.dds_link import links_without_dds
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Finding, model
 from atlantis_netcfg.inventory.rules.satellite import BUDGET_HINT
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.cost import size
 from atlantis_netcfg.links.standing_traffic import (
     MONTH_DAYS,
@@ -34,10 +34,10 @@ from atlantis_netcfg.links.standing_traffic import (
     StandingTraffic,
     SteadyTopic,
     TrafficSource,
-    added_up,
-    canaries,
     keep_alive,
-    time_questions,
+    ntp_traffic,
+    probe_targets,
+    sum_by_source,
     topic_flow,
 )
 from atlantis_netcfg.operations.common.site_links import links_of
@@ -49,38 +49,38 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from atlantis_netcfg.computers.dds import ProfileView
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.routeros.render.view import Uplink
 
 _CHECK_GATEWAY_S: Final = 10.0
-"""How often `check-gateway=ping` asks, on links that cost nothing (MikroTik manual, IP Routing)."""
+"""Interval of `check-gateway=ping` in seconds, on links without cost (MikroTik manual, IP Routing)."""
 _LONGEST_POLL_S: Final = 1024.0
-"""Between two questions to a time server once the clock is steady: `max-poll` 10 of RouterOS and of chrony."""
+"""Longest interval of NTP requests with a steady clock: `max-poll` 10 of RouterOS and of chrony."""
 
 
-def standing_traffic(declaration: Declaration, site: str) -> tuple[StandingTraffic, ...]:
+def standing_traffic(inventory: Inventory, site: str) -> tuple[StandingTraffic, ...]:
     """Return the standing traffic of each link of a site, in order of preference."""
-    links = links_of(declaration, site)
-    uplinks = _uplinks(declaration, site)
-    probe_flows, budgets = _of_canaries(uplinks), dict(_budgets(declaration, site, uplinks))
+    links = links_of(inventory, site)
+    uplinks = _uplinks(inventory, site)
+    probe_flows, budgets = _of_probe_targets(uplinks), dict(_budgets(inventory, site, uplinks))
     return tuple(
         StandingTraffic(
-            links[bearer.name],
-            added_up((*probe_flows.get(bearer.name, ()), *_shared_flows(declaration, site, bearer))),
-            budgets.get(bearer.name, ""),
+            links[link.name],
+            sum_by_source((*probe_flows.get(link.name, ()), *_shared_flows(inventory, site, link))),
+            budgets.get(link.name, ""),
         )
-        for bearer in declaration.sites[site].bearers
+        for link in inventory.sites[site].bearers
     )
 
 
-def _uplinks(declaration: Declaration, site: str) -> tuple[Uplink, ...]:
-    router = declaration.router_of(site)
-    return router_view(declaration, router).uplinks if router is not None else ()
+def _uplinks(inventory: Inventory, site: str) -> tuple[Uplink, ...]:
+    router = inventory.router_of(site)
+    return router_view(inventory, router).uplinks if router is not None else ()
 
 
-def _budgets(declaration: Declaration, site: str, uplinks: Iterable[Uplink]) -> Iterator[tuple[str, str]]:
+def _budgets(inventory: Inventory, site: str, uplinks: Iterable[Uplink]) -> Iterator[tuple[str, str]]:
     """Yield each link with a probe budget, and a text on how its probes keep to it."""
-    budgets = {bearer.name: bearer.canary_budget_bytes for bearer in declaration.sites[site].bearers}
+    budgets = {link.name: link.probe_target_budget_bytes for link in inventory.sites[site].bearers}
     for uplink in uplinks:
         probe_plan, budget = uplink.probing, budgets[uplink.name]
         if probe_plan is not None and probe_plan.unsteady_bytes is not None and budget is not None:
@@ -94,78 +94,78 @@ def _budgets(declaration: Declaration, site: str, uplinks: Iterable[Uplink]) -> 
             yield uplink.name, words
 
 
-def _of_canaries(uplinks: Iterable[Uplink]) -> dict[str, tuple[StandingFlow, ...]]:
+def _of_probe_targets(uplinks: Iterable[Uplink]) -> dict[str, tuple[StandingFlow, ...]]:
     """Return the probe traffic of each link."""
     result: dict[str, tuple[StandingFlow, ...]] = {}
     for uplink in uplinks:
         if uplink.probing is not None:
-            asking = [canaries(len(uplink.canaries), uplink.probing.watch_s)]
+            asking = [probe_targets(len(uplink.probe_targets), uplink.probing.watch_s)]
             if uplink.probing.has_gateway_check:
-                asking.append(canaries(len(uplink.canaries), _CHECK_GATEWAY_S))
+                asking.append(probe_targets(len(uplink.probe_targets), _CHECK_GATEWAY_S))
             result[uplink.name] = tuple(asking)
     return result
 
 
-def _shared_flows(declaration: Declaration, site: str, bearer: model.Bearer) -> Iterator[StandingFlow]:
-    """Yield the traffic that uses the active link; `bearer`: reliable topics depend on its speed."""
+def _shared_flows(inventory: Inventory, site: str, link: model.Link) -> Iterator[StandingFlow]:
+    """Yield the traffic that uses the active link; `link`: reliable topics depend on its speed."""
     clients = [
         host
-        for host in declaration.site_hosts(site)
+        for host in inventory.site_hosts(site)
         if isinstance(host.device, model.Router | model.Switch | model.Gateway)
     ]
-    yield from (time_questions(len(declaration.pilot.time_servers), _LONGEST_POLL_S) for _ in clients)
-    if declaration.hosts[declaration.pilot.vpn.server].site != site:
-        yield from _through_the_vpn(declaration, site, bearer)
+    yield from (ntp_traffic(len(inventory.pilot.time_servers), _LONGEST_POLL_S) for _ in clients)
+    if inventory.hosts[inventory.pilot.vpn.server].site != site:
+        yield from _through_the_vpn(inventory, site, link)
         return
-    for name, other in declaration.sites.items():
+    for name, other in inventory.sites.items():
         if name != site:
-            without = links_without_dds(declaration, name)
+            without = links_without_dds(inventory, name)
             slowest = max(other.bearers, key=lambda each: (each.name not in without, each.rate.rtt_ms))
-            yield from (flow.mirror() for flow in _through_the_vpn(declaration, name, slowest))
+            yield from (flow.mirror() for flow in _through_the_vpn(inventory, name, slowest))
 
 
-def _through_the_vpn(declaration: Declaration, site: str, bearer: model.Bearer) -> Iterator[StandingFlow]:
+def _through_the_vpn(inventory: Inventory, site: str, link: model.Link) -> Iterator[StandingFlow]:
     """Yield the traffic of a site's tunnels, and the traffic through them over a link."""
-    crosses = bearer.name not in links_without_dds(declaration, site)
-    computers, foreign = _computers(declaration, site), _foreign(declaration, site)
+    crosses = link.name not in links_without_dds(inventory, site)
+    computers, foreign = _computers(inventory, site), _foreign(inventory, site)
     senders = [computer for computer in computers if crosses or computer[0] in foreign]
-    announcements = tuple(_announcements(declaration, computers, senders))
+    announcements = tuple(_announcements(inventory, computers, senders))
     yield from announcements
     if senders:
-        yield _telemetry(declaration, site, computers[0][1], declared_pace(bearer))
-    ping_s = identity.TIMERS[site_link(declaration, site)][0]
-    over_lan = declaration.pilot.dds is not None and declaration.pilot.dds.over is model.DdsPath.LAN
-    router = declaration.router_of(site)
+        yield _telemetry(inventory, site, computers[0][1], declared_pace(link))
+    ping_s = identity.TIMERS[site_link(inventory, site)][0]
+    over_lan = inventory.pilot.dds is not None and inventory.pilot.dds.over is model.DdsPath.LAN
+    router = inventory.router_of(site)
     every_s = computers[0][1].tuning.announce_s if announcements else None
     idle = keep_alive(ping_s, identity.RENEGOTIATION_S, None, None)
     busy = keep_alive(ping_s, identity.RENEGOTIATION_S, every_s, every_s)
     if router is not None and isinstance(router.device, model.Router) and router.device.vpn_client is not None:
         own_s = every_s if over_lan else None
         yield keep_alive(ping_s, identity.ROUTEROS_RENEGOTIATION_S, own_s, own_s)
-    gateways = [host for host in declaration.site_hosts(site) if getattr(host.device, "vpn_address", None) is not None]
+    gateways = [host for host in inventory.site_hosts(site) if getattr(host.device, "vpn_address", None) is not None]
     yield from (busy if crosses and not over_lan else idle for _ in gateways)
     yield from (busy for _ in foreign if not over_lan)
 
 
-def _computers(declaration: Declaration, site: str) -> list[tuple[str, ProfileView]]:
+def _computers(inventory: Inventory, site: str) -> list[tuple[str, ProfileView]]:
     """Return address and profile of each computer of a site that uses DDS through the VPN."""
-    if declaration.pilot.dds is None:
+    if inventory.pilot.dds is None:
         return []
     hosts = [
-        host for host in declaration.site_hosts(site) if isinstance(host.device, model.Gateway | model.ControlCentre)
+        host for host in inventory.site_hosts(site) if isinstance(host.device, model.Gateway | model.ControlCentre)
     ]
-    computers = [(view.address, view) for view in (profile_in_use(declaration, host) for host in hosts)]
-    return computers + [(address, computers[0][1]) for address in _foreign(declaration, site) if computers]
+    computers = [(view.address, view) for view in (profile_in_use(inventory, host) for host in hosts)]
+    return computers + [(address, computers[0][1]) for address in _foreign(inventory, site) if computers]
 
 
-def _foreign(declaration: Declaration, site: str) -> list[str]:
+def _foreign(inventory: Inventory, site: str) -> list[str]:
     """Return the addresses of a site's computers that are not in the inventory."""
-    dds = declaration.pilot.dds
+    dds = inventory.pilot.dds
     return [str(peer.address) for peer in dds.peers if peer.site == site] if dds is not None else []
 
 
 def _announcements(
-    declaration: Declaration, computers: list[tuple[str, ProfileView]], senders: list[tuple[str, ProfileView]]
+    inventory: Inventory, computers: list[tuple[str, ProfileView]], senders: list[tuple[str, ProfileView]]
 ) -> Iterator[StandingFlow]:
     """Yield the announcements, both ways, between each sender and its peers."""
     here = {address for address, _ in computers}
@@ -174,11 +174,11 @@ def _announcements(
             outgoing, refusal_bytes = _pair(view, peer)
             if peer in here and peer != address and view.over is model.DdsPath.VPN:
                 yield StandingFlow(TrafficSource.DDS, outgoing + refusal_bytes, outgoing + refusal_bytes)
-            elif peer not in here and not (view.over is model.DdsPath.LAN and name in declaration.vehicles):
-                host = declaration.hosts.get(name)
+            elif peer not in here and not (view.over is model.DdsPath.LAN and name in inventory.vehicles):
+                host = inventory.hosts.get(name)
                 incoming, refused_here = _pair(view, peer)
                 if host is not None:
-                    incoming, refused_here = _pair(profile_in_use(declaration, host), address)
+                    incoming, refused_here = _pair(profile_in_use(inventory, host), address)
                 yield StandingFlow(TrafficSource.DDS, outgoing + refused_here, incoming + refusal_bytes)
 
 
@@ -193,28 +193,28 @@ def _pair(view: ProfileView, peer: str) -> tuple[float, float]:
     return announcing.announcement_bytes(1, view.vpn), announcing.refusal_bytes(1, view.vpn)
 
 
-def _telemetry(declaration: Declaration, site: str, view: ProfileView, pace: LinkPace) -> StandingFlow:
+def _telemetry(inventory: Inventory, site: str, view: ProfileView, pace: LinkPace) -> StandingFlow:
     """Return the traffic of vehicles tested at a site, published to each control centre."""
-    vehicle_names = declaration.sites[site].checklist.vehicles
+    vehicle_names = inventory.sites[site].checklist.vehicles
     topics = [
         steady(item)
-        for key, vehicle in declaration.vehicles.items()
+        for key, vehicle in inventory.vehicles.items()
         if vehicle_names is None or key in vehicle_names
         for item in vehicle.telemetry
     ]
     costs = ((topic.rate_hz, view.messages.cost(topic, pace)) for topic in topics)
-    return topic_flow(costs, control_centres(declaration))
+    return topic_flow(costs, control_centres(inventory))
 
 
-def publishing_profile(declaration: Declaration, site: str) -> ProfileView | None:
+def publishing_profile(inventory: Inventory, site: str) -> ProfileView | None:
     """Return the profile used to count a site's telemetry: its first DDS computer's; None if it has none."""
-    computers = _computers(declaration, site)
+    computers = _computers(inventory, site)
     return computers[0][1] if computers else None
 
 
-def control_centres(declaration: Declaration) -> int:
+def control_centres(inventory: Inventory) -> int:
     """Return the number of control centres, each of which subscribes to every topic."""
-    return sum(isinstance(host.device, model.ControlCentre) for host in declaration.hosts.values())
+    return sum(isinstance(host.device, model.ControlCentre) for host in inventory.hosts.values())
 
 
 def steady(item: model.TelemetryTopic) -> SteadyTopic:
@@ -222,43 +222,43 @@ def steady(item: model.TelemetryTopic) -> SteadyTopic:
     return SteadyTopic(item.rate_hz, item.size_bytes, item.reliable)
 
 
-def declared_pace(bearer: model.Bearer) -> LinkPace:
+def declared_pace(link: model.Link) -> LinkPace:
     """Return a link's speed as given in the inventory."""
-    return LinkPace(bearer.rate.rtt_ms / 1000, bearer.rate.up_kbps * 1000)
+    return LinkPace(link.rate.rtt_ms / 1000, link.rate.up_kbps * 1000)
 
 
-def over_budget(bearer: model.Bearer, traffic: StandingTraffic) -> BearerFinding | None:
+def over_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding | None:
     """Return a finding if a link's standing traffic exceeds its budget; None if it does not, or is free."""
-    if bearer.metered and not bearer.has_standing_budget and traffic.month_bytes:
-        return _without_budget(bearer, traffic)
+    if link.metered and not link.has_standing_budget and traffic.month_bytes:
+        return _without_budget(link, traffic)
     budgets = []
-    if bearer.standing_budget_mb is not None and traffic.month_bytes > bearer.standing_budget_mb * 1_000_000:
-        budgets.append(f"{bearer.standing_budget_mb:g} MB (`standing_budget_mb`)")
-    price, most = traffic.bill.price, bearer.standing_budget_eur
+    if link.standing_budget_mb is not None and traffic.month_bytes > link.standing_budget_mb * 1_000_000:
+        budgets.append(f"{link.standing_budget_mb:g} MB (`standing_budget_mb`)")
+    price, most = traffic.bill.price, link.standing_budget_eur
     if most is not None and price is not None and price > Decimal(str(most)):
         budgets.append(f"{most:g} EUR (`standing_budget_eur`)")
     if not budgets:
         return None
     message = (
-        f"by itself {size(traffic.month_bytes)} a month would go over {bearer.name} ({traffic.bill.money}),"
+        f"by itself {size(traffic.month_bytes)} a month would go over {link.name} ({traffic.bill.money}),"
         f" and its budget is {' and '.join(budgets)}"
     )
     hint = "declare fewer `processes`, `participants` or `peers` below `dds:`, slower `telemetry:`, or a larger budget"
-    return BearerFinding(Verdict.WARN, "standing-over-budget", message, hint)
+    return LinkFinding(Verdict.WARN, "standing-over-budget", message, hint)
 
 
-def _without_budget(bearer: model.Bearer, traffic: StandingTraffic) -> BearerFinding:
+def _without_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding:
     amount = f"{size(traffic.month_bytes)} a month ({traffic.bill.money})"
-    message = f"no budget is declared for what goes over {bearer.name} by itself: {amount}"
-    return BearerFinding(Verdict.WARN, "no-standing-budget", message, BUDGET_HINT)
+    message = f"no budget is declared for what goes over {link.name} by itself: {amount}"
+    return LinkFinding(Verdict.WARN, "no-standing-budget", message, BUDGET_HINT)
 
 
-def inventory_warnings(declaration: Declaration) -> tuple[Finding, ...]:
+def inventory_warnings(inventory: Inventory) -> tuple[Finding, ...]:
     """Return the inventory's warnings and every link over its budget, sorted by position."""
-    findings = list(declaration.warnings)
-    for name, site in declaration.sites.items():
-        for bearer, traffic in zip(site.bearers, standing_traffic(declaration, name), strict=True):
-            over = over_budget(bearer, traffic) if bearer.has_standing_budget else None
+    findings = list(inventory.warnings)
+    for name, site in inventory.sites.items():
+        for link, traffic in zip(site.bearers, standing_traffic(inventory, name), strict=True):
+            over = over_budget(link, traffic) if link.has_standing_budget else None
             if over is not None:
-                findings.append(Finding.at(declaration.places[name, bearer.name], over.message, over.hint or ""))
+                findings.append(Finding.at(inventory.places[name, link.name], over.message, over.hint or ""))
     return tuple(sorted(findings))

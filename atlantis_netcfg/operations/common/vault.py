@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 
 _USED = {"connection_loader": ("local", "ssh"), "shell_loader": ("sh",), "become_loader": ("sudo",)}
-"""What runs use of Ansible's plugins, by the names that its executor has for their loaders."""
+"""Ansible plugins that runs use, by the executor's names of their loaders."""
 _LARGE = 50_000
-"""Bytes of a collection's metadata that are worth keeping as read; those of Ansible's own collection are 400,000."""
+"""Collection metadata above this number of bytes is cached; that of Ansible's own collection has 400,000."""
 
 
 def _speak_utf8() -> None:
@@ -146,7 +146,7 @@ def is_configured() -> bool:
 
 
 PROMPTS = frozenset({"prompt", "prompt_ask_vault_pass"})
-"""In place of a file: Ansible's words for an identity whose password is typed."""
+"""Ansible's words, instead of a file name, for a vault identity whose password is typed."""
 
 
 class Vault:

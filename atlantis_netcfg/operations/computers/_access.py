@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.inventory.model import SshHost, VpnServer
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.session_link import site_link_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.request import Request
 
 
@@ -27,7 +27,7 @@ def is_computer(host: Host) -> bool:
     return isinstance(host.device, SshHost)
 
 
-def computer_access(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
+def computer_access(inventory: Inventory, host: Host, request: Request) -> Mapping[str, Any]:
     """Return the connection variables: `host`, `port`, `user`, `become`, `ssh_args`, `metered`.
 
     The host key is that of the inventory, else the one under the host's name in the technician's known_hosts, whatever
@@ -35,7 +35,7 @@ def computer_access(declaration: Declaration, host: Host, request: Request) -> M
     """
     device = host.device
     assert isinstance(device, SshHost)  # noqa: S101 - callers ask `is_computer`
-    bearer = bearer_of(declaration, host, request.via.get(host.name))
+    link = site_link_of(inventory, host, request.via.get(host.name))
     target = request.targets.get(host.name) if request.rehearsed else None
     alias = f"-o HostKeyAlias={host.name}"
     if target is not None:
@@ -55,7 +55,7 @@ def computer_access(declaration: Declaration, host: Host, request: Request) -> M
         "user": device.account,
         "become": device.account != "root",
         "ssh_args": f"{alias} -o StrictHostKeyChecking=yes{_declared_key(host, request)}",
-        "metered": bearer.name if bearer.is_metered else "",
+        "metered": link.name if link.is_metered else "",
     }
 
 

@@ -35,7 +35,7 @@ from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import requests
 from atlantis_netcfg.vpn.authority.authority import Authority
-from atlantis_netcfg.vpn.authority.model import HandoutFile
+from atlantis_netcfg.vpn.authority.model import EnrolmentFile
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
 from atlantis_netcfg.vpn.members import server_names
 from atlantis_netcfg.vpn.server import PACKAGES as VPN
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.vpn.identity import Identity
 
 
@@ -53,7 +53,7 @@ _STATE = (
     "find /etc /opt /usr/local /var/lib/atlantis /var/lib/dpkg -xdev -path /var/lib/atlantis/tool -prune"
     " -o -type f -printf '%p %s %T@\\n' 2>/dev/null | sort"
 )
-"""Without the toolkit's own program, which a plan sends as well: it is what looks."""
+"""Command that lists files with size and time; without the toolkit's own program, which a plan sends as well."""
 _KEYS = serialization.Encoding.OpenSSH
 
 
@@ -64,12 +64,12 @@ class RehearsedComputers:
     machines: Mapping[str, lab.Machine] = field(default_factory=dict)
     targets: Mapping[str, Target] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
-    """Host name to why nothing stands for it."""
+    """Reason why a host has no emulator, by host name."""
     stubs: StandIns | None = None
     images: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Host name and service to the SHA-256 of the archive that stands for the service's image."""
+    """SHA-256 of the archive that replaces a service's image, by host name and service."""
     authority: Path | None = None
-    """Folder of the VPN's authority that was made for it."""
+    """Folder of the VPN authority that was created for the rehearsal."""
     not_rehearsed: tuple[str, ...] = ()
 
     def export(self, name: str) -> str:
@@ -79,7 +79,7 @@ class RehearsedComputers:
 
 @contextmanager
 def rehearsed_computers(
-    declaration: Declaration, hosts: Sequence[Host], folder: Path, notify: events.Subscriber
+    inventory: Inventory, hosts: Sequence[Host], folder: Path, notify: events.Subscriber
 ) -> Iterator[RehearsedComputers]:
     """Start an emulated computer for each computer among `hosts` until the context ends; raise MachineError."""
     computers = [host for host in hosts if is_computer(host)]
@@ -96,21 +96,21 @@ def rehearsed_computers(
                 host.name, events.Stage.CONNECTING, "a Debian is made for it; the first time that takes two minutes"
             )
         )
-    root = lab.build_rootfs(tree_spec(declaration))
+    root = lab.build_rootfs(tree_spec(inventory))
     folder.mkdir(mode=0o700, exist_ok=True)
     public = _key(folder / "key")
     with ExitStack() as stack:
         ground = stack.enter_context(lab.open_lab(folder))
-        machines = {host.name: _start_machine(ground, declaration, host, root, public) for host in computers}
+        machines = {host.name: _start_machine(ground, inventory, host, root, public) for host in computers}
         targets = {name: _target(machine, folder) for name, machine in machines.items()}
         serving = [host.device for host in computers if isinstance(host.device, model.ServerComputer)]
         servers = any(map(is_server, computers))
         images = {host.name: _provide_images(machines[host.name], host.device, root) for host in computers}
         stand_ins = (
-            _serve_stand_ins(stack, ground, declaration, folder) if any(device.has_ros2 for device in serving) else None
+            _serve_stand_ins(stack, ground, inventory, folder) if any(device.has_ros2 for device in serving) else None
         )
         authority, untold = (
-            _server_authority(declaration, folder) if servers else _client_identities(declaration, computers, folder)
+            _server_authority(inventory, folder) if servers else _client_identities(inventory, computers, folder)
         )
         result = (
             *((_CLOCK,) if serving else ()),
@@ -126,35 +126,35 @@ def rehearsed_computers(
         )
 
 
-def _server_authority(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, ...]]:
+def _server_authority(inventory: Inventory, folder: Path) -> tuple[Path, tuple[str, ...]]:
     """Create an authority for the server; return its folder and the limits of the rehearsal."""
-    return create_authority(declaration, folder / "vpn"), NOT_REHEARSED
+    return create_authority(inventory, folder / "vpn"), NOT_REHEARSED
 
 
-def _client_identities(declaration: Declaration, hosts: Sequence[Host], folder: Path) -> tuple[Path, tuple[str, ...]]:
+def _client_identities(inventory: Inventory, hosts: Sequence[Host], folder: Path) -> tuple[Path, tuple[str, ...]]:
     """Create identities for gateways that no server of this rehearsal knows; return folder and limits."""
     from atlantis_netcfg.vpn import rehearsal  # noqa: PLC0415 - as above
 
-    return rehearsal.identities(declaration, hosts, folder / "vpn"), rehearsal.NOT_REHEARSED
+    return rehearsal.identities(inventory, hosts, folder / "vpn"), rehearsal.NOT_REHEARSED
 
 
-def tree_spec(declaration: Declaration) -> lab.TreeSpec:
+def tree_spec(inventory: Inventory) -> lab.TreeSpec:
     """Return the Debian packages of the pilot's computers: a rehearsal has no network to download them.
 
     The list covers all sites, so that one tree is enough. ROS packages come from substitutes, at their place in the
     run.
     """
     package_names = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN, *RETRIEVAL}
-    for host in declaration.hosts.values():
+    for host in inventory.hosts.values():
         if isinstance(host.device, model.ServerComputer):
-            package_names |= {item.name for item in gateway_base(declaration, host).packages}
-            package_names |= {package.name for package in gateway_interop(declaration, host).packages}
+            package_names |= {item.name for item in gateway_base(inventory, host).packages}
+            package_names |= {package.name for package in gateway_interop(inventory, host).packages}
     return lab.TreeSpec(packages=tuple(sorted(package_names)))
 
 
-def _serve_stand_ins(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder: Path) -> StandIns | None:
+def _serve_stand_ins(stack: ExitStack, ground: lab.Lab, inventory: Inventory, folder: Path) -> StandIns | None:
     """Serve substitutes for the ROS archive and the partners' repositories; None if the inventory has no ROS."""
-    pilot = declaration.pilot
+    pilot = inventory.pilot
     if pilot.dds is None or pilot.gateways.ros2 is None:
         return None
     release = pilot.dds.distribution.value
@@ -187,8 +187,8 @@ def _declares_network(host: Host) -> bool:
     return isinstance(host.device, model.SiteComputer) and host.device.network is not None
 
 
-def _start_machine(ground: lab.Lab, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
-    device, lan = host.device, declaration.sites[host.site].lan
+def _start_machine(ground: lab.Lab, inventory: Inventory, host: Host, root: Path, public: str) -> lab.Machine:
+    device, lan = host.device, inventory.sites[host.site].lan
     assert isinstance(device, model.SshHost)  # noqa: S101 - `is_computer` has said so
     interface = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
     machine = ground.start(host.name, root, address=str(interface), gateway=str(lan.gateway), keys=(public,))
@@ -248,24 +248,21 @@ NOT_REHEARSED = (
 _WHO = "rehearsal"
 
 
-def create_authority(declaration: Declaration, folder: Path) -> Path:
+def create_authority(inventory: Inventory, folder: Path) -> Path:
     """Create the rehearsal's authority, with an identity for every VPN client host; return the folder."""
     passphrase = Secret(secrets.token_urlsafe(24))
-    authority = Authority.init(folder, passphrase, server_names(declaration), _WHO)
+    authority = Authority.init(folder, passphrase, server_names(inventory), _WHO)
     hosts = folder / "hosts"
     hosts.mkdir(mode=0o700, exist_ok=True)
 
-    def deliver(identity: Identity) -> HandoutFile:
+    def deliver(identity: Identity) -> EnrolmentFile:
         path, data = hosts / f"{identity.member.name}.identity", identity_file(identity).reveal().encode()
         write_atomically(path, data)
-        return HandoutFile(str(path), hashlib.sha256(data).hexdigest())
+        return EnrolmentFile(str(path), hashlib.sha256(data).hexdigest())
 
     with authority.unlock(lambda: passphrase, _WHO) as signer:
         signer.issue(
-            [
-                requests.request_of(declaration, requests.DeviceWords(host=name))
-                for name in requests.computers(declaration)
-            ],
+            [requests.request_of(inventory, requests.DeviceWords(host=name)) for name in requests.computers(inventory)],
             deliver,
         )
     return folder

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.apply import RunName, SiteRun
-from atlantis_netcfg.operations.common.request import EventStream, Mode, Request, declaration_of
+from atlantis_netcfg.operations.common.request import EventStream, Mode, Request, open_inventory
 from atlantis_netcfg.operations.computers._access import is_computer, key_trouble
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.runs import NOT_RECORDED, ActionConfirmation, JournalError, Outcome, conclude
@@ -41,9 +41,9 @@ class ComputerResult:
     changes: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
-    """What is not as declared and stopped nothing; no green end."""
+    """Deviations from the inventory that did not stop the run; the result is not green."""
     diffs: list[str] = field(default_factory=list)
-    """Differences of texts, as `diff -u` has them."""
+    """Text differences in `diff -u` format."""
     failure: str | None = None
     hint: str | None = None
     status: Status = Status.UNCHANGED
@@ -162,7 +162,7 @@ class ComputerResult:
             "reached": self.was_reached,
             "exit": int(self.exit),
             "message": self.message,
-            "hint": self.hint and errors.complete(self.hint, site=self.site, device=self.name),
+            "hint": self.hint and errors.fill_hint(self.hint, site=self.site, device=self.name),
             "busy": "",
             "planned": len(self.changes),
             "confirmed": self.confirmed_actions,
@@ -197,7 +197,7 @@ def _differences(result: object) -> Iterator[str]:
 
 
 _refusals: list[errors.NetcfgError] = []
-"""Why this process may not go on: its tasks are children of it, and see what it held when they began."""
+"""Errors that stop this process; its tasks are child processes and see the list as it was when they started."""
 
 
 def refuse() -> None:
@@ -215,12 +215,12 @@ class Watch:
     plan_only: bool
     _turns: dict[str, SiteRun] = field(default_factory=dict)
     _sites: dict[str, str] = field(default_factory=dict)
-    """Host to site."""
+    """Site by host."""
     _results: dict[str, ComputerResult] = field(default_factory=dict)
     _start_times: dict[str, float] = field(default_factory=dict)
     _answered_hosts: set[str] = field(default_factory=set)
     _running: dict[str, str] = field(default_factory=dict)
-    """Host to the task that it is at."""
+    """Running task by host."""
 
     @property
     def _channel(self) -> EventStream:
@@ -236,11 +236,11 @@ class Watch:
         request = self.request.model_copy(update={"mode": Mode.PLAN}) if reads else self.request
         _refusals.clear()
         try:
-            declaration = declaration_of(self.inventory)
-            computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
+            inventory = open_inventory(self.inventory)
+            computers = [inventory.hosts[name] for name in hosts if is_computer(inventory.hosts[name])]
             run_name = RunName()
             for site in sorted({host.site for host in computers}):
-                self._turns[site] = SiteRun(declaration, site, computers, request, run_name)
+                self._turns[site] = SiteRun(inventory, site, computers, request, run_name)
                 self._turns[site].begin()
                 self._tell_run(site)
         except errors.NetcfgError as error:

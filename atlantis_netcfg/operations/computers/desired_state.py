@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.operations.common.costs import gate
-from atlantis_netcfg.operations.common.request import declaration_of, open_request, refuse_examples
+from atlantis_netcfg.operations.common.costs import require_consent
+from atlantis_netcfg.operations.common.request import open_inventory, open_request, refuse_examples
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.computers import _watch, parts
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.request import Request
 
 BUNDLES = "/var/lib/atlantis/bundle"
-"""On a computer: where the action `carry` puts a bundle, below its id."""
+"""Folder on a computer in which the action `carry` stores bundles by their id."""
 
 
-def fetching(declaration: Declaration, host: Host, request: Request, bundle: str | None) -> Mapping[str, Any]:
+def package_sources(inventory: Inventory, host: Host, request: Request, bundle: str | None) -> Mapping[str, Any]:
     """Return the parameters of the module `packages` for downloads; empty if they are unrestricted (unmetered).
 
     Over a metered link nothing is downloaded without a person's consent, and never more than its cap. Only the router
@@ -33,10 +33,10 @@ def fetching(declaration: Declaration, host: Host, request: Request, bundle: str
     """
     if bundle is not None:
         return {"offline": f"{BUNDLES}/{bundle}/repository"}
-    bearers = declaration.sites[host.site].bearers
-    if request.rehearsed or not bearers or not bearers[0].metered:
+    links = inventory.sites[host.site].bearers
+    if request.rehearsed or not links or not links[0].metered:
         return {}
-    link = link_of(declaration, host.site, bearers[0].name)
+    link = link_of(inventory, host.site, links[0].name)
     if request.accept_cost and link.cap_bytes is None:
         return {}
     return {
@@ -72,20 +72,20 @@ def perform(
     with open_request(request, plan_only=plan_only) as (run_request, _):
         if part not in parts.PARTS:
             raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(parts.PARTS)}")
-        declaration = declaration_of(inventory)
-        computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
-        refuse_examples(declaration, is_rehearsal=run_request.rehearsed)
-        gate(declaration, computers, run_request)
+        pilot_inventory = open_inventory(inventory)
+        computers = [pilot_inventory.hosts[name] for name in hosts if is_computer(pilot_inventory.hosts[name])]
+        refuse_examples(pilot_inventory, is_rehearsal=run_request.rehearsed)
+        require_consent(pilot_inventory, computers, run_request)
         _watch.refuse()
         if part == parts.ACCESS:
-            _open_bundle(declaration, computers, run_request)
-            parts.refuse_unfounded(computers, run_request)
+            _open_bundle(pilot_inventory, computers, run_request)
+            parts.require_authority(computers, run_request)
         bundle = bundle_of(run_request.offline)
         return {
             "per_host": {
                 host.name: narrow(
-                    parts.PARTS[part](declaration, host, run_request),
-                    fetching(declaration, host, run_request, bundle),
+                    parts.PARTS[part](pilot_inventory, host, run_request),
+                    package_sources(pilot_inventory, host, run_request, bundle),
                     bundle,
                 )
                 for host in computers
@@ -94,7 +94,7 @@ def perform(
         }
 
 
-def _open_bundle(declaration: Declaration, computers: Sequence[Host], request: Request) -> None:
+def _open_bundle(inventory: Inventory, computers: Sequence[Host], request: Request) -> None:
     """Check the bundle against the inventory before the start; raise BundleError with all that is missing."""
     if request.offline is None:
         return
@@ -105,4 +105,4 @@ def _open_bundle(declaration: Declaration, computers: Sequence[Host], request: R
         )
     from atlantis_netcfg.operations import bundle as bundling  # noqa: PLC0415 - most runs have no bundle
 
-    bundling.open_for_hosts(declaration, computers, request.offline, request)
+    bundling.open_for_hosts(inventory, computers, request.offline, request)

@@ -45,7 +45,7 @@ class ServerRefusal(errors.DeviceError):
     """The server refused a request and gave the reason."""
 
 
-class RecordOlder(errors.NetcfgError):
+class StaleRecord(errors.NetcfgError):
     """The server is newer than this record: a restored copy would bring back a revoked member."""
 
     exit = errors.ExitCode.FAILED
@@ -59,9 +59,9 @@ class RecordOlder(errors.NetcfgError):
 
 
 _SSH_OPTIONS: Final = "-o ControlMaster=auto -o ControlPersist=30m -o ServerAliveInterval=20 -o ServerAliveCountMax=6"
-"""As in ansible.cfg: 6 unanswered probes of 20 s outlive a gap of 70 s."""
+"""As in ansible.cfg: 6 unanswered keep-alives of 20 s outlast a gap of 70 s."""
 _CONNECT_S: Final = 120
-"""Ansible's `timeout` there."""
+"""Connection timeout in seconds, as `timeout` in ansible.cfg."""
 _NOT_FOUND: Final = 127
 
 
@@ -110,19 +110,19 @@ def ssh_error(name: str, access: Mapping[str, Any], code: int | None, text: str)
 
 
 FOLDER: Final = "/var/lib/atlantis/live"
-"""On the server: the live tool; the one of the modules has a folder of its own, for each removes what is older."""
+"""Server folder of the live tool; the modules' tool has another one, because each removes older versions."""
 PYTHON: Final = (3, 8)
 _MARK: Final = b"ATLANTIS-VPN "
-"""Before each answer, because shells greet (`vpn_serve.py`)."""
+"""Prefix of each response, because shells print greetings (`vpn_serve.py`)."""
 _ASKS: Final = "ATLANTIS-PYTHON "
 _INSTALL_MARK: Final = "ATLANTIS-RESULT "
-"""What the installing program says goes after it; it says something only where it fails."""
+"""Prefix of the installing program's output, which it writes only on failure."""
 _VERSION: Final = f'import sys; print("\\n{_ASKS}%d %d" % sys.version_info[:2])'
 _START_S: Final = 150.0
-"""For the first word: a connection may begin in a gap of 70 s, and the tool goes over the link after it."""
+"""Timeout for the first line: a connection may begin in a gap of 70 s, and then the tool is transferred."""
 _ANSWER_S: Final = 300.0
 _MOST: Final = 64 * 1024 * 1024
-"""Bytes of one line."""
+"""Maximum number of bytes in one line."""
 
 
 class ServerLink(Protocol):

@@ -31,7 +31,7 @@ from atlantis_netcfg.runs import Store
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 __all__ = ["Diagnosis", "DoctorItem", "DoctorSection", "examine"]
 
@@ -41,24 +41,24 @@ def examine(inventory: Path, site: str | None, *, via: str | None, decrypt: Call
 
     `decrypt` opens a value of the inventory's vault, and may ask for its password.
     """
-    declaration, invalid = _declaration(inventory)
-    hosts = _hosts(declaration, site)
+    pilot_inventory, invalid = _inventory(inventory)
+    hosts = _hosts(pilot_inventory, site)
     state, homeless = _state()
     read = read_runs(Store(state) if state is not None else None, site)
     authority = state / "vpn" if state is not None else None
     items = [*software_items(paths.checkout(), computers=any(map(is_computer, hosts)))]
     items += clock_items(paths.checkout(), read.runs, authority)
-    items += _way_items(declaration, site, via, state)
+    items += _way_items(pilot_inventory, site, via, state)
     items += [invalid] if invalid is not None else []
-    if declaration is not None and state is not None:
-        items += key_items(declaration, hosts, decrypt, Store(state).pins, _home())
+    if pilot_inventory is not None and state is not None:
+        items += key_items(pilot_inventory, hosts, decrypt, Store(state).pins, _home())
     items += [authority_item(authority)] if authority is not None else []
     items += [homeless] if homeless is not None else []
     items += folder_items(state, paths.checkout(), read) if state is not None else ()
-    return Diagnosis(tuple(items), site, _follows(declaration, site))
+    return Diagnosis(tuple(items), site, _next_command(pilot_inventory, site))
 
 
-def _declaration(inventory: Path) -> tuple[Declaration | None, DoctorItem | None]:
+def _inventory(inventory: Path) -> tuple[Inventory | None, DoctorItem | None]:
     """Return the inventory, or the item that reports its errors."""
     try:
         return load(inventory), None
@@ -71,12 +71,12 @@ def _declaration(inventory: Path) -> tuple[Declaration | None, DoctorItem | None
         return None, DoctorItem(DoctorSection.KEYS, "declaration", Verdict.FAIL, observation, "", commands)
 
 
-def _hosts(declaration: Declaration | None, site: str | None) -> tuple[Host, ...]:
-    if declaration is None:
+def _hosts(inventory: Inventory | None, site: str | None) -> tuple[Host, ...]:
+    if inventory is None:
         return ()
     if site == ALL:
-        raise UsageError(f"`site={ALL}`: a laptop stands at one site", hint=f"name it: {', '.join(declaration.sites)}")
-    return choose(declaration, ALL if site is None else site)
+        raise UsageError(f"`site={ALL}`: a laptop stands at one site", hint=f"name it: {', '.join(inventory.sites)}")
+    return choose(inventory, ALL if site is None else site)
 
 
 def _state() -> tuple[Path | None, DoctorItem | None]:
@@ -97,14 +97,14 @@ def _home() -> Path:
 
 
 def _way_items(
-    declaration: Declaration | None, site: str | None, via: str | None, state: Path | None
+    inventory: Inventory | None, site: str | None, via: str | None, state: Path | None
 ) -> Iterator[DoctorItem]:
     try:
-        if declaration is None or site is None:
+        if inventory is None or site is None:
             yield reachability.judge_ports(read_network(None))
             return
-        for place in reachability.router_places(declaration, site, via, _pin_reader(state)):
-            yield from _towards(place)
+        for place in reachability.router_places(inventory, site, via, _pin_reader(state)):
+            yield from _check_route(place)
     except NetworkUnreadable as trouble:
         yield DoctorItem(DoctorSection.WAY, "network", Verdict.INCONCLUSIVE, str(trouble))
 
@@ -121,7 +121,7 @@ def _pin_reader(state: Path | None) -> Callable[[str], str | None]:
     return read_pin
 
 
-def _towards(place: reachability.RouterPlace) -> Iterator[DoctorItem]:
+def _check_route(place: reachability.RouterPlace) -> Iterator[DoctorItem]:
     """Yield the items of the route to a router, and of the router itself if the route is correct."""
     if place.example:
         observation = f"the addresses of {place.site} are examples, which lead to nobody's devices"
@@ -136,11 +136,11 @@ def _towards(place: reachability.RouterPlace) -> Iterator[DoctorItem]:
         yield from reachability.judge_router(place, reachability.ask_router(place))
 
 
-def _follows(declaration: Declaration | None, site: str | None) -> str:
+def _next_command(inventory: Inventory | None, site: str | None) -> str:
     """Return the next command to type if everything is in order."""
-    if declaration is None:
+    if inventory is None:
         return ""
-    example = declaration.pilot.example_values
+    example = inventory.pilot.example_values
     if site is None:
-        return f"provision doctor site={next(iter(declaration.sites))}"
+        return f"provision doctor site={next(iter(inventory.sites))}"
     return f"provision site={site} --rehearse" if example else f"provision site={site} --plan"

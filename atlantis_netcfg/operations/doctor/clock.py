@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs import Run
 
 _TOLERANCE = timedelta(minutes=10)
-"""Clocks of other people's computers, on which commits are made, differ by so much."""
+"""Typical deviation of other people's clocks, which date commits."""
 _SET = "sudo timedatectl set-ntp true"
 _PATIENCE_S = 5.0
 

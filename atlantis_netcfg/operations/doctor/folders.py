@@ -39,7 +39,7 @@ class SpaceRequirement:
     name: str
     place: Path
     fail: int
-    """With less, commands fail."""
+    """Below this value commands fail."""
     warn: int
     purpose: str
 
@@ -49,7 +49,9 @@ def room_needs(state: Path, cache: Path) -> tuple[SpaceRequirement, ...]:
     return (
         SpaceRequirement("room for records", state, 50 * _MB, 500 * _MB, "journals and saved states"),
         SpaceRequirement("room for the cache", cache, 50 * _MB, 2000 * _MB, "the Debian of a rehearsal as root"),
-        SpaceRequirement("room for images", temporary.roomy(), 50 * _MB, 8000 * _MB, "images of cards, and bundles"),
+        SpaceRequirement(
+            "room for images", temporary.large_temp_dir(), 50 * _MB, 8000 * _MB, "images of cards, and bundles"
+        ),
     )
 
 
@@ -84,7 +86,7 @@ def state_item(place: Path) -> DoctorItem:
             )
         return _item(name, Verdict.SKIP, f"{place} is made by the first run")
     try:
-        paths.hold_own(place, "name a folder of your own: ATLANTIS_STATE=/some/folder, before the command")
+        paths.require_own(place, "name a folder of your own: ATLANTIS_STATE=/some/folder, before the command")
     except UsageError as error:
         return _item(name, Verdict.FAIL, str(error), error.hint or "")
     if place.stat().st_mode & _OTHERS:
@@ -153,7 +155,7 @@ class RunsRead:
     runs: tuple[Run, ...]
     unfinished_runs: tuple[Run, ...]
     trouble: NetcfgError | None = None
-    """Why they could not be read."""
+    """Why the runs could not be read; None: no error."""
 
 
 def read_runs(store: Store | None, site: str | None) -> RunsRead:
@@ -176,7 +178,7 @@ def folder_items(state: Path, root: Path, read: RunsRead) -> Iterator[DoctorItem
         yield judge_room(need, shutil.disk_usage(_standing(need.place)).free)
     yield state_item(state)
     yield checkout_item(root)
-    yield leftovers_item(temporary.remaining())
+    yield leftovers_item(temporary.orphaned_folders())
     if read.trouble is not None:
         yield _item("open runs", Verdict.FAIL, str(read.trouble), read.trouble.hint or "")
     else:

@@ -25,7 +25,7 @@ class DoctorSection(StrEnum):
 
 
 _RED = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
-"""What does not hold, and what could not be observed: neither is green."""
+"""Verdicts that are not green: the check failed, or could not be observed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +36,10 @@ class DoctorItem:
     name: str
     verdict: Verdict
     observation: str
-    """What was seen, in words; never a secret."""
+    """Observation as text; never a secret."""
     hint: str = ""
-    """What to do, in words."""
     commands: tuple[str, ...] = ()
-    """What to type, each as it stands: in a shell, or behind `./`."""
+    """Commands to type, exactly as given: in a shell, or after `./`."""
 
     def as_json(self) -> dict[str, Any]:
         """Return JSON-able data."""
@@ -61,7 +60,7 @@ class Diagnosis:
     items: tuple[DoctorItem, ...]
     site: str | None = None
     follows: str = ""
-    """The command to type where nothing is red."""
+    """Next command to type if nothing is red."""
 
     @property
     def verdict(self) -> Verdict:

@@ -27,21 +27,21 @@ from atlantis_netcfg.operations.trust import has_identity
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.runs import Pins
 
 _PATIENCE_S = 5.0
 _OTHERS = 0o077
-"""Permission bits of everybody but the owner."""
+"""Permission bits of everybody except the owner."""
 
 
 def _item(name: str, verdict: Verdict, observation: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
     return DoctorItem(DoctorSection.KEYS, name, verdict, observation, hint, tuple(commands))
 
 
-def examples_item(declaration: Declaration) -> DoctorItem:
+def examples_item(inventory: Inventory) -> DoctorItem:
     """Report whether example values limit the inventory to rehearsals."""
-    if declaration.pilot.example_values:
+    if inventory.pilot.example_values:
         return _item(
             "example values",
             Verdict.WARN,
@@ -102,9 +102,9 @@ class LaptopKey:
     """An SSH key of this laptop."""
 
     public: str
-    """Its type and its base64."""
+    """Public key: type and base64."""
     file: Path | None
-    """The private half; None: the agent holds it."""
+    """File of the private key; None: the agent holds it."""
 
 
 def laptop_keys(home: Path, agent: str = "") -> tuple[LaptopKey, ...]:
@@ -191,15 +191,15 @@ def in_known_hosts(name: str, home: Path) -> bool:
 
 
 def known_devices_item(
-    declaration: Declaration, hosts: Sequence[Host], pins: Pins, is_known: Callable[[str], bool]
+    inventory: Inventory, hosts: Sequence[Host], pins: Pins, is_known: Callable[[str], bool]
 ) -> DoctorItem:
     """Report whether the devices' identities are known, from the inventory or from pins on this computer."""
     name = "known devices"
-    if declaration.pilot.example_values:
+    if inventory.pilot.example_values:
         return _item(name, Verdict.SKIP, "the declared devices are examples")
     every = [host for host in hosts if has_identity(host)]
     try:
-        unknown = [host for host in every if not _is_known(declaration, host, pins, is_known)]
+        unknown = [host for host in every if not _is_known(inventory, host, pins, is_known)]
     except NetcfgError as error:
         return _item(name, Verdict.FAIL, str(error), error.hint or "")
     if not every:
@@ -216,9 +216,9 @@ def known_devices_item(
     )
 
 
-def _is_known(declaration: Declaration, host: Host, pins: Pins, is_known: Callable[[str], bool]) -> bool:
+def _is_known(inventory: Inventory, host: Host, pins: Pins, is_known: Callable[[str], bool]) -> bool:
     if is_supported(host):
-        return bool(get_managed_device(declaration, host).access.fingerprint or pins.get(host.name))
+        return bool(get_managed_device(inventory, host).access.fingerprint or pins.get(host.name))
     if isinstance(host.device, model.LteRouter):
         fingerprint = host.device.access.fingerprint if host.device.access is not None else None
         return bool(fingerprint or pins.get(host.name))
@@ -241,18 +241,18 @@ def authority_item(folder: Path) -> DoctorItem:
 
 
 def key_items(
-    declaration: Declaration, hosts: Sequence[Host], decrypt: Callable[[str], str], pins: Pins, home: Path
+    inventory: Inventory, hosts: Sequence[Host], decrypt: Callable[[str], str], pins: Pins, home: Path
 ) -> Iterator[DoctorItem]:
     """Check the keys and passwords that these hosts need."""
-    yield examples_item(declaration)
-    yield secrets_item(declaration.root, decrypt)
+    yield examples_item(inventory)
+    yield secrets_item(inventory.root, decrypt)
     for file in password_files(os.environ):
-        yield password_file_item(file, declaration.root)
+        yield password_file_item(file, inventory.root)
     keys = laptop_keys(home, agent_keys())
     for host in hosts:
         if isinstance(host.device, model.SiteComputer) and host.device.image is not None and host.device.image.ssh_keys:
-            if declaration.pilot.example_values:
+            if inventory.pilot.example_values:
                 yield _item(f"SSH key for {host.name}", Verdict.SKIP, "its declared keys are examples")
             else:
                 yield keys_item(host.name, host.device.image.ssh_keys, keys)
-    yield known_devices_item(declaration, hosts, pins, lambda name: in_known_hosts(name, home))
+    yield known_devices_item(inventory, hosts, pins, lambda name: in_known_hosts(name, home))

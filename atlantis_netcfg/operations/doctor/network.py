@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 
 _PATIENCE_S = 5.0
-"""For a program that only asks the kernel."""
+"""Timeout in seconds for a program that only queries the kernel."""
 _STAND_INS = frozenset({"veth", "dummy", "vlan", "bond", "team", "macvlan"})
-"""Kinds of interfaces that may stand for a card, where there is no card: in containers, in tests."""
+"""Interface kinds that count as a network card if there is none: in containers and tests."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +33,13 @@ class LaptopPort:
     up: bool
     carrier: bool
     is_wired: bool
-    """A card, or what stands for one."""
+    """Whether it is a wired network card, or counts as one."""
     card: bool
     wireless: bool
     speed_mbps: int | None
     addresses: tuple[IPv4Interface, ...]
     is_managed: bool = False
-    """NetworkManager would take away what is set by hand."""
+    """Whether NetworkManager would remove manual settings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +58,9 @@ class NetworkFacts:
 
     ports: tuple[LaptopPort, ...]
     best_route: KernelRoute | None
-    """By which a packet to the address goes; None: there is no route."""
+    """Route that a packet to the address takes; None: there is no route."""
     matching: tuple[KernelRoute, ...]
-    """Rows of the main table that the address falls into, the default ones included."""
+    """Routes of the main table that match the address, including default routes."""
     defaults: tuple[KernelRoute, ...]
 
     def port(self, name: str) -> LaptopPort | None:

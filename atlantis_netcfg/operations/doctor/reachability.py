@@ -23,19 +23,19 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations.common.kinds import get_managed_device
-from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
+from atlantis_netcfg.operations.common.session_link import LAN, site_link_of
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 from atlantis_netcfg.routeros import api
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.doctor.network import KernelRoute, LaptopPort, NetworkFacts
 
 _CONNECT_S = 5.0
 _SLOW_MBPS = 100
-"""Below it a cable or a plug is damaged: every board of the pilot has Fast Ethernet at least."""
+"""A slower port has a damaged cable or plug: every board of the pilot has at least Fast Ethernet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,19 +47,19 @@ class RouterPlace:
     address: IPv4Address
     api_port: int
     network: IPv4Network
-    """Of its management port."""
+    """Network of the router's management port."""
     technician: IPv4Address
     admit: tuple[IPv4Network, ...]
-    """From where its firewall lets somebody manage it."""
+    """Networks from which the router's firewall admits management."""
     plug: str
-    """Its management port, by the factory name."""
-    bearer: str
-    """`lan`: the laptop is plugged into that port; else it is far away."""
+    """Factory name of the router's management port."""
+    link: str
+    """`lan`: the laptop is plugged into the management port; any other: the router is remote."""
     is_metered: bool
     pin: str | None
-    """SHA-256 of its certificate, declared or known on this computer."""
+    """SHA-256 of the router's certificate, from the inventory or as pinned on this computer."""
     example: bool
-    """The addresses are examples, which lead to nobody's devices."""
+    """Whether the addresses are examples, which belong to no device."""
 
     @property
     def laptop_address(self) -> IPv4Interface:
@@ -68,20 +68,20 @@ class RouterPlace:
 
 
 def router_places(
-    declaration: Declaration, site: str, via: str | None, get_pin: Callable[[str], str | None]
+    inventory: Inventory, site: str, via: str | None, get_pin: Callable[[str], str | None]
 ) -> tuple[RouterPlace, ...]:
     """Return the routers of a site; raise UsageError if the site has no link as named by `via`."""
-    return tuple(_places(declaration, site, via, get_pin))
+    return tuple(_places(inventory, site, via, get_pin))
 
 
 def _places(
-    declaration: Declaration, site: str, via: str | None, get_pin: Callable[[str], str | None]
+    inventory: Inventory, site: str, via: str | None, get_pin: Callable[[str], str | None]
 ) -> Iterator[RouterPlace]:
-    management = declaration.sites[site].management
-    for host in declaration.site_hosts(site):
+    management = inventory.sites[site].management
+    for host in inventory.site_hosts(site):
         if not isinstance(host.device, Router):
             continue
-        access, bearer = host.device.access, bearer_of(declaration, host, via)
+        access, link = host.device.access, site_link_of(inventory, host, via)
         yield RouterPlace(
             site=site,
             router=host.name,
@@ -90,11 +90,11 @@ def _places(
             network=IPv4Network(management.network),
             technician=IPv4Address(management.technician),
             admit=tuple(map(IPv4Network, management.admit)),
-            plug=get_managed_device(declaration, host).place.port,
-            bearer=bearer.name,
-            is_metered=bearer.is_metered,
+            plug=get_managed_device(inventory, host).place.port,
+            link=link.name,
+            is_metered=link.is_metered,
             pin=access.fingerprint or get_pin(host.name),
-            example=declaration.pilot.example_values,
+            example=inventory.pilot.example_values,
         )
 
 
@@ -123,7 +123,7 @@ def _describe(port: LaptopPort) -> str:
 
 def judge_way(place: RouterPlace, facts: NetworkFacts) -> tuple[DoctorItem, ...]:
     """Judge everything between this laptop and the router."""
-    if place.bearer != LAN.name:
+    if place.link != LAN.name:
         return (_judge_far_route(place, facts),)
     port = _chosen_port(place, facts)
     address = _judge_address(place, facts, port)
@@ -269,7 +269,7 @@ def _judge_source(place: RouterPlace, route: KernelRoute, fix: Sequence[str]) ->
 def _judge_far_route(place: RouterPlace, facts: NetworkFacts) -> DoctorItem:
     """Judge the route over a link: the laptop is not at the router and needs a route of its own to it."""
     route = facts.best_route
-    look = f"is the VPN, or the way over {place.bearer}, up on this laptop?"
+    look = f"is the VPN, or the way over {place.link}, up on this laptop?"
     if route is None:
         return _item("route", Verdict.FAIL, f"no route to {place.address}", look)
     if facts.matching and all(each.target == "default" for each in facts.matching) and place.address.is_private:
@@ -326,7 +326,7 @@ def why_not_contacted(place: RouterPlace, way: Sequence[DoctorItem]) -> str | No
     """Return why the router must not be contacted; None if one connection may be opened."""
     if any(item.name in ("port", "route") and item.verdict is Verdict.FAIL for item in way):
         return "not contacted: the way to it is not right yet"
-    return f"not contacted: {place.bearer} is paid by the byte" if place.is_metered else None
+    return f"not contacted: {place.link} is paid by the byte" if place.is_metered else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,9 +334,9 @@ class RouterAnswer:
     """The result of one TLS connection."""
 
     trouble: str | None
-    """Why there was none."""
+    """Why there was no response; None: there was one."""
     certificate: str = ""
-    """SHA-256."""
+    """SHA-256 of the certificate."""
     valid_from: datetime | None = None
     valid_until: datetime | None = None
 

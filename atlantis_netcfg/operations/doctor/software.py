@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _MINIMUM_PYTHON = (3, 11)
-"""As `requires-python` of pyproject.toml has it (a test holds the two together)."""
+"""Must match `requires-python` in pyproject.toml (checked by a test)."""
 _PATIENCE_S = 5.0
 _TESTED_RELEASES = {"debian": (12,), "ubuntu": (24, 4)}
-"""The oldest release of each system that the first-run page names."""
+"""Oldest release of each operating system that the first-run page names."""
 
 
 def _item(name: str, verdict: Verdict, observation: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
@@ -79,10 +79,10 @@ class ProgramRequirement:
 
     name: str
     packages: Mapping[str, str]
-    """Program to Debian package."""
+    """Debian package by program."""
     purpose: str
     is_required: bool = False
-    """Without them the site cannot be worked on; else only the purpose fails."""
+    """Whether no work on the site is possible without them; otherwise only their purpose fails."""
 
 
 def program_needs(*, computers: bool) -> tuple[ProgramRequirement, ...]:

@@ -28,7 +28,7 @@ from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
 from atlantis_netcfg.links import standing_traffic
 from atlantis_netcfg.links.cost import bill
 from atlantis_netcfg.operations.common import traffic_budget
-from atlantis_netcfg.operations.common.site_links import bearer_named, links_of
+from atlantis_netcfg.operations.common.site_links import link_named, links_of
 from atlantis_netcfg.operations.fit import link_capacity
 
 if TYPE_CHECKING:
@@ -36,17 +36,17 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.links.cost import Bill, MeteredLink
-    from atlantis_netcfg.links.qualify.archive import KeptRun
+    from atlantis_netcfg.links.qualify.archive import SavedRun
     from atlantis_netcfg.runs import Store
 
 LOSSY: Final = 0.1
-"""Share of the messages of a topic from which on their loss is a warning."""
+"""Share of lost messages of a topic from which the loss is a warning."""
 LONG_S: Final = 1.0
-"""A message that takes longer to leave the site holds up all others, and a queue on the way may drop its end."""
+"""A message that takes longer to leave the site delays all others, and a queue on the route may drop its end."""
 _HOUR_S: Final = 3600
 _THINNED_FIRST: Final = (model.TelemetryData.POINT_CLOUDS, model.TelemetryData.IMAGES, model.TelemetryData.NUMBERS)
 _STEPS: Final = 40
-"""Of halving an interval: the rates are rounded far more coarsely."""
+"""Number of interval halvings: the rates are rounded far more coarsely."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,20 +55,20 @@ class TopicFit:
 
     topic: model.TelemetryTopic
     rate_hz: float
-    """At which it fits, together with the others; the declared one where nothing has to be thinned."""
+    """Rate at which it fits together with the other topics; the declared rate if no thinning is needed."""
     cost: standing_traffic.MessageCost
-    """Of a message at the declared rate, to one subscriber."""
+    """Cost of one message at the declared rate, to one subscriber."""
     up_bps: float
-    """At the declared rate."""
+    """Traffic from the site at the declared rate."""
     down_bps: float
     share: float
-    """Of the capacity from the site, at the declared rate."""
+    """Share of the capacity from the site at the declared rate."""
     seconds: float
-    """That one message takes to leave the site, for all subscribers; what comes behind it waits as long."""
+    """Time that one message for all subscribers takes to leave the site; later packets wait as long."""
     most_hz: float
-    """The highest rate at which it would fit alone: USABLE of the capacity by the bits of a message."""
+    """Highest rate at which the topic alone would fit: USABLE of the capacity, divided by the bits of a message."""
     message_loss: float | None
-    """Share of the messages of which a part is lost, 1 - (1 - p)^n; None: p is not known. Reliable ones go again."""
+    """Share of messages with a lost part, 1 - (1 - p)^n; None: p is not known. Reliable messages are resent."""
 
     @property
     def is_thinned(self) -> bool:
@@ -106,13 +106,13 @@ class LinkFit:
     capacity: link_capacity.Capacity
     topics: tuple[TopicFit, ...]
     other_up_bps: float
-    """What the site says by itself, without telemetry."""
+    """Standing traffic from the site, without telemetry."""
     other_down_bps: float
     thinned_up_bps: float
-    """With the rates at which it fits."""
+    """Traffic from the site, standing traffic included, with the topics at the rates at which they fit."""
     thinned_down_bps: float
     crosses: bool
-    """Whether DDS may go over it; if not, this is what would be if it might."""
+    """Whether DDS is allowed on the link; if not, the result is hypothetical."""
 
     @property
     def up_bps(self) -> float:
@@ -260,7 +260,7 @@ class VehicleFit:
 
 
 def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
-    declaration: inventory.Declaration,
+    inventory: inventory.Inventory,
     stores: Sequence[Store],
     site: str,
     vehicle: str,
@@ -274,10 +274,10 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
     Without `stores`, only the inventory is used. Raises NoMatchError without such a site, vehicle, link or run, or if
     nothing is published; UsageError; DamagedStateError.
     """
-    topics = _telemetry(declaration, site, vehicle)
+    topics = _telemetry(inventory, site, vehicle)
     profile, subscribers = (
-        traffic_budget.publishing_profile(declaration, site),
-        traffic_budget.control_centres(declaration),
+        traffic_budget.publishing_profile(inventory, site),
+        traffic_budget.control_centres(inventory),
     )
     if profile is None or not subscribers:
         raise errors.NoMatchError(
@@ -286,65 +286,65 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
         )
     selected_run = None if run is None else link_capacity.named_run(stores, site, run)
     links, flows = (
-        links_of(declaration, site),
-        {each.link.name: each for each in traffic_budget.standing_traffic(declaration, site)},
+        links_of(inventory, site),
+        {each.link.name: each for each in traffic_budget.standing_traffic(inventory, site)},
     )
-    without = links_without_dds(declaration, site)
-    fits, days = [], declaration.sites[site].checklist.qualified_within_days
-    for bearer in _bearers(declaration, site, link, selected_run):
-        measured_run = selected_run or (link_capacity.newest_run(stores[0], site, bearer) if stores else None)
-        capacity = link_capacity.capacity_of(bearer, measured_run, now, days)
+    without = links_without_dds(inventory, site)
+    fits, days = [], inventory.sites[site].checklist.qualified_within_days
+    for site_link in _links(inventory, site, link, selected_run):
+        measured_run = selected_run or (link_capacity.newest_run(stores[0], site, site_link) if stores else None)
+        capacity = link_capacity.capacity_of(site_link, measured_run, now, days)
         by_itself = [
-            flow for flow in flows[bearer.name].flows if flow.source is not standing_traffic.TrafficSource.TELEMETRY
+            flow for flow in flows[site_link.name].flows if flow.source is not standing_traffic.TrafficSource.TELEMETRY
         ]
         other = (
             sum(flow.up for flow in by_itself) * 8 / standing_traffic.DAY_S,
             sum(flow.down for flow in by_itself) * 8 / standing_traffic.DAY_S,
         )
-        carrier = _LinkLoad(capacity, profile.messages, subscribers, other, bearer.name not in without)
-        fits.append(carrier.fit(links[bearer.name], topics))
+        carrier = _LinkLoad(capacity, profile.messages, subscribers, other, site_link.name not in without)
+        fits.append(carrier.fit(links[site_link.name], topics))
     return VehicleFit(site, vehicle, profile.middleware, subscribers, tuple(fits))
 
 
-def fits_nowhere(declaration: inventory.Declaration, now: datetime) -> Iterator[inventory.Finding]:
+def unfit_vehicles(pilot_inventory: inventory.Inventory, now: datetime) -> Iterator[inventory.Finding]:
     """Yield a warning for each vehicle tested at a site whose telemetry fits none of its links.
 
     The warning is at the site's first link. The inventory's rates count; a vehicle that fits one link with lowered
     rates is not reported.
     """
-    for name, site in declaration.sites.items():
+    for name, site in pilot_inventory.sites.items():
         vehicle_names = site.checklist.vehicles
-        for key, vehicle in declaration.vehicles.items():
+        for key, vehicle in pilot_inventory.vehicles.items():
             if not vehicle.telemetry or (vehicle_names is not None and key not in vehicle_names):
                 continue
             with suppress(errors.NoMatchError):
-                fit = vehicle_fit(declaration, (), name, key, now)
+                fit = vehicle_fit(pilot_inventory, (), name, key, now)
                 if not any(link.fits_thinned and link.crosses for link in fit.links):
                     message = (
                         f"no link of {name} that DDS may cross carries what `{key}` publishes, "
                         "also at the lowest useful rates"
                     )
                     hint = f"`provision fit site={name} vehicle={key}` says how much, and what would fit"
-                    yield inventory.Finding.at(declaration.places[name, site.bearers[0].name], message, hint)
+                    yield inventory.Finding.at(pilot_inventory.places[name, site.bearers[0].name], message, hint)
 
 
-def require_vehicle(declaration: inventory.Declaration, site: str, vehicle: str) -> None:
+def require_vehicle(pilot_inventory: inventory.Inventory, site: str, vehicle: str) -> None:
     """Raise UsageError or NoMatchError, with the existing choices, for an unknown site or vehicle."""
     if site == inventory.ALL:
         raise errors.UsageError("`provision fit` is about one site at a time", hint="type its name: `site=coastal`")
-    inventory.choose(declaration, site)
-    if vehicle not in declaration.vehicles:
+    inventory.choose(pilot_inventory, site)
+    if vehicle not in pilot_inventory.vehicles:
         near, choices = (
-            errors.nearest(vehicle, declaration.vehicles),
-            f"the vehicles are: {', '.join(declaration.vehicles)}",
+            errors.nearest(vehicle, pilot_inventory.vehicles),
+            f"the vehicles are: {', '.join(pilot_inventory.vehicles)}",
         )
         hint = f"did you mean `{near}`? {choices}" if near else choices
         raise errors.NoMatchError(f"there is no vehicle `{vehicle}`", hint=hint)
 
 
-def _telemetry(declaration: inventory.Declaration, site: str, vehicle: str) -> tuple[model.TelemetryTopic, ...]:
-    require_vehicle(declaration, site, vehicle)
-    topics = declaration.vehicles[vehicle].telemetry
+def _telemetry(inventory: inventory.Inventory, site: str, vehicle: str) -> tuple[model.TelemetryTopic, ...]:
+    require_vehicle(inventory, site, vehicle)
+    topics = inventory.vehicles[vehicle].telemetry
     if not topics:
         raise errors.NoMatchError(
             f"`{vehicle}` has no `telemetry:`: nothing is known of what it publishes",
@@ -353,16 +353,16 @@ def _telemetry(declaration: inventory.Declaration, site: str, vehicle: str) -> t
     return topics
 
 
-def _bearers(
-    declaration: inventory.Declaration, site: str, link: str | None, selected_run: KeptRun | None
-) -> Sequence[model.Bearer]:
+def _links(
+    inventory: inventory.Inventory, site: str, link: str | None, selected_run: SavedRun | None
+) -> Sequence[model.Link]:
     if selected_run is not None:
         if link is not None and link != selected_run.run.link:
             raise errors.UsageError(
                 f"run {selected_run.run.id} has measured {selected_run.run.link}, not {link}", hint="leave out `link=`"
             )
         link = selected_run.run.link
-    return declaration.sites[site].bearers if link is None else (bearer_named(declaration, site, link),)
+    return inventory.sites[site].bearers if link is None else (link_named(inventory, site, link),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -373,7 +373,7 @@ class _LinkLoad:
     messages: standing_traffic.DdsMessages
     subscribers: int
     other: tuple[float, float]
-    """What it carries besides, up and down, in bit/s."""
+    """Other traffic on the link, up and down, in bit/s."""
     crosses: bool
 
     def fit(self, link: MeteredLink, topics: Sequence[model.TelemetryTopic]) -> LinkFit:

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from datetime import datetime
 
-    from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.links.qualify.archive import KeptRun
+    from atlantis_netcfg.inventory.model import Link
+    from atlantis_netcfg.links.qualify.archive import SavedRun
     from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.links.qualify.record import QualifyRecord
     from atlantis_netcfg.runs import Store
 
 USABLE: Final = 0.7
-"""Of a capacity: facts/devices.md, section 9."""
+"""Usable share of a capacity: facts/devices.md, section 9."""
 _SOURCES: Final = {
     (True, True): "measured",
     (True, False): "measured up, declared down",
@@ -39,34 +39,34 @@ class Capacity:
     pace: LinkPace
     down_bps: float
     loss: float | None
-    """Share of the packets that are lost on the way up; None: nobody has measured it."""
+    """Share of the packets lost on the way up; None: not measured."""
     source: str
-    """Where both rates are from."""
+    """Origin of both rates."""
     run: str | None = None
-    """The measurement; None: there is none."""
+    """Name of the measurement; None: there is none."""
     doubt: str = ""
-    """Why a word of success would not be earned; empty: it would."""
+    """Why a positive result would not be justified; empty: it would be."""
 
     def admits(self, up_bps: float, down_bps: float) -> bool:
         """Return whether this much may be sent each way."""
         return up_bps <= USABLE * self.pace.up_bps and down_bps <= USABLE * self.down_bps
 
 
-def named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
+def named_run(stores: Sequence[Store], site: str, run: str) -> SavedRun:
     """Return a run by its name from any of the stores; raise NoSuchRun or DamagedStateError."""
-    from atlantis_netcfg.links.qualify.archive import kept_run  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.links.qualify.archive import find_run  # noqa: PLC0415 - `validate` has no run to read
 
     for store in stores[1:]:
         with suppress(NoSuchRun):
-            return kept_run(store, site, run)
-    return kept_run(stores[0], site, run)
+            return find_run(store, site, run)
+    return find_run(stores[0], site, run)
 
 
-def newest_run(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
+def newest_run(store: Store, site: str, link: Link) -> SavedRun | None:
     """Return a link's newest real run that filled it, else its newest real run."""
-    from atlantis_netcfg.links.qualify.archive import kept_runs, record_of  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.links.qualify.archive import record_of, stored_runs  # noqa: PLC0415 - `validate` has no run to read
 
-    real = [saved_run for saved_run in reversed(kept_runs(store, site, bearer.name)) if not saved_run.run.emulated]
+    real = [saved_run for saved_run in reversed(stored_runs(store, site, link.name)) if not saved_run.run.emulated]
     return next(
         (saved_run for saved_run in real if _goodput(record_of(saved_run), "up") is not None), real[0] if real else None
     )
@@ -85,12 +85,12 @@ def _goodput(record: QualifyRecord, way: str) -> float | None:
     return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), headers) / row.size
 
 
-def capacity_of(bearer: Bearer, saved_run: KeptRun | None, now: datetime, within_days: int) -> Capacity:
+def capacity_of(link: Link, saved_run: SavedRun | None, now: datetime, within_days: int) -> Capacity:
     """Return the capacity measured by a run, as far as it goes; without a run, the inventory's.
 
     A measurement older than `within_days` tells what the link was, not what it is.
     """
-    pace, down = declared_pace(bearer), bearer.rate.down_kbps * 1000
+    pace, down = declared_pace(link), link.rate.down_kbps * 1000
     if saved_run is None:
         doubt = "only the declared rate is known: nobody has measured this link"
         return Capacity(pace, down, None, "declared", doubt=doubt)

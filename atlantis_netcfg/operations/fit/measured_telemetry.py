@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from datetime import date
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.inventory.model.robot import RobotFile
-    from atlantis_netcfg.links import BearerFinding
+    from atlantis_netcfg.links import LinkFinding
     from atlantis_netcfg.robots.observation import RobotReport
 
 _VEHICLES: Final = "group_vars/all/vehicles.yml"
@@ -42,21 +42,21 @@ class MeasuredTelemetry:
     vehicle: str
     seconds: float
     topics: tuple[model.TelemetryTopic, ...]
-    """Those that its configuration names: what else it publishes nobody at the control centre reads."""
+    """Topics in the vehicle's configuration; nobody at the control centre reads the others that it publishes."""
     others: tuple[str, ...]
-    """Topics that its configuration does not name."""
-    findings: tuple[BearerFinding, ...]
-    """What `robot discover` would say of it."""
+    """Published topics that are not in the vehicle's configuration."""
+    findings: tuple[LinkFinding, ...]
+    """Findings about the vehicle that `robot discover` would report."""
 
     @property
-    def wrong(self) -> BearerFinding | None:
+    def wrong(self) -> LinkFinding | None:
         """The first finding that shows a difference between the robot and its file; None if there is none."""
         return next((each for each in self.findings if each.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}), None)
 
-    def of(self, declaration: Declaration) -> Declaration:
+    def of(self, inventory: Inventory) -> Inventory:
         """Return the pilot with these topics instead of the inventory's."""
-        vehicle = declaration.vehicles[self.vehicle].model_copy(update={"telemetry": self.topics})
-        return replace(declaration, vehicles={**declaration.vehicles, self.vehicle: vehicle})
+        vehicle = inventory.vehicles[self.vehicle].model_copy(update={"telemetry": self.topics})
+        return replace(inventory, vehicles={**inventory.vehicles, self.vehicle: vehicle})
 
     def as_dict(self) -> Mapping[str, object]:
         """Return JSON-able data."""
@@ -68,20 +68,18 @@ class MeasuredTelemetry:
         }
 
 
-def measure(
-    declaration: Declaration, site: str, vehicle: str, seconds: float, address: str | None
-) -> MeasuredTelemetry:
+def measure(inventory: Inventory, site: str, vehicle: str, seconds: float, address: str | None) -> MeasuredTelemetry:
     """Measure a vehicle at a site; raise UsageError, NoMatchError, or TelemetryUnknown if a topic is missing."""
-    robot = next((each.robot for each in robots.robots_of(declaration)[0] if each.vehicle == vehicle), None)
+    robot = next((each.robot for each in robots.robots_of(inventory)[0] if each.vehicle == vehicle), None)
     if robot is None:
         raise robots.without_file(vehicle)
-    observation, reports = robots.discover(declaration, site, seconds, address)
+    observation, reports = robots.discover(inventory, site, seconds, address)
     report = next((each for each in reports if (each.vehicle, each.state) == (vehicle, RobotState.DECLARED)), None)
     if report is None:
         message = f"`{vehicle}` was not heard at {site} in {observation.seconds:.0f} s"
         hint = f"`provision robot discover site={site}` says who is heard"
         raise TelemetryUnknown(message, hint=hint)
-    return telemetry_of(site, report, robot, declaration.vehicles[vehicle], observation.seconds)
+    return telemetry_of(site, report, robot, inventory.vehicles[vehicle], observation.seconds)
 
 
 def telemetry_of(
@@ -121,7 +119,7 @@ class TelemetryChange:
     file: str
     before: str
     after: str | None
-    """None: its entry is not written in lines of its own."""
+    """None: the entry is not written on lines of its own."""
     rows: Sequence[str]
 
     @property
@@ -133,30 +131,27 @@ class TelemetryChange:
         return [line for line in list(lines)[2:] if not line.startswith("@@")]
 
 
-def change(declaration: Declaration, telemetry: MeasuredTelemetry, day: date) -> TelemetryChange:
+def change(inventory: Inventory, telemetry: MeasuredTelemetry, day: date) -> TelemetryChange:
     """Return the change that puts these topics into the file and keeps everything else."""
-    vehicle, rows = declaration.vehicles[telemetry.vehicle], [_row(each) for each in telemetry.topics]
+    vehicle, rows = inventory.vehicles[telemetry.vehicle], [_row(each) for each in telemetry.topics]
     block, file = ("guests", guests.FILE) if isinstance(vehicle, model.Guest) else ("vehicles", _VEHICLES)
-    before = (declaration.root / file).read_bytes().decode()
+    before = (inventory.root / file).read_bytes().decode()
     if vehicle.telemetry == telemetry.topics:
         return TelemetryChange(file, before, before, rows)
     comment = f"as heard at {telemetry.site} on {day.isoformat()}, in {telemetry.seconds:.0f} s"
     after = with_telemetry(before, (block, telemetry.vehicle), comment, rows)
-    expected_vehicles = telemetry.of(declaration).vehicles
-    if (
-        after is not None
-        and inventory_files.validate_change(declaration.root, file, after).vehicles != expected_vehicles
-    ):
+    expected_vehicles = telemetry.of(inventory).vehicles
+    if after is not None and inventory_files.validate_change(inventory.root, file, after).vehicles != expected_vehicles:
         after = None
     return TelemetryChange(file, before, after, rows)
 
 
-def write(declaration: Declaration, telemetry: MeasuredTelemetry, edit: TelemetryChange) -> None:
+def write(inventory: Inventory, telemetry: MeasuredTelemetry, edit: TelemetryChange) -> None:
     """Write the change; raise TelemetryUnknown if the robot differs from its file, or UsageError."""
     if (wrong := telemetry.wrong) is not None:
         message = f"nothing was written, for `{telemetry.vehicle}` is not as its file says: {wrong.message}"
         raise TelemetryUnknown(message, hint=f"`provision robot discover site={telemetry.site}` says all that differs")
-    if (declaration.root / edit.file).read_bytes().decode() != edit.before:
+    if (inventory.root / edit.file).read_bytes().decode() != edit.before:
         raise errors.UsageError(f"{edit.file} has changed meanwhile: nothing was written", hint="type the same again")
     if edit.after is None:
         hint = "write the lines there that are shown without `--write`"
@@ -164,7 +159,7 @@ def write(declaration: Declaration, telemetry: MeasuredTelemetry, edit: Telemetr
             f"`{telemetry.vehicle}` is not written in {edit.file} as this command can write it", hint=hint
         )
     if edit.difference:
-        inventory_files.write(declaration.root, edit.file, edit.after)
+        inventory_files.write(inventory.root, edit.file, edit.after)
 
 
 def _row(topic: model.TelemetryTopic) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors, events
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.links import BearerFinding, policy
+from atlantis_netcfg.links import LinkFinding, policy
 from atlantis_netcfg.links.cost import Bill, bill
 from atlantis_netcfg.links.satellite import judge_names
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
@@ -27,8 +27,8 @@ from atlantis_netcfg.operations.links.status import (
     SeenLinks,
     Silent,
     UnitLook,
-    bearer_status,
     kept_off,
+    link_status,
     of_bridge,
     of_terminal,
     of_unit,
@@ -39,15 +39,15 @@ from atlantis_netcfg.operations.links.status import (
     twice,
 )
 from atlantis_netcfg.operations.lte.units import LteUnit
-from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
+from atlantis_netcfg.routeros.estimate import LinkMetrics as Carrier
 from atlantis_netcfg.routeros.estimate import on_the_wire
 from atlantis_netcfg.runs.report.links import LinksReport
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.links import BearerStatus
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.links import LinkStatus
     from atlantis_netcfg.links.standing_traffic import StandingTraffic
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.routeros.link_use import LinkUse
@@ -57,21 +57,21 @@ if TYPE_CHECKING:
 class LinkQueries:
     """All queries of one reading; `ask` sends them to all devices at once."""
 
-    declaration: Declaration
+    inventory: Inventory
     router: Host
-    """Of the site that is looked at."""
+    """Router of the site that is read."""
     request: Request
     notify: events.Subscriber
     patience_s: float = session_link.PATIENCE_S
     answers: dict[str, Any] = field(default_factory=dict)
-    """Host name to its reading, or to Silent."""
+    """By host name: its reading, or Silent."""
     not_asked: dict[str, str] = field(default_factory=dict)
-    """Host name to the reason."""
+    """Reason why a host was not queried, by host name."""
     doors: dict[str, ReadOnlySession] = field(default_factory=dict)
-    """Host name to what was spent on it; RouterOS devices only."""
+    """Session with its traffic, by host name; RouterOS devices only."""
 
     async def ask(
-        self, hosts: Sequence[Host], selected_hosts: Sequence[Host], routes: Sequence[policy.BearerRoute]
+        self, hosts: Sequence[Host], selected_hosts: Sequence[Host], routes: Sequence[policy.LinkRoute]
     ) -> None:
         """Query the `selected_hosts` that can be queried, all at the same time."""
         names = {host.name for host in selected_hosts}
@@ -101,19 +101,19 @@ class LinkQueries:
         missing = self.request.rehearsed and host.name not in self.request.targets
         return "it is not emulated in this rehearsal" if missing else None
 
-    async def _read_host(self, host: Host, routes: Sequence[policy.BearerRoute]) -> None:
+    async def _read_host(self, host: Host, routes: Sequence[policy.LinkRoute]) -> None:
         self.notify(events.Event(host.name, events.Stage.CONNECTING, "to be read, not changed"))
         try:
             self.answers[host.name] = await self._reading(host, routes)
         except errors.NetcfgError as error:
             self.answers[host.name] = Silent(
-                host.name, str(error), error.hint and errors.complete(error.hint, site=host.site, device=host.name)
+                host.name, str(error), error.hint and errors.fill_hint(error.hint, site=host.site, device=host.name)
             )
             self.notify(events.Event(host.name, events.Stage.FAILED, str(error)))
         else:
             self.notify(events.Event(host.name, events.Stage.DONE, self._usage_text(host.name)))
 
-    def _reading(self, host: Host, routes: Sequence[policy.BearerRoute]) -> Awaitable[Any]:
+    def _reading(self, host: Host, routes: Sequence[policy.LinkRoute]) -> Awaitable[Any]:
         if isinstance(host.device, model.Router):
             return read_router(self._door(host), routes)
         if isinstance(host.device, model.Cpe):
@@ -129,7 +129,7 @@ class LinkQueries:
 
         Raises UsageError for a link that its site does not have.
         """
-        return _carrier(self.declaration, self.router, host, self.request)
+        return _carrier(self.inventory, self.router, host, self.request)
 
     def unit(self, host: Host, device: model.LteRouter) -> LteUnit:
         """Return a 4G unit in the form that its driver needs."""
@@ -139,7 +139,7 @@ class LinkQueries:
 
     def _door(self, host: Host) -> ReadOnlySession:
         """Return a read-only session; raise UsageError for a link that its site does not have."""
-        session = session_to(self.declaration, self.router.site, host, self.request, self.patience_s)
+        session = session_to(self.inventory, self.router.site, host, self.request, self.patience_s)
         self.doors[host.name] = session
         return session
 
@@ -152,50 +152,50 @@ class LinkQueries:
 
 
 def session_to(
-    declaration: Declaration, site: str, host: Host, request: Request, patience_s: float = session_link.PATIENCE_S
+    inventory: Inventory, site: str, host: Host, request: Request, patience_s: float = session_link.PATIENCE_S
 ) -> ReadOnlySession:
     """Return a session, not yet opened, to a RouterOS device from a site or from outside.
 
     `patience_s`: for a connection over a fast link. Raises NoMatchError for a device of another kind, UsageError for a
     link that its site does not have, and for a device that the rehearsal does not emulate.
     """
-    endpoint = endpoint_of(host, get_managed_device(declaration, host).access, request)
+    endpoint = endpoint_of(host, get_managed_device(inventory, host).access, request)
     router = next(
-        (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, model.Router)), host
+        (site_host for site_host in inventory.site_hosts(site) if isinstance(site_host.device, model.Router)), host
     )
-    if _carrier(declaration, router, host, request).rtt_s < session_link.FAST_S:
+    if _carrier(inventory, router, host, request).rtt_s < session_link.FAST_S:
         endpoint = replace(endpoint, connect_timeout_s=patience_s)
     return ReadOnlySession(host.name, endpoint)
 
 
-def _carrier(declaration: Declaration, router: Host, host: Host, request: Request) -> Carrier:
+def _carrier(inventory: Inventory, router: Host, host: Host, request: Request) -> Carrier:
     here = host if host.site == router.site else router
-    return session_link.bearer_of(declaration, here, request.via.get(here.name))
+    return session_link.site_link_of(inventory, here, request.via.get(here.name))
 
 
-def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
+def boxes(inventory: Inventory, router: Host) -> Iterator[Host]:
     """Yield the router and the devices of its site's links, each once, including both ends of a bridge."""
     yield router
     seen_names = {router.name}
-    for bearer in declaration.sites[router.site].bearers:
-        box = declaration.hosts.get(bearer.device or "")
-        far = declaration.hosts.get(box.device.ptp.peer) if box and isinstance(box.device, model.Cpe) else None
+    for link in inventory.sites[router.site].bearers:
+        box = inventory.hosts.get(link.device or "")
+        far = inventory.hosts.get(box.device.ptp.peer) if box and isinstance(box.device, model.Cpe) else None
         for host in (box, far):
             if host is not None and host.name not in seen_names:
                 seen_names.add(host.name)
                 yield host
 
 
-def ping_bytes(routes: Sequence[policy.BearerRoute]) -> Mapping[str, int]:
+def ping_bytes(routes: Sequence[policy.LinkRoute]) -> Mapping[str, int]:
     """Return the bytes of each link's pings on the wire, if all are answered."""
     costs: dict[str, int] = {}
     for probe in policy.probe_commands(routes, count=PINGS):
-        costs[probe.bearer] = costs.get(probe.bearer, 0) + probe.wire_bytes
+        costs[probe.link] = costs.get(probe.link, 0) + probe.wire_bytes
     return costs
 
 
 def months(
-    usage: runs.Usage, device: str, reading: RouterReading | None, routes: Sequence[policy.BearerRoute], now: datetime
+    usage: runs.Usage, device: str, reading: RouterReading | None, routes: Sequence[policy.LinkRoute], now: datetime
 ) -> dict[str, runs.MonthBytes]:
     """Save this reading's counters; return each link's monthly usage. Raise JournalError or DamagedStateError."""
     for name, counters in _counters(device, reading, routes, now):
@@ -204,7 +204,7 @@ def months(
 
 
 def _counters(
-    device: str, reading: RouterReading | None, routes: Sequence[policy.BearerRoute], now: datetime
+    device: str, reading: RouterReading | None, routes: Sequence[policy.LinkRoute], now: datetime
 ) -> Iterator[tuple[str, runs.Counters]]:
     if reading is None or reading.ports is None:
         return
@@ -231,10 +231,10 @@ def bills(queries: LinkQueries, active: tuple[str, ...] | None, seconds: float) 
     A session over a link of the site really uses its default route; an emulated device is behind the link of the
     inventory, whatever its routes are.
     """
-    links = links_of(queries.declaration, queries.router.site)
+    links = links_of(queries.inventory, queries.router.site)
     bytes_by_link: dict[str, int] = {}
     for name, session in queries.doors.items():
-        link = queries.carrier(queries.declaration.hosts[name]).name
+        link = queries.carrier(queries.inventory.hosts[name]).name
         if link != session_link.LAN.name and active is not None and len(active) == 1 and not queries.request.rehearsed:
             link = active[0]
         if links[link].is_metered and session.traffic:
@@ -246,29 +246,29 @@ def bills(queries: LinkQueries, active: tuple[str, ...] | None, seconds: float) 
 class LinksStatus:
     """The state of a site's links from one reading, in the order of preference."""
 
-    bearers: tuple[BearerStatus, ...]
+    links: tuple[LinkStatus, ...]
     boxes: Mapping[str, str]
-    """Bearer to the box or boxes of it."""
+    """Device or devices of each link, by link."""
     months: Mapping[str, runs.MonthBytes]
     probe_bytes: Mapping[str, int]
-    """Bearer to what its pings may have cost on the wire."""
+    """Bytes that the pings of each link may have used on the wire, by link."""
     unreachable: tuple[Silent, ...]
     not_asked: Mapping[str, str]
-    """Device to the reason."""
+    """Reason why a device was not queried, by device."""
     round_trips: Mapping[str, int]
-    """Of each RouterOS device that was asked, its login included."""
+    """Round trips of each queried RouterOS device, including its login."""
     queried_devices: tuple[str, ...]
-    """Devices, whether or not they answered."""
+    """Queried devices, with or without a response."""
     bills: Mapping[str, Bill]
-    """Metered bearer to what this look has cost on it, as far as sessions with RouterOS devices went over it."""
+    """Cost of this reading by metered link, as far as sessions with RouterOS devices used the link."""
     standing: Mapping[str, StandingTraffic]
-    """Bearer to what goes over it by itself, by the declaration."""
+    """Standing traffic by link, computed from the inventory."""
     uptime_s: float | None = None
-    """Of the router; None: it was not read."""
+    """Uptime of the router; None: not read."""
     use: LinkUse | None = None
-    """The link that is in use for a time instead of the declared order."""
+    """Link that is used for a limited time instead of the order in the inventory."""
     notes: tuple[str, ...] = ()
-    """What went wrong beside the links."""
+    """Problems that do not concern the links."""
 
     def report(
         self, site: str, title: str, *, is_rehearsal: bool, not_rehearsed: tuple[str, ...] = (), time_zone: str = ""
@@ -292,18 +292,18 @@ class LinksStatus:
         )
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
-        """Return each link as JSON-able data: the fields of `BearerStatus` and additional results."""
+        """Return each link as JSON-able data: the fields of `LinkStatus` and additional results."""
         return {
-            bearer.name: {
-                **bearer.as_dict(),
-                "verdict": bearer.verdict.value,
-                "box": self.boxes[bearer.name],
-                "probe_bytes": self.probe_bytes.get(bearer.name, 0),
-                "month_since": _stamp(self.months[bearer.name].since),
-                "month_gaps": list(self.months[bearer.name].gaps),
-                "standing": self.standing[bearer.name].as_dict(),
+            link.name: {
+                **link.as_dict(),
+                "verdict": link.verdict.value,
+                "box": self.boxes[link.name],
+                "probe_bytes": self.probe_bytes.get(link.name, 0),
+                "month_since": _stamp(self.months[link.name].since),
+                "month_gaps": list(self.months[link.name].gaps),
+                "standing": self.standing[link.name].as_dict(),
             }
-            for bearer in self.bearers
+            for link in self.links
         }
 
 
@@ -311,8 +311,8 @@ def _stamp(moment: datetime | None) -> str | None:
     return None if moment is None else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
 
 
-async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
-    declaration: Declaration,
+async def collect_links(  # noqa: PLR0913, PLR0917 - all that a command line says
+    inventory: Inventory,
     site: str,
     selected_hosts: Sequence[Host],
     request: Request,
@@ -325,90 +325,88 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
     NoMatchError for a site without a router.
     """
     router = next(
-        (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, model.Router)), None
+        (site_host for site_host in inventory.site_hosts(site) if isinstance(site_host.device, model.Router)), None
     )
     if router is None:
         raise errors.NoMatchError(f"site `{site}` has no router, and only a router knows its links")
-    routes = ways_of(declaration, router)
+    routes = ways_of(inventory, router)
     began = datetime.now(UTC)
-    queries = LinkQueries(declaration, router, request, notify, patience_s)
-    await queries.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, selected_hosts), routes)
-    name_findings = {} if request.rehearsed else await _names(declaration, site)
+    queries = LinkQueries(inventory, router, request, notify, patience_s)
+    await queries.ask(tuple(boxes(inventory, router)), _with_far_ends(inventory, selected_hosts), routes)
+    name_findings = {} if request.rehearsed else await _names(inventory, site)
     return _LinkSite(
-        declaration, router, routes, queries, request, began, datetime.now(UTC), name_findings
+        inventory, router, routes, queries, request, began, datetime.now(UTC), name_findings
     ).put_together()
 
 
-async def _names(declaration: Declaration, site: str) -> dict[str, tuple[BearerFinding, ...]]:
+async def _names(inventory: Inventory, site: str) -> dict[str, tuple[LinkFinding, ...]]:
     """Check on this computer whether the names of each satellite's allow-list still have its addresses."""
     result = {}
-    for bearer in declaration.sites[site].bearers:
-        targets = named_targets(declaration, site, bearer)
+    for link in inventory.sites[site].bearers:
+        targets = named_targets(inventory, site, link)
         addresses = await resolve(target.dns_name for target in targets)
-        result[bearer.name] = judge_names(targets, addresses, "this computer")
+        result[link.name] = judge_names(targets, addresses, "this computer")
     return result
 
 
-def _with_far_ends(declaration: Declaration, selected_hosts: Sequence[Host]) -> list[Host]:
-    peers = [
-        declaration.hosts.get(item.device.ptp.peer) for item in selected_hosts if isinstance(item.device, model.Cpe)
-    ]
+def _with_far_ends(inventory: Inventory, selected_hosts: Sequence[Host]) -> list[Host]:
+    peers = [inventory.hosts.get(item.device.ptp.peer) for item in selected_hosts if isinstance(item.device, model.Cpe)]
     return [*selected_hosts, *(peer for peer in peers if peer is not None)]
 
 
-def _statuses(observations: Sequence[SeenLinks], over: Sequence[BearerFinding | None]) -> list[BearerStatus]:
+def _statuses(observations: Sequence[SeenLinks], over: Sequence[LinkFinding | None]) -> list[LinkStatus]:
     """Combine observations and findings into statuses; `over` holds each link's budget finding."""
     findings = [
         *twice(observations),
         *((item.route.name, excess) for item, excess in zip(observations, over, strict=True) if excess),
     ]
     return [
-        _with(bearer_status(item), [finding for name, finding in findings if name == item.route.name])
+        _with(link_status(item), [finding for name, finding in findings if name == item.route.name])
         for item in observations
     ]
 
 
-def _with(status: BearerStatus, more: list[BearerFinding]) -> BearerStatus:
+def _with(status: LinkStatus, more: list[LinkFinding]) -> LinkStatus:
     return replace(status, findings=(*status.findings, *more))
 
 
 @dataclass(slots=True)
 class _LinkSite:
-    declaration: Declaration
+    inventory: Inventory
     router: Host
-    ways: tuple[policy.BearerRoute, ...]
+    ways: tuple[policy.LinkRoute, ...]
     turn: LinkQueries
     request: Request
     began: datetime
     now: datetime
-    name_findings: Mapping[str, tuple[BearerFinding, ...]]
-    """Bearer to what is to be said of the names in its allow-list."""
+    name_findings: Mapping[str, tuple[LinkFinding, ...]]
+    """Findings about the DNS names in the allow-list, by link."""
     notes: list[str] = field(default_factory=list)
 
     def put_together(self) -> LinksStatus:
         """Judge the responses and save the counters."""
-        site = self.declaration.sites[self.router.site]
+        site = self.inventory.sites[self.router.site]
         month = self._months()
         active, reading = self._active(), self._reading
-        standing = standing_traffic(self.declaration, self.router.site)
-        over = [over_budget(bearer, traffic) for bearer, traffic in zip(site.bearers, standing, strict=True)]
+        standing = standing_traffic(self.inventory, self.router.site)
+        over = [over_budget(link, traffic) for link, traffic in zip(site.bearers, standing, strict=True)]
         observations = [
             SeenLinks(
                 route=route,
                 router=self._answer(self.router),
-                boxes_status=self._boxes_status(route, bearer),
+                boxes_status=self._boxes_status(route, link),
                 active=None if active is None else route.name in active,
                 month_bytes=month[route.name].bytes,
-                box=bearer.device,
-                next_hop=str(bearer.gateway),
-                network=bearer.network,
-                power_port=self._power_port(bearer),
+                box=link.device,
+                next_hop=str(link.gateway),
+                network=link.network,
+                power_port=self._power_port(link),
             )
-            for route, bearer in zip(self.ways, site.bearers, strict=True)
+            for route, link in zip(self.ways, site.bearers, strict=True)
         ]
         return LinksStatus(
-            bearers=rank(_statuses(observations, over), site.failover.fail_back_s, self._used(reading)),
-            boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
+            links=rank(_statuses(observations, over), site.failover.fail_back_s, self._used(reading)),
+            boxes={link.name: self._boxes(link) for link in site.bearers},
             months=month,
             probe_bytes={
                 item.route.name: ping_bytes(self.ways)[item.route.name] for item in observations if item.echoes
@@ -429,29 +427,29 @@ class _LinkSite:
         answer = self._answer(self.router)
         return answer if isinstance(answer, RouterReading) else None
 
-    def _used(self, reading: RouterReading | None) -> tuple[str, BearerFinding] | None:
+    def _used(self, reading: RouterReading | None) -> tuple[str, LinkFinding] | None:
         if reading is None or reading.use is None:
             return None
         hint = f"`provision use site={self.router.site} end` ends it now"
-        return reading.use.link, BearerFinding(events.Verdict.WARN, IN_USE, reading.use.words(reading.uptime_s), hint)
+        return reading.use.link, LinkFinding(events.Verdict.WARN, IN_USE, reading.use.words(reading.uptime_s), hint)
 
     def _answer(self, host: Host | None) -> Any:  # noqa: ANN401 - a reading of the host's kind, Silent or None
         return None if host is None else self.turn.answers.get(host.name)
 
     def _active(self) -> tuple[str, ...] | None:
         reading = self._reading
-        return None if reading is None or reading.routes is None else policy.active_bearers(reading.routes, self.ways)
+        return None if reading is None or reading.routes is None else policy.active_links(reading.routes, self.ways)
 
-    def _boxes_status(self, route: policy.BearerRoute, bearer: model.Bearer) -> BoxesStatus:
-        box = self.declaration.hosts.get(bearer.device or "")
-        if bearer.kind.traits.box == "satellite_terminal":
+    def _boxes_status(self, route: policy.LinkRoute, link: model.Link) -> BoxesStatus:
+        box = self.inventory.hosts.get(link.device or "")
+        if link.kind.traits.box == "satellite_terminal":
             status = self._terminal(box)
-            findings = (*status.findings, *self.name_findings.get(bearer.name, ()))
+            findings = (*status.findings, *self.name_findings.get(link.name, ()))
             return replace(
-                status, quality=kept_off(bearer, route.port, self._reading) | status.quality, findings=findings
+                status, quality=kept_off(link, route.port, self._reading) | status.quality, findings=findings
             )
         if box is not None and isinstance(box.device, model.Cpe):
-            far = self.declaration.hosts.get(box.device.ptp.peer)
+            far = self.inventory.hosts.get(box.device.ptp.peer)
             return of_bridge((box, self._answer(box)), None if far is None else (far, self._answer(far)))
         if box is not None and isinstance(box.device, model.LteRouter):
             return self._unit(box, box.device)
@@ -474,21 +472,21 @@ class _LinkSite:
     def _terminal(self, box: Host | None) -> BoxesStatus:
         store = runs.Store(self.request.state, is_rehearsal=self.request.rehearsed)
         try:
-            return of_terminal(self.declaration, box, store, self.now.astimezone().date())
+            return of_terminal(self.inventory, box, store, self.now.astimezone().date())
         except errors.NetcfgError as error:
             self.notes.append(str(error))
             return BoxesStatus()
 
-    def _boxes(self, bearer: model.Bearer) -> str:
-        box = self.declaration.hosts.get(bearer.device or "")
+    def _boxes(self, link: model.Link) -> str:
+        box = self.inventory.hosts.get(link.device or "")
         if box is not None and isinstance(box.device, model.Cpe):
             return f"{box.name} to {box.device.ptp.peer}"
         if box is not None and isinstance(box.device, model.LteRouter):
             return f"{box.name} ({box.device.driver.value})"
-        return bearer.device or ""
+        return link.device or ""
 
-    def _power_port(self, bearer: model.Bearer) -> str | None:
-        box = self.declaration.hosts.get(bearer.device or "")
+    def _power_port(self, link: model.Link) -> str | None:
+        box = self.inventory.hosts.get(link.device or "")
         source = getattr(box.device, "powered_by", None) if box is not None else None
         return source.port if source is not None and source.device == self.router.name else None
 

@@ -66,12 +66,12 @@ def rows(reply: api.Reply) -> tuple[Row, ...] | None:
 
 
 PINGS = 3
-"""To each canary."""
+"""Number of pings to each probe target."""
 _PORT = ("name", "default-name", "running", "disabled", "rx-byte", "tx-byte")
 _RULE = ("chain", "action", "disabled", "packets", "bytes")
 _NEIGHBOUR = ("address", "interface", "mac-address", "complete", "disabled", "invalid")
 _MENUS = 6
-"""Questions besides the pings."""
+"""Number of queries besides the pings."""
 _TRUE = frozenset({"true", "yes"})
 _TIME = re.compile(r"(?:(\d+)s)?(?:(\d+)ms)?(?:(\d+)us)?")
 
@@ -83,7 +83,7 @@ class SessionPort:
     running: bool | None
     is_disabled: bool | None
     rx_bytes: int | None
-    """Since the router was started."""
+    """Bytes since the router was started."""
     tx_bytes: int | None
 
 
@@ -95,7 +95,7 @@ class Echo:
     sent_count: int
     received_count: int
     rtt_ms: float | None
-    """Mean of those that came back."""
+    """Mean round trip of the pings with a reply."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,25 +111,25 @@ class RouterReading:
     """The router's report about its links at one moment; None means that a query was refused."""
 
     at: datetime | None = None
-    """When it had answered, by this computer's clock."""
+    """Time of the complete response, by this computer's clock."""
     uptime_s: float | None = None
     ports: Mapping[str, SessionPort] | None = None
-    """By factory name."""
+    """Ports by factory name."""
     port_aliases: Mapping[str, str] = field(default_factory=dict)
-    """Factory names of ports that are called otherwise on the router, and how."""
+    """Current names of renamed ports, by factory name."""
     routes: tuple[Row, ...] | None = None
-    """The default routes of all tables."""
+    """Default routes of all routing tables."""
     echoes: Mapping[str, tuple[Echo, ...]] | None = None
-    """By bearer; only the canaries whose pings were carried out."""
+    """Replies by link; only of the probe targets whose pings were carried out."""
     neighbours: Mapping[str, tuple[SeenNeighbour, ...]] | None = None
-    """By port; None, too, where a port is called otherwise: what its name stands for is another one then."""
+    """Neighbours by port; None also if a port was renamed, because its name then refers to another port."""
     use: LinkUse | None = None
-    """The link that is in use for a time instead of the declared order."""
+    """Link that is used for a limited time instead of the order in the inventory."""
     drop_counters: Mapping[str, tuple[int, int]] | None = None
-    """By firewall chain: packets and bytes that its drop rules have counted since they were made or reset."""
+    """By firewall chain: packets and bytes counted by its drop rules since they were created or reset."""
 
 
-def questions(routes: Sequence[policy.BearerRoute]) -> tuple[tuple[api.Command, ...], tuple[policy.PolicyProbe, ...]]:
+def questions(routes: Sequence[policy.LinkRoute]) -> tuple[tuple[api.Command, ...], tuple[policy.PolicyProbe, ...]]:
     """Return all commands to send at once after the login, and the pings among them; only the links' ports."""
     probes = policy.probe_commands(routes, count=PINGS)
     ports = [route.port for route in routes if route.port is not None]
@@ -153,7 +153,7 @@ def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-async def read_router(device: ReadOnlySession, routes: Sequence[policy.BearerRoute]) -> RouterReading:
+async def read_router(device: ReadOnlySession, routes: Sequence[policy.LinkRoute]) -> RouterReading:
     """Read in one session of two round trips; the pings take seconds of the second. Raise DeviceError."""
     queries, probes = questions(routes)
     async with device.open_session() as session:
@@ -197,7 +197,7 @@ def _echoes(probes: Sequence[policy.PolicyProbe], replies: Sequence[api.Reply]) 
     for probe, reply in zip(probes, replies, strict=True):
         echo = _echo(probe.target, rows(reply))
         if echo is not None:
-            result[probe.bearer] = (*result.get(probe.bearer, ()), echo)
+            result[probe.link] = (*result.get(probe.link, ()), echo)
     return result
 
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState, Quality, wifi
+from atlantis_netcfg.links import LinkFinding, LinkState, LinkStatus, Quality, wifi
 from atlantis_netcfg.links import wifi as radios
 from atlantis_netcfg.links.lte import LteReading, Registration, judge, routeros
 from atlantis_netcfg.links.satellite import judge_carrier_nat, judge_factory_address
-from atlantis_netcfg.operations.common.terminals import is_terminal, look
+from atlantis_netcfg.operations.common.terminals import is_terminal, judge_terminal
 from atlantis_netcfg.operations.links.session import Echo, ReadOnlySession, RouterReading, SessionPort, command, rows
 from atlantis_netcfg.routeros import api
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from datetime import date
 
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.links.policy import BearerRoute
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.links.policy import LinkRoute
     from atlantis_netcfg.operations.lte.units import LteUnit
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.runs import Store
 
 
 IN_USE = "in-use-for-a-time"
-"""Code of the finding of a link that is in use instead of the declared order."""
+"""Finding code of a link that is used instead of the order in the inventory."""
 _MENUS = {family: f"/interface/{family}/print" for family in wifi.Family}
 _RADIO = "name,default-name,mac-address,disabled"
 
@@ -39,9 +39,9 @@ class RadioLook:
     """A CPE's report about its radio."""
 
     reading: wifi.WifiReading | None
-    """None: the device has no radio that its menus show."""
+    """None: the menus of the device show no radio."""
     mac: str | None = None
-    """Of its own radio, upper case."""
+    """MAC address of the device's own radio, upper case."""
 
 
 async def read_radio(device: ReadOnlySession) -> RadioLook:
@@ -95,9 +95,9 @@ class BoxesStatus:
     """The report of a link's devices."""
 
     state: LinkState | None = None
-    """None: they say nothing of it, or there is no box that could."""
+    """None: the devices do not report it, or the link has no such device."""
     quality: Quality = field(default_factory=dict)
-    findings: tuple[BearerFinding, ...] = ()
+    findings: tuple[LinkFinding, ...] = ()
     silent: tuple[Silent, ...] = ()
 
 
@@ -124,7 +124,7 @@ def _excuse_far_end(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
         return boxes
     message = f"{far.device} cannot be read, as is to be expected while the bridge is down: {far.message}"
     hint = "repair the bridge first; if it stays away after that, look at its power"
-    finding = BearerFinding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
+    finding = LinkFinding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
     rest = tuple(item for item in boxes.silent if item is not far)
     return replace(boxes, findings=(*boxes.findings, finding), silent=rest)
 
@@ -133,7 +133,7 @@ def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str
     if look.reading is None:
         message = f"{host.name}: its menus show no radio"
         hint = "RouterOS 7.13 and later need the package `wireless` or `wifi-qcom` for it: see docs/wifi-link.md"
-        return BoxesStatus(LinkState.DOWN, {}, (BearerFinding(Verdict.FAIL, "no-radio", message, hint),))
+        return BoxesStatus(LinkState.DOWN, {}, (LinkFinding(Verdict.FAIL, "no-radio", message, hint),))
     if not others:
         return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading))
     expected_link = expected_of(host, others[0], macs.get(others[0].name))
@@ -141,7 +141,7 @@ def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str
     return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading, expected_link), tuple(findings))
 
 
-def _said_by(host: Host, finding: BearerFinding) -> BearerFinding:
+def _said_by(host: Host, finding: LinkFinding) -> LinkFinding:
     return replace(finding, message=f"{host.name}: {finding.message}")
 
 
@@ -164,21 +164,21 @@ def _merge(first: BoxesStatus, second: BoxesStatus) -> BoxesStatus:
 _WORSE = (LinkState.UP, LinkState.UNKNOWN, LinkState.SEARCHING, LinkState.DOWN)
 
 
-def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[BearerFinding, ...]:
+def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[LinkFinding, ...]:
     """Return findings about silent devices: minor if their link works, severe if nothing responds over it."""
     verdict = Verdict.INCONCLUSIVE if answers is not False else Verdict.FAIL
     suffix = {True: ", but its link works", None: "", False: ", and nobody answers over its link"}[answers]
     return tuple(
-        BearerFinding(verdict, "device-unreachable", f"{item.device} cannot be read{suffix}: {item.message}", item.hint)
+        LinkFinding(verdict, "device-unreachable", f"{item.device} cannot be read{suffix}: {item.message}", item.hint)
         for item in silent
     )
 
 
-def of_terminal(declaration: Declaration, host: Host | None, store: Store, today: date) -> BoxesStatus:
+def of_terminal(inventory: Inventory, host: Host | None, store: Store, today: date) -> BoxesStatus:
     """Return the terminal's evidence and the findings about it; raise DamagedStateError."""
     if host is None or not is_terminal(host):
         return BoxesStatus()
-    result = look(declaration, host, store, today=today)
+    result = judge_terminal(inventory, host, store, today=today)
     evidence = result.evidence
     quality: Quality = {
         "firmware": None if evidence is None else evidence.firmware,
@@ -188,14 +188,14 @@ def of_terminal(declaration: Declaration, host: Host | None, store: Store, today
     return BoxesStatus(None, quality, result.findings)
 
 
-def kept_off(bearer: model.Bearer, port: str | None, router: RouterReading | None) -> Quality:
+def kept_off(link: model.Link, port: str | None, router: RouterReading | None) -> Quality:
     """Return the packets that the router dropped on the link, and whether the next hop recently answered ARP.
 
     The chain's name is that of `render.view.Uplink.chain`. An ARP entry expires, so its absence proves nothing.
     """
     there = None if router is None or router.neighbours is None else router.neighbours.get(port or "", ())
-    drops = None if router is None or router.drop_counters is None else router.drop_counters.get(f"to-{bearer.name}")
-    has_answered = None if there is None else str(bearer.gateway) in {item.address for item in there}
+    drops = None if router is None or router.drop_counters is None else router.drop_counters.get(f"to-{link.name}")
+    has_answered = None if there is None else str(link.gateway) in {item.address for item in there}
     return {
         "next_hop_seen": {None: None, True: "yes", False: "no"}[has_answered],
         "kept_off_packets": None if drops is None else drops[0],
@@ -204,7 +204,7 @@ def kept_off(bearer: model.Bearer, port: str | None, router: RouterReading | Non
 
 
 _INTERFACE = "lte1"
-"""RouterOS' factory name of the one modem that a unit has."""
+"""RouterOS' factory name of a unit's only modem."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,9 +212,9 @@ class UnitLook:
     """A 4G unit's reading, with its driver's findings."""
 
     reading: LteReading
-    findings: tuple[BearerFinding, ...]
+    findings: tuple[LinkFinding, ...]
     requests: int | None = None
-    """Sent to it by a driver that counts requests."""
+    """Requests sent to the unit, if its driver counts them."""
 
 
 async def read_routeros(device: ReadOnlySession, unit: LteUnit) -> UnitLook:
@@ -271,19 +271,19 @@ def of_unit(name: str, answer: UnitLook, driver: model.LteDriver, *, forwards: b
 class SeenLinks:
     """All observations of one link from one reading."""
 
-    route: BearerRoute
+    route: LinkRoute
     router: RouterReading | Silent | None
-    """None: it was not to be asked."""
+    """Reading of the router; None: it was not to be queried."""
     boxes_status: BoxesStatus
     active: bool | None
     month_bytes: int | None = None
     box: str | None = None
-    """The device of the declaration at this end, if there is one."""
+    """Device of the link at this end in the inventory, if there is one."""
     next_hop: str | None = None
     network: IPv4Network | None = None
-    """Of the link."""
+    """Network of the link."""
     power_port: str | None = None
-    """The router's PoE port that feeds the box, if one does."""
+    """The router's PoE port that powers the device, if there is one."""
 
     @property
     def reading(self) -> RouterReading | None:
@@ -322,9 +322,9 @@ class SeenLinks:
         return self.port is not None and (self.port.running is False or self.port.is_disabled is True)
 
 
-def bearer_status(observation: SeenLinks) -> BearerStatus:
+def link_status(observation: SeenLinks) -> LinkStatus:
     """Reduce the observations of a link to a status."""
-    return BearerStatus(
+    return LinkStatus(
         name=observation.route.name,
         kind=observation.route.kind,
         state=_state(observation),
@@ -359,46 +359,46 @@ def _quality(observation: SeenLinks) -> Quality:
     return quality | observation.boxes_status.quality
 
 
-def _findings(observation: SeenLinks) -> Iterator[BearerFinding]:
+def _findings(observation: SeenLinks) -> Iterator[LinkFinding]:
     if isinstance(observation.router, Silent):
         message = f"the router cannot be read, so nobody knows whether this link works: {observation.router.message}"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "router-unreachable", message, observation.router.hint)
+        yield LinkFinding(Verdict.INCONCLUSIVE, "router-unreachable", message, observation.router.hint)
     yield from _of_port(observation)
     yield from _of_strangers(observation)
     boxes = tuple(_filter_findings(observation))
     yield from boxes
     yield from unheard(observation.boxes_status.silent, answers=False if observation.dark else observation.answers)
     if not observation.dark:
-        yield from _of_canaries(observation, is_explained=any(item.verdict is Verdict.FAIL for item in boxes))
+        yield from _of_probe_targets(observation, is_explained=any(item.verdict is Verdict.FAIL for item in boxes))
 
 
-def _filter_findings(observation: SeenLinks) -> Iterator[BearerFinding]:
+def _filter_findings(observation: SeenLinks) -> Iterator[LinkFinding]:
     """Yield the findings, but no missing address if probe targets respond over the link."""
     for finding in observation.boxes_status.findings:
         if finding.code != "no-address" or not observation.answers:
             yield finding
 
 
-def _of_port(observation: SeenLinks) -> Iterator[BearerFinding]:
+def _of_port(observation: SeenLinks) -> Iterator[LinkFinding]:
     name, port = observation.route.port, observation.port
     reading = observation.reading
     if reading is not None and reading.ports is not None and port is None:
         hint = "compare `ports` in the router's host_vars with the box"
-        yield BearerFinding(Verdict.FAIL, "port-missing", f"the router has no port {name}", hint)
+        yield LinkFinding(Verdict.FAIL, "port-missing", f"the router has no port {name}", hint)
     elif reading is not None and (alias := reading.port_aliases.get(name or "")) is not None:
         hint = "run the site: ports get their names back, and what is declared for a port comes to its socket"
         message = f"port {name} of the router is called {alias} there: what the router does by names is elsewhere"
-        yield BearerFinding(Verdict.FAIL, "port-renamed", message, hint)
+        yield LinkFinding(Verdict.FAIL, "port-renamed", message, hint)
     elif port is not None and port.is_disabled:
         hint = "run the site to enable it, or look who has disabled it"
-        yield BearerFinding(Verdict.FAIL, "port-disabled", f"port {name} of the router is switched off", hint)
+        yield LinkFinding(Verdict.FAIL, "port-disabled", f"port {name} of the router is switched off", hint)
     elif port is not None and port.running is False:
         fed = f" from PoE of {observation.power_port}" if observation.power_port else ""
         hint = f"is the cable plugged in at both ends, and has the box power{fed}?"
-        yield BearerFinding(Verdict.FAIL, "port-down", f"port {name} of the router has no link", hint)
+        yield LinkFinding(Verdict.FAIL, "port-down", f"port {name} of the router has no link", hint)
 
 
-def _of_strangers(observation: SeenLinks) -> Iterator[BearerFinding]:
+def _of_strangers(observation: SeenLinks) -> Iterator[LinkFinding]:
     """Report a device on the port with an address of another network: probably factory state (devices.md, 3)."""
     reading = observation.reading
     if observation.box is None or observation.next_hop is None or reading is None or reading.neighbours is None:
@@ -416,7 +416,7 @@ def _of_strangers(observation: SeenLinks) -> Iterator[BearerFinding]:
         )
 
 
-def _of_canaries(observation: SeenLinks, *, is_explained: bool) -> Iterator[BearerFinding]:
+def _of_probe_targets(observation: SeenLinks, *, is_explained: bool) -> Iterator[LinkFinding]:
     """Report silent probe targets; a link that is down is reported once, by the finding that explains it."""
     silent = [echo.target for echo in observation.echoes if not echo.received_count]
     if observation.answers is False and not is_explained:
@@ -427,23 +427,23 @@ def _of_canaries(observation: SeenLinks, *, is_explained: bool) -> Iterator[Bear
             if waits
             else "look at the box of this link, then at what is beyond it"
         )
-        yield BearerFinding(Verdict.FAIL, "canaries-silent", message, hint)
+        yield LinkFinding(Verdict.FAIL, "canaries-silent", message, hint)
     elif observation.answers and silent:
         message = f"{', '.join(silent)} does not answer over this link, the others do"
         hint = "one canary alone proves the link; if it stays silent, declare another one in `canaries`"
-        yield BearerFinding(Verdict.WARN, "canary-silent", message, hint)
+        yield LinkFinding(Verdict.WARN, "canary-silent", message, hint)
     elif observation.answers and any(echo.received_count < echo.sent_count for echo in observation.echoes):
         sent_count, received_count = (
             sum(echo.sent_count for echo in observation.echoes),
             sum(echo.received_count for echo in observation.echoes),
         )
         message = f"{sent_count - received_count} of {sent_count} pings were lost"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.WARN, "loss", message, "look again; a link that keeps losing packets is about to fail"
         )
 
 
-def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, BearerFinding], ...]:
+def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, LinkFinding], ...]:
     """Return findings, by link, for addresses that occur on two ports, mostly factory addresses."""
     ports: dict[str, list[SeenLinks]] = {}
     for item in observations:
@@ -454,15 +454,15 @@ def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, BearerFinding],
     )
 
 
-def _twice(address: str, many: Sequence[SeenLinks]) -> BearerFinding:
+def _twice(address: str, many: Sequence[SeenLinks]) -> LinkFinding:
     where = " and ".join(f"{item.route.port} ({item.route.name})" for item in many)
     message = f"{address} answers on {where}: two boxes with one address, of which the router can reach one only"
-    return BearerFinding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
+    return LinkFinding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
 
 
 def rank(
-    statuses: Sequence[BearerStatus], fail_back_s: int, use: tuple[str, BearerFinding] | None = None
-) -> tuple[BearerStatus, ...]:
+    statuses: Sequence[LinkStatus], fail_back_s: int, use: tuple[str, LinkFinding] | None = None
+) -> tuple[LinkStatus, ...]:
     """Add to each status what follows from the order of preference; `statuses` are in that order.
 
     `use`: the link that is temporarily in use, and the finding about it. It precedes all others meanwhile.
@@ -476,7 +476,7 @@ def rank(
     return tuple(status_by_name[status.name] for status in statuses)
 
 
-def _by_rank(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerStatus, ...]:
+def _by_rank(statuses: Sequence[LinkStatus], fail_back_s: int) -> tuple[LinkStatus, ...]:
     if any(status.active is None for status in statuses):
         return tuple(statuses)
     active = [status.name for status in statuses if status.active]
@@ -484,26 +484,26 @@ def _by_rank(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[Bearer
         first, *others = statuses
         message = "no default route leads over any link: nothing leaves the site"
         hint = "a router that was never configured has none: run the site; else see what is said of each link"
-        return (_with(first, BearerFinding(Verdict.FAIL, "no-way-out", message, hint)), *others)
+        return (_with(first, LinkFinding(Verdict.FAIL, "no-way-out", message, hint)), *others)
     place = min(number for number, status in enumerate(statuses) if status.active)
     return tuple(_rank_status(status, number, place, statuses, fail_back_s) for number, status in enumerate(statuses))
 
 
 def _rank_status(
-    status: BearerStatus, number: int, place: int, statuses: Sequence[BearerStatus], fail_back_s: int
-) -> BearerStatus:
+    status: LinkStatus, number: int, place: int, statuses: Sequence[LinkStatus], fail_back_s: int
+) -> LinkStatus:
     if number < place and status.state is LinkState.UP:
         message = f"it answers, but {statuses[place].name} carries the traffic"
         hint = f"it is taken again when it has answered for {fail_back_s} s without a break: look again after that"
-        return _with(status, BearerFinding(Verdict.WARN, "not-taken-yet", message, hint))
+        return _with(status, LinkFinding(Verdict.WARN, "not-taken-yet", message, hint))
     if number and status.active:
         cost_note = ", and every byte is paid" if status.is_metered else ""
         message = f"it carries the traffic in place of {statuses[0].name}{cost_note}"
         return _with(
-            status, BearerFinding(Verdict.WARN, "in-place-of-a-better-one", message, f"repair {statuses[0].name}")
+            status, LinkFinding(Verdict.WARN, "in-place-of-a-better-one", message, f"repair {statuses[0].name}")
         )
     return status
 
 
-def _with(status: BearerStatus, finding: BearerFinding) -> BearerStatus:
+def _with(status: LinkStatus, finding: LinkFinding) -> LinkStatus:
     return replace(status, findings=(*status.findings, finding))

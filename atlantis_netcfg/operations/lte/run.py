@@ -19,9 +19,9 @@ from atlantis_netcfg.core.crash_report import report_crash
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.lte import Registration, rutos_client, rutos_settings
 from atlantis_netcfg.links.lte.judge import quality
-from atlantis_netcfg.operations.common.costs import gate
-from atlantis_netcfg.operations.common.kinds import is_unit
-from atlantis_netcfg.operations.common.request import Mode, Request, declaration_of, open_request, refuse_examples
+from atlantis_netcfg.operations.common.costs import require_consent
+from atlantis_netcfg.operations.common.kinds import is_other_lte_unit
+from atlantis_netcfg.operations.common.request import Mode, Request, open_inventory, open_request, refuse_examples
 from atlantis_netcfg.operations.lte.units import FINE, EmulationUnavailable, LteResult, LteUnit, UnitStatus, words
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.routeros.console.types import ConsoleLost, ConsoleUnreachable
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.links.lte.rutos_settings import SettingChange
     from atlantis_netcfg.operations.common.request import EventStream
     from atlantis_netcfg.routeros.console.ssh import Commands
@@ -53,7 +53,7 @@ class SettingsResult:
     refusal: str | None = None
     commands: int = 0
     taken_back: bool = False
-    """The PIN was refused, and the unit does not hold it any more."""
+    """Whether a refused PIN was removed from the unit."""
 
     @property
     def hash(self) -> str:
@@ -119,9 +119,9 @@ _FINAL_STATES = (
     Registration.SIM_PUK_REQUIRED,
     Registration.DISABLED,
 )
-"""States in which waiting for the network is in vain."""
+"""States in which waiting for the network is pointless."""
 _FINAL = "roaming-not-allowed"
-"""The judge's word for a card that is in a network and will get no data there."""
+"""Finding code of a SIM that is registered in a network but will get no data there."""
 
 
 class UnitConvergence:
@@ -182,7 +182,7 @@ class UnitConvergence:
         unit, desired_settings = self._unit, self._unit.settings
         with unit.shell() as shell:
             sections = sections_of(shell)
-            refusal = rutos_settings.pin_held(
+            refusal = rutos_settings.why_pin_blocks(
                 reading.reading, desired_settings, sections, pin_refusal=unit.pin_attempt.why_not
             )
             if refusal is not None:
@@ -360,7 +360,7 @@ class UnitConvergence:
 
     def _failure_result(self, error: errors.NetcfgError, status: Status) -> LteResult:
         code = errors.ExitCode.UNKNOWN if status is Status.UNKNOWN else error.exit
-        hint = error.hint and errors.complete(error.hint, site=self._unit.host.site, device=self._unit.name)
+        hint = error.hint and errors.fill_hint(error.hint, site=self._unit.host.site, device=self._unit.name)
         return LteResult(name=self._unit.name, status=status, exit=code, message=str(error), hint=hint)
 
     def _tell(self, stage: events.Stage, message: str) -> None:
@@ -392,9 +392,9 @@ def perform(
     compares, does not apply to these units: then nothing is read.
     """
     with open_request(request, plan_only=plan_only) as (run_request, channel):
-        declaration = declaration_of(inventory, decrypt)
-        units = [declaration.hosts[name] for name in hosts if is_unit(declaration.hosts[name])]
-        results = _perform(declaration, units, run_request, channel) if _ours(run_request) else {}
+        pilot_inventory = open_inventory(inventory, decrypt)
+        units = [pilot_inventory.hosts[name] for name in hosts if is_other_lte_unit(pilot_inventory.hosts[name])]
+        results = _perform(pilot_inventory, units, run_request, channel) if _ours(run_request) else {}
     return {"per_host": {name: _of_host(result) for name, result in results.items()}}
 
 
@@ -404,19 +404,19 @@ def _ours(request: Request) -> bool:
 
 
 def _perform(
-    declaration: Declaration, units: Sequence[Host], request: Request, channel: EventStream
+    inventory: Inventory, units: Sequence[Host], request: Request, channel: EventStream
 ) -> dict[str, LteResult]:
     if units:
-        refuse_examples(declaration, is_rehearsal=request.rehearsed)
-    gate(declaration, units, request)
+        refuse_examples(inventory, is_rehearsal=request.rehearsed)
+    require_consent(inventory, units, request)
     results: dict[str, LteResult] = {}
     for site in sorted({host.site for host in units}):
-        results |= _site(declaration, site, [host for host in units if host.site == site], request, channel)
+        results |= _site(inventory, site, [host for host in units if host.site == site], request, channel)
     return results
 
 
 def _site(
-    declaration: Declaration, site: str, units: Sequence[Host], request: Request, channel: EventStream
+    inventory: Inventory, site: str, units: Sequence[Host], request: Request, channel: EventStream
 ) -> dict[str, LteResult]:
     """Run the units of one site under its lock; a plan changes nothing and needs neither lock nor journal."""
     store = runs.Store(request.state, is_rehearsal=request.rehearsed)
@@ -426,7 +426,7 @@ def _site(
         run = ""
         if not request.mode.reads_only:
             stack.enter_context(store.lock(site, request.command))
-            run_journal = stack.enter_context(_journal(declaration, site, units, request, store))
+            run_journal = stack.enter_context(_journal(inventory, site, units, request, store))
             journal, run = run_journal, run_journal.run
             channel.outcome({}, {site: {"4g": run}})
         for host in units:
@@ -442,7 +442,7 @@ def _site(
 def _unit(host: Host, request: Request, store: runs.Store, journal: runs.Recorder, channel: EventStream) -> LteResult:
     # Most runs have no unit, and the console with its libraries takes a tenth of a second in each task.
 
-    assert isinstance(host.device, LteRouter)  # noqa: S101 - `is_unit` has said so
+    assert isinstance(host.device, LteRouter)  # noqa: S101 - `is_other_lte_unit` is true
     unit = LteUnit(
         host,
         host.device,
@@ -468,15 +468,15 @@ def _unit(host: Host, request: Request, store: runs.Store, journal: runs.Recorde
 
 
 def _journal(
-    declaration: Declaration, site: str, units: Sequence[Host], request: Request, store: runs.Store
+    inventory: Inventory, site: str, units: Sequence[Host], request: Request, store: runs.Store
 ) -> runs.Journal:
     if request.mode is Mode.RESUME and request.run is not None:
-        record = runs.RunResume(revision=declaration.revision, tool=__version__, command=request.command)
+        record = runs.RunResume(revision=inventory.revision, tool=__version__, command=request.command)
         return store.resume(site, request.run, record)
     return store.start(
         runs.RunStart(
             site=site,
-            revision=declaration.revision,
+            revision=inventory.revision,
             tool=__version__,
             hosts=tuple(host.name for host in units),
             rehearsed=request.rehearsed,

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.inventory import Host
-    from atlantis_netcfg.links import BearerFinding, Quality
+    from atlantis_netcfg.links import LinkFinding, Quality
     from atlantis_netcfg.links.lte import LteReading
     from atlantis_netcfg.links.lte.rutos_client import RutosEndpoint
     from atlantis_netcfg.links.lte.rutos_settings import LteSettings
@@ -35,7 +35,7 @@ _HTTPS, _SSH = 443, 22
 
 
 _SERIAL = "serial number of "
-"""Before a device's name where its serial number is kept among the pins; names have no spaces."""
+"""Prefix of the device name under which a serial number is stored among the pins; names have no spaces."""
 
 
 class EmulationUnavailable(errors.NetcfgError):
@@ -47,13 +47,13 @@ class UnitStatus:
     """The result of reading a unit once."""
 
     reading: LteReading
-    findings: tuple[BearerFinding, ...]
+    findings: tuple[LinkFinding, ...]
     requests: int = 0
     sent_bytes: int = 0
     received_bytes: int = 0
     serial: str | None = None
     identities: Mapping[str, str] = field(default_factory=dict, repr=False)
-    """`imei` and `iccid`, whole; for a record that masks them."""
+    """Unmasked `imei` and `iccid`, for a record that masks them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +63,11 @@ class LteUnit:
     host: Host
     device: model.LteRouter
     store: Store
-    """Pins of its certificates, and whether its SIM's PIN was tried."""
+    """Store with the unit's pinned certificates, and whether its SIM's PIN was tried."""
     notify: Subscriber
     is_rehearsal: bool = False
     target: Target | None = None
-    """Rehearsal: where its emulation listens; None: there is none."""
+    """Rehearsal: address of its emulator; None: there is none."""
 
     @property
     def name(self) -> str:
@@ -190,11 +190,11 @@ class LteUnit:
         return UnitStatus(result.reading, (*judge(result.reading, self.expectation), *result.findings), result.calls)
 
     def _manual(self) -> UnitStatus:
-        return UnitStatus(record.unmanaged_reading(), (record.check_by_hand(str(self.device.address)),))
+        return UnitStatus(record.unmanaged_reading(), (record.manual_check_finding(str(self.device.address)),))
 
 
 FINE = (errors.ExitCode.DONE, errors.ExitCode.CHANGES, errors.ExitCode.NOTHING)
-"""What is no failure of a play: a unit that only a person can look at was not checked, and has not failed."""
+"""Exit codes that do not fail a play: a unit that only a person can check was not checked, but has not failed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,11 +211,11 @@ class LteResult:
     diff: str = ""
     notes: tuple[str, ...] = ()
     plan_hash: str = ""
-    findings: tuple[BearerFinding, ...] = ()
+    findings: tuple[LinkFinding, ...] = ()
     quality: Quality = field(default_factory=dict)
     requests: int = 0
     sent_bytes: int = 0
-    """Bytes of what we sent, without headers and TLS, and without SSH; so is `received_bytes`."""
+    """Bytes sent, without headers, TLS and SSH; the same holds for `received_bytes`."""
     received_bytes: int = 0
     seconds: float = 0.0
     serial: str | None = None
@@ -250,7 +250,7 @@ class LteResult:
         }
 
 
-def words(finding: BearerFinding) -> str:
+def words(finding: LinkFinding) -> str:
     """Format a finding as a note: `WARN: ... (...)`; without verdict if it passes."""
     verdict = "" if finding.verdict is Verdict.PASS else f"{finding.verdict}: "
     return f"{verdict}{finding.message}{f' ({finding.hint})' if finding.hint else ''}"
@@ -262,9 +262,9 @@ class EmulatedUnit:
 
     target: Target
     export: Callable[[], str]
-    """What it is set to, in its own words."""
+    """Returns the unit's settings in its own format."""
     tune: Callable[[PlaceTruth], None] | None = None
-    """Put on the air what is heard at another place; None: the emulation hears the same everywhere."""
+    """Sets the signals received at another place; None: the emulated unit receives the same everywhere."""
 
 
 @contextmanager
@@ -314,11 +314,11 @@ def _rutos(stack: ExitStack, name: str, device: model.LteRouter, folder: Path) -
     target = Target(
         host=ready["host"], port=ready["https"], pin=ready["pin"], ssh=ready["ssh"], host_key=ready["host_key"]
     )
-    twin = running.unit.modem
+    emulator = running.unit.modem
 
     def tune(truth: PlaceTruth) -> None:
         levels = {"rsrp_dbm": truth.rsrp_dbm, "rsrq_db": truth.rsrq_db, "sinr_db": truth.sinr_db}
-        twin.hear(rutos.RutosNetwork(silent=not truth.has_service, cell_id=truth.cell_id, **levels))
+        emulator.set_network(rutos.RutosNetwork(silent=not truth.has_service, cell_id=truth.cell_id, **levels))
 
     return EmulatedUnit(target, running.unit.export, tune)
 

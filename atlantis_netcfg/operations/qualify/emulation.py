@@ -26,22 +26,22 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
     from atlantis_netcfg.operations.qualify.routing import MeasuredFlow
 
 _LINK = "the link: it does what is declared below `rate`, and nothing else"
 _TUNNEL_PORT = 1194
-"""Of the emulated computer's end of the VPN."""
+"""VPN port of the emulated computer."""
 _VPN = "the VPN: its octets are counted around each packet, and no tunnel is made"
 _FAR_END = "the far end: a real measurement starts it over SSH first"
 _ROUTER = "the router: it does not carry the test packets, and is told afterwards what a relay of this computer carried"
 
 
-def not_rehearsed(twins: Rehearsal, *, over_vpn: bool = False) -> tuple[str, ...]:
+def not_rehearsed(emulators: Rehearsal, *, over_vpn: bool = False) -> tuple[str, ...]:
     """Return the limits of a rehearsal as text."""
     vpn = (_VPN,) if over_vpn else ()
-    return (_LINK if twins.replay is None else twins.replay.not_rehearsed, _ROUTER, _FAR_END, *vpn)
+    return (_LINK if emulators.replay is None else emulators.replay.not_rehearsed, _ROUTER, _FAR_END, *vpn)
 
 
 @dataclass(slots=True)
@@ -49,7 +49,7 @@ class EmulatedLink:
     """A running relay, and the emulated router that is informed of its traffic."""
 
     relay: UdpRelay
-    twins: Rehearsal
+    emulators: Rehearsal
 
     @contextmanager
     def transport(self) -> Iterator[UdpTransport]:
@@ -61,7 +61,7 @@ class EmulatedLink:
         """Report the carried traffic to the router; return its messages."""
         up, down = self.relay.up, self.relay.down
         arrived_packets = down.sent_count - down.loss_count - down.drop_count - down.in_gaps + down.copies
-        answer = self.twins.twins.do(
+        answer = self.emulators.emulators.do(
             router,
             "carry",
             source=flow.source,
@@ -79,16 +79,16 @@ class EmulatedLink:
 
 @contextmanager
 def emulated_link(
-    bearer: Bearer, key: bytes | None, twins: Rehearsal, *, over_vpn: bool = False
+    link: Link, key: bytes | None, emulators: Rehearsal, *, over_vpn: bool = False
 ) -> Iterator[EmulatedLink]:
     """Start far end and relay until the context ends; the VPN is emulated by its header bytes only."""
     headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
     with (
         temporary.folder("qualify") as folder,
         _reflector(folder, key) as port,
-        UdpRelay(("127.0.0.1", port), *link_shapes(bearer, twins.replay), headers=headers) as relay,
+        UdpRelay(("127.0.0.1", port), *link_shapes(link, emulators.replay), headers=headers) as relay,
     ):
-        yield EmulatedLink(relay, twins)
+        yield EmulatedLink(relay, emulators)
 
 
 @contextmanager

@@ -24,12 +24,12 @@ from atlantis_netcfg.operations.computers.remote_session import ssh_command
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.common.request import Request
 
 
 _OPENING_S = 120.0
-"""A gap of a satellite link, and what SSH takes over it."""
+"""Timeout in seconds: a gap of a satellite link, and the time that SSH needs over it."""
 
 
 class NothingToQualify(errors.NoMatchError):
@@ -44,14 +44,14 @@ class MeasuredFarEnd:
     address: str
     port: int
     key: bytes | None
-    """None: it is not ours, and whoever has its address could have answered for it."""
+    """None: not our reflector; any host with its address could have responded for it."""
 
     @property
     def is_ours(self) -> bool:
         """Whether it is this project's reflector, which confirms messages and reports its counters."""
         return self.key is not None
 
-    def refuse(self, selection: Selection, links: Iterable[model.Bearer], declaration: Declaration) -> None:
+    def refuse(self, selection: Selection, links: Iterable[model.Link], inventory: Inventory) -> None:
         """Raise UsageError or NothingToQualify if another's reflector cannot do the selected measurement.
 
         `links`: the links that see the packets themselves, and not a tunnel around them.
@@ -63,34 +63,34 @@ class MeasuredFarEnd:
                 f"`profile={selection}` needs a far end of ours, which confirms messages",
                 hint="leave `far=` out, or type `profile=telemetry`",
             )
-        for bearer in links:
-            targets = satellite_allow_list.allowed_targets(declaration.pilot, bearer)
-            if bearer.kind.traits.allow_list and not satellite_allow_list.admits(
+        for link in links:
+            targets = satellite_allow_list.allowed_targets(inventory.pilot, link)
+            if link.kind.traits.allow_list and not satellite_allow_list.admits(
                 targets, IPv4Address(self.address), self.port, model.Transport.UDP
             ):
                 raise NothingToQualify(
-                    f"`{bearer.name}` lets nothing pass to {self.address}, UDP port {self.port}",
+                    f"`{link.name}` lets nothing pass to {self.address}, UDP port {self.port}",
                     hint="declare it below `allow` of that link, or leave `far=` out",
                 )
 
 
-def far_end_of(declaration: Declaration, *, over_vpn: bool, other: str | None = None) -> MeasuredFarEnd:
+def far_end_of(inventory: Inventory, *, over_vpn: bool, other: str | None = None) -> MeasuredFarEnd:
     """Return the far end of the inventory, or the `other` one typed; raise NothingToQualify or UsageError.
 
     Only a tunnel over UDP can be routed over another link without breaking.
     """
-    if over_vpn and declaration.pilot.vpn.transport is not model.Transport.UDP:
+    if over_vpn and inventory.pilot.vpn.transport is not model.Transport.UDP:
         why = "the VPN goes over TCP, and such a tunnel cannot be led over another link without breaking"
         raise NothingToQualify(why, hint="leave `over=vpn` out")
     if other is not None:
-        return _parse_far_end(declaration, other, over_vpn=over_vpn)
-    qualify, target = declaration.pilot.qualify, satellite_allow_list.far_end(declaration.pilot)
+        return _parse_far_end(inventory, other, over_vpn=over_vpn)
+    qualify, target = inventory.pilot.qualify, satellite_allow_list.far_end(inventory.pilot)
     if qualify is None or target is None:
         hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/qualify.md)"
         raise NothingToQualify("the pilot declares no far end that could answer test packets", hint=hint)
     address = target.address
     if over_vpn:
-        device = declaration.hosts[qualify.reflector].device
+        device = inventory.hosts[qualify.reflector].device
         inside = device.vpn_address if isinstance(device, model.ServerComputer) else None
         if inside is None:
             raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="leave `over=vpn` out")
@@ -107,14 +107,14 @@ class FarEndUnavailable(errors.DeviceError):
     """The program at the far end could not be started; nothing was measured."""
 
 
-def open_far_end(declaration: Declaration, request: Request) -> None:
+def open_far_end(inventory: Inventory, request: Request) -> None:
     """Start the reflector over SSH; it ends a quarter of an hour after its last packet.
 
     Raises FarEndUnavailable.
     """
-    assert declaration.pilot.qualify is not None  # noqa: S101 - the far end is ours
-    host = declaration.hosts[declaration.pilot.qualify.reflector]
-    access = computer_access(declaration, host, request)
+    assert inventory.pilot.qualify is not None  # noqa: S101 - the far end is ours
+    host = inventory.hosts[inventory.pilot.qualify.reflector]
+    access = computer_access(inventory, host, request)
     line = f"systemctl start {QUALIFY_SERVICE}"
     command = [*ssh_command(access), f"sudo -n {line}" if access["become"] else line]
     hint = f"see that you reach it over SSH; `provision site={host.site} only={host.name}` sets it up"
@@ -131,7 +131,7 @@ def open_far_end(declaration: Declaration, request: Request) -> None:
         raise FarEndUnavailable(f"{host.name} did not open the far end of measurements: {last}", hint=hint)
 
 
-def _parse_far_end(declaration: Declaration, text: str, *, over_vpn: bool) -> MeasuredFarEnd:
+def _parse_far_end(inventory: Inventory, text: str, *, over_vpn: bool) -> MeasuredFarEnd:
     """Parse a reflector's address as typed by a person; raise UsageError."""
     host, colon, number = text.partition(":")
     try:
@@ -140,17 +140,17 @@ def _parse_far_end(declaration: Declaration, text: str, *, over_vpn: bool) -> Me
         address, port = IPv4Address(0), 0
     if address.is_unspecified or address.is_multicast or not 0 < port < 1 << 16:
         raise errors.UsageError(f"`far={text}` is no IPv4 address", hint=f"type it like `far=192.0.2.7:{PORT}`")
-    if over_vpn and address not in declaration.pilot.vpn.network:
+    if over_vpn and address not in inventory.pilot.vpn.network:
         raise errors.UsageError(
-            f"`far={text}` is no address in the VPN ({declaration.pilot.vpn.network})", hint="leave `over=vpn` out"
+            f"`far={text}` is no address in the VPN ({inventory.pilot.vpn.network})", hint="leave `over=vpn` out"
         )
     return MeasuredFarEnd(text, str(address), port, None)
 
 
-def source_in_vpn(declaration: Declaration, far: str, port: int) -> str:
+def source_in_vpn(inventory: Inventory, far: str, port: int) -> str:
     """Return this computer's address in the VPN; raise UsageError if it has no tunnel that is up."""
     address = _address_towards(far, port)
-    if address not in declaration.pilot.vpn.network:
+    if address not in inventory.pilot.vpn.network:
         raise errors.UsageError(
             f"this computer has no tunnel of its own that is up: it would send to {far} from {address}",
             hint="measure from a computer that is in the VPN and connected, or leave `over=vpn` out",
@@ -158,10 +158,10 @@ def source_in_vpn(declaration: Declaration, far: str, port: int) -> str:
     return str(address)
 
 
-def source_of(declaration: Declaration, site: str, far: str, port: int) -> str:
+def source_of(inventory: Inventory, site: str, far: str, port: int) -> str:
     """Return this computer's address towards the far end; raise UsageError if it is in no network of the site."""
     address = _address_towards(far, port)
-    place = declaration.sites[site]
+    place = inventory.sites[site]
     if address not in place.lan.network and address not in place.management.network:
         raise errors.UsageError(
             f"this computer would send from {address}, and only packets from networks of `{site}` pass its router",

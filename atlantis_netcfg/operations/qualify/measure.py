@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 TUNNEL_SWITCH, IDLE, UNDER_LOAD, LOAD_UP, LOAD_DOWN = "led", "idle", "loaded", "load up", "load down"
 CUT_OFF = "cut off"
-"""The reason of a run that could not say how it ended."""
+"""End reason of a run that could not record one."""
 
 
 class CountedTransport:
@@ -89,9 +89,9 @@ class Measurement:
     mtu: PathMtu = field(default_factory=lambda: PathMtu(None, None, "not measured"))
     rates: list[search.SustainedRate] = field(default_factory=list)
     reason: str = CUT_OFF
-    """Why it ended, once it has begun."""
+    """End reason, once the run has begun."""
     unanswered_sizes: int = 0
-    """Packets of the search for the path MTU that nobody answered: most were too long."""
+    """Unanswered packets of the search for the path MTU; most of them were too long."""
 
     @property
     def max_lost(self) -> int:

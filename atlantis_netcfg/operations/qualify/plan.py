@@ -24,26 +24,26 @@ from atlantis_netcfg.links.qualify.session import TrainPlan
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.links.qualify.judgement import QualifyProfile
 
 IDLE_PACKETS: Final = 600
-"""As many as the shipped thresholds ask for (`min_samples`)."""
+"""Number of packets without load, as the shipped thresholds require (`min_samples`)."""
 GAP_SHARE: Final = 1.2
-"""How much longer than the longest gap allowed the train without load is at least."""
+"""Minimum duration of the train without load, as a multiple of the longest gap allowed."""
 HIGHEST_HZ: Final = 64.0
-"""No higher rate of messages is tried."""
+"""Highest message rate that is tried."""
 LOAD_SHARE: Final = 1.2
-"""Of the declared rate of the link: more than it carries, so that its queue fills."""
+"""Load as a multiple of the link's declared rate: more than the link carries, so that its queue fills."""
 LOAD_LIMIT_BPS: Final = 40e6
-"""The far end sends no source more than 50 Mbit/s."""
+"""Maximum load; the far end sends at most 50 Mbit/s to one source."""
 MAX_LOAD_SHARE: Final = 1.5
-"""A cell of a grid that offers more than this share of the declared rate is not tried."""
+"""A grid cell that offers more than this multiple of the declared rate is not tried."""
 SEARCH_SIZES: Final = {Selection.TELEMETRY: 200, Selection.IMAGES: 6_000, Selection.THROUGHPUT: 20_000}
-"""Octets of the messages whose highest rate is looked for: 128 with RTPS around it, and two images."""
+"""Message sizes in octets whose highest rate is searched: 128 with RTPS headers, and two images."""
 _LEAST_MESSAGES: Final = 4
 _MTU_BYTES: Final = 2 * 3 * 11 * 1500
-"""Both searches in full, each size sent three times: about ten sizes between 576 and 1500."""
+"""Bytes of both complete searches, each size sent three times: about ten sizes between 576 and 1500."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +53,13 @@ class StageTimes:
     idle_interval_s: float
     timeout_s: float
     cell_s: float
-    """A size at a rate of the telemetry."""
+    """Duration for one message size at one telemetry rate."""
     image_s: float
     load_s: float
     window_s: float
-    """Of the search for the highest rate."""
+    """Duration of one window in the search for the highest rate."""
     give_up_s: float
-    """After so long without a word a message is lost, and the search for the path MTU gives up."""
+    """Silence after which a message counts as lost, and the search for the path MTU ends."""
 
 
 TIMES: Final = {
@@ -68,7 +68,7 @@ TIMES: Final = {
     Pace.SATELLITE: StageTimes(0.2, 5, 30, 10, 20, 8, 90),
 }
 REHEARSED_GAP_S: Final = 5.0
-"""The train without load lasts 6 s in a rehearsal, and could show no longer gap."""
+"""Longest gap in a rehearsal: its train without load lasts 6 s and could show no longer gap."""
 REHEARSAL_TIMES: Final = StageTimes(0.01, 1.5, 1, 1, 2, 1, 5)
 
 
@@ -93,16 +93,16 @@ class QualifyPlan:
     idle: TrainPlan
     load: MessagePlan | None
     load_down: MessagePlan | None
-    """From the far end, by itself: its figure is the goodput."""
+    """Load from the far end, as a separate stage: it measures the goodput."""
     cells: tuple[RateCell, ...]
     left_out: int
-    """Cells that the link cannot carry by its declaration."""
+    """Number of grid cells omitted because the link's declared rate is too low for them."""
     sizes: tuple[int, ...]
-    """Whose highest rate is looked for."""
+    """Message sizes whose highest rate is searched."""
     headers: int = IPV4_HEADERS
-    """Of each packet on the link: IPv4 and UDP, and what the VPN puts around them."""
+    """Header octets of each packet on the link: IPv4 and UDP, and the overhead of the VPN."""
     tunnel_switch: TrainPlan | None = None
-    """Packets that may be lost while a tunnel moves to the link: no figure is made of them."""
+    """Packets that may be lost while a tunnel moves to the link; excluded from all figures."""
 
     @property
     def bytes(self) -> int:
@@ -168,10 +168,10 @@ class QualifyPlan:
             yield self.window(size, rate)
 
 
-def thresholds_of(bearer: Bearer, *, is_rehearsal: bool = False) -> tuple[str, QualifyProfile]:
+def thresholds_of(link: Link, *, is_rehearsal: bool = False) -> tuple[str, QualifyProfile]:
     """Return a link's thresholds with their name for people; in a rehearsal adapted to its short train."""
-    settings = bearer.qualify
-    name = (settings.profile or bearer.kind.traits.thresholds).value
+    settings = link.qualify
+    name = (settings.profile or link.kind.traits.thresholds).value
     changes = settings.model_dump(exclude={"profile"}, exclude_none=True)
     title = f"{name}, with its own {', '.join(changes)}" if changes else name
     limits = profile(name).model_copy(update=changes)
@@ -181,24 +181,24 @@ def thresholds_of(bearer: Bearer, *, is_rehearsal: bool = False) -> tuple[str, Q
     return title, limits
 
 
-def _idle_packets(bearer: Bearer, interval_s: float, *, is_rehearsal: bool) -> int:
+def _idle_packets(link: Link, interval_s: float, *, is_rehearsal: bool) -> int:
     """Return enough packets for a verdict and, on a real link, to observe the longest gap allowed."""
-    limits = thresholds_of(bearer)[1]
+    limits = thresholds_of(link)[1]
     outlasts = 0 if is_rehearsal else ceil(GAP_SHARE * limits.gap_s / interval_s)
     return max(IDLE_PACKETS, limits.min_samples, outlasts)
 
 
 def build_plan(
-    bearer: Bearer, selection: Selection, *, is_rehearsal: bool = False, over_vpn: bool = False, confirms: bool = True
+    link: Link, selection: Selection, *, is_rehearsal: bool = False, over_vpn: bool = False, confirms: bool = True
 ) -> QualifyPlan:
     """Build the plan (pure); `confirms`: the far end is this project's, since others do not confirm messages."""
     headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
-    times = REHEARSAL_TIMES if is_rehearsal else TIMES[bearer.kind.traits.pace]
-    up_bps, down_bps = bearer.rate.up_kbps * 1000, bearer.rate.down_kbps * 1000
+    times = REHEARSAL_TIMES if is_rehearsal else TIMES[link.kind.traits.pace]
+    up_bps, down_bps = link.rate.up_kbps * 1000, link.rate.down_kbps * 1000
     selections = [part for part in SEARCH_SIZES if selection in {part, Selection.ALL}]
     cells = [*_cells(selections, times)]
     feasible_cells = [cell for cell in cells if _offered_bps(cell, headers) <= MAX_LOAD_SHARE * up_bps]
-    idle_s = _idle_packets(bearer, times.idle_interval_s, is_rehearsal=is_rehearsal) * times.idle_interval_s
+    idle_s = _idle_packets(link, times.idle_interval_s, is_rehearsal=is_rehearsal) * times.idle_interval_s
     return QualifyPlan(
         selection,
         times,

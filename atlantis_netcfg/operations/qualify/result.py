@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.paths import from_home
+from atlantis_netcfg.core.paths import shorten_home
 from atlantis_netcfg.links.cost import size
 from atlantis_netcfg.links.qualify.grids import table
 from atlantis_netcfg.links.qualify.session import EndReason
@@ -33,7 +33,7 @@ class QualifyResult:
     record: QualifyRecord
     folder: Path
     failure: NetcfgError | None = None
-    """What has ended it before its time."""
+    """Error that ended the measurement early; None: no error."""
 
     @property
     def run(self) -> MeasuredRun:
@@ -102,7 +102,7 @@ class QualifyResult:
         for remark in run.remarks:
             yield f"  {'error: ' if self.failure is not None and remark == str(self.failure) else ''}{remark}"
         yield f"  {_end_line(run)}"
-        yield f"  kept in {from_home(self.folder)}"
+        yield f"  kept in {shorten_home(self.folder)}"
 
 
 def _value(value: float | None, unit: str) -> str:

@@ -27,7 +27,7 @@ _MANGLE = "/ip/firewall/mangle"
 _RULE = "/routing/rule"
 _NOT_READ = "the router has not told what it counted"
 FEW = 2
-"""Packets by which two counts may differ though nothing is known to be lost: questions for counters, a copy."""
+"""Tolerated difference in packets between two counts without known loss: counter requests, a duplicate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class MeasuredFlow:
 
     source: str
     source_port: int | None
-    """None: any; which one a tunnel has, OpenVPN does not say."""
+    """None: any port, because OpenVPN does not report the source port of a tunnel."""
     far: str
     far_port: int
 
@@ -48,7 +48,7 @@ class FlowCounts:
     up: Mapping[str, tuple[int, int]]
     down: Mapping[str, tuple[int, int]]
     ports: Mapping[str, tuple[int, int]]
-    """Received and sent bytes of each port, whatever they were."""
+    """Received and sent bytes of each port, including other traffic."""
 
 
 def rows(

@@ -18,7 +18,7 @@ from atlantis_netcfg.links.qualify.reflector.clock import ClockState, kernel_clo
 from atlantis_netcfg.links.qualify.samples import SampleWriter
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.links.qualify.transport import UdpTransport
-from atlantis_netcfg.operations.allow_list_test.prove import temporarily
+from atlantis_netcfg.operations.allow_list_test.prove import temporary_rows
 from atlantis_netcfg.operations.common.costs import ports_of
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.site_links import link_of
@@ -33,15 +33,15 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.links.qualify.transport import DatagramTransport
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
     from atlantis_netcfg.operations.qualify.plan import QualifyPlan
 
 _ALIVE_S: Final = 10.0
-"""How often the router is asked whether its session is there: without it the rows go, and packets stray."""
+"""Interval in seconds of checks of the router session: if it is lost, the rows go and packets take other links."""
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TUNNEL_MTU: Final = (
     "the path MTU is the tunnel's: longer packets are cut in two, and so are shorter ones where a link takes less"
@@ -49,25 +49,25 @@ TUNNEL_MTU: Final = (
 NOT_OURS: Final = "the far end is not ours: it has no key, and confirms no message, so no highest rate was looked for"
 
 
-def links_of_site(declaration: Declaration, site: str, name: str | None) -> tuple[Bearer, ...]:
+def links_of_site(inventory: Inventory, site: str, name: str | None) -> tuple[Link, ...]:
     """Return the requested links: one, `all`, or the only one; raise NothingToQualify."""
-    if site not in declaration.sites:
+    if site not in inventory.sites:
         raise far_end.NothingToQualify(
-            "measure one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}"
+            "measure one site at a time", hint=f"the sites are: {', '.join(inventory.sites)}"
         )
-    bearers = declaration.sites[site].bearers
-    result = tuple(bearer for bearer in bearers if name in {bearer.name, "all"}) if name is not None else bearers
+    links = inventory.sites[site].bearers
+    result = tuple(link for link in links if name in {link.name, "all"}) if name is not None else links
     if not result or (name is None and len(result) > 1):
         why = f"`{site}` has several links" if name is None else f"`{site}` has no link `{name}`"
         raise far_end.NothingToQualify(
-            why, hint=f"type one of: {', '.join(f'link={each.name}' for each in bearers)}, link=all"
+            why, hint=f"type one of: {', '.join(f'link={each.name}' for each in links)}, link=all"
         )
     return result
 
 
-def router_of(declaration: Declaration, site: str) -> Host:
+def router_of(inventory: Inventory, site: str) -> Host:
     """Return the router that routes the packets; raise NothingToQualify."""
-    result = declaration.router_of(site)
+    result = inventory.router_of(site)
     if result is None:
         raise far_end.NothingToQualify(f"`{site}` has no router that could lead test packets over one link")
     return result
@@ -77,21 +77,21 @@ def router_of(declaration: Declaration, site: str) -> Host:
 class LinkRun:
     """The measurement of one link within a person's limits."""
 
-    declaration: Declaration
+    inventory: Inventory
     site: str
-    bearer: Bearer
+    link: Link
     selection: measured_run.Selection
     limits: measured_run.BudgetLimits
     folder: Path
-    """Of this run: new and empty."""
+    """Folder of this run, new and empty."""
     far: far_end.MeasuredFarEnd
     over_vpn: bool = False
     emulated_link: EmulatedLink | None = None
     notify: events.Subscriber = lambda _event: None
     facts: Mapping[str, str] = field(default_factory=dict)
-    """What the boxes of the link have said before it begins."""
+    """Facts about the link that its devices reported before the run."""
     clock: ClockState = field(default_factory=kernel_clock)
-    """Of this computer, when it begins."""
+    """State of this computer's clock at the beginning."""
     stop: threading.Event = field(default_factory=threading.Event)
     _router: str | None = None
     _before: routing.FlowCounts | None = None
@@ -102,7 +102,7 @@ class LinkRun:
     def plan(self) -> QualifyPlan:
         """The plan of the measurement."""
         return build_plan(
-            self.bearer,
+            self.link,
             self.selection,
             is_rehearsal=self.emulated_link is not None,
             over_vpn=self.over_vpn,
@@ -111,7 +111,7 @@ class LinkRun:
 
     def measure(self, request: Request) -> tuple[measured_run.MeasuredRun, Measurement]:
         """Send, count and save; both files of the folder are written in any case. Raise NetcfgError."""
-        router = router_of(self.declaration, self.site)
+        router = router_of(self.inventory, self.site)
         with self._transport() as (transport, source, flow):
             counted_transport = CountedTransport(
                 transport, self.stop, tunnel_headers=budget.VPN_HEADERS if self.over_vpn else 0
@@ -141,18 +141,18 @@ class LinkRun:
     @contextmanager
     def _transport(self) -> Iterator[tuple[DatagramTransport, str, routing.MeasuredFlow]]:
         """Open the transport; yield it with its source address and the flow that the router sees."""
-        vpn, far, port = self.declaration.pilot.vpn, self.far.address, self.far.port
+        vpn, far, port = self.inventory.pilot.vpn, self.far.address, self.far.port
         endpoint = str(vpn.endpoint)
         connection: AbstractContextManager[UdpTransport]
         if self.emulated_link is not None:
-            near = source = str(self.declaration.sites[self.site].management.technician)
+            near = source = str(self.inventory.sites[self.site].management.technician)
             connection = self.emulated_link.transport()
         elif self.over_vpn:
-            near = far_end.source_of(self.declaration, self.site, endpoint, vpn.port)
-            source = far_end.source_in_vpn(self.declaration, far, port)
+            near = far_end.source_of(self.inventory, self.site, endpoint, vpn.port)
+            source = far_end.source_in_vpn(self.inventory, far, port)
             connection = UdpTransport((far, port), source=source)
         else:
-            near = source = far_end.source_of(self.declaration, self.site, far, port)
+            near = source = far_end.source_of(self.inventory, self.site, far, port)
             connection = UdpTransport((far, port), source=source)
         with connection as transport:
             tunnel = routing.MeasuredFlow(near, None, endpoint, vpn.port)
@@ -163,7 +163,7 @@ class LinkRun:
             )
 
     def _budget(self) -> budget.Budget:
-        limits, tariff = self.limits, link_of(self.declaration, self.site, self.bearer.name).tariff
+        limits, tariff = self.limits, link_of(self.inventory, self.site, self.link.name).tariff
         return budget.Budget(
             limits.max_bytes, limits.max_seconds, limits.max_price, tariff, closing_s=self.plan.times.timeout_s
         )
@@ -172,13 +172,13 @@ class LinkRun:
         self, router: Host, request: Request, measurement: Measurement, flow: routing.MeasuredFlow
     ) -> None:
         """Keep the rows on the router while everything is sent, and read its counts before their removal."""
-        job = device_job(self.declaration, router, request, NoJournal(), self.notify)
+        job = device_job(self.inventory, router, request, NoJournal(), self.notify)
         async with await Session.open(job.endpoint) as session:
             self._before = await routing.counters(session)
             self._router = await routing.router_words(session)
             ports = [port for port, link in ports_of(router).items() if link in self._links(router).values()]
-            counter_rows = routing.rows(flow, self.bearer.name, ports, *await routing.first_rows(session))
-            async with temporarily(session, counter_rows):
+            counter_rows = routing.rows(flow, self.link.name, ports, *await routing.first_rows(session))
+            async with temporary_rows(session, counter_rows):
                 await self._send(session, measurement)
                 if self.emulated_link is not None:
                     self._remarks += self.emulated_link.tell(router.name, flow)
@@ -198,8 +198,8 @@ class LinkRun:
 
     def _links(self, router: Host) -> Mapping[str, str]:
         """Return the link of each port, for the site's own links."""
-        bearers = {bearer.name for bearer in self.declaration.sites[self.site].bearers}
-        return {port: link for port, link in ports_of(router).items() if link in bearers}
+        links = {site_link.name for site_link in self.inventory.sites[self.site].bearers}
+        return {port: link for port, link in ports_of(router).items() if link in links}
 
     def _progress(self, router: str) -> Callable[[str, int, int], None]:
         return lambda message, step, total: self.notify(
@@ -207,14 +207,14 @@ class LinkRun:
         )
 
     def _build_initial_run(self, source: str) -> measured_run.MeasuredRun:
-        name, thresholds = thresholds_of(self.bearer, is_rehearsal=self.emulated_link is not None)
-        billing = self.bearer.billing if self.bearer.metered else None
+        name, thresholds = thresholds_of(self.link, is_rehearsal=self.emulated_link is not None)
+        billing = self.link.billing if self.link.metered else None
         return measured_run.MeasuredRun(
             id=self.folder.name,
             tool=__version__,
             site=self.site,
-            link=self.bearer.name,
-            kind=self.bearer.kind.value,
+            link=self.link.name,
+            kind=self.link.kind.value,
             emulated=self.emulated_link is not None,
             selection=self.selection,
             far_end=measured_run.FarEnd(
@@ -232,10 +232,10 @@ class LinkRun:
             facts=dict(self.facts),
             budget=self.limits,
             currency=None if billing is None else billing.currency,
-            tariff=link_of(self.declaration, self.site, self.bearer.name).tariff,
+            tariff=link_of(self.inventory, self.site, self.link.name).tariff,
             thresholds_name=name,
             thresholds=thresholds,
-            time_zone=self.declaration.pilot.time_zone,
+            time_zone=self.inventory.pilot.time_zone,
         )
 
     def _finish_run(
@@ -271,13 +271,13 @@ class LinkRun:
         if self.over_vpn:
             up = routing.TunnelTraffic(transport.sent_packets, transport.sent_bytes)
             return routing.judge_tunnel(
-                self.bearer.name,
+                self.link.name,
                 counts,
                 up,
                 routing.TunnelTraffic(transport.received_packets, transport.received_bytes),
             )
         return routing.judge_way(
-            self.bearer.name, counts, transport.sent_packets, transport.received_packets, measurement.max_lost
+            self.link.name, counts, transport.sent_packets, transport.received_packets, measurement.max_lost
         )
 
     def _notes(self) -> Iterator[str]:

@@ -19,7 +19,7 @@ from atlantis_netcfg.links.qualify.session import EndReason
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.operations.qualify.result import QualifyResult
 
 
@@ -55,18 +55,18 @@ class SeveralResults:
 
 
 def measure_each(
-    links: Sequence[Bearer], limits: BudgetLimits, measure: Callable[[Bearer, BudgetLimits], QualifyResult]
+    links: Sequence[Link], limits: BudgetLimits, measure: Callable[[Link, BudgetLimits], QualifyResult]
 ) -> SeveralResults:
     """Measure all links; `measure` gets the remaining limits, and its exceptions end everything."""
     results: list[QualifyResult] = []
     not_measured: list[SkippedLink] = []
     over = ""
-    for bearer in links:
-        why = over or _unpaid(bearer, results, limits)
+    for link in links:
+        why = over or _unpaid(link, results, limits)
         if why:
-            not_measured.append(SkippedLink(bearer.name, why))
+            not_measured.append(SkippedLink(link.name, why))
             continue
-        result = measure(bearer, limits)
+        result = measure(link, limits)
         results.append(result)
         over = _ends_all(result, limits)
         limits = remaining_limits(limits, result)
@@ -86,12 +86,12 @@ def _ends_all(result: QualifyResult, limits: BudgetLimits) -> str:
     return "the limit of seconds was used up before" if run.reason == BudgetLimit.SECONDS else ""
 
 
-def _unpaid(bearer: Bearer, results: Sequence[QualifyResult], limits: BudgetLimits) -> str:
+def _unpaid(link: Link, results: Sequence[QualifyResult], limits: BudgetLimits) -> str:
     """Return why the money limit excludes a link, which must be metered; empty otherwise."""
     is_exhausted = any(result.run.reason == BudgetLimit.MONEY for result in results)
     return (
         "the limit of money was used up before"
-        if bearer.metered and is_exhausted and limits.max_price is not None
+        if link.metered and is_exhausted and limits.max_price is not None
         else ""
     )
 

@@ -20,7 +20,7 @@ from atlantis_netcfg.inventory import InventoryInvalid, model
 from atlantis_netcfg.inventory.loader import shown_path
 from atlantis_netcfg.inventory.new_inventory.yaml_text import VaultSecret, document
 from atlantis_netcfg.inventory.robots import reading
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.operations.common.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
@@ -33,7 +33,7 @@ from atlantis_netcfg.runs import os_errors_as, write_atomically
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.inventory.robots.key_names import KeyNames
     from atlantis_netcfg.robots.observation import RobotObservation
     from atlantis_netcfg.robots.replay import Bag
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
 LOOPBACK: Final = "127.0.0.1"
 SHORTEST_S, LONGEST_S = 5, 3600
 _LISTENERS: Final = 4
-"""Participants of one computer that are found besides its mock robots: whoever listens there."""
+"""Number of local DDS participants besides the mock robots: processes that listen on the same computer."""
 _HEAD: Final = "# {namespace}: as it was heard on the network, and approved by a person."
 _READABLE: Final = 0o644
 _POSITION: Final = (41.68, -8.83)
-"""Off Viana do Castelo, where a site declares no geofence."""
+"""Position off Viana do Castelo, used if a site declares no geofence."""
 
 
 def seconds_of(text: str) -> int:
@@ -58,9 +58,9 @@ def seconds_of(text: str) -> int:
     return seconds
 
 
-def robots_of(declaration: Declaration) -> tuple[list[reading.RobotSource], KeyNames]:
+def robots_of(inventory: Inventory) -> tuple[list[reading.RobotSource], KeyNames]:
     """Return every robot of the inventory; raise InventoryInvalid, or NoMatchError if there is none."""
-    sources, names = reading.load_robots(declaration)
+    sources, names = reading.load_robots(inventory)
     if not sources:
         raise errors.NoMatchError(
             "no robot is declared", hint="put the robots' files into robots/: docs/robots.md says how"
@@ -74,16 +74,16 @@ def without_file(vehicle: str) -> errors.NoMatchError:
     return errors.NoMatchError(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
 
 
-def dds_of(declaration: Declaration) -> model.Dds:
+def dds_of(inventory: Inventory) -> model.Dds:
     """Return the pilot's DDS settings; raise UsageError if there are none."""
-    if declaration.pilot.dds is None:
+    if inventory.pilot.dds is None:
         raise errors.UsageError("the pilot declares no `dds`", hint="write `dds: {distribution: foxy}` below `pilot:`")
-    return declaration.pilot.dds
+    return inventory.pilot.dds
 
 
-def own_address(declaration: Declaration, site: str) -> str:
+def own_address(inventory: Inventory, site: str) -> str:
     """Return this computer's address towards a site's LAN, without sending a packet; raise UsageError."""
-    network = declaration.sites[site].lan
+    network = inventory.sites[site].lan
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect((str(network.gateway), 9))
@@ -103,94 +103,94 @@ def _ip_address(address: str) -> IPv4Address:
         raise errors.UsageError(message, hint="`ip address` shows those of this computer") from None
 
 
-def listening_address(declaration: Declaration, site: str, address: str | None) -> str:
+def listening_address(inventory: Inventory, site: str, address: str | None) -> str:
     """Return the given address, else the one towards the site; raise UsageError for example values."""
     if address is not None and _ip_address(address).is_loopback:
         return address
-    refuse_examples(declaration, is_rehearsal=False)
-    return address or own_address(declaration, site)
+    refuse_examples(inventory, is_rehearsal=False)
+    return address or own_address(inventory, site)
 
 
-def computers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
+def computers_of(inventory: Inventory, sites: Sequence[str]) -> list[str]:
     """Return the addresses of possible listeners: the sites' computers, every control centre, configured peers."""
     computers = [
         host.device
-        for host in declaration.hosts.values()
+        for host in inventory.hosts.values()
         if isinstance(host.device, model.ServerComputer)
         and (host.site in sites or isinstance(host.device, model.ControlCentre))
     ]
     addresses = [str(each.address) for each in computers]
     addresses += [str(each.vpn_address) for each in computers if each.vpn_address is not None]
-    return [*addresses, *(str(peer.address) for peer in dds_of(declaration).peers if peer.site in {None, *sites})]
+    return [*addresses, *(str(peer.address) for peer in dds_of(inventory).peers if peer.site in {None, *sites})]
 
 
-def peers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
+def peers_of(inventory: Inventory, sites: Sequence[str]) -> list[str]:
     """Return the addresses of possible participants at sites: robots, and those of `computers_of`."""
-    reservations = [each for site in sites for each in declaration.sites[site].lan.reservations]
-    robots = [str(each.address) for each in reservations if each.name in declaration.vehicles]
-    return [*robots, *computers_of(declaration, sites)]
+    reservations = [each for site in sites for each in inventory.sites[site].lan.reservations]
+    robots = [str(each.address) for each in reservations if each.name in inventory.vehicles]
+    return [*robots, *computers_of(inventory, sites)]
 
 
-def expected_at(declaration: Declaration, site: str) -> list[str]:
+def expected_at(inventory: Inventory, site: str) -> list[str]:
     """Return the vehicles tested at a site; guests until their last day."""
-    vehicle_names, past = declaration.sites[site].checklist.vehicles, reading.past_guests(declaration)
+    vehicle_names, past = inventory.sites[site].checklist.vehicles, reading.past_guests(inventory)
 
     def is_tested(key: str, vehicle: model.Vehicle) -> bool:
         if isinstance(vehicle, model.Guest):
             return site in vehicle.tested_at and key not in past
         return vehicle_names is None or key in vehicle_names
 
-    return [key for key, vehicle in declaration.vehicles.items() if is_tested(key, vehicle)]
+    return [key for key, vehicle in inventory.vehicles.items() if is_tested(key, vehicle)]
 
 
-def recorder(declaration: Declaration, folder: str) -> BagRecorder:
+def recorder(inventory: Inventory, folder: str) -> BagRecorder:
     """Return a recorder that writes a bag into a new folder; raise UsageError."""
-    return BagRecorder(Path(folder), MessageTypes(declaration.root / reading.FOLDER / INTERFACES))
+    return BagRecorder(Path(folder), MessageTypes(inventory.root / reading.FOLDER / INTERFACES))
 
 
 def discover(
-    declaration: Declaration, site: str, seconds: float, address: str | None, record: BagRecorder | None = None
+    inventory: Inventory, site: str, seconds: float, address: str | None, record: BagRecorder | None = None
 ) -> tuple[RobotObservation, list[RobotReport]]:
     """Listen at a site, and compare the observation with the robots' files; raise UsageError."""
-    _, names = robots_of(declaration)
-    dds = dds_of(declaration)
-    types = MessageTypes(declaration.root / reading.FOLDER / INTERFACES)
-    local = listening_address(declaration, site, address)
+    _, names = robots_of(inventory)
+    dds = dds_of(inventory)
+    types = MessageTypes(inventory.root / reading.FOLDER / INTERFACES)
+    local = listening_address(inventory, site, address)
     with (
-        domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number,
+        domain(dds.domain, profile(local, peers_of(inventory, [site]), dds.participants)) as number,
         record or nullcontext(),
     ):
         keep = record.add if record is not None else None
         observation = RobotListener(number, types, names.configuration_topic, local, keep).listen(seconds)
-    return observation, compare(declaration, site, observation)
+    return observation, compare(inventory, site, observation)
 
 
-def compare(declaration: Declaration, site: str, observation: RobotObservation) -> list[RobotReport]:
+def compare(inventory: Inventory, site: str, observation: RobotObservation) -> list[RobotReport]:
     """Compare an observation for a site, made anywhere, with the robots' files; raise as `robots_of`."""
-    sources, names = robots_of(declaration)
-    expected_vehicles = expected_at(declaration, site)
+    sources, names = robots_of(inventory)
+    expected_vehicles = expected_at(inventory, site)
     reports = [
         replace(
             report,
-            findings=tuple(replace(each, hint=errors.complete(each.hint or "", site=site)) for each in report.findings),
+            findings=tuple(
+                replace(each, hint=errors.fill_hint(each.hint or "", site=site)) for each in report.findings
+            ),
         )
-        for report in judge(observation, sources, expected_vehicles, names, reading.past_guests(declaration))
+        for report in judge(observation, sources, expected_vehicles, names, reading.past_guests(inventory))
     ]
     for vehicle in sorted({*expected_vehicles} - {source.vehicle for source in sources}):
         error = without_file(vehicle)
-        finding = BearerFinding(Verdict.INCONCLUSIVE, "file-missing", str(error), error.hint)
+        finding = LinkFinding(Verdict.INCONCLUSIVE, "file-missing", str(error), error.hint)
         reports.append(RobotReport(vehicle, RobotState.MISSING, vehicle, (finding,)))
     return reports
 
 
-def save(
-    declaration: Declaration, namespace: str, observation: RobotObservation, encrypt: Callable[[str], str]
-) -> Path:
+def save(inventory: Inventory, namespace: str, observation: RobotObservation, encrypt: Callable[[str], str]) -> Path:
     """Write the file of an observed robot whose vehicle is in the inventory; its token is encrypted.
 
     Raises NoMatchError, UsageError, InventoryInvalid: then nothing is written.
     """
-    names, _ = reading.key_names(declaration)
+    names, _ = reading.key_names(inventory)
     copies = {
         each.writer.participant: reading.read_published(each.text, names)[0] for each in observation.configurations
     }
@@ -200,8 +200,8 @@ def save(
         others = ", ".join(sorted({robot.name for robot in copies.values() if robot is not None})) or "none"
         raise errors.NoMatchError(message, hint=f"readable configurations that were heard are of: {others}")
     vehicle = vehicle_key(namespace)
-    path = declaration.root / reading.FOLDER / f"{vehicle}.yml"
-    if vehicle not in declaration.vehicles:
+    path = inventory.root / reading.FOLDER / f"{vehicle}.yml"
+    if vehicle not in inventory.vehicles:
         hint = "declare it first: the finding `robot-unknown` shows the command"
         raise errors.NoMatchError(f"no vehicle is called `{vehicle}`, so no file was written", hint=hint)
     if path.exists():
@@ -215,20 +215,20 @@ def save(
     with os_errors_as("the robot's file", path):
         write_atomically(path, text.encode(), mode=_READABLE)
     try:
-        reading.load_robots(declaration)
+        reading.load_robots(inventory)
     except InventoryInvalid:
         path.unlink()
         raise
     return path
 
 
-async def hear(declaration: Declaration, site: str, seconds: float) -> RobotObservation:
+async def hear(inventory: Inventory, site: str, seconds: float) -> RobotObservation:
     """Listen at a site without blocking other tasks; raise UsageError."""
-    names, _ = reading.key_names(declaration)
-    dds = dds_of(declaration)
-    local = listening_address(declaration, site, None)
-    types = await asyncio.to_thread(MessageTypes, declaration.root / reading.FOLDER / INTERFACES)
-    with domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number:
+    names, _ = reading.key_names(inventory)
+    dds = dds_of(inventory)
+    local = listening_address(inventory, site, None)
+    types = await asyncio.to_thread(MessageTypes, inventory.root / reading.FOLDER / INTERFACES)
+    with domain(dds.domain, profile(local, peers_of(inventory, [site]), dds.participants)) as number:
         return await RobotListener(number, types, names.configuration_topic, local).listen_beside_others(seconds)
 
 
@@ -248,21 +248,21 @@ class MockPlace:
     """The place of mock robots on the network."""
 
     address: str
-    """Of this computer, by which others reach them."""
+    """Address of this computer at which others reach the mock robots."""
     peers: Sequence[str]
-    """Where their listeners may be."""
+    """Addresses at which listeners may run."""
 
 
-def mock_place(declaration: Declaration, site: str | None, address: str | None) -> MockPlace:
+def mock_place(inventory: Inventory, site: str | None, address: str | None) -> MockPlace:
     """Return the place for robots of a site; without a site, this computer alone. Raise UsageError."""
     if site is None:
         return MockPlace(str(_ip_address(address or LOOPBACK)), ())
     # Not where robots may be: what goes to many addresses that nobody has fills the buffer that all else waits in.
-    return MockPlace(listening_address(declaration, site, address), computers_of(declaration, [site]))
+    return MockPlace(listening_address(inventory, site, address), computers_of(inventory, [site]))
 
 
 def mock(
-    declaration: Declaration,
+    inventory: Inventory,
     vehicles: Sequence[str],
     place: MockPlace,
     seconds: float | None,
@@ -272,9 +272,9 @@ def mock(
 
     Raises UsageError, and NoMatchError for a robot without a file.
     """
-    sources, names = robots_of(declaration)
-    dds = dds_of(declaration)
-    types = MessageTypes(declaration.root / reading.FOLDER / INTERFACES)
+    sources, names = robots_of(inventory)
+    dds = dds_of(inventory)
+    types = MessageTypes(inventory.root / reading.FOLDER / INTERFACES)
     selected_sources = {each.vehicle: each for each in sources if not vehicles or each.vehicle in vehicles}
     for vehicle in vehicles:
         if vehicle not in selected_sources:
@@ -291,7 +291,7 @@ def mock(
 
 
 def replay(  # noqa: PLR0913 - what a person types
-    declaration: Declaration,
+    inventory: Inventory,
     bag: str,
     place: MockPlace,
     seconds: float | None,
@@ -300,10 +300,10 @@ def replay(  # noqa: PLR0913 - what a person types
     loop: bool,
 ) -> None:
     """Publish a bag until it or the time ends; `tell` gets its contents at the start. Raise UsageError."""
-    dds, (names, findings) = dds_of(declaration), reading.key_names(declaration)
+    dds, (names, findings) = dds_of(inventory), reading.key_names(inventory)
     if findings:
         raise InventoryInvalid(findings, reading.NO_ROBOT_CONTACTED)
-    types = MessageTypes(declaration.root / reading.FOLDER / INTERFACES)
+    types = MessageTypes(inventory.root / reading.FOLDER / INTERFACES)
     with domain(dds.domain, profile(place.address, place.peers, max(_LISTENERS, dds.participants))) as number:
         contents = read_bag(Path(bag), types, names)
         player = BagPlayer(contents, types, number, names.configuration_topic, loop=loop)

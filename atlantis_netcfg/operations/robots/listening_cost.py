@@ -13,35 +13,33 @@ from atlantis_netcfg.robots.network import ANNOUNCE_S
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
 _ANNOUNCEMENT: Final = 445
-"""Bytes over the link: 375 were counted on average, without Ethernet's header; the VPN adds its own."""
+"""Bytes on the link: 375 were measured on average, without the Ethernet header; the VPN adds its own."""
 _AROUND_A_MESSAGE: Final = 160
-"""Headers of DDS, UDP, IP and the VPN."""
+"""Header bytes of DDS, UDP, IP and the VPN per message."""
 
 
-def listening_cost(declaration: Declaration, site: str, seconds: float, address: Callable[[], str]) -> Preview | None:
+def listening_cost(inventory: Inventory, site: str, seconds: float, address: Callable[[], str]) -> Preview | None:
     """Return the cost of robots' configurations and telemetry over the site's first link, for a remote listener.
 
     None: the site has an unmetered link, or `address` returns one of its LAN or of this computer alone. Topics that no
     vehicle's `telemetry:` names are not included. Raises as `robots_of`, and whatever `address` raises.
     """
-    bearers = declaration.sites[site].bearers
-    if not all(each.metered for each in bearers):
+    links = inventory.sites[site].bearers
+    if not all(each.metered for each in links):
         return None
     place = IPv4Address(address())
-    if place.is_loopback or place in declaration.sites[site].lan.network:
+    if place.is_loopback or place in inventory.sites[site].lan.network:
         return None
-    sources, _ = robots.robots_of(declaration)
-    here = [each for each in sources if each.vehicle in robots.expected_at(declaration, site)]
+    sources, _ = robots.robots_of(inventory)
+    here = [each for each in sources if each.vehicle in robots.expected_at(inventory, site)]
     rates = [(1.0, each.size) for each in here]
     rates += [
-        (topic.rate_hz, topic.size_bytes)
-        for each in here
-        for topic in declaration.vehicles[str(each.vehicle)].telemetry
+        (topic.rate_hz, topic.size_bytes) for each in here for topic in inventory.vehicles[str(each.vehicle)].telemetry
     ]
     steady = sum(rate * (octets + _AROUND_A_MESSAGE) for rate, octets in rates)
-    ports = len(set(robots.peers_of(declaration, [site]))) * (robots.dds_of(declaration).participants + 1)
+    ports = len(set(robots.peers_of(inventory, [site]))) * (robots.dds_of(inventory).participants + 1)
     announcements = ports * (seconds / ANNOUNCE_S + 1) * _ANNOUNCEMENT
-    return preview(round(seconds * steady + announcements), seconds, link_of(declaration, site, bearers[0].name))
+    return preview(round(seconds * steady + announcements), seconds, link_of(inventory, site, links[0].name))

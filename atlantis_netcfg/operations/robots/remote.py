@@ -27,16 +27,16 @@ if TYPE_CHECKING:
     from typing import Any
 
     from atlantis_netcfg.core.processes.remote_process import ProcessResult
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.robots.observation import RobotObservation
 
 VENV: Final = "/opt/atlantis-dds"
-"""Where cyclonedds is looked for besides the system's own Python."""
+"""Virtual environment in which cyclonedds is searched besides the system's Python."""
 _BOOT: Final = "import sys,zlib;exec(zlib.decompress(sys.stdin.buffer.read()))"
 _EXTRA_S: Final = 240.0
-"""To connect and to hear the end of the answer: a gap of 70 s of a satellite may come in each of these."""
+"""Seconds to connect and to receive the end of the response: each may meet a satellite's gap of 70 s."""
 _LARGEST: Final = 32_000_000
-"""Bytes of an answer, unpacked."""
+"""Maximum bytes of a response, decompressed."""
 _NOT_FOUND: Final = 127
 
 
@@ -46,11 +46,11 @@ class ListenError(errors.NetcfgError):
     exit = errors.ExitCode.CHECKS_FAILED
 
 
-def listening_computer(declaration: Declaration, host: Host) -> model.ServerComputer:
+def listening_computer(inventory: Inventory, host: Host) -> model.ServerComputer:
     """Return the computer of a host that can listen; raise UsageError for one without DDS."""
     if not isinstance(host.device, model.ServerComputer):
         there = ", ".join(
-            each.name for each in declaration.hosts.values() if isinstance(each.device, model.ServerComputer)
+            each.name for each in inventory.hosts.values() if isinstance(each.device, model.ServerComputer)
         )
         raise errors.UsageError(
             f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}"
@@ -59,7 +59,7 @@ def listening_computer(declaration: Declaration, host: Host) -> model.ServerComp
 
 
 def listen_there(
-    declaration: Declaration,
+    inventory: Inventory,
     host: Host,
     seconds: float,
     *,
@@ -70,21 +70,21 @@ def listen_there(
 
     Raises ListenError, and UsageError for a computer that uses no DDS or has an example address.
     """
-    dds, request = dds_of(declaration), request or Request()
-    device = listening_computer(declaration, host)
-    refuse_examples(declaration, is_rehearsal=request.rehearsed)
+    dds, request = dds_of(inventory), request or Request()
+    device = listening_computer(inventory, host)
+    refuse_examples(inventory, is_rehearsal=request.rehearsed)
     if sites is None:
-        sites = list(declaration.sites) if isinstance(device, model.ControlCentre) else [host.site]
-    names, _ = key_names(declaration)
+        sites = list(inventory.sites) if isinstance(device, model.ControlCentre) else [host.site]
+    names, _ = key_names(inventory)
     settings = {
         "domain": dds.domain,
         "address": dds.address_of(device),
-        "profile": profile(dds.address_of(device), peers_of(declaration, sites), dds.participants),
+        "profile": profile(dds.address_of(device), peers_of(inventory, sites), dds.participants),
         "seconds": seconds,
         "topic": names.configuration_topic,
-        "types": MessageTypes(declaration.root / FOLDER / INTERFACES).fields,
+        "types": MessageTypes(inventory.root / FOLDER / INTERFACES).fields,
     }
-    access = computer_access(declaration, host, request)
+    access = computer_access(inventory, host, request)
     command = [*ssh_command(access)[:-1], "-C", ssh_command(access)[-1], _command(dds)]
     carrier = Carrier(_program(settings), limit_s=seconds + _EXTRA_S)
     try:

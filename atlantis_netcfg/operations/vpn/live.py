@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.operations.computers.remote_session import RecordOlder, ServerLink, ServerRefusal
+from atlantis_netcfg.operations.computers.remote_session import ServerLink, ServerRefusal, StaleRecord
 from atlantis_netcfg.operations.vpn.server_state import (
     PLACE,
     Crl,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     from atlantis_netcfg.computers.parts import File
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import SessionObservation
     from atlantis_netcfg.vpn.identity import MembershipList
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Crl",
     "PushResult",
-    "RecordOlder",
     "RevocationEvidence",
     "ServerState",
+    "StaleRecord",
     "VpnSession",
     "check_record",
     "desired_files",
@@ -64,11 +64,11 @@ class PushResult:
     """The changes that a push made on the server."""
 
     changes: tuple[str, ...]
-    """In the words of a run of the role."""
+    """Changes in the wording of a role's run."""
     ended_sessions: tuple[VpnSession, ...] = ()
-    """Sessions of those who are admitted no longer."""
+    """Ended sessions of members who are no longer admitted."""
     notes: tuple[str, ...] = ()
-    """What was not done."""
+    """Actions that were not carried out."""
 
     @property
     def has_changed(self) -> bool:
@@ -82,25 +82,25 @@ class RevocationEvidence:
 
     common_names: tuple[str, ...]
     addresses: tuple[str, ...]
-    """That nobody has any more."""
+    """Addresses that no member has any more."""
     files: Mapping[str, str]
-    """SHA-256 of the list and the ruleset that have to be in place."""
+    """SHA-256 of the list and the ruleset that must be in place."""
     out: bool
-    """None of them can come in, and nothing of theirs passes: read back on the server."""
+    """Whether none of the members can connect or pass traffic; read back on the server."""
     dead: bool
-    """None of them has a session, by the server's own word."""
+    """Whether none of the members has a session, as the server reports."""
     left: tuple[str, ...]
-    """What is wrong."""
+    """Remaining problems."""
     notes: tuple[str, ...]
     """What could not be done or read."""
     steps: tuple[tuple[str, float], ...] = ()
-    """What was done, and how many milliseconds after the server had the request."""
+    """Completed steps, each with its time in milliseconds after the server received the request."""
     ended: tuple[VpnSession, ...] = ()
     seconds: float = 0.0
-    """From the request to the answer, at this end of the link."""
+    """Seconds from request to response, at this end of the link."""
     looks: int = 1
     replies: tuple[tuple[str, ...], ...] = field(default=())
-    """Of each session in `ended`: what the server answered."""
+    """The server's responses for each session in `ended`."""
 
     @property
     def is_confirmed(self) -> bool:
@@ -119,27 +119,27 @@ class RevocationEvidence:
 
 
 def desired_files(
-    declaration: Declaration, authority: Authority, membership: MembershipList | None = None
+    inventory: Inventory, authority: Authority, membership: MembershipList | None = None
 ) -> tuple[File, ...]:
     """Return the live files that the server must have, computed from the record."""
     ca = (authority.folder / "ca.crt").read_text(encoding="ascii")
     return server.live_files(
-        declaration, authority.membership() if membership is None else membership, authority.crl(), ca=ca
+        inventory, authority.membership() if membership is None else membership, authority.crl(), ca=ca
     )
 
 
 def check_record(authority: Authority, state: ServerState) -> None:
     """Raise RecordOlder if the server's revocation list has entries that the record does not."""
     if state.crl is not None and state.crl.is_signed and (why := authority.beyond(state.crl.pem.encode())) is not None:
-        raise RecordOlder(why)
+        raise StaleRecord(why)
 
 
-def push(declaration: Declaration, authority: Authority, link: ServerLink) -> PushResult:
+def push(inventory: Inventory, authority: Authority, link: ServerLink) -> PushResult:
     """Send the live files to the server and load its firewall, without ending other sessions.
 
     Files that it has already are not sent. Raises ServerAway, AnswerLost, ServerRefusal.
     """
-    files = desired_files(declaration, authority)
+    files = desired_files(inventory, authority)
     lacks: Collection[str] = ()
     for _ in range(_TRIES):
         values = link.ask(
@@ -158,7 +158,7 @@ def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pu
 
 
 def revoke_live(
-    declaration: Declaration, authority: Authority, link: ServerLink, common_names: Sequence[str]
+    inventory: Inventory, authority: Authority, link: ServerLink, common_names: Sequence[str]
 ) -> RevocationEvidence:
     """Disconnect members whose certificates are revoked in the record, in one round trip; the queue is kept.
 
@@ -166,9 +166,7 @@ def revoke_live(
     """
     membership = authority.membership()
     files = [
-        file
-        for file in desired_files(declaration, authority, membership)
-        if file.path in (PLACE["crl"], server.FIREWALL)
+        file for file in desired_files(inventory, authority, membership) if file.path in (PLACE["crl"], server.FIREWALL)
     ]
     names, addresses = tuple(common_names), _addresses(membership, common_names)
     began = time.monotonic()
@@ -219,13 +217,13 @@ def _words(values: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tupl
 
 
 def finish_revocations(
-    declaration: Declaration, authority: Authority, link: ServerLink, who: str = ""
+    inventory: Inventory, authority: Authority, link: ServerLink, who: str = ""
 ) -> RevocationEvidence | None:
     """Disconnect queued members and dequeue those that the server confirms; None if the queue is empty."""
     queue = authority.membership().queued_names
     if not queue:
         return None
-    evidence = revoke_live(declaration, authority, link, queue)
+    evidence = revoke_live(inventory, authority, link, queue)
     if evidence.is_confirmed:
         authority.confirm_revocations(queue, who)
     return evidence
@@ -239,7 +237,7 @@ def sessions(link: ServerLink) -> tuple[VpnSession, ...]:
 
 
 def note_seen(
-    declaration: Declaration, authority: Authority, link: ServerLink, state: ServerState, who: str = ""
+    inventory: Inventory, authority: Authority, link: ServerLink, state: ServerState, who: str = ""
 ) -> tuple[SessionObservation, PushResult | None]:
     """Record observed sessions; if a successor was seen, its predecessor is no longer admitted: that is pushed."""
     now = datetime.now(UTC)
@@ -250,7 +248,7 @@ def note_seen(
                 time_by_name.get(session.common_name, session.since), min(state.at, now)
             )
     sighting = authority.record_sessions(time_by_name, who)
-    return sighting, push(declaration, authority, link) if sighting.superseded_names else None
+    return sighting, push(inventory, authority, link) if sighting.superseded_names else None
 
 
 def _addresses(membership: MembershipList, common_names: Collection[str]) -> tuple[str, ...]:

@@ -4,8 +4,8 @@ A template cannot do it: the key of tls-crypt comes with an imported file and is
 identity, once and at each renewal, and `provision site=…` continues to configure the same interface by its name: the
 values set here are those of the template.
 
-    identity = identity_for(declaration, host, request)      # state/vpn/hosts/HOST.identity of this laptop
-    installed = install(declaration, host, identity, request, notify, plan=False)
+    identity = identity_for(inventory, host, request)      # state/vpn/hosts/HOST.identity of this laptop
+    installed = install(inventory, host, identity, request, notify, plan=False)
 
 The files contain keys: they are written, imported and removed one after the other, and leftovers of an interrupted
 session are removed by the next run before anything else. A second run changes nothing. For a rehearsal `request` has
@@ -23,7 +23,7 @@ from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Subscriber, ignore
 from atlantis_netcfg.inventory.model import Router
-from atlantis_netcfg.operations.common.costs import gate
+from atlantis_netcfg.operations.common.costs import require_consent
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.routeros import apply
@@ -34,7 +34,7 @@ from atlantis_netcfg.vpn.rehearsal import rehearsed_identity
 from atlantis_netcfg.vpn.router_import import RouterImport
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class InstalledIdentity:
         }
 
 
-def identity_for(declaration: Declaration, host: Host, request: Request) -> Identity:
+def identity_for(inventory: Inventory, host: Host, request: Request) -> Identity:
     """Read a router's identity from this laptop; in a rehearsal, create a substitute.
 
     Raises NoMatchError for a host that is no router, UsageError if there is no identity or another host's, and
@@ -72,7 +72,7 @@ def identity_for(declaration: Declaration, host: Host, request: Request) -> Iden
     """
     _require_router(host)
     if request.rehearsed:
-        return rehearsed_identity(declaration, host)
+        return rehearsed_identity(inventory, host)
     path = request.identity_of(host.name)
     if path is None:
         raise errors.UsageError(
@@ -87,7 +87,7 @@ def identity_for(declaration: Declaration, host: Host, request: Request) -> Iden
 
 
 def install(  # noqa: PLR0913 - all that a command line says
-    declaration: Declaration,
+    inventory: Inventory,
     host: Host,
     identity: Identity,
     request: Request,
@@ -100,7 +100,7 @@ def install(  # noqa: PLR0913 - all that a command line says
     Raises NoMatchError, UsageError and CostRefusal before the router is contacted, SiteBusy before it is changed. Later
     failures are in the result: `RouterTooOld` and other refusals leave the router unchanged.
     """
-    importing, job = _prepare(declaration, host, identity, request, notify)
+    importing, job = _prepare(inventory, host, identity, request, notify)
     try:
         observation = asyncio.run(importing.look())
     except errors.NetcfgError as failure:
@@ -122,7 +122,7 @@ def install(  # noqa: PLR0913 - all that a command line says
     store = runs.Store(request.state, is_rehearsal=request.rehearsed)
     start_record = runs.RunStart(
         site=host.site,
-        revision=declaration.revision,
+        revision=inventory.revision,
         tool=__version__,
         hosts=(host.name,),
         rehearsed=request.rehearsed,
@@ -147,10 +147,10 @@ def _require_router(host: Host) -> None:
 
 
 def _prepare(
-    declaration: Declaration, host: Host, identity: Identity, request: Request, notify: Subscriber
+    inventory: Inventory, host: Host, identity: Identity, request: Request, notify: Subscriber
 ) -> tuple[RouterImport, apply.DeviceJob]:
     _require_router(host)
-    tunnel = routeros.find_tunnel(declaration, host)
+    tunnel = routeros.find_tunnel(inventory, host)
     if tunnel is None:
         raise errors.UsageError(
             f"{host.name} is not its site's end of the VPN",
@@ -161,16 +161,16 @@ def _prepare(
             f"the identity of {host.name} was good until {identity.certificate.not_after:%Y-%m-%d}",
             hint=f"`provision vpn renew name={host.name}` where the authority is, and here what it hands out",
         )
-    refuse_examples(declaration, is_rehearsal=request.rehearsed)
-    gate(declaration, [host], request)
-    job = device_job(declaration, host, request, runs.NoJournal(), notify)
+    refuse_examples(inventory, is_rehearsal=request.rehearsed)
+    require_consent(inventory, [host], request)
+    job = device_job(inventory, host, request, runs.NoJournal(), notify)
     importing = RouterImport(
         name=host.name,
         site=host.site,
         endpoint=job.endpoint,
         tunnel=tunnel,
         identity=identity,
-        profile=routeros.profile(declaration, identity),
+        profile=routeros.profile(inventory, identity),
         is_rehearsal=request.rehearsed,
         notify=notify,
     )
@@ -216,5 +216,5 @@ def _key_notes(identity: Identity) -> tuple[str, ...]:
 
 def _failure_result(importing: RouterImport, failure: errors.NetcfgError) -> InstalledIdentity:
     status = apply.Status.UNKNOWN if failure.exit is errors.ExitCode.UNKNOWN else apply.Status.LEFT_AS_FOUND
-    hint = failure.hint and errors.complete(failure.hint, site=importing.site, device=importing.name)
+    hint = failure.hint and errors.fill_hint(failure.hint, site=importing.site, device=importing.name)
     return InstalledIdentity(importing.name, status, failure.exit, str(failure), hint)

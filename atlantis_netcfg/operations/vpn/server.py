@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from atlantis_netcfg.core import events
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError, complete
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError, fill_hint
 from atlantis_netcfg.operations.computers import remote_session
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.vpn import live, server_state
@@ -20,7 +20,7 @@ from atlantis_netcfg.vpn.identity import Wrap
 from atlantis_netcfg.vpn.systems import wrap_of
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.vpn.live import RevocationEvidence
     from atlantis_netcfg.vpn.authority.authority import Authority
@@ -36,7 +36,7 @@ class DeployResult:
     errors: tuple[NetcfgError, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict)
     is_deployed: bool = True
-    """Whether the server was seen to be as recorded."""
+    """Whether the server was observed to match the record."""
 
     @property
     def exit(self) -> ExitCode:
@@ -51,7 +51,7 @@ class DeployResult:
 class Server(Protocol):
     """The VPN server's interface for the commands."""
 
-    def hold(self, authority: Authority, notify: events.Subscriber) -> None:
+    def require_current_record(self, authority: Authority, notify: events.Subscriber) -> None:
         """Raise RecordOlder, before anything is signed or sent, if the server is newer than the record."""
 
     def get_crl(self, notify: events.Subscriber) -> bytes:
@@ -60,14 +60,14 @@ class Server(Protocol):
     def deploy(self, authority: Authority, notify: events.Subscriber) -> DeployResult:
         """Bring the server to the recorded state."""
 
-    def cut(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:
+    def disconnect(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:
         """Disconnect the revoked members, verify that, and bring the server to the recorded state."""
 
 
 class NoPush:
     """The server with `--no-push`: nothing is contacted."""
 
-    def hold(self, authority: Authority, notify: events.Subscriber) -> None:
+    def require_current_record(self, authority: Authority, notify: events.Subscriber) -> None:
         """Do nothing: the check is made when something is sent later."""
 
     def get_crl(self, notify: events.Subscriber) -> bytes:  # noqa: ARG002 - as Server has it
@@ -79,7 +79,7 @@ class NoPush:
         line = "the server was not asked (`--no-push`): `provision vpn sync` brings it there"
         return DeployResult((line,), is_deployed=False)
 
-    def cut(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:  # noqa: ARG002 - as above
+    def disconnect(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:  # noqa: ARG002 - as above
         """Return the error that connected members stay connected, so that nobody considers this done."""
         waits = OutcomeUnknown(
             f"{', '.join(revocation.members)}: on the list, and the server does not have it (`--no-push`): "
@@ -93,33 +93,33 @@ Opener = Callable[[], "remote_session.ServerLink"]
 _SYNC_HINT = "all of it is recorded, and the server is brought to it by `provision vpn sync`"
 
 
-def over_ssh(declaration: Declaration, request: Request, otherwise: str = "") -> Opener:
+def over_ssh(inventory: Inventory, request: Request, otherwise: str = "") -> Opener:
     """Return a function that opens the link to the server; raise UsageError for example values.
 
     `otherwise`: what else can be typed then.
     """
-    if declaration.pilot.example_values and not request.rehearsed:
+    if inventory.pilot.example_values and not request.rehearsed:
         raise UsageError(
             "the inventory still holds example values, which lead to nobody's server",
             hint=f"replace them and set `example_values: false` in group_vars/all/pilot.yml{otherwise}",
         )
-    host = declaration.hosts[declaration.pilot.vpn.server]
-    return lambda: remote_session.SshLink(host.name, computer_access(declaration, host, request))
+    host = inventory.hosts[inventory.pilot.vpn.server]
+    return lambda: remote_session.SshLink(host.name, computer_access(inventory, host, request))
 
 
 @dataclass(frozen=True, slots=True)
 class RemoteServer:
     """The VPN server in the inventory."""
 
-    declaration: Declaration
+    inventory: Inventory
     opener: Opener
     who: str
     second_look_s: float = 1.0
-    """How long after a revocation one looks again: a handshake under way may have read the list of before (facts 5)."""
+    """Seconds from revocation to a second check: a handshake in progress may have read the old list (facts 5)."""
     _away: list[remote_session.ServerAway] = field(default_factory=list, init=False)
-    """Why the server was not reached when the record was held against it: nobody waits for it a second time."""
+    """Why the server was unreachable when it was compared with the record; later steps do not wait for it again."""
 
-    def hold(self, authority: Authority, notify: events.Subscriber = events.ignore) -> None:
+    def require_current_record(self, authority: Authority, notify: events.Subscriber = events.ignore) -> None:
         """Raise RecordOlder if the server's list has entries that the record does not.
 
         An unreachable server does not prevent the recording of a revocation: it compares every list sent later with its
@@ -151,9 +151,9 @@ class RemoteServer:
             return self._outstanding(self._away[0])
         try:
             with self.link(notify) as link:
-                queue = live.finish_revocations(self.declaration, authority, link, self.who)
+                queue = live.finish_revocations(self.inventory, authority, link, self.who)
                 self._say(notify, "members, list and firewall", events.Stage.APPLYING)
-                push_result = live.push(self.declaration, authority, link)
+                push_result = live.push(self.inventory, authority, link)
                 self._say(notify, "who is connected", events.Stage.VERIFYING)
                 more = self._record_sessions(authority, link)
         except NetcfgError as error:
@@ -167,7 +167,7 @@ class RemoteServer:
             values,
         )
 
-    def cut(
+    def disconnect(
         self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber = events.ignore
     ) -> DeployResult:
         """End the revoked members' sessions first and verify that; then apply the rest of the record."""
@@ -177,9 +177,9 @@ class RemoteServer:
         try:
             with self.link(notify) as link:
                 self._say(notify, f"ending sessions of {', '.join(revocation.members)}", events.Stage.APPLYING)
-                evidence = live.revoke_live(self.declaration, authority, link, names)
+                evidence = live.revoke_live(self.inventory, authority, link, names)
                 cut = time.monotonic()
-                push_result = live.push(self.declaration, authority, link)
+                push_result = live.push(self.inventory, authority, link)
                 self._say(notify, "looking once more", events.Stage.VERIFYING)
                 time.sleep(max(0.0, self.second_look_s - (time.monotonic() - cut)))
                 evidence = live.verify(link, evidence)
@@ -197,7 +197,7 @@ class RemoteServer:
 
     def _record_sessions(self, authority: Authority, link: remote_session.ServerLink) -> Sequence[str]:
         """Record observed sessions; return the resulting changes on the server."""
-        _, push_result = live.note_seen(self.declaration, authority, link, live.observe(link), self.who)
+        _, push_result = live.note_seen(self.inventory, authority, link, live.observe(link), self.who)
         return push_result.changes if push_result is not None else ()
 
     @contextmanager
@@ -212,7 +212,7 @@ class RemoteServer:
         self._say(notify, "", events.Stage.DONE)
 
     def _say(self, notify: events.Subscriber, message: str, stage: events.Stage) -> None:
-        notify(events.Event(self.declaration.pilot.vpn.server, stage, message))
+        notify(events.Event(self.inventory.pilot.vpn.server, stage, message))
 
     @staticmethod
     def _evidence_lines(evidence: RevocationEvidence | None) -> list[str]:
@@ -243,12 +243,12 @@ class RemoteServer:
     @property
     def site(self) -> str:
         """The site of the server."""
-        return self.declaration.hosts[self.declaration.pilot.vpn.server].site
+        return self.inventory.hosts[self.inventory.pilot.vpn.server].site
 
     def _outstanding(self, error: NetcfgError, cut: Sequence[str] = ()) -> DeployResult:
         """Return the result for a server that still has to be updated; record and files are kept."""
         who = f"{', '.join(cut)}: recorded and on the list; whoever is connected may still be. " if cut else ""
-        hint = f"{complete(error.hint, site=self.site)}\n{_SYNC_HINT}" if error.hint else _SYNC_HINT
+        hint = f"{fill_hint(error.hint, site=self.site)}\n{_SYNC_HINT}" if error.hint else _SYNC_HINT
         return DeployResult(errors=(Outstanding(error, f"{who}{error}", hint),), is_deployed=False)
 
 
@@ -279,7 +279,7 @@ class VpnStatus:
 
     items: tuple[StatusItem, ...]
     state: server_state.ServerState | None
-    """None: the server was not reached, or was not to be asked."""
+    """None: the server was not reached, or was not to be queried."""
 
     @property
     def exit(self) -> ExitCode:
@@ -304,7 +304,7 @@ class VpnStatus:
 
 
 def vpn_status(
-    declaration: Declaration,
+    inventory: Inventory,
     authority: Authority,
     server: RemoteServer | None,
     notify: events.Subscriber = events.ignore,
@@ -314,7 +314,7 @@ def vpn_status(
     The server is read before anything is sent to it, so that a file changed there is reported and not silently
     corrected. A server that does not respond gets no verdict.
     """
-    result = list(_record(declaration, authority))
+    result = list(_record(inventory, authority))
     state = None
     if server is None:
         result.append(StatusItem(events.Verdict.SKIP, "the server was not asked (`--no-push`)"))
@@ -326,19 +326,19 @@ def vpn_status(
         except NetcfgError as error:
             verdict = events.Verdict.INCONCLUSIVE if error.exit is ExitCode.UNKNOWN else events.Verdict.FAIL
             result.append(
-                StatusItem(verdict, f"the server: {error}", error.hint and complete(error.hint, site=server.site))
+                StatusItem(verdict, f"the server: {error}", error.hint and fill_hint(error.hint, site=server.site))
             )
     return VpnStatus((*result, *_queue_items(authority)), state)
 
 
-def _record(declaration: Declaration, authority: Authority) -> Iterator[StatusItem]:
+def _record(inventory: Inventory, authority: Authority) -> Iterator[StatusItem]:
     """Yield the problems that the authority finds in its record, each with a remedy."""
     problems = authority.check()
     for problem in problems:
         yield StatusItem(events.Verdict.FAIL, problem)
     if not problems:
         membership = authority.membership()
-        yield from unsuitable_keys(declaration, membership)
+        yield from unsuitable_keys(inventory, membership)
         good = sum(1 for member in membership.members.values() if member.good)
         yield StatusItem(
             events.Verdict.PASS,
@@ -347,9 +347,9 @@ def _record(declaration: Declaration, authority: Authority) -> Iterator[StatusIt
         )
 
 
-def unsuitable_keys(declaration: Declaration, membership: MembershipList) -> Iterator[StatusItem]:
+def unsuitable_keys(inventory: Inventory, membership: MembershipList) -> Iterator[StatusItem]:
     """Yield members whose key does not fit the server's settings: the end of the shared key, or the cookie."""
-    vpn, members = declaration.pilot.vpn, [member for member in membership.members.values() if member.good]
+    vpn, members = inventory.pilot.vpn, [member for member in membership.members.values() if member.good]
     shared_key_members = [member.name for member in members if member.good[-1].wrap is Wrap.TLS_CRYPT]
     if vpn.shared_key_until is not None and shared_key_members:
         yield StatusItem(
@@ -361,7 +361,7 @@ def unsuitable_keys(declaration: Declaration, membership: MembershipList) -> Ite
     silent = [
         member.name
         for member in members
-        if member.good[-1].wrap is Wrap.TLS_CRYPT_V2 and wrap_of(declaration, member) is Wrap.TLS_CRYPT
+        if member.good[-1].wrap is Wrap.TLS_CRYPT_V2 and wrap_of(inventory, member) is Wrap.TLS_CRYPT
     ]
     if vpn.force_cookie and silent:
         yield StatusItem(
@@ -374,10 +374,10 @@ def unsuitable_keys(declaration: Declaration, membership: MembershipList) -> Ite
 def _server(
     authority: Authority, server: RemoteServer, link: remote_session.ServerLink, state: server_state.ServerState
 ) -> Iterator[StatusItem]:
-    differs = server_state.drift(state, live.desired_files(server.declaration, authority), authority.membership())
+    differs = server_state.drift(state, live.desired_files(server.inventory, authority), authority.membership())
     try:
         live.check_record(authority, state)
-    except remote_session.RecordOlder as older:
+    except remote_session.StaleRecord as older:
         yield StatusItem(events.Verdict.FAIL, str(older), older.hint)
         yield from (StatusItem(events.Verdict.FAIL, differ) for differ in differs)
         return
@@ -390,7 +390,7 @@ def _server(
         )
     if not state.ready:
         return
-    sighting, _ = live.note_seen(server.declaration, authority, link, state, server.who)
+    sighting, _ = live.note_seen(server.inventory, authority, link, state, server.who)
     for name in sighting.strangers:
         yield StatusItem(
             events.Verdict.FAIL, f"{name} has a session, and is not in the record", "is this the newest copy of it?"
@@ -405,7 +405,7 @@ def _server(
             yield StatusItem(events.Verdict.WARN, f"{name} was seen after it was put out; it has no session now")
     for name in sighting.superseded_names:
         yield StatusItem(events.Verdict.PASS, f"{name} is retired: its successor was seen")
-    evidence = live.finish_revocations(server.declaration, authority, link, server.who)
+    evidence = live.finish_revocations(server.inventory, authority, link, server.who)
     if evidence is not None and evidence.is_confirmed:
         yield StatusItem(events.Verdict.PASS, f"dead, by the server's own word: {', '.join(evidence.common_names)}")
 

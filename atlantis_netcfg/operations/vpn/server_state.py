@@ -34,7 +34,7 @@ PLACE: Mapping[str, str] = {
     "unit": server.SERVICE,
     "firewall_unit": "atlantis-vpn-firewall.service",
 }
-"""For every request: where things are on the server."""
+"""Paths on the server, sent with every request."""
 _ANSWERS = "answers"
 
 
@@ -43,11 +43,11 @@ class VpnSession:
     """A session on the server."""
 
     common_name: str
-    """`UNDEF` as long as no certificate came."""
+    """`UNDEF` until a certificate is received."""
     real: str
     """Address and port of the client."""
     address: str
-    """In the VPN; empty: it is not through its handshake."""
+    """Address in the VPN; empty: the handshake is not complete."""
     since: datetime
     received_bytes: int
     sent_bytes: int
@@ -77,7 +77,7 @@ class Crl:
     begins: datetime
     ends: datetime
     is_signed: bool
-    """By the authority whose certificate the server has."""
+    """Whether it is signed by the authority whose certificate is on the server."""
     pem: str = ""
 
 
@@ -86,36 +86,36 @@ class ServerState:
     """The state of the server, for `provision vpn status`."""
 
     ready: bool
-    """Whether the role has set it up."""
+    """Whether the role has set up the server."""
     files: Mapping[str, str]
-    """Path of each live file that is there to its SHA-256."""
+    """SHA-256 of each existing live file, by path."""
     crl: Crl | None
-    """None: there is none, or none that can be read; then nobody can connect."""
+    """None: missing or not readable; then nobody can connect."""
     members: tuple[IPv4Network, ...] | None
-    """Who passes the firewall; None: it is not loaded, or does not answer."""
+    """Addresses that pass the firewall; None: it is not loaded, or does not respond."""
     firewall_as_file: bool | None
-    """Whether the kernel's firewall is what its file says; None: that cannot be told."""
+    """Whether the kernel's firewall matches its file; None: cannot be determined."""
     firewall_why: str
     redirects: tuple[str, ...]
-    """Interfaces by which the server's kernel may tell members of a way past it."""
+    """Interfaces on which the server's kernel may send ICMP redirects, so that members bypass it."""
     version: str | None
-    """Of OpenVPN."""
+    """Version of OpenVPN."""
     package: str | None
-    """Version of its Debian package."""
+    """Version of OpenVPN's Debian package."""
     unit: Mapping[str, str]
-    """What systemd tells of the server's unit."""
+    """Properties of the server's unit, from systemd."""
     sessions: tuple[VpnSession, ...]
     is_live: bool
-    """Whether the sessions are live, from the server itself; else they are from its status file."""
+    """Whether the sessions are live, from the server itself; otherwise they are from its status file."""
     why: str
-    """Why they are not live."""
+    """Why the sessions are not live."""
     at: datetime
-    """To when the sessions belong; the server's clock."""
+    """Time of the session list, by the server's clock."""
     last_sessions: Mapping[str, datetime]
-    """Common name to when it had a session last, as the server's timer has noted it."""
+    """Time of the last session by common name, as recorded by the server's timer."""
     clock: datetime
     clock_ahead_s: float
-    """The server's clock, compared with this computer's."""
+    """Seconds by which the server's clock is ahead of this computer's."""
 
     @property
     def active(self) -> bool | None:
@@ -212,7 +212,7 @@ def _moment(seconds: float) -> datetime:
 
 
 ALARM = timedelta(days=30)
-"""So long before its end a list has to be signed anew: after that nobody can connect."""
+"""Remaining validity at which a list must be signed again; after it has expired, nobody can connect."""
 _CLOCK_S = 60.0
 _CRL = f"{server.FOLDER}/crl.pem"
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 FILE = "as-built.json"
 _DERIVED_KEYS = ("exit", "errors", "tables")
-"""What `AsBuiltRecord.as_json` adds: it follows from the rest."""
+"""Keys that `AsBuiltRecord.as_json` adds; they are derived from the rest."""
 
 
 def folder_of(store: runs.Store, site: str) -> Path:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.history import VehicleState, books
 from atlantis_netcfg.checklist.runner._real import ask_gateway
 from atlantis_netcfg.core import events
-from atlantis_netcfg.core.errors import NetcfgError, complete
+from atlantis_netcfg.core.errors import NetcfgError, fill_hint
 from atlantis_netcfg.inventory.model import (
     Cpe,
     LteDriver,
@@ -48,12 +48,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.links.session import ReadOnlySession
 
 _COMPLETE_STATUSES = frozenset({"changed", "unchanged"})
-"""Outcomes of a run in which a device was read back as declared."""
+"""Run results in which read-back has confirmed that the device matches the inventory."""
 _NO_INTERFACE = "no machine interface of it is documented: a person looks at its pages"
 
 
@@ -61,23 +61,23 @@ _NO_INTERFACE = "no machine interface of it is documented: a person looks at its
 class SiteLook:
     """One reading of a site: the devices to query, and the results."""
 
-    declaration: Declaration
+    inventory: Inventory
     site: str
     request: Request
     notify: events.Subscriber
     not_emulated: Mapping[str, str] = field(default_factory=dict)
-    """Rehearsal: host that nothing stands for, to the reason."""
+    """Rehearsal: reason why a host is not emulated, by host."""
     patience_s: float = PATIENCE_S
     ssh_config: str | None = None
-    """File of OpenSSH that says how a computer's name is reached, in place of the declared address."""
+    """OpenSSH configuration file for the route to a computer, instead of the declared address."""
     sessions: dict[str, ReadOnlySession] = field(default_factory=dict)
 
     async def devices(self, selected_hosts: Sequence[Host]) -> tuple[DeviceRecord, ...]:
         """Return every host of the site, in the order of the inventory; only `selected_hosts` are queried."""
         names = {host.name for host in selected_hosts}
-        hosts = self.declaration.site_hosts(self.site)
+        hosts = self.inventory.site_hosts(self.site)
         records = await asyncio.gather(*(self._device(host, is_selected=host.name in names) for host in hosts))
-        history = JournalFacts(self.declaration, self.site, self._store)
+        history = JournalFacts(self.inventory, self.site, self._store)
         return tuple(history.extend_record(device) for device in records)
 
     @property
@@ -105,9 +105,9 @@ class SiteLook:
 
     def costs(self, seconds: float) -> dict[str, str]:
         """Return the bills of sessions with RouterOS devices over metered links."""
-        hosts = self.declaration.site_hosts(self.site)
+        hosts = self.inventory.site_hosts(self.site)
         first = next((host for host in hosts if isinstance(host.device, Router)), hosts[0])
-        queries = collect.LinkQueries(self.declaration, first, self.request, self.notify, doors=self.sessions)
+        queries = collect.LinkQueries(self.inventory, first, self.request, self.notify, doors=self.sessions)
         return {name: bill.words for name, bill in collect.bills(queries, None, seconds).items()}
 
     async def _device(self, host: Host, *, is_selected: bool) -> DeviceRecord:
@@ -117,7 +117,7 @@ class SiteLook:
             state=ReadState.LEFT_OUT,
             why="left out by `only=`",
             facts=_declared_facts(host),
-            ports=tuple(PortRecord(name=name, belongs=what) for name, what in places(self.declaration, host).items()),
+            ports=tuple(PortRecord(name=name, belongs=what) for name, what in places(self.inventory, host).items()),
         )
         if not is_selected:
             return device
@@ -129,7 +129,7 @@ class SiteLook:
             result = await self._read(host, device)
         except NetcfgError as error:
             self.notify(events.Event(host.name, events.Stage.FAILED, str(error)))
-            hint = error.hint and complete(error.hint, site=host.site, device=host.name)
+            hint = error.hint and fill_hint(error.hint, site=host.site, device=host.name)
             return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": str(error), "hint": hint})
         has_answered = result.read_at is not None
         self.notify(
@@ -164,15 +164,15 @@ class SiteLook:
 
     async def _routeros(self, host: Host, device: DeviceRecord) -> DeviceRecord:
         """Read in one session of two round trips after the handshake: the login, and everything else at once."""
-        hardware = get_managed_device(self.declaration, host).hardware
+        hardware = get_managed_device(self.inventory, host).hardware
         modem = hardware.modem.name if hardware.modem is not None else None
-        door = collect.session_to(self.declaration, self.site, host, self.request, self.patience_s)
+        door = collect.session_to(self.inventory, self.site, host, self.request, self.patience_s)
         self.sessions[host.name] = door
         async with door.open_session() as session:
             certificate = session.certificate
             replies = await session.flight(routeros.questions(hardware.ports, modem))
-        mask = self.declaration.pilot.asbuilt.mask
-        reading = routeros.read(replies, hardware.ports, modem, mask, addresses(self.declaration, self.site))
+        mask = self.inventory.pilot.asbuilt.mask
+        reading = routeros.read(replies, hardware.ports, modem, mask, addresses(self.inventory, self.site))
         certificate_facts = {"certificate": Fact(value=certificate, origin=Origin.READ)}
         record = _fill_record(
             device, {**reading.facts, **certificate_facts}, reading.ports, reading.missing, reading.notes
@@ -185,7 +185,7 @@ class SiteLook:
         target = self.request.targets.get(host.name)
         unit = LteUnit(host, host.device, self._store, self.notify, self.request.rehearsed, target)
         status = await asyncio.to_thread(unit.look)
-        mask, pin = self.declaration.pilot.asbuilt.mask, unit.endpoint.pin
+        mask, pin = self.inventory.pilot.asbuilt.mask, unit.endpoint.pin
         numbers = {name: mask_number(number, mask) for name, number in status.identities.items()}
         values = {"serial": status.serial, "imei": numbers.get("imei"), "iccid": numbers.get("iccid")}
         facts = {name: _fact(value, "the unit does not say it to this user") for name, value in values.items()}
@@ -195,15 +195,15 @@ class SiteLook:
 
     async def _computer(self, host: Host, device: DeviceRecord) -> DeviceRecord:
         """Read a computer with one SSH command; an ssh error becomes the reason. Raise CostRefusal."""
-        packages, notes = computer.declared_packages(self.declaration, host, self.request)
+        packages, notes = computer.declared_packages(self.inventory, host, self.request)
         asked_for = computer.questions(host, packages)
         answers: Mapping[str, Answer] = await ask_gateway(
-            self.declaration, host, self.request, asked_for, lambda *_: None, self.ssh_config
+            self.inventory, host, self.request, asked_for, lambda *_: None, self.ssh_config
         )
         if all(answer.trouble is not None for answer in answers.values()):
             why = next(iter(answers.values())).words
             return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": why})
-        reading = computer.read(host, answers, packages, addresses(self.declaration, self.site))
+        reading = computer.read(host, answers, packages, addresses(self.inventory, self.site))
         record = _fill_record(device, reading.facts, reading.ports, reading.missing, notes)
         return record.model_copy(update={"packages": dict(reading.packages)})
 
@@ -268,10 +268,10 @@ _USES: Mapping[str, str] = {
     PortUse.OFF: "nothing: off",
     SwitchPortUse.UPLINK: "the cable to the router",
 }
-"""What belongs in a port, by its use; `lan` and `off` of a switch are those of a router."""
+"""Text for the intended use of a port; `lan` and `off` of a switch are the same as those of a router."""
 
 
-def places(declaration: Declaration, host: Host) -> dict[str, str]:
+def places(inventory: Inventory, host: Host) -> dict[str, str]:
     """Return what is connected to each port according to the inventory."""
     device = host.device
     if isinstance(device, Cpe):
@@ -280,11 +280,11 @@ def places(declaration: Declaration, host: Host) -> dict[str, str]:
         return {}
     fed = {
         other.device.powered_by.port: other.name
-        for other in declaration.site_hosts(host.site)
+        for other in inventory.site_hosts(host.site)
         if other.device.powered_by is not None and other.device.powered_by.device == host.name
     }
-    site = declaration.sites[host.site]
-    boxes = {bearer.name: bearer.device for bearer in site.bearers} | {
+    site = inventory.sites[host.site]
+    boxes = {site_link.name: site_link.device for site_link in site.bearers} | {
         link.name: link.device for link in site.served_links
     }
     result = {}
@@ -296,15 +296,15 @@ def places(declaration: Declaration, host: Host) -> dict[str, str]:
     return result
 
 
-def addresses(declaration: Declaration, site: str) -> dict[str, str]:
+def addresses(inventory: Inventory, site: str) -> dict[str, str]:
     """Return the host or link of the site for each MAC or IP address of the inventory."""
     result: dict[str, str] = {}
-    for bearer in declaration.sites[site].bearers:
-        result[str(bearer.gateway)] = f"next hop of {bearer.name}"
-        result |= {str(canary): f"canary of {bearer.name}" for canary in bearer.canaries}
-    for entry in declaration.sites[site].lan.reservations:
+    for link in inventory.sites[site].bearers:
+        result[str(link.gateway)] = f"next hop of {link.name}"
+        result |= {str(probe_target): f"canary of {link.name}" for probe_target in link.canaries}
+    for entry in inventory.sites[site].lan.reservations:
         result |= {entry.mac: entry.name, str(entry.address): entry.name}
-    for host in declaration.site_hosts(site):
+    for host in inventory.site_hosts(site):
         address = getattr(host.device, "address", None) or getattr(
             getattr(host.device, "access", None), "address", None
         )
@@ -315,8 +315,8 @@ def addresses(declaration: Declaration, site: str) -> dict[str, str]:
 class JournalFacts:
     """Facts that this computer has recorded about a site's devices: adoptions, confirmed runs, pins."""
 
-    def __init__(self, declaration: Declaration, site: str, store: Store) -> None:
-        self._declaration, self._store = declaration, store
+    def __init__(self, inventory: Inventory, site: str, store: Store) -> None:
+        self._declaration, self._store = inventory, store
         names = (*store.archived_runs(site), *(run.id for run in store.runs(site)))
         self._runs = [store.run(site, name) for name in sorted(names, reverse=True)]
 

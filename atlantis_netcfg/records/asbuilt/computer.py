@@ -22,7 +22,7 @@ from atlantis_netcfg.vpn.server import PACKAGES as SERVER_PACKAGES
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.request import Request
 
 _TREE, _DMI = "/proc/device-tree", "/sys/class/dmi/id"
@@ -38,13 +38,13 @@ _PROGRAMS: Mapping[str, tuple[str, ...]] = {
     "neighbours": ("ip", "-j", "neigh"),
     "host_key": ("ssh-keygen", "-l", "-f", _HOST_KEY),
 }
-"""By the name of what they tell; an ARM board has a device tree, a PC has the tables of its firmware."""
+"""Commands by the fact that they provide; an ARM board has a device tree, a PC has firmware tables."""
 _REQUIRED_FACTS = ("os", "kernel", "links")
 PACKAGE_LINES = r"-f=${Package}=${Version}=${db:Status-Status}\n"
-"""How dpkg-query is told to print a package."""
+"""Output format of a package, for dpkg-query."""
 NOT_INSTALLED = "not installed"
 _PLACEHOLDERS = re.compile(r"|0+|none|default string|to be filled by o\.e\.m\.|not specified", re.IGNORECASE)
-"""What firmware says where nobody has written a number."""
+"""Values of firmware in which no number has been set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +55,10 @@ class ComputerFacts:
     ports: tuple[record.PortRecord, ...]
     packages: Mapping[str, str]
     missing: tuple[str, ...] = ()
-    """What was not answered, though every computer can answer it."""
+    """Facts that were not reported, although every computer can report them."""
 
 
-def declared_packages(
-    declaration: Declaration, host: Host, request: Request
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def declared_packages(inventory: Inventory, host: Host, request: Request) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return every package that a run would install on a computer, and notes on unknown ones."""
     if is_server(host):
         return tuple(sorted(SERVER_PACKAGES)), ()
@@ -70,7 +68,7 @@ def declared_packages(
         if name in {parts.ACCESS, parts.SERVER} or not parts.concerns(name, host):
             continue
         try:
-            desired_packages = part(declaration, host, request).get("packages") or {}
+            desired_packages = part(inventory, host, request).get("packages") or {}
         except NetcfgError as error:
             notes.append(f"which packages `{name}` installs is not known, so they were not asked for: {error}")
             continue
@@ -164,7 +162,9 @@ def _ports(
         name, mac = str(row.get("ifname", "")), str(row.get("address", "")).upper()
         if row.get("link_type") != "ether" or not name or _is_virtual(name):
             continue
-        state = {"UP": record.Link.UP, "DOWN": record.Link.DOWN}.get(str(row.get("operstate")), record.Link.UNKNOWN)
+        state = {"UP": record.CableState.UP, "DOWN": record.CableState.DOWN}.get(
+            str(row.get("operstate")), record.CableState.UNKNOWN
+        )
         speed = outputs.get("speed") if name == interface else None
         yield record.PortRecord(
             name=name,

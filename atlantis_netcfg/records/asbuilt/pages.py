@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 _COLUMN = 26
-"""At which the values of a screen begin."""
+"""Column at which the values on a screen begin."""
 _STYLES = {
     ReadState.READ: printable.Style.GOOD,
     ReadState.IN_PART: printable.Style.WARNING,

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 _INDENT = 5.0
 DIGITS = 16
-"""Of the record's SHA-256, in a QR code and beside it."""
+"""Number of digits of the record's SHA-256 in a QR code and beside it."""
 _A4 = (210.0, 297.0)
 _EDGE = 2.5
-"""Of a label that stays free, in mm: sheets are cut, and printers do not meet them exactly."""
+"""Empty margin of a label in mm: sheets are cut, and printers do not hit them exactly."""
 
 
 def pdf(record: AsBuiltRecord, digest: str) -> bytes:
@@ -126,7 +126,7 @@ class Label:
 
     device: str
     port: str | None
-    """None: it is for the box itself."""
+    """Port of the label; None: the label is for the device itself."""
     belongs: str
     serial: str
     text: str
@@ -200,11 +200,11 @@ class LabelSheet(_sheet.Paper):
 
 
 _QUIET = 4
-"""Modules around a QR code that stay white (ISO/IEC 18004)."""
+"""White modules around a QR code (ISO/IEC 18004)."""
 _SHARE = 0.5
-"""Of a label's width that the QR code takes at most."""
+"""Maximum share of a label's width for the QR code."""
 _MODULE_MM = 0.4
-"""A QR code's module on paper is not smaller. A rule of thumb: no telephone has tried it; zbar reads it at 300 dpi."""
+"""Minimum size of a QR code's module. Rule of thumb: not tested with any telephone; zbar reads it at 300 dpi."""
 
 
 def _text(paper: _sheet.Paper, words: Iterator[tuple[str, float, bool]], at: tuple[float, float], right: float) -> None:

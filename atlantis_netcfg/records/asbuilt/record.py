@@ -23,13 +23,13 @@ class Origin(StrEnum):
     """The origin of a value."""
 
     READ = "read"
-    """The device said it in the run of this record."""
+    """The device reported it in the run of this record."""
     STORED = "stored"
-    """It was read or written down before; `at` says when."""
+    """It was read or recorded earlier; `at` gives the time."""
     DECLARED = "declared"
-    """The inventory says it."""
+    """The value is from the inventory."""
     NOT_READ = "not read"
-    """Nobody knows it; `note` says why."""
+    """The value is not known; `note` gives the reason."""
 
 
 class Fact(_Data):
@@ -39,7 +39,7 @@ class Fact(_Data):
     origin: Origin
     at: datetime | None = None
     note: str = ""
-    """Where it was found, or why it is not known."""
+    """Where the value was found, or why it is not known."""
 
 
 class PortNeighbour(_Data):
@@ -47,15 +47,15 @@ class PortNeighbour(_Data):
 
     mac: str
     by: tuple[str, ...]
-    """`bridge`, `neighbour discovery`, `ARP`, `DHCP lease`."""
+    """Detection methods: `bridge`, `neighbour discovery`, `ARP`, `DHCP lease`."""
     address: str | None = None
     name: str | None = None
-    """What it calls itself."""
+    """The neighbour's own name."""
     declared: str | None = None
-    """The host or link of the declaration that has this MAC or this address."""
+    """Host or link in the inventory with this MAC or IP address."""
 
 
-class Link(StrEnum):
+class CableState(StrEnum):
     """Whether the other end of a port's cable is active."""
 
     UP = "up"
@@ -68,11 +68,11 @@ class PortRecord(_Data):
 
     name: str
     mac: str | None = None
-    link: Link = Link.UNKNOWN
+    link: CableState = CableState.UNKNOWN
     speed: str | None = None
-    """In the words of the device: `1Gbps`, `1000 Mbit/s`."""
+    """Speed as the device words it: `1Gbps`, `1000 Mbit/s`."""
     belongs: str | None = None
-    """What belongs there by the declaration; None: the declaration says nothing of it."""
+    """What belongs in the port by the inventory; None: not in the inventory."""
     neighbours: tuple[PortNeighbour, ...] = ()
 
 
@@ -81,7 +81,7 @@ class ReadState(StrEnum):
 
     READ = "read"
     IN_PART = "read in part"
-    """It answered, but refused a question that one of its kind answers."""
+    """It responded, but refused a query that devices of its kind answer."""
     NOT_REACHED = "not reached"
     BY_HAND = "only a person can look"
     NOT_REHEARSED = "not rehearsed"
@@ -95,17 +95,17 @@ class DeviceRecord(_Data):
     kind: str
     state: ReadState
     why: str = ""
-    """Why it was not read, or not whole."""
+    """Why it was not read, or only in part."""
     hint: str | None = None
     read_at: datetime | None = None
-    """When its values were read; None: never on this computer."""
+    """Time of reading; None: never read on this computer."""
     facts: dict[str, Fact] = {}
-    """By the names of `FACTS`."""
+    """Facts by the names in `FACTS`."""
     ports: tuple[PortRecord, ...] = ()
     elsewhere: tuple[PortNeighbour, ...] = ()
-    """Heard, but nobody can tell at which port."""
+    """Detected neighbours whose port cannot be determined."""
     packages: dict[str, str] = {}
-    """Of a computer: declared package to the version that dpkg says; `not installed` where there is none."""
+    """For a computer: version by declared package, as dpkg reports it; `not installed` if missing."""
     notes: tuple[str, ...] = ()
 
 
@@ -125,12 +125,12 @@ FACTS = (
     "adopted",
     "confirmed",
 )
-"""Names of values, in the order in which they are shown."""
+"""Names of facts, in the order in which they are shown."""
 _OF_RUNS = frozenset({"adopted", "confirmed"})
-"""What this computer's journal says; it differs from record to record, and is no difference of the device."""
+"""Facts from this computer's journal; they differ between records, which is no difference of the device."""
 
 _MADE_ANEW = frozenset({"certificate", "host_key"})
-"""Rehearsal: keys of an emulated device are made when it starts."""
+"""Rehearsal: keys that an emulated device generates at each start."""
 
 
 class Change(_Data):
@@ -141,7 +141,7 @@ class Change(_Data):
     before: str | None
     after: str | None
     neighbour: bool = False
-    """It is about who was heard on a port, which is no property of the device."""
+    """The change concerns a neighbour on a port, which is not a property of the device."""
 
     @property
     def words(self) -> str:
@@ -169,28 +169,28 @@ class AsBuiltRecord(_Data):
 
     format: int = 1
     id: str
-    """Sortable by time; also the name of its folder."""
+    """Identifier, sortable by time; also the name of the record's folder."""
     site: str
     title: str
     at: datetime
     tool: str
     inventory: str
-    """Revision of the declaration."""
+    """Revision of the inventory."""
     rehearsed: bool
     time_zone: str = ""
     mask: NumberMask
     checklist: Fact | None = None
-    """The last signed checklist of the site."""
+    """Last signed checklist of the site."""
     devices: tuple[DeviceRecord, ...]
     since: str | None = None
-    """The record that this one is compared with; None: there is none."""
+    """Record with which this one is compared; None: there is none."""
     changes: tuple[Change, ...] = ()
     notes: tuple[str, ...] = ()
     not_rehearsed: tuple[str, ...] = ()
     spent: dict[str, SessionUsage] = {}
-    """Of each RouterOS device; an SSH session to a computer is not counted here."""
+    """Usage by RouterOS device; SSH sessions to computers are not included."""
     costs: dict[str, str] = {}
-    """Link that is paid by the byte to its bill, in words."""
+    """Cost as text, by metered link."""
 
     @property
     def exit(self) -> ExitCode:

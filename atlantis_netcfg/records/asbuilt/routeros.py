@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.links.lte.routeros import monitor_query
 from atlantis_netcfg.operations.links.session import command, rows
-from atlantis_netcfg.records.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord, mask_number
+from atlantis_netcfg.records.asbuilt.record import CableState, Fact, Origin, PortNeighbour, PortRecord, mask_number
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
@@ -32,9 +32,9 @@ _MENUS: Mapping[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "arp": ("/ip/arp", ("address", "mac-address", "interface", "complete"), ()),
     "leases": ("/ip/dhcp-server/lease", ("active-address", "active-mac-address", "host-name"), ("?status=bound",)),
 }
-"""What is read: menu, properties, and which rows."""
+"""Menus to read, with their properties and rows."""
 _REQUIRED_MENUS = ("resource", "interfaces")
-"""Menus that every RouterOS has: one that is refused leaves a hole in the record."""
+"""Menus that every RouterOS has: if one is refused, the record is incomplete."""
 _NAME_KEYS = ("identity", "board", "version")
 _RADIOS = frozenset({"wlan", "wifi"})
 _PORTS = frozenset({"ether", "lte", *_RADIOS})
@@ -49,7 +49,7 @@ class RouterOsFacts:
     ports: tuple[PortRecord, ...]
     elsewhere: tuple[PortNeighbour, ...]
     missing: tuple[str, ...] = ()
-    """Menus that it refused, with its words."""
+    """Refused menus, with the device's error text."""
     notes: tuple[str, ...] = ()
 
 
@@ -185,15 +185,21 @@ def _find_neighbours(rows_by_menu: Mapping[str, Sequence[Row]]) -> Iterator[_Nei
 
 def _port(row: Row, monitor_reply: Reply | None, neighbours: Sequence[_NeighbourReading]) -> PortRecord:
     status = _first(rows(monitor_reply) or ()) if monitor_reply is not None else {}
-    link = {"link-ok": Link.UP, "no-link": Link.DOWN}.get(status.get("status", ""))
+    link = {"link-ok": CableState.UP, "no-link": CableState.DOWN}.get(status.get("status", ""))
     if link is None:
-        link = Link.UNKNOWN if "running" not in row else Link.UP if row["running"] in _TRUE else Link.DOWN
+        link = (
+            CableState.UNKNOWN
+            if "running" not in row
+            else CableState.UP
+            if row["running"] in _TRUE
+            else CableState.DOWN
+        )
     port_name = row.get("name", row["default-name"])
     return PortRecord(
         name=row["default-name"],
         mac=(row.get("mac-address") or "").upper() or None,
         link=link,
-        speed=status.get("rate") if link is Link.UP else None,
+        speed=status.get("rate") if link is CableState.UP else None,
         neighbours=tuple(item.record for item in neighbours if item.interface == port_name),
     )
 

@@ -17,12 +17,12 @@ def write_pages(folder: Path) -> QualifyRecord:
 
     Raises JournalError, DamagedStateError, SamplesUnreadable.
     """
-    from atlantis_netcfg.links.qualify.archive import keep_record, made_anew  # noqa: PLC0415
+    from atlantis_netcfg.links.qualify.archive import keep_record, recompute  # noqa: PLC0415
     from atlantis_netcfg.records.qualify.pages import PAGE_FILE, PAPER_FILE, html, pdf  # noqa: PLC0415
     from atlantis_netcfg.records.qualify.plots import plots  # noqa: PLC0415
     from atlantis_netcfg.runs import os_errors_as, write_atomically  # noqa: PLC0415 - a page takes long to import
 
-    record, samples = made_anew(folder)
+    record, samples = recompute(folder)
     drawings = plots(record, samples)
     keep_record(folder, record)
     with os_errors_as("the page of the measurement", folder):

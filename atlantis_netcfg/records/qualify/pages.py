@@ -15,7 +15,7 @@ from atlantis_netcfg.records.qualify.sections import (
     EMULATED_NOTICE,
     FigureTable,
     PageSection,
-    closing,
+    closing_sentence,
     heading,
     sections,
     subtitle,
@@ -36,11 +36,11 @@ PAPER_FILE: Final = "page.pdf"
 _PLOT_MM = 160.0
 _INDENT = 2
 _LABEL = 34
-"""Column at which the values of a table of two columns begin."""
+"""Column at which the values of a two-column table begin."""
 _LAST = 12
-"""What the last column has at least; it goes on below."""
+"""Minimum width of the last column; longer text wraps."""
 _IN_WORDS = frozenset({"verdict", "why"})
-"""Columns that are not aligned as numbers are."""
+"""Columns that are not aligned like numbers."""
 STYLES: Final = {
     Verdict.PASS: Style.GOOD,
     Verdict.WARN: Style.WARNING,
@@ -68,7 +68,7 @@ def rows(record: QualifyRecord, location: str) -> Iterator[Row]:
             yield from table_rows(section.table)
     yield ""
     yield from wrap_row(translate(f"kept: {location}"), NARROW, _INDENT)
-    words = f": {translate(closing(record))}"
+    words = f": {translate(closing_sentence(record))}"
     yield from wrap_row((StyledText(record.verdict.value, STYLES[record.verdict]), words), NARROW, _INDENT)
 
 
@@ -123,7 +123,7 @@ def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
         subtitle=subtitle(record),
         emulated=EMULATED_NOTICE if record.run.emulated else "",
         verdict=record.verdict.value,
-        closing=closing(record),
+        closing=closing_sentence(record),
         sections=sections(record),
         plots={plot.name: Markup(plot.svg()) for plot in plots},  # noqa: S704 - made by ElementTree, which escapes
     )
@@ -151,7 +151,7 @@ def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
     paper.tell(translate(subtitle(record)), faint=True)
     if record.run.emulated:
         paper.tell(translate(EMULATED_NOTICE), size=13, bold=True)
-    paper.tell(f"{record.verdict.value}: {translate(closing(record))}", size=11, bold=True)
+    paper.tell(f"{record.verdict.value}: {translate(closing_sentence(record))}", size=11, bold=True)
     by_name = {plot.name: plot for plot in plots}
     for section in sections(record):
         _on_paper(paper, section, [by_name[name] for name in section.plots if name in by_name])

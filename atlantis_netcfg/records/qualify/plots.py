@@ -34,12 +34,12 @@ _INK, _FAINT, _RULE, _PAPER = "#1c2730", "#4b5863", "#d5dbe0", "#ffffff"
 _FIRST, _SECOND, _LOSS = "#0b4470", "#a85400", "#8c0c12"
 _DASHES: Final = "5 3"
 _LOG_FROM: Final = 20.0
-"""An axis is logarithmic where its greatest value is so many times its least."""
+"""Minimum ratio of largest to smallest value for a logarithmic axis."""
 _STEPS: Final = (1.0, 2.0, 5.0, 10.0)
 _STEPS_LOG: Final = (1.0, 2.0, 5.0)
 _TICKS: Final = 6
 _DOT: Final = 2.0
-"""Height of a value that stands alone in its column."""
+"""Height of the mark for a single value in its column."""
 FAMILY_ON_PAGE: Final = "system-ui, 'DejaVu Sans', sans-serif"
 
 

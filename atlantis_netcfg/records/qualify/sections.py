@@ -35,7 +35,7 @@ _COLUMNS: Final = {
     "used": ("what", "how much"),
     "circumstances": ("what", "value"),
 }
-"""Of the tables, by what stands in them."""
+"""Columns of each table, by its content."""
 _DIRECTIONS = {"up": "to the far end", "down": "from the far end"}
 _LOSSES: Final = "up %, down %: what was lost each way; -: not known."
 _SHARES: Final = ("FLR", "AVAIL")
@@ -48,7 +48,7 @@ class FigureTable:
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     has_names: bool = False
-    """The first cells are names, which nobody translates."""
+    """Whether the first cells are names, which are not translated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ def subtitle(record: QualifyRecord) -> str:
     return f"run {record.run.id}, {time_text(record.run.begun, record.run.time_zone)}"
 
 
-def closing(record: QualifyRecord) -> str:
+def closing_sentence(record: QualifyRecord) -> str:
     """Return one sentence on the result: how many criteria hold. The page prints the verdict before it."""
     verdicts = [item.verdict for item in record.judgements]
     if not verdicts:
@@ -135,8 +135,8 @@ def _measure(criterion: str, value: float | None, unit: str) -> str:
     if value is None:
         return UNKNOWN
     if unit == "s":
-        return seconds(value)
-    return share(value) if criterion.startswith(_SHARES) else f"{value:.2f}"
+        return format_seconds(value)
+    return format_percentage(value) if criterion.startswith(_SHARES) else f"{value:.2f}"
 
 
 def _way(record: QualifyRecord) -> PageSection:
@@ -187,17 +187,19 @@ def _figures(record: QualifyRecord) -> PageSection:
 def _variation(take: Callable[[figures.DelayVariation], float], way: str) -> Callable[[figures.TrainFigures], str]:
     def words(train: figures.TrainFigures) -> str:
         variation = train.up if way == "up" else train.down
-        return UNKNOWN if variation is None else seconds(take(variation))
+        return UNKNOWN if variation is None else format_seconds(take(variation))
 
     return words
 
 
 def _rtt(name: str) -> Callable[[figures.TrainFigures], str]:
-    return lambda train: UNKNOWN if train.rtt is None else seconds(getattr(train.rtt, name))
+    return lambda train: UNKNOWN if train.rtt is None else format_seconds(getattr(train.rtt, name))
 
 
 def _longest(train: figures.TrainFigures) -> str:
-    return f"{seconds(train.gaps.longest_s)}{' or more' if train.gaps.open_end and train.gaps.above[0][1] else ''}"
+    return (
+        f"{format_seconds(train.gaps.longest_s)}{' or more' if train.gaps.open_end and train.gaps.above[0][1] else ''}"
+    )
 
 
 _ROWS: Final[tuple[tuple[str, Callable[[figures.TrainFigures], str]], ...]] = (
@@ -210,19 +212,19 @@ _ROWS: Final[tuple[tuple[str, Callable[[figures.TrainFigures], str]], ...]] = (
     ("round trip, 99 %", _rtt("p99")),
     ("round trip, greatest", _rtt("max")),
     ("round trips a minute (RPM)", lambda train: UNKNOWN if train.rpm is None else f"{train.rpm:.0f}"),
-    ("loss up", lambda train: share(loss_shares(train)[0])),
-    ("loss down", lambda train: share(loss_shares(train)[1])),
-    ("loss, both ways together", lambda train: share(train.loss.share)),
+    ("loss up", lambda train: format_percentage(loss_shares(train)[0])),
+    ("loss down", lambda train: format_percentage(loss_shares(train)[1])),
+    ("loss, both ways together", lambda train: format_percentage(train.loss.share)),
     ("lost in gaps", lambda train: str(train.flr.in_gaps)),
-    ("loss up, outside of gaps", lambda train: share(train.flr.up)),
-    ("loss down, outside of gaps", lambda train: share(train.flr.down)),
+    ("loss up, outside of gaps", lambda train: format_percentage(train.flr.up)),
+    ("loss down, outside of gaps", lambda train: format_percentage(train.flr.down)),
     ("late answers", lambda train: str(train.loss.late)),
     ("in flight at the end", lambda train: str(train.loss.in_flight)),
     ("refused by the reflector", lambda train: str(train.loss.limited)),
     ("copies up", lambda train: _count(train.loss.copies_up)),
     ("copies down", lambda train: str(train.loss.copies_down)),
-    ("reordered up", lambda train: share(train.reordered_up)),
-    ("reordered down", lambda train: share(train.reordered_down)),
+    ("reordered up", lambda train: format_percentage(train.reordered_up)),
+    ("reordered down", lambda train: format_percentage(train.reordered_down)),
     ("delay above the least up, 95 %", _variation(lambda each: each.above_min.p95, "up")),
     ("delay above the least down, 95 %", _variation(lambda each: each.above_min.p95, "down")),
     ("jitter up (RFC 3550)", _variation(lambda each: each.rfc3550_mean_s, "up")),
@@ -245,10 +247,10 @@ def _load(record: QualifyRecord) -> PageSection:
             f"{row.size} B",
             str(row.sent),
             str(row.received),
-            rate(row.offered_bps),
-            rate(row.goodput_bps),
-            UNKNOWN if row.latency is None else seconds(row.latency.p50),
-            UNKNOWN if row.latency is None else seconds(row.latency.p95),
+            format_rate(row.offered_bps),
+            format_rate(row.goodput_bps),
+            UNKNOWN if row.latency is None else format_seconds(row.latency.p50),
+            UNKNOWN if row.latency is None else format_seconds(row.latency.p95),
         )
         for row in record.load
     )
@@ -298,7 +300,9 @@ def _highest(record: QualifyRecord) -> PageSection:
             UNKNOWN if row.rate_hz is None else f"{row.rate_hz:.3g} Hz",
             row.limited_by.value,
             "proved" if row.proved else "not proved",
-            "-" if row.mb_per_hour is None else f"{row.mb_per_hour:.1f} MB/h{_money(row.price_per_hour, record.run)}",
+            "-"
+            if row.mb_per_hour is None
+            else f"{row.mb_per_hour:.1f} MB/h{_format_hourly_price(row.price_per_hour, record.run)}",
         )
         for row in record.highest_rates
     )
@@ -308,7 +312,7 @@ def _highest(record: QualifyRecord) -> PageSection:
     )
 
 
-def _money(price: Decimal | None, run: MeasuredRun) -> str:
+def _format_hourly_price(price: Decimal | None, run: MeasuredRun) -> str:
     """Format the price per hour; empty if the inventory has no tariff."""
     return "" if price is None or run.tariff is None else f", {price:.2f} {run.tariff.currency}/h"
 
@@ -360,7 +364,7 @@ def _circumstances(record: QualifyRecord) -> PageSection:
     )
 
 
-def seconds(value: float) -> str:
+def format_seconds(value: float) -> str:
     """Format a duration: `0.8 ms`, `596 ms`, `70.1 s`."""
     if value >= _MILLI_BELOW_S:
         return f"{value:.1f} s"
@@ -368,21 +372,21 @@ def seconds(value: float) -> str:
     return f"{milli:.1f} ms" if milli < _FINE_BELOW_MS else f"{milli:.0f} ms"
 
 
-def rate(bps: float | None) -> str:
+def format_rate(bps: float | None) -> str:
     """Format a bit rate: `293 kbit/s`, `31.6 Mbit/s`; None is "unknown"."""
     if bps is None:
         return UNKNOWN
     return f"{bps / _MEGA:.1f} Mbit/s" if bps >= _MEGA else f"{bps / _KILO:.0f} kbit/s"
 
 
-def share(value: float | None) -> str:
+def format_percentage(value: float | None) -> str:
     """Format a fraction as a percentage: `1.25 %`; None is "unknown"."""
     return UNKNOWN if value is None else f"{100 * value:.2f} %"
 
 
-def in_unit(value: float | None, unit: str) -> str:
+def format_figure(value: float | None, unit: str) -> str:
     """Format a figure of `compare.HEADLINES` in its unit."""
     if value is None:
         return UNKNOWN
-    makers: dict[str, Callable[[float], str]] = {"s": seconds, "bit/s": rate, "": share}
+    makers: dict[str, Callable[[float], str]] = {"s": format_seconds, "bit/s": format_rate, "": format_percentage}
     return makers[unit](value) if unit in makers else f"{value:.0f}"

@@ -9,7 +9,7 @@ from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.qualify import compare
 from atlantis_netcfg.records.qualify.pages import STYLES
-from atlantis_netcfg.records.qualify.sections import UNKNOWN, in_unit
+from atlantis_netcfg.records.qualify.sections import UNKNOWN, format_figure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,7 +42,7 @@ def comparison_rows(
     yield ""
     yield f"{translate('figure'):<26}{'A':>13}{'B':>13}{'B - A':>9}"
     for item in comparison.figures:
-        values = "".join(f"{translate(in_unit(value, item.unit)):>13}" for value in (item.first, item.second))
+        values = "".join(f"{translate(format_figure(value, item.unit)):>13}" for value in (item.first, item.second))
         difference = "" if item.difference is None else f"{100 * item.difference:+.0f} %"
         word = printable.StyledText(translate(item.change.value), _CHANGES.get(item.change, printable.Style.QUIET))
         yield f"{translate(item.title):<26}{values}{difference:>9}  ", word
@@ -61,7 +61,7 @@ def history_rows(records: Sequence[QualifyRecord]) -> Iterator[printable.Row]:
         verdict = printable.StyledText(f"{record.verdict.value:<13}", STYLES[record.verdict])
         yield from printable.wrap_row((verdict, translate(_title(record))), printable.NARROW, _MARGIN)
         words = (
-            f"{translate(item.title)} {translate(in_unit(item.value(record), item.unit))}"
+            f"{translate(item.title)} {translate(format_figure(item.value(record), item.unit))}"
             for item in headline_by_key.values()
         )
         yield from printable.wrap_row(f"      {'; '.join(words)}", printable.NARROW, _MARGIN)

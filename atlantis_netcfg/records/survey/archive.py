@@ -12,7 +12,7 @@ from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.records.survey import points
 from atlantis_netcfg.records.survey.exports import CSV_FILE, GEOJSON_FILE, csv_table, geojson
-from atlantis_netcfg.records.survey.page import PAGE_FILE, html
+from atlantis_netcfg.records.survey.page import PAGE_FILE, render_page
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,7 +35,7 @@ def new_folder(folder: Path, now: datetime) -> Path:
         return runs.new_run(runs.make_private(folder), now)
 
 
-def kept_survey(folder: Path, name: str) -> Path:
+def find_survey(folder: Path, name: str) -> Path:
     """Return the folder of an existing survey. Raises NoMatchError."""
     names = [path.name for path in folder.iterdir() if (path / points.SURVEY_FILE).is_file()] if folder.is_dir() else []
     if name in names:
@@ -49,7 +49,7 @@ def kept_survey(folder: Path, name: str) -> Path:
 
 def exports(survey: points.Survey, coast: Coast | None = None) -> Mapping[str, bytes]:
     """Return the export files of a survey (HTML page, GeoJSON, CSV), by file name."""
-    return {PAGE_FILE: html(survey, coast), GEOJSON_FILE: geojson(survey), CSV_FILE: csv_table(survey)}
+    return {PAGE_FILE: render_page(survey, coast), GEOJSON_FILE: geojson(survey), CSV_FILE: csv_table(survey)}
 
 
 def export(folder: Path, coast: Coast | None = None, to: Path | None = None) -> points.Survey:
@@ -79,7 +79,7 @@ class SurveyOutcome:
     words: str
 
 
-def outcome(survey: points.Survey) -> SurveyOutcome:
+def evaluate_survey(survey: points.Survey) -> SurveyOutcome:
     """Return exit code and summary; CHECKS_FAILED if a requested measurement is missing from every point."""
     if not survey.points:
         return SurveyOutcome(errors.ExitCode.NOTHING, "no point was taken")

@@ -49,11 +49,11 @@ def csv_table(survey: Survey) -> bytes:
     writer.writerow(COLUMNS)
     for point in survey.points:
         values = point.model_dump(mode="json")
-        writer.writerow("" if values[name] is None else _harmless(values[name]) for name in COLUMNS)
+        writer.writerow("" if values[name] is None else _escape_formula(values[name]) for name in COLUMNS)
     return text.getvalue().encode()
 
 
-def _harmless(value: Any) -> Any:  # noqa: ANN401 - of a cell
+def _escape_formula(value: Any) -> Any:  # noqa: ANN401 - of a cell
     """Prefix text that a spreadsheet would read as a formula with an apostrophe; numbers are unchanged."""
     return f"'{value}" if isinstance(value, str) and value[:1] in {"=", "+", "-", "@", "\t", "\r"} else value
 
@@ -70,7 +70,7 @@ SHIPPED_COAST: Final = "natural-earth"
 _SHIPPED_FILE: Final = Path(__file__).with_name("data") / "coast-viana.json"
 
 
-def named_coast(name: str) -> Coast:
+def find_coast(name: str) -> Coast:
     """Return the coastline given by `coast=`: the built-in one or a file. Raises UsageError."""
     if name != SHIPPED_COAST:
         return read_coast(Path(name))
@@ -83,7 +83,7 @@ _DEPTHS: Final = {
     "MultiLineString": 2,
     "MultiPolygon": 3,
 }
-"""How many arrays stand around a position (RFC 7946, 3.1)."""
+"""Number of nested arrays around a position (RFC 7946, 3.1)."""
 
 
 def read_coast(path: Path) -> Coast:

@@ -38,7 +38,7 @@ _QUESTIONS: Final = 3
 _TRAIN: Final = session.TrainPlan(stamp.AUTHENTICATED_SIZE, 0.2, 1.0, timeout_s=_TIMEOUT_S)
 _MESSAGE: Final = MessagePlan(9600, 1.0, 1.0, timeout_s=_TIMEOUT_S, give_up_s=4 * _TIMEOUT_S)
 _LOOK_S: Final = 0.5
-"""How often it is looked whether a step is due."""
+"""Interval in seconds at which due steps are checked."""
 ANOTHER_LINK: Final = "another link carries the traffic"
 BUDGET: Final = "the hourly budget"
 NO_ANSWER: Final = "nobody answers"
@@ -56,9 +56,9 @@ class SurveyPlan:
     """Interval of points, and budget of the tests."""
 
     step_s: float = 30.0
-    """A point at least so often, and whenever the budget allows a test."""
+    """Longest interval between points in seconds; a point is also taken whenever the budget allows a test."""
     step_m: float | None = 50.0
-    """And after so many metres; None: by time alone."""
+    """Longest distance between points in metres; None: by time only."""
     hourly_bytes: int = round(MAX_MB * 1_000_000)
     train: session.TrainPlan = _TRAIN
     message: MessagePlan = _MESSAGE
@@ -147,7 +147,6 @@ class LinkTester:
     transport: DatagramTransport
     peer: session.ReflectorPeer
     write: Callable[[Sample], None]
-    """Takes the raw samples."""
 
     def test(self, number: int) -> TestSample:
         """Run one test now; a test stopped by Ctrl-C is marked as stopped."""
@@ -209,14 +208,14 @@ class RunningSurvey:
     positions: PositionSource
     radio: RadioReader
     tester: LinkTester | None
-    """None: nothing is sent."""
+    """None: no test packets are sent."""
     clock: SurveyClock
     write: Callable[[SurveyPoint], None]
     points: list[SurveyPoint] = field(default_factory=list)
     _begin_s: float = 0.0
     _next_test_s: float = 0.0
     _again_s: float = 0.0
-    """While another link carries the traffic: a point for the sake of a test is not due before."""
+    """Earliest time of another point for a test while another link carries the traffic."""
     _last_s: float | None = None
     _last: TrackPosition | None = None
 
@@ -310,7 +309,7 @@ _STEP = re.compile(r"(\d{1,5}(?:\.\d{1,2})?)(m|s)")
 _LEAST_S, _LEAST_M = 2.0, 1.0
 
 
-def steps(text: str | None) -> tuple[float | None, float]:
+def parse_steps(text: str | None) -> tuple[float | None, float]:
     """Read `every=50m,30s`, `every=10s`, `every=20m`: metres (None: by time alone) and seconds. Raises UsageError."""
     plan = SurveyPlan()
     if text is None:
@@ -327,7 +326,7 @@ def steps(text: str | None) -> tuple[float | None, float]:
     return step_by_unit.get("m"), step_by_unit.get("s", plan.step_s)
 
 
-def hourly_bytes(text: str) -> int:
+def parse_hourly_budget(text: str) -> int:
     """Parse `--max-mb` into bytes per hour; the maximum is 2 MB. Raises UsageError."""
     if not re.fullmatch(r"\d{1,3}(\.\d{1,6})?", text) or not 0 < float(text) <= MAX_MB:
         raise UsageError(

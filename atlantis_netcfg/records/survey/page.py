@@ -33,7 +33,7 @@ _MARGIN: Final = 46.0
 _TALLEST: Final = 900.0
 _METRES: Final = 111_195.0
 _LEAST_M: Final = 50.0
-"""A track is never shown larger than this many metres on its longer side."""
+"""Minimum extent of the map in metres on the longer side of the track."""
 SHAPES: Final = ("square", "circle", "triangle", "diamond", "cross", "bar")
 
 
@@ -42,32 +42,32 @@ class BandScale:
     """A value and the limits of its bands, best band first."""
 
     name: str
-    """Of the field of a point."""
+    """Name of the field of a point."""
     title: str
     unit: str
     limits: tuple[float, ...]
-    """Between the bands, from good to poor."""
+    """Limits between the bands, from good to poor."""
     factor: float = 1.0
     digits: int = 0
-    """Of a value as it is shown."""
+    """Number of digits that are shown."""
 
     @property
-    def falls(self) -> bool:
+    def is_higher_better(self) -> bool:
         """True if a higher value is better."""
         return self.limits[0] > self.limits[-1]
 
     def band(self, value: float) -> int:
         """Return the band number of a displayed value."""
-        return sum(1 for limit in self.limits if (value < limit if self.falls else value > limit))
+        return sum(1 for limit in self.limits if (value < limit if self.is_higher_better else value > limit))
 
     def words(self) -> Iterator[str]:
         """Yield the limits of each band as text."""
         best, last, unit = self.limits[0], self.limits[-1], self.unit
-        yield f"from {best:g} {unit}" if self.falls else f"up to {best:g} {unit}"
+        yield f"from {best:g} {unit}" if self.is_higher_better else f"up to {best:g} {unit}"
         for first, second in pairwise(self.limits):
             low, high = sorted((first, second))
             yield f"{low:g} to {high:g} {unit}"
-        yield f"below {last:g} {unit}" if self.falls else f"above {last:g} {unit}"
+        yield f"below {last:g} {unit}" if self.is_higher_better else f"above {last:g} {unit}"
 
     def get_value(self, point: SurveyPoint) -> float | None:
         """Return the value of a point in the unit of the scale; None if missing."""
@@ -83,7 +83,7 @@ SCALES: Final = (
     BandScale("goodput_up_bps", "Goodput up", "Mbit/s", (10.0, 4.0, 1.0, 0.3), factor=1e-6, digits=2),
 )
 KINDS: Final = (("cell", "Serving cell"), ("technology", "Radio technology"))
-"""Values that are names: each has its own shape, in the order in which it was met."""
+"""Values that are names: each has its own shape, in the order of first occurrence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,6 @@ class TrackMark:
     x: float
     y: float
     band: int | None
-    """None: no value."""
     words: str
 
 
@@ -125,7 +124,7 @@ class MapFrame:
     per_metre: float
     height: float
     narrowing: float
-    """Metres of a degree of longitude, by those of one of latitude."""
+    """Metres per degree of longitude, divided by metres per degree of latitude."""
 
     @classmethod
     def around(cls, positions: Sequence[tuple[float, float]]) -> MapFrame:
@@ -141,7 +140,7 @@ class MapFrame:
         west = min(longitudes) - spare_x / per_metre / _METRES / narrowing
         return cls(min(latitudes) - spare_y / per_metre / _METRES, west, per_metre, height, narrowing)
 
-    def place(self, latitude: float, longitude: float) -> tuple[float, float]:
+    def to_sheet(self, latitude: float, longitude: float) -> tuple[float, float]:
         """Convert a position to sheet coordinates."""
         x = _MARGIN + (longitude - self.west) * _METRES * self.narrowing * self.per_metre
         y = self.height - _MARGIN - (latitude - self.south) * _METRES * self.per_metre
@@ -165,7 +164,11 @@ def _by_scale(survey: Survey, frame: MapFrame, scale: BandScale) -> ValueLayer:
     marks = []
     for point in survey.placed_points:
         value = scale.get_value(point)
-        words = f"no value: {_why(point, scale.name)}" if value is None else f"{value:.{scale.digits}f} {scale.unit}"
+        words = (
+            f"no value: {_missing_reason(point, scale.name)}"
+            if value is None
+            else f"{value:.{scale.digits}f} {scale.unit}"
+        )
         marks.append(_mark(frame, point, None if value is None else scale.band(value), words))
     return ValueLayer(scale.name, scale.title, tuple(marks), _legend(marks, [*scale.words()]))
 
@@ -175,21 +178,21 @@ def _by_kind(survey: Survey, frame: MapFrame, name: str, title: str) -> ValueLay
     marks = []
     for point in survey.placed_points:
         value = getattr(point, name)
-        words = f"no value: {_why(point, name)}" if value is None else str(value)
+        words = f"no value: {_missing_reason(point, name)}" if value is None else str(value)
         marks.append(_mark(frame, point, None if value is None else min(values.index(value), len(SHAPES) - 1), words))
     names = values[: len(SHAPES) - 1] + ([", ".join(values[len(SHAPES) - 1 :])] if len(values) >= len(SHAPES) else [])
     return ValueLayer(name, title, tuple(marks), _legend(marks, names))
 
 
 def _mark(frame: MapFrame, point: SurveyPoint, band: int | None, words: str) -> TrackMark:
-    x, y = frame.place(*(point.position or (0.0, 0.0)))
+    x, y = frame.to_sheet(*(point.position or (0.0, 0.0)))
     place = f"{point.place}, " if point.place else ""
     return TrackMark(
         x, y, band, f"{translate('point')} {point.number}, {place}{point.at:%H:%M:%S} UTC: {translate(words)}"
     )
 
 
-def _why(point: SurveyPoint, name: str) -> str:
+def _missing_reason(point: SurveyPoint, name: str) -> str:
     """Return the reason why a value is missing."""
     if name in {"rtt_median_s", "goodput_up_bps"}:
         return point.no_test or "nothing was received"
@@ -207,7 +210,7 @@ def coast_paths(coast: Coast | None, frame: MapFrame) -> tuple[str, ...]:
         return ()
     paths = []
     for line in coast.lines:
-        places = [frame.place(latitude, longitude) for longitude, latitude in line]
+        places = [frame.to_sheet(latitude, longitude) for longitude, latitude in line]
         paths += [
             f"M{a[0]} {a[1]}L{b[0]} {b[1]}"
             for a, b in pairwise(places)
@@ -242,17 +245,17 @@ def summary(survey: Survey) -> tuple[str, ...]:
     ]
     if unproved_count and not survey.header.emulated:
         lines.append(f"of {unproved_count} tests nobody knows which link has carried them: the router did not say")
-    lines += [f"{count} points without a position: {reason}" for reason, count in missing(survey)]
+    lines += [f"{count} points without a position: {reason}" for reason, count in count_unplaced(survey)]
     return (*lines, _ENDS[survey.reason])
 
 
-def missing(survey: Survey) -> tuple[tuple[str, int], ...]:
+def count_unplaced(survey: Survey) -> tuple[tuple[str, int], ...]:
     """Count the points without a position, by reason."""
     reasons = [point.no_position for point in survey.points if point.position is None]
     return tuple((reason, reasons.count(reason)) for reason in dict.fromkeys(reasons))
 
 
-def html(survey: Survey, coast: Coast | None = None) -> bytes:
+def render_page(survey: Survey, coast: Coast | None = None) -> bytes:
     """Render the page; the result depends on the survey and the coastline alone."""
     style, header = _environment().get_template("survey.css.j2").render(), survey.header
     positions = [point.position for point in survey.placed_points if point.position is not None]
@@ -268,7 +271,7 @@ def html(survey: Survey, coast: Coast | None = None) -> bytes:
         frame=frame,
         width=_WIDTH,
         layers=layers(survey, frame) if frame is not None else (),
-        track=" ".join(f"{x},{y}" for x, y in (frame.place(*position) for position in positions)) if frame else "",
+        track=" ".join(f"{x},{y}" for x, y in (frame.to_sheet(*position) for position in positions)) if frame else "",
         coast_words=None if coast is None else f"The coast line is that of {coast.name}",
         coast_paths=coast_paths(coast, frame) if frame is not None else (),
         summary=summary(survey),

@@ -44,26 +44,26 @@ class SurveyHeader(_Line):
     title: str
     link: str
     unit: str
-    """The 4G unit that is read."""
+    """Name of the 4G unit that is read."""
     far_end: str | None
-    """Who answers the test packets; None: none are sent."""
+    """Destination that answers the test packets; None: none are sent."""
     positions_by: str
-    """`gpsd at 127.0.0.1:2947`, `a person`."""
+    """Source of the positions: `gpsd at 127.0.0.1:2947`, `a person`."""
     emulated: bool
-    """Track, unit and link were emulated: the values say nothing of a real place."""
+    """Whether track, unit and link were emulated: then the values do not describe a real place."""
     begun: datetime
     time_zone: str
     step_m: float | None
     step_s: float
     max_age_s: float
-    """An older fix is no position."""
+    """Maximum age of a position fix; an older fix is ignored."""
     max_hdop: float
     hourly_bytes: int
     test_every_s: float | None
-    """The pace of tests that the hourly budget allows; None: none are made."""
+    """Interval of tests that the hourly budget allows; None: no tests are made."""
     train_packets: int
     packet_size: int
-    """UDP payload of each."""
+    """UDP payload of each test packet."""
     message_size: int
 
 
@@ -74,9 +74,9 @@ class SurveyPoint(_Line):
     number: int
     at: datetime
     at_s: float
-    """Since the beginning."""
+    """Seconds since the beginning."""
     read_s: float = 0.0
-    """How long the unit was asked; the position is that of the end."""
+    """Seconds that reading the unit took; the position is that at its end."""
     latitude: float | None = None
     longitude: float | None = None
     """WGS 84, decimal degrees; None: no position, and `no_position` says why."""
@@ -84,9 +84,9 @@ class SurveyPoint(_Line):
     fix_age_s: float | None = None
     hdop: float | None = None
     place: str = ""
-    """What a person calls it."""
+    """Name given to the place by a person."""
     moved_m: float | None = None
-    """How far from here the tests of this point ended; None: not known, or none were made."""
+    """Distance from here to where this point's tests ended; None: not known, or no tests were made."""
     registration: str | None = None
     technology: str | None = None
     operator: str | None = None
@@ -98,9 +98,9 @@ class SurveyPoint(_Line):
     no_radio: str = ""
     """Why the unit was not read."""
     carried_by: str | None = None
-    """The link that carries the site's traffic, by the router's routes; None: not known."""
+    """Link that carries the site's traffic by the router's routes; None: not known."""
     sent: int | None = None
-    """Packets for the round trip; None: no test was made, and `no_test` says why."""
+    """Packets sent to measure the round trip; None: no test was made, and `no_test` says why."""
     lost: int | None = None
     rtt_min_s: float | None = None
     rtt_median_s: float | None = None
@@ -108,7 +108,7 @@ class SurveyPoint(_Line):
     goodput_up_bps: float | None = None
     no_test: str = ""
     test_bytes: int = 0
-    """Sent and received, IP and UDP headers included."""
+    """Bytes sent and received, IP and UDP headers included."""
 
     @property
     def position(self) -> tuple[float, float] | None:
@@ -122,7 +122,7 @@ class SurveyEnd(_Line):
     kind: Literal["end"] = "end"
     at: datetime
     reason: str
-    """`done` or `stopped`."""
+    """End reason: `done` or `stopped`."""
 
 
 SurveyLine = Annotated[SurveyHeader | SurveyPoint | SurveyEnd, Field(discriminator="kind")]
@@ -136,7 +136,7 @@ class Survey:
     header: SurveyHeader
     points: tuple[SurveyPoint, ...]
     end: SurveyEnd | None
-    """None: it was killed, or goes on."""
+    """None: the program was killed, or the survey is still running."""
 
     @property
     def placed_points(self) -> tuple[SurveyPoint, ...]:

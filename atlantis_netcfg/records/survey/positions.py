@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 MAX_AGE_S: Final = 2.0
 MAX_HDOP: Final = POOR_HDOP
 _AGAIN_S: Final = 5.0
-"""After so long a gpsd that hung up, or did not answer, is asked again."""
+"""Seconds until a gpsd that disconnected or did not respond is contacted again."""
 _CONNECT_S: Final = 3.0
 _MOST: Final = 65536
 _OTHER_RECEIVER_S: Final = 10.0
-"""A second receiver counts once the first one has been silent for so long."""
+"""Silence of the first receiver in seconds after which a second one is used."""
 
 
 class NoPosition(StrEnum):
@@ -86,12 +86,12 @@ class GpsdStream:
     max_hdop: float = MAX_HDOP
     _rest: bytes = b""
     _sky: bytes = b""
-    """The last report of the satellites: the geometry of the fixes that follow."""
+    """Last satellite report: the geometry of the fixes that follow."""
     _device: str | None = None
     _last: Report | None = None
     _hdop: float | None = None
     _since_s: float = 0.0
-    """When the time of the last report was first heard."""
+    """Time at which the last report's timestamp was first received."""
     _heard_s: float = 0.0
 
     def feed(self, at_s: float, data: bytes) -> None:
@@ -151,10 +151,10 @@ class GpsdSource:
     def __init__(self, name: str, address: tuple[str, int] | None = None, command: Sequence[str] = ()) -> None:
         self.name = name
         self.trouble = ""
-        """What the program said when it ended last: OpenSSH's reason."""
+        """Error output of the program when it last ended, from OpenSSH."""
         self._address, self._command = address, command
         self._stream: GpsdStream | None = None
-        """None: nobody answers."""
+        """None: no gpsd is connected."""
         self._lock = threading.Lock()
         self._stop, self._stopper = socket.socketpair()
         self._thread = threading.Thread(target=self._listen, name="gpsd", daemon=True)
@@ -221,7 +221,7 @@ class GpsdSource:
 _ADDRESS = re.compile(r"(?P<host>[A-Za-z0-9.-]+|\[[0-9A-Fa-f:]+\])(?::(?P<port>\d{1,5}))?")
 
 
-def gpsd_address(text: str) -> tuple[str, int]:
+def parse_gpsd_address(text: str) -> tuple[str, int]:
     """Read `gps=HOST` or `gps=HOST:PORT`. Raises UsageError."""
     match = _ADDRESS.fullmatch(text)
     port = int(match["port"] or GPSD_PORT) if match is not None else 0
@@ -238,7 +238,7 @@ _POSITION = re.compile(
 )
 
 
-def typed_position(text: str, named_places: dict[str, TrackPosition]) -> TrackPosition | None:
+def parse_position(text: str, named_places: dict[str, TrackPosition]) -> TrackPosition | None:
     """Parse `41.6864, -8.8388`, `pier: 41.6864, -8.8388`, or the name of a place typed before.
 
     A named position is stored in `named_places`. Returns None for any other text.

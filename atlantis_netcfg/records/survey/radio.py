@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, active_bearer
+from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, active_link
 from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.operations.links.collect import session_to
 from atlantis_netcfg.operations.links.session import rows
@@ -23,7 +23,7 @@ from atlantis_netcfg.records.survey.measure import RadioSample
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.links.lte import LteReading
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.runs import Store
@@ -33,9 +33,9 @@ _ROUTER_S = 5.0
 BY_HAND = "`driver: manual`: a person looks at its own page"
 
 
-def surveyed_link(declaration: Declaration, site: str, name: str | None) -> model.Bearer:
+def find_survey_link(inventory: Inventory, site: str, name: str | None) -> model.Link:
     """Return the site's 4G link of that name, or its only one. Raises UsageError."""
-    links = {bearer.name: bearer for bearer in declaration.sites[site].bearers if bearer.kind is model.BearerKind.LTE}
+    links = {link.name: link for link in inventory.sites[site].bearers if link.kind is model.LinkKind.LTE}
     choices = f"its 4G links: {', '.join(links)}" if links else "it declares no 4G link"
     if name is None and len(links) == 1:
         return next(iter(links.values()))
@@ -50,12 +50,12 @@ def surveyed_link(declaration: Declaration, site: str, name: str | None) -> mode
     )
 
 
-def unit_of(declaration: Declaration, bearer: model.Bearer) -> Host:
+def find_lte_unit(inventory: Inventory, link: model.Link) -> Host:
     """Return the device of a 4G link. Raises UsageError if the inventory has none."""
-    host = declaration.hosts.get(bearer.device or "")
+    host = inventory.hosts.get(link.device or "")
     if host is None or not isinstance(host.device, model.LteRouter):
         raise errors.UsageError(
-            f"link `{bearer.name}` has no 4G unit that could be read",
+            f"link `{link.name}` has no 4G unit that could be read",
             hint="declare its box, and `device:` of the link (docs/4g.md)",
         )
     return host
@@ -65,12 +65,12 @@ def unit_of(declaration: Declaration, bearer: model.Bearer) -> Host:
 class UnitRadio:
     """Reads the 4G unit, and the active routes from the router of its site."""
 
-    declaration: Declaration
+    inventory: Inventory
     host: Host
     request: Request
     store: Store
     router: Host | None = None
-    """None: nobody is asked which link carries the traffic."""
+    """None: the active link is not queried."""
 
     def read(self) -> RadioSample:
         """See `RadioReader.read`."""
@@ -82,14 +82,14 @@ class UnitRadio:
 
     async def _radio(self) -> RadioSample:
         device = self.host.device
-        assert isinstance(device, model.LteRouter)  # noqa: S101 - `unit_of` has looked
+        assert isinstance(device, model.LteRouter)  # noqa: S101 - `find_lte_unit` checks it
         if device.driver is model.LteDriver.MANUAL:
             return RadioSample(no_radio=BY_HAND)
         target = self.request.targets.get(self.host.name)
         unit = LteUnit(self.host, device, self.store, ignore, self.request.rehearsed, target)
         try:
             if device.driver is model.LteDriver.ROUTEROS:
-                door = session_to(self.declaration, self.host.site, self.host, self.request)
+                door = session_to(self.inventory, self.host.site, self.host, self.request)
                 return sample_of((await read_routeros(door, unit)).reading)
             return sample_of((await read_by_driver(unit)).reading)
         except errors.NetcfgError as error:
@@ -97,10 +97,10 @@ class UnitRadio:
 
     async def _carried_by(self, router: Host) -> str | None:
         with suppress(errors.NetcfgError, TimeoutError):
-            door = session_to(self.declaration, router.site, router, self.request)
+            door = session_to(self.inventory, router.site, router, self.request)
             async with asyncio.timeout(_ROUTER_S), door.open_session() as session:
                 answers = rows(await session.command(_ROUTES))
-            return None if answers is None else active_bearer(answers, ways_of(self.declaration, router))
+            return None if answers is None else active_link(answers, ways_of(self.inventory, router))
         return None
 
 

@@ -64,7 +64,7 @@ class SimulatedLink:
 
     clock: SimulatedClock
     shapes: Callable[[], tuple[udp_link.LinkShape, udp_link.LinkShape]]
-    """How the link is now, up and down."""
+    """Returns the link's current properties, up and down."""
     up: udp_link.LinkModel
     down: udp_link.LinkModel
     reflector: Reflector = field(default_factory=lambda: Reflector(KEY))
@@ -142,11 +142,11 @@ class Voyage:
     clock: SimulatedClock = field(default_factory=SimulatedClock)
     name: str = "an emulated track"
     reports: Callable[[datetime, float, float], Iterable[bytes]] = gpsd_reports
-    """What gpsd says at a second and a place."""
+    """Returns gpsd's reports at a time and a place."""
     link: SimulatedLink = field(init=False)
     _stream: positions.GpsdStream = field(default_factory=positions.GpsdStream)
     _told_s: int = -1
-    """The last second that the emulated gpsd has reported."""
+    """Last second for which the emulated gpsd has reported."""
 
     def __post_init__(self) -> None:
         """Create the emulated link."""

@@ -24,8 +24,8 @@ from atlantis_netcfg.records.survey.positions import (
     MAX_HDOP,
     GpsdSource,
     NoPosition,
-    gpsd_address,
-    typed_position,
+    parse_gpsd_address,
+    parse_position,
 )
 from atlantis_netcfg.records.survey.radio import UnitRadio
 
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from contextlib import ExitStack
 
-    from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.records.survey.points import SurveyPoint
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs import Store
 
 _PORT_OF_VIANA = (41.6864, -8.8388)
-"""Where an emulated voyage begins at a site without a geofence: the report's point."""
+"""Start of an emulated voyage at a site without a geofence: the point in the report."""
 
 
 class RealClock:
@@ -71,12 +71,12 @@ class TypedPositions:
     name: str = "a person"
     current: TrackPosition | None = None
     _places: dict[str, TrackPosition] = field(default_factory=dict)
-    """Places that were named."""
+    """Positions by place name."""
 
     def type(self, text: str) -> bool:
         """Set the current position from typed text; empty text repeats it. Returns False if there is no position."""
         if text.strip():
-            position = typed_position(text, self._places)
+            position = parse_position(text, self._places)
             self.current = position or self.current
             return position is not None
         return self.current is not None
@@ -90,8 +90,8 @@ class TypedPositions:
 class SiteSurvey:
     """Scope and settings of a survey."""
 
-    declaration: Declaration
-    link: Bearer
+    inventory: Inventory
+    link: Link
     unit: Host
     request: Request
     store: Store
@@ -99,9 +99,9 @@ class SiteSurvey:
     radio_only: bool = False
     clicks: bool = False
     gps: str | None = None
-    """`gateway`, `here`, or an address; None: the gateway if it has a receiver, else this computer."""
+    """`gateway`, `here`, or an address; None: the gateway if it has a receiver, otherwise this computer."""
     tune: Callable[[coverage.PlaceTruth], None] | None = None
-    """A rehearsal: puts on the air what the emulated unit hears."""
+    """Rehearsal: sets the signals that the emulated unit receives."""
 
     @property
     def site(self) -> str:
@@ -111,16 +111,16 @@ class SiteSurvey:
     @property
     def far_end(self) -> tuple[str, int, bytes]:
         """Address, port and key of the reflector. Raises UsageError if the inventory has none."""
-        far = self.declaration.pilot.qualify
+        far = self.inventory.pilot.qualify
         if far is None:
             raise UsageError(
                 "no far end is declared that could answer test packets",
                 hint="declare `qualify:` in group_vars/all/pilot.yml, or type `--radio-only`, which sends nothing",
             )
-        address = str(far.address or self.declaration.pilot.vpn.endpoint)
+        address = str(far.address or self.inventory.pilot.vpn.endpoint)
         return address, far.port, key_of(far)
 
-    def running(
+    def build_survey(
         self, stack: ExitStack, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]
     ) -> measure.RunningSurvey:
         """Build the survey; resources are closed with the stack. Raises UsageError."""
@@ -131,7 +131,7 @@ class SiteSurvey:
             transport = stack.enter_context(self._transport())
             tester = measure.LinkTester(self.plan, transport, ReflectorPeer(self.far_end[2]), samples)
             self.plan.test_every_s(transport.headers)
-        radio = UnitRadio(self.declaration, self.unit, self.request, self.store, self.declaration.router_of(self.site))
+        radio = UnitRadio(self.inventory, self.unit, self.request, self.store, self.inventory.router_of(self.site))
         positions = TypedPositions() if self.clicks else stack.enter_context(self._gpsd())
         return measure.RunningSurvey(self.plan, self.link.name, positions, radio, tester, RealClock(), write)
 
@@ -148,8 +148,8 @@ class SiteSurvey:
     def _build_emulation(
         self, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]
     ) -> measure.RunningSurvey:
-        assert self.tune is not None  # noqa: S101 - the caller has looked
-        fence, rate = self.declaration.sites[self.site].checklist.geofence, self.link.rate
+        assert self.tune is not None  # noqa: S101 - the caller checks it
+        fence, rate = self.inventory.sites[self.site].checklist.geofence, self.link.rate
         begin = _PORT_OF_VIANA if fence is None else (fence.latitude, fence.longitude)
         declared_rate = rehearsal.DeclaredRate(rate.rtt_ms / 1000, rate.up_kbps * 1000.0, rate.down_kbps * 1000.0)
         voyage = rehearsal.Voyage(coverage.out_and_back(*begin), coverage.two_masts(*begin), declared_rate, self.tune)
@@ -157,20 +157,20 @@ class SiteSurvey:
         if not self.radio_only:
             tester = measure.LinkTester(self.plan, voyage.link, ReflectorPeer(rehearsal.KEY), samples)
             self.plan.test_every_s(voyage.link.headers)
-        radio = rehearsal.VoyageRadio(voyage, UnitRadio(self.declaration, self.unit, self.request, self.store))
+        radio = rehearsal.VoyageRadio(voyage, UnitRadio(self.inventory, self.unit, self.request, self.store))
         return measure.RunningSurvey(self.plan, self.link.name, voyage, radio, tester, voyage.clock, write)
 
     def _gpsd(self) -> GpsdSource:
-        gateways = [host for host in self.declaration.site_hosts(self.site) if isinstance(host.device, Gateway)]
+        gateways = [host for host in self.inventory.site_hosts(self.site) if isinstance(host.device, Gateway)]
         with_receiver = [host for host in gateways if isinstance(host.device, Gateway) and host.device.gps is not None]
         if self.gps == "gateway" or (self.gps is None and with_receiver):
             gateway = next(iter((*with_receiver, *gateways)), None)
             if gateway is None:
                 raise UsageError(f"`{self.site}` has no gateway", hint="type `gps=here`, or the address of a gpsd")
-            words = [*ssh_command(computer_access(self.declaration, gateway, self.request))]
+            words = [*ssh_command(computer_access(self.inventory, gateway, self.request))]
             forward = ["-W", f"127.0.0.1:{GPSD_PORT}"]
             return GpsdSource(f"gpsd of {gateway.name}", command=[*words[:-1], *forward, words[-1]])
-        address = ("127.0.0.1", GPSD_PORT) if self.gps in {None, "here"} else gpsd_address(self.gps or "")
+        address = ("127.0.0.1", GPSD_PORT) if self.gps in {None, "here"} else parse_gpsd_address(self.gps or "")
         return GpsdSource(f"gpsd at {address[0]}:{address[1]}", address)
 
     def header(self, survey: measure.RunningSurvey, name: str) -> SurveyHeader:
@@ -183,14 +183,14 @@ class SiteSurvey:
             id=name,
             tool=__version__,
             site=self.site,
-            title=self.declaration.sites[self.site].title,
+            title=self.inventory.sites[self.site].title,
             link=self.link.name,
             unit=self.unit.name,
             far_end=far,
             positions_by=survey.positions.name,
             emulated=self.tune is not None,
             begun=survey.clock.utc(),
-            time_zone=self.declaration.pilot.time_zone,
+            time_zone=self.inventory.pilot.time_zone,
             step_m=self.plan.step_m,
             step_s=self.plan.step_s,
             max_age_s=MAX_AGE_S,

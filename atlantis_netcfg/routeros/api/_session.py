@@ -58,12 +58,13 @@ def _response(challenge: str, password: str, endpoint: _values.Endpoint) -> str:
 
 
 WINDOW: Final = 24
-"""Commands in flight at once, unless all of them read (`print`): for those `Endpoint.window` holds.
+"""Commands in flight at once, unless all of them read (`print`): `Endpoint.window` applies to those.
 
 A 7.22.1 CHR hung at 25 and more `/console/inspect` on one connection
-(https://github.com/tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md), a 7.23.2 CHR answered more than a hundred
-short commands at once (https://github.com/danikf/tik4net, Docs/findings-router-throughput-ceiling.md); the manual names
-no limit. Not tried on hardware: so a session that falls silent in the larger window is repeated in this one.
+(https://github.com/tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md). A 7.23.2 CHR answered more than a
+hundred short commands at once (https://github.com/danikf/tik4net, Docs/findings-router-throughput-ceiling.md).
+The manual gives no limit. Not tested on hardware: a session that becomes silent with the larger window is
+repeated with this one.
 
 Assumption: api-flight-24
 Assumption: api-flight-100
@@ -83,7 +84,7 @@ class Session:
         self._turn = asyncio.Lock()
         self._window = endpoint.window
         self._only_read = True
-        """Nothing but reading was sent: another session in its place is as good."""
+        """Only read commands were sent, so another session can replace this one."""
 
     @classmethod
     async def open(cls, endpoint: _values.Endpoint) -> Self:

@@ -19,7 +19,7 @@ from atlantis_netcfg.routeros.api import _values
 
 _PIECE = 65_536
 _ATTACH_FILTER = 26
-"""SO_ATTACH_FILTER of Linux (asm-generic/socket.h), which Python does not name."""
+"""Linux's SO_ATTACH_FILTER (asm-generic/socket.h), which Python does not define."""
 
 
 class TlsTransport(asyncio.Transport, asyncio.Protocol):

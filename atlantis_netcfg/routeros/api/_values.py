@@ -68,8 +68,10 @@ class ProtocolError(SessionLost):
 
 
 READING_WINDOW: Final = 100
-"""`print` commands in flight at once; a site's router is read in one window. For the others, and for a device that does
-not bear so many, see `WINDOW`."""
+"""`print` commands in flight at once: enough to read a site's router in one window.
+
+`WINDOW` applies to other commands, and to a device that does not support this many.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ class Command:
     """One API command; a name that starts with `!` unsets, queries are sent unchanged (`?name=x`, `?#|`)."""
 
     path: str
-    """In the form of the API, command word included: `/ip/address/add`."""
+    """API path including the command word: `/ip/address/add`."""
     arguments: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     queries: tuple[str, ...] = field(default=(), repr=False)
 
@@ -104,10 +106,10 @@ class Reply:
 
     rows: tuple[Row, ...] = field(default=(), repr=False)
     ret: str | None = field(default=None, repr=False)
-    """What the command returned with `!done`: the `.id` of an added row, the output of a script."""
+    """Value returned with `!done`: the `.id` of an added row, or the output of a script."""
     trap: Trap | None = None
     path: str = ""
-    """The command that was answered."""
+    """The command to which this is the reply."""
 
     def check(self) -> Self:
         """Return the reply itself. Raises CommandError if the device refused the command."""
@@ -125,17 +127,17 @@ class Endpoint:
     user: str
     password: Secret
     pin: str | None
-    """SHA-256 of the DER certificate as hexadecimal digits, colons allowed; None if the device was never met."""
+    """SHA-256 of the DER certificate as hexadecimal digits, colons allowed; None: no certificate pinned yet."""
     connect_timeout_s: float = 120.0
-    """For the TCP connection and the TLS handshake together; then as much again for the login."""
+    """Timeout for TCP connection and TLS handshake together; the login has the same timeout again."""
     reply_timeout_s: float = 180.0
-    """Longest silence of a device that owes an answer."""
+    """Maximum silence of a device that owes a reply."""
     window: int = READING_WINDOW
-    """Reading commands in flight at once; other commands go in `api.WINDOW`."""
+    """Read commands in flight at once; other commands use `api.WINDOW`."""
     on_window_shrink: Callable[[], None] = field(default=lambda: None, repr=False, compare=False)
-    """Called when the device has fallen silent in `window`, and has then answered in `api.WINDOW`."""
+    """Called when the device did not respond with `window`, but did with `api.WINDOW`."""
     opening: Callable[[Traffic], object] = field(default=lambda _traffic: None, repr=False, compare=False)
-    """Called before a session is opened, with what it will cost: one that fails costs its handshakes, too."""
+    """Called with the expected traffic before a session is opened: a failed session also costs its handshakes."""
 
     def __str__(self) -> str:
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
@@ -153,9 +155,9 @@ class Traffic:
     sent_bytes: int = 0
     received_bytes: int = 0
     connections: int = 0
-    """Two if the device fell silent in its large window: see `Session.flight`."""
+    """Connections; two if the device became silent with its large window: see `Session.flight`."""
     _is_unanswered: bool = field(default=False, init=False, repr=False, compare=False)
-    """We have said something since the device was last heard."""
+    """Data was sent since the device last responded."""
 
     def connect(self) -> None:
         """Count a new connection; its handshake is one round trip."""

@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 
 
 MAX_SENTENCE: Final = 16 * 1024 * 1024
-"""Bytes; far more than any row, so that a garbled length is noticed before memory is."""
+"""Bytes; far more than any row, so that a garbled length is detected before memory runs out."""
 
 MAX_WORDS: Final = 10_000
-"""Of one sentence; a row has less than a hundred."""
+"""Maximum words of one sentence; a row has fewer than a hundred."""
 MAX_DIGITS: Final = 1_000
-"""Digits beside each other; the largest counter has twenty, and Python refuses to read a number of some thousands."""
+"""Maximum consecutive digits. The largest counter has twenty; Python refuses to parse some thousands."""
 _LONGER: Final = 0x80
-"""From this first byte on a length has more than one byte."""
+"""From this first byte on, the length is encoded in more than one byte."""
 _FIVE_BYTES: Final = 0xF0
 _FIVE_BYTES_FROM: Final = 0x10000000
 _REPLIES: Final = frozenset({"!re", "!done", "!empty", "!trap", "!fatal"})
@@ -151,7 +151,7 @@ class AnswerReader:
     tag: str | None
     attributes: dict[str, str]
     text: str = ""
-    """The bare words of `!fatal`."""
+    """The text of `!fatal`."""
 
 
 def parse(words: tuple[str, ...]) -> AnswerReader:
@@ -194,15 +194,15 @@ def _describe_word(word: str) -> str:
 
 
 _CATEGORIES = frozenset("01234567")
-"""Of a refusal (manual, API, "Possible responses")."""
+"""Error categories of `!trap` (manual, API, "Possible responses")."""
 LONGEST_S = 900.0
-"""For the answers to one batch, however busily they come: some MB over a satellite, with its gaps."""
+"""Timeout for all replies of one batch, even if data arrives: some MB over a satellite link with gaps."""
 _MOST_BYTES = 16 * 1024 * 1024
-"""Of the answers to one batch; the largest text that is read, a whole export, has some hundred thousand."""
+"""Maximum bytes of the replies to one batch; a whole export, the longest text, has some hundred thousand."""
 _MOST_ROWS = 100_000
 _MOST_ATTRIBUTES = 300_000
 _PROGRESS_BYTES = 4096
-"""Whoever has sent neither a whole answer nor so many bytes has been silent."""
+"""A peer that has sent neither a complete reply nor this many bytes counts as silent."""
 
 
 @dataclass(slots=True)
@@ -231,7 +231,7 @@ class Wire(asyncio.Protocol):
     def __init__(self, name: str, traffic: _values.Traffic) -> None:
         self.name = name
         self.traffic = traffic
-        """Counted by the transport below."""
+        """Traffic counter, updated by the transport below."""
         self.closed = asyncio.Event()
         self._transport: TlsTransport | None = None
         self._decoder = Decoder()
@@ -241,7 +241,7 @@ class Wire(asyncio.Protocol):
         self._failure: _values.SessionLost | None = None
         self._received = 0.0
         self._partial = self._bytes = self._rows = self._attributes = 0
-        """What came since something whole did; what the answers to this batch came to."""
+        """Bytes since the last progress, and bytes, rows and attributes of the replies to this batch."""
 
     @property
     def transport(self) -> TlsTransport:

@@ -25,8 +25,8 @@ from atlantis_netcfg.routeros.observe import (
     HISTORY,
     LATER,
     LEAVES,
-    closing,
     counting_rows,
+    final_reads,
     merge_menus,
     modem_row,
     number_of_rows,
@@ -59,12 +59,12 @@ async def begin(work: RunContext) -> Writer:
     """
     stages, protection = work.stages, work.protection
     alone = safe_mode_first(work)
-    early = work.early if work.holding and not needs_sign(work) else ()
+    early = work.early if work.holding and not needs_run_marker(work) else ()
     if alone and work.holding:
         _record_protection(work)
     elif alone:
-        await take(work)
-    sign = [_state.claim(work.signer.text, _sign_s(work))] if needs_sign(work) else []
+        await take_safe_mode(work)
+    sign = [_state.claim(work.signer.text, _marker_lifetime_s(work))] if needs_run_marker(work) else []
     if sign:
         work.record(runs.SignRecord(device=work.job.name, sign=work.signer.text))
     questions = [*sign, *_state.SAVING, _ACTIONS, _state.CLAIMS] if sign else BEFORE
@@ -83,19 +83,19 @@ async def begin(work: RunContext) -> Writer:
     if not work.restores:
         _nobody_else(work, claims, work.safe_mode.read_holder(holder_replies) if holder_replies else None)
         if not (protection is _protection.Protection.SAFE_MODE and _is_untouched(work, history)):
-            await _look_again(work)
+            await _recheck_state(work)
         # Only now: the job would take back to what was read, which has to be what is there.
         await _arm(work)
         if protection is _protection.Protection.CONSOLE and not stages.prepare:
-            await take(work)
+            await take_safe_mode(work)
     return saved_export.writer
 
 
 BEFORE = (*_state.SAVING, _COUNT, _state.CLAIMS)
-"""What is asked before the first change of a run without a sign."""
+"""Requests before the first change of a run without a run marker."""
 
 
-def needs_sign(work: RunContext) -> bool:
+def needs_run_marker(work: RunContext) -> bool:
     """Return True if anything is written while safe mode is not held, which requires a run marker."""
     stages = work.stages
     return not work.restores and not (safe_mode_first(work) and len(stages.pieces) == 1 and not stages.finish)
@@ -106,10 +106,10 @@ def _as_read(work: RunContext) -> str:
     if work.observation.facts.version >= _READS_FILES:
         raise DeviceError("the state before the change cannot be saved, so nothing is changed")
     work.notes.append("the device cannot hand out its export: what was read of it is saved instead")
-    return snapshot.write(work.job.name, _state.restoring(work.observation), work.observation)
+    return snapshot.write(work.job.name, _state.restore_target(work.observation), work.observation)
 
 
-def _sign_s(work: RunContext) -> float:
+def _marker_lifetime_s(work: RunContext) -> float:
     """Return the lifetime of the run marker: longer than the dead-man job waits and the run may take."""
     return max(_SIGN_S, 2 * (work.choice.dead_man_s or 0.0))
 
@@ -119,7 +119,7 @@ def safe_mode_first(work: RunContext) -> bool:
     return work.protection is _protection.Protection.SAFE_MODE and not work.stages.prepare
 
 
-async def take(work: RunContext) -> None:
+async def take_safe_mode(work: RunContext) -> None:
     """Take safe mode. Raises DeviceError if somebody else holds it afterwards."""
     work.holding = True
     try:
@@ -137,11 +137,11 @@ def _record_protection(work: RunContext) -> None:
 
 
 def _nobody_else(work: RunContext, claims: api.Reply, holder: safe_mode.Holder | None) -> None:
-    other = work.signer.other(_state.signs(claims.rows))
+    other = work.signer.other(_state.parse_markers(claims.rows))
     if other is not None:
-        raise _state.claimed_by(other, work.job.site)
+        raise _state.claim_conflict(other, work.job.site)
     if holder is not None and holder.is_taken and not holder.ours:
-        raise safe_mode.held_by(holder.who)
+        raise safe_mode.holder_error(holder.who)
 
 
 async def _arm(work: RunContext) -> None:
@@ -179,7 +179,7 @@ def _is_untouched(work: RunContext, history: api.Reply) -> bool:
     )
 
 
-async def _look_again(work: RunContext) -> None:
+async def _recheck_state(work: RunContext) -> None:
     """Read everything once more and require that it still matches the plan's basis.
 
     In a menu with very many rows, rows are only counted: over a satellite each thousand costs 94 kB. Limitation: a
@@ -192,7 +192,7 @@ async def _look_again(work: RunContext) -> None:
         now = await _read_and_count(work, long)
     else:
         now = await observe(work.channel, work.job.endpoint, work.job.desired_state.menus, tuple(rows))
-    changed_menus = _state.differing(work.observation, now, work.job.desired_state.run_time)
+    changed_menus = _state.differing_menus(work.observation, now, work.job.desired_state.run_time)
     if changed_menus:
         raise _protection.InterferenceError(
             f"somebody else has changed the device since it was read ({', '.join(changed_menus[:_SHOWN_HANDS])})",
@@ -235,7 +235,7 @@ async def change(work: RunContext) -> None:
         if number:
             await _checkpoint(work, holder)
         if not work.holding:
-            await take(work)
+            await take_safe_mode(work)
         holder = await _write(work, writer, piece)
     await verify(work, stages.finish)
     if work.holding:
@@ -243,9 +243,9 @@ async def change(work: RunContext) -> None:
     await _confirm(work)
     if stages.finish:
         await _finish(work, writer)
-    if farewell := work.farewell():
+    if farewell := work.marker_removal():
         await work.channel.flight(farewell)
-        work.signed_off(farewell)
+        work.note_marker_removed(farewell)
     work.confirmed_count = len(work.aim.actions)
     work.record(
         runs.ActionConfirmation(device=work.job.name, actions=tuple(action.number for action in work.aim.actions))
@@ -300,7 +300,7 @@ async def _checkpoint(work: RunContext, holder: safe_mode.Holder | None) -> None
     await work.contact.leave(session, wait=False)
     await _release(work, holder or await work.safe_mode.look(work.channel))
     try:
-        await take(work)
+        await take_safe_mode(work)
     except safe_mode.SafeModeUnavailable as unavailable:
         await _take_later(work, unavailable)
 
@@ -313,7 +313,7 @@ async def _take_later(work: RunContext, current: safe_mode.SafeModeUnavailable) 
     holder = await work.contact.until_free(work.safe_mode, work.channel, work.job.patience.undo_s)
     if holder.is_taken and not holder.ours:
         raise current
-    await take(work)
+    await take_safe_mode(work)
     now = await observe(work.channel, work.job.endpoint, work.job.desired_state.menus, tuple(work.observation.rows))
     try:
         _compare(work, now, [each for each in work.aim.actions if each.number not in work.acknowledged_numbers])
@@ -326,9 +326,9 @@ async def _take_later(work: RunContext, current: safe_mode.SafeModeUnavailable) 
 async def verify(work: RunContext, rest: Sequence[_types.Action]) -> None:
     """Read back in a new session; only `rest` may still differ. Raises VerificationError."""
     work.say(Stage.VERIFYING, "reading back in a new session")
-    now = await _until_told(work, await _read_anew(work))
+    now = await _wait_for_pin_result(work, await _read_anew(work))
     _compare(work, now, rest)
-    await _until_shown(work, now)
+    await _wait_for_routes(work, now)
     work.after = now
     work.record(runs.VerificationRecord(device=work.job.name, state=_state.digest(now)))
 
@@ -362,7 +362,7 @@ async def _read(work: RunContext, session: Channel) -> _types.Observation:
     return replace(now, rows={**retained_rows, **now.rows})
 
 
-async def _until_told(work: RunContext, now: _types.Observation) -> _types.Observation:
+async def _wait_for_pin_result(work: RunContext, now: _types.Observation) -> _types.Observation:
     """Wait until the modem reports the result of a PIN, for which it restarts. Raises VerificationError."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.modem_s
@@ -375,7 +375,7 @@ async def _until_told(work: RunContext, now: _types.Observation) -> _types.Obser
     return now
 
 
-async def _until_shown(work: RunContext, now: _types.Observation) -> None:
+async def _wait_for_routes(work: RunContext, now: _types.Observation) -> None:
     """Wait until the routes have the effect that the job expects, if it defines one. Raises VerificationError."""
     if work.job.shows is None:
         return
@@ -398,7 +398,9 @@ def _compare(work: RunContext, now: _types.Observation, rest: Iterable[_types.Ac
         names = [f"{verb} {subject}" for (_, verb, subject) in list(remaining_actions)[:_LIST_LIMIT]]
         more = f" and {len(remaining_actions) - _LIST_LIMIT} more" if len(remaining_actions) > _LIST_LIMIT else ""
         raise VerificationError(f"the device did not keep everything; still to do: {'; '.join(names)}{more}")
-    unused_rows = [row for row in _state.invalid(now) if row not in _state.invalid(work.observation)]
+    unused_rows = [
+        row for row in _state.find_invalid_rows(now) if row not in _state.find_invalid_rows(work.observation)
+    ]
     if unused_rows:
         raise VerificationError(
             f"the device took these rows, but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
@@ -423,15 +425,15 @@ async def _release(work: RunContext, holder: safe_mode.Holder, *, last: bool = F
         raise _lose_protection(work, holder)
     witness = _witness(work)
     work.record(runs.Releasing(device=work.job.name))
-    farewell = work.farewell() if last else ()
-    look = closing(work.job.counted_ports)
+    farewell = work.marker_removal() if last else ()
+    look = final_reads(work.job.counted_ports)
     reads = [each.command for each in witness]
     answers = await work.safe_mode.release(work.channel, [*reads, *look, *farewell])
     if look:
         work.last_look = read_counts(*answers[len(witness) : len(witness) + len(look)])
     answers = answers[: len(witness)]
     work.holding = False
-    work.signed_off(farewell)
+    work.note_marker_removed(farewell)
     if not _stands(witness, answers):
         raise safe_mode.ProtectionLost("somebody took the change back before it was released")
     work.record(runs.ReleaseRecord(device=work.job.name))
@@ -444,12 +446,12 @@ async def _confirm(work: RunContext) -> None:
     if work.protection is _protection.Protection.DEAD_MAN:
         work.record(runs.Releasing(device=work.job.name))
     witness = _witness(work)
-    farewell = () if work.stages.finish else work.farewell()
+    farewell = () if work.stages.finish else work.marker_removal()
     reads = [each.command for each in witness]
     in_time, answers = await scheduler_jobs.disarm(work.channel, work.dead_man.id, [*reads, *farewell])
     answers = answers[: len(witness)]
     work.dead_man = None
-    work.signed_off(farewell)
+    work.note_marker_removed(farewell)
     if not in_time or not _stands(witness, answers):
         raise safe_mode.ProtectionLost("the dead-man job has run before it could be taken away")
     if work.protection is _protection.Protection.DEAD_MAN:
@@ -463,18 +465,18 @@ class _Witness:
     menu: str
     after: _types.Observation
     is_counted: bool
-    """The piece has changed the number of its rows, so that this is enough to know."""
+    """The last part changed the number of rows, so that counting them is enough."""
 
     @property
     def command(self) -> api.Command:
         """The command that reads or counts the menu."""
         return counting_rows(self.menu) if self.is_counted else printing(self.menu)
 
-    def stands(self, reply: api.Reply) -> bool:
+    def is_change_present(self, reply: api.Reply) -> bool:
         """Return True if the change is still in place. Raises CommandError."""
         if self.is_counted:
             return number_of_rows(reply.check()) == len(self.after.rows[self.menu])
-        return not _state.differing(self.after, merge_menus(self.after, (self.menu,), (reply,)))
+        return not _state.differing_menus(self.after, merge_menus(self.after, (self.menu,), (reply,)))
 
 
 def _witness(work: RunContext) -> list[_Witness]:
@@ -494,7 +496,7 @@ def _witness(work: RunContext) -> list[_Witness]:
 
 
 def _stands(witness: Sequence[_Witness], answers: Sequence[api.Reply]) -> bool:
-    return all(each.stands(reply) for each, reply in zip(witness, answers, strict=True))
+    return all(each.is_change_present(reply) for each, reply in zip(witness, answers, strict=True))
 
 
 async def _finish(work: RunContext, writer: Writer) -> None:
@@ -508,9 +510,9 @@ async def _finish(work: RunContext, writer: Writer) -> None:
     answers: tuple[api.Reply, ...] = ()
     turns = list(writer.turns(work.stages.finish))
     for number, turn in enumerate(turns, start=1):
-        farewell = work.farewell() if number == len(turns) else ()
+        farewell = work.marker_removal() if number == len(turns) else ()
         answers = await _send(work, writer, turn, (*map(printing, menus), *farewell))
-        work.signed_off(farewell)
+        work.note_marker_removed(farewell)
     answers = answers[: len(menus)]
     work.after = merge_menus(observation, menus, answers)
     try:
@@ -521,16 +523,18 @@ async def _finish(work: RunContext, writer: Writer) -> None:
 
 
 POLICIES = ("read", "write", "policy", "test", "sensitive", "api")
-"""What our user's group must be allowed: without `sensitive` a secret reads as empty, and would be written again."""
+"""Policies that our user's group needs: without `sensitive` a secret reads as empty, and would be written again."""
 
 _TUNNEL = "/interface/ovpn-client"
 _INSTALL = "type `provision vpn install host={}` first"
 _NO_CERTIFICATE = ("", "none", "auto")
 _FEATURES = {"/ip/proxy": "proxy", "/ip/socks": "socks", "/tool/bandwidth-server": "bandwidth-test"}
-"""Menus that device-mode can forbid (manual, Device-mode)."""
+"""Menus that device-mode can forbid (manual, Device-mode), with the name of the feature."""
 
 
-def missing(plan: _types.Plan, observation: _types.Observation, *, console: bool = False) -> tuple[str, ...]:
+def find_missing_requirements(
+    plan: _types.Plan, observation: _types.Observation, *, console: bool = False
+) -> tuple[str, ...]:
     """Return everything that the device or our user lacks for this plan; `console`: protected by SSH safe mode.
 
     All missing items are reported together.

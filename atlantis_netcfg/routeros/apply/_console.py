@@ -46,7 +46,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
     opener: OpenConsole
     endpoint: SshEndpoint
     patience_s: float
-    """For a console that has fallen silent."""
+    """Timeout in seconds for a console that has become silent."""
     beside: tuple[api.Command, ...] = field(default=(), init=False)
     _console: types.Console | None = field(default=None, init=False)
 
@@ -58,7 +58,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
             await in_thread(self._console.take_safe_mode)
         except types.SafeModeHeld:
             await self.drop()
-            raise safe_mode.held_by(await _somebody(session)) from None
+            raise safe_mode.holder_error(await _somebody(session)) from None
         except DeviceError:
             await self.drop()
             raise

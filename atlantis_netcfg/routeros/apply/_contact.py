@@ -44,7 +44,7 @@ class Contact:
 
     def __init__(self, job: _job.DeviceJob) -> None:
         self.notes: list[str] = []
-        """What the result has to say of the sessions."""
+        """Notes about the sessions, for the result."""
         self._job = job
         self._open: list[Channel] = []
         self._traffic: list[api.Traffic] = []

@@ -17,9 +17,15 @@ from atlantis_netcfg.routeros import guard, link_use, planner, safe_mode, schedu
 from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply import _contact, _job, _protection, _state, _work
-from atlantis_netcfg.routeros.apply._change import BEFORE, change, missing, needs_sign, safe_mode_first
+from atlantis_netcfg.routeros.apply._change import (
+    BEFORE,
+    change,
+    find_missing_requirements,
+    needs_run_marker,
+    safe_mode_first,
+)
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
-from atlantis_netcfg.routeros.apply._settle import let_go, settle
+from atlantis_netcfg.routeros.apply._settle import settle, undo_safe_mode
 from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftHistory, DriftKind, Past, compare
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.observe import (
@@ -102,7 +108,7 @@ def _summary(comparison: Comparison) -> str:
 
 
 _READING = (_job.JobMode.PLAN, _job.JobMode.DRIFT)
-"""Ways that change nothing."""
+"""Modes that change nothing."""
 _LET_THEM = "let them finish, then run the same command again"
 _STAND_BY = (
     "pin its SSH host key with `provision adopt site=… device=…`, upgrade it to RouterOS 7.18, or say "
@@ -151,10 +157,10 @@ async def _remove_run_marker(work: _work.RunContext, result: _job.DeviceResult) 
     If that is not possible, both disappear without us.
     """
     if work.holding and not work.has_sent_changes:
-        await let_go(work)
+        await undo_safe_mode(work)
     if work.session is not None and result.status is not _job.Status.UNKNOWN:
         with suppress(errors.NetcfgError):
-            if farewell := work.farewell():
+            if farewell := work.marker_removal():
                 await work.session.flight(farewell)
 
 
@@ -183,17 +189,17 @@ async def _run(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
     work.brief = _may_be_brief(work.job, mode)
     await _observe(work, mode)
     if mode in _READING:
-        return await _look(work, mode)
+        return await _report_only(work, mode)
     refusal = await _refuse_if_busy(work, mode)
     if refusal is not None:
         return refusal
     await _plan(work, mode)
     if _has_to_run(work):
-        await _taken_back(work, mode)
-    return _refusal(work, mode) or await _as_declared(work, mode)
+        await _wait_for_dead_man(work, mode)
+    return _refusal(work, mode) or await _clear_and_change(work, mode)
 
 
-async def _look(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
+async def _report_only(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
     """Report what a run would do, or the drift, and any armed jobs or open changes."""
     await _plan(work, mode)
     work.busy = "; ".join(work.leftovers.words())
@@ -214,7 +220,7 @@ def _refusal(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | 
     return refusal
 
 
-async def _as_declared(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
+async def _clear_and_change(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
     """Remove what finished runs have left on the device, then apply the plan."""
     removed_items = await _clear(work, mode)
     if work.aim.actions:
@@ -241,7 +247,7 @@ async def _observe(work: _work.RunContext, mode: _job.JobMode) -> None:
     work.say(Stage.CONNECTING, f"to {work.job.endpoint}", work.job.endpoint.connect_timeout_s)
     work.session = await work.contact.open()
     if mode is _job.JobMode.RESUME:
-        await _until_undone(work)
+        await _wait_for_undo(work)
     await _read_fitting(work)
 
 
@@ -285,7 +291,7 @@ async def _read(work: _work.RunContext) -> None:
     work.before = await observe(
         work.channel, job.endpoint, job.desired_state.menus, watched_menus, job.counted_ports, brief=brief
     )
-    work.leftovers = _work.look(work.before)
+    work.leftovers = _work.find_leftovers(work.before)
     work.job = replace(job, desired_state=link_use.allow_link_use(job.desired_state, work.before))
     use = link_use.in_use(work.before.jobs)
     if use is not None and not any(note.startswith(f"{use.link} is in use") for note in work.notes):
@@ -311,10 +317,10 @@ async def _plan(work: _work.RunContext, mode: _job.JobMode) -> None:
             work.before = await read_bare(work.channel, work.observation)
             work.plan = planner.plan(job.name, job.desired_state, work.observation)
         await _examine(work, mode)
-    if job.bearer is not None:
-        work.estimate = estimate(work.plan, job.bearer, work.observation)
+    if job.link is not None:
+        work.estimate = estimate(work.plan, job.link, work.observation)
     _protect(work)
-    unused_notes = [f"the device does not use {row}" for row in _state.invalid(work.observation)]
+    unused_notes = [f"the device does not use {row}" for row in _state.find_invalid_rows(work.observation)]
     work.notes += [note for note in unused_notes if note not in work.notes]
     work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
 
@@ -347,12 +353,12 @@ async def _complete(work: _work.RunContext, mode: _job.JobMode) -> None:
     takes = mode not in _READING and not work.leftovers and not work.holding and safe_mode_first(work)
     takes = takes and not _work.find_missing_consent(work.job, work.aim)
     work.holding = work.holding or takes
-    commands, sample_commands = _questions(work, mode), samples(work.observation)
-    first = BEFORE if takes and not needs_sign(work) and _may_go_on(work, mode) else ()
+    commands, sample_commands = _parser_requests(work, mode), samples(work.observation)
+    first = BEFORE if takes and not needs_run_marker(work) and _is_plan_acceptable(work, mode) else ()
     parts = (work.safe_mode.taking if takes else (), commands, tuple(sample_commands.values()), first)
     beside = [each for part in parts for each in part]
     work.before, answers = await complete_observation(
-        work.channel, work.job.endpoint, work.observation, beside, _later(work)
+        work.channel, work.job.endpoint, work.observation, beside, _late_menus(work)
     )
     remaining = iter(answers)
     taking, examination_replies, sampling, work.early = (tuple(islice(remaining, len(part))) for part in parts)
@@ -367,7 +373,7 @@ async def _complete(work: _work.RunContext, mode: _job.JobMode) -> None:
             work.holding = False
 
 
-def _later(work: _work.RunContext) -> Sequence[str]:
+def _late_menus(work: _work.RunContext) -> Sequence[str]:
     """Return the menus that turned out to be needed to check the plan."""
     if link_use.is_order(work.job.desired_state) and guard.moves_answers(work.aim, work.observation, _path(work)):
         return guard.MENUS
@@ -375,7 +381,7 @@ def _later(work: _work.RunContext) -> Sequence[str]:
     return [path for path in LATER if path != CERTIFICATES or "certificate" in value_names]
 
 
-def _questions(work: _work.RunContext, mode: _job.JobMode) -> tuple[Command, ...]:
+def _parser_requests(work: _work.RunContext, mode: _job.JobMode) -> tuple[Command, ...]:
     """Return the commands that let the device's parser check the plan; none if no plan is sent or it costs too much."""
     if mode is _job.JobMode.DRIFT or _is_too_dear(work, mode):
         return ()
@@ -383,14 +389,14 @@ def _questions(work: _work.RunContext, mode: _job.JobMode) -> tuple[Command, ...
 
 
 def _is_too_dear(work: _work.RunContext, mode: _job.JobMode) -> bool:
-    if work.job.cost_policy is None or work.job.bearer is None:
+    if work.job.cost_policy is None or work.job.link is None:
         return False
-    cost = estimate(work.aim, work.job.bearer, work.observation)
+    cost = estimate(work.aim, work.job.link, work.observation)
     is_plan = mode is _job.JobMode.PLAN
     return work.job.cost_policy.judge(work.observation, cost, spends=True, is_plan=is_plan).refusal is not None
 
 
-def _may_go_on(work: _work.RunContext, mode: _job.JobMode) -> bool:
+def _is_plan_acceptable(work: _work.RunContext, mode: _job.JobMode) -> bool:
     """Return True if nothing read so far rules out the plan."""
     has_consent = work.job.agreed_hash in (None, _state.plan_hash(work.aim))
     return (
@@ -400,7 +406,7 @@ def _may_go_on(work: _work.RunContext, mode: _job.JobMode) -> bool:
 
 async def _examine(work: _work.RunContext, mode: _job.JobMode) -> None:
     """Send the remaining parser requests: for actions planned meanwhile, and for complete lists of values."""
-    while commands := _questions(work, mode):
+    while commands := _parser_requests(work, mode):
         work.early = ()
         work.examination.read_answers(await work.channel.flight(commands))
     doubt = work.examination.doubt(work.aim.actions)
@@ -427,7 +433,9 @@ def _cost_policy(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResul
 def _judge(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
     """Return the refusal of a plan that must not be applied; None if it may."""
     current_plan = work.aim
-    lacking = missing(current_plan, work.observation, console=work.protection is _protection.Protection.CONSOLE)
+    lacking = find_missing_requirements(
+        current_plan, work.observation, console=work.protection is _protection.Protection.CONSOLE
+    )
     reasons, hint = [*guard.objections(current_plan, work.observation, _path(work)), *lacking], None
     reasons += work.examination.objections(current_plan.actions, work.job.desired_state.source)
     if work.protection is _protection.Protection.NONE and not all(action.inert for action in current_plan.actions):
@@ -471,12 +479,12 @@ def _protect(work: _work.RunContext) -> None:
             why = str(problem)
     seconds = work.estimate.seconds if work.estimate is not None else 0.0
     work.choice = _protection.choose(current_plan, facts, job, invertible=why, seconds=seconds)
-    work.stages = _work.cut(current_plan, work.protection)
+    work.stages = _work.split_plan(current_plan, work.protection)
     if work.protection.holds and not work.stages.pieces:
         work.choice = _protection.ProtectionChoice(
             _protection.Protection.NONE, why="nothing in it can do harm by itself"
         )
-        work.stages = _work.cut(current_plan, _protection.Protection.NONE)
+        work.stages = _work.split_plan(current_plan, _protection.Protection.NONE)
     if not work.holding:
         work.safe_mode = _protection.safe_mode_of(work.choice, job)
 
@@ -490,7 +498,7 @@ async def _refuse_if_busy(work: _work.RunContext, mode: _job.JobMode) -> _job.De
     busy = await _busy(work, resumes=resumes)
     if busy is not None and not resumes and work.job.history.has_unfinished_run():
         work.say(Stage.WAITING, f"{busy}: a run of this computer has died here, and this one goes on with it")
-        await _until_undone(work)
+        await _wait_for_undo(work)
         await _read(work)
         busy = await _busy(work, resumes=True)
     work.busy = str(busy) if busy is not None else ""
@@ -516,14 +524,14 @@ async def _busy(work: _work.RunContext, *, resumes: bool) -> Busy | None:
             f" itself, which this waits for:  {resume}",
         )
     if other is not None:
-        conflict = _state.claimed_by(other, work.job.site)
+        conflict = _state.claim_conflict(other, work.job.site)
         return Busy(str(conflict), hint=conflict.hint)
     if alive is not None and not resumes:
         return Busy(alive, hint=f"let it run, then run the same command again; this waits for it:  {resume}")
     return None
 
 
-async def _until_undone(work: _work.RunContext) -> None:
+async def _wait_for_undo(work: _work.RunContext) -> None:
     """Wait until safe mode of a dead run has ended and the device has undone its changes."""
     job, session = work.job, work.channel
     reply = await session.command(safe_mode.READ)
@@ -537,7 +545,7 @@ def _has_to_run(work: _work.RunContext) -> bool:
     return job is not None and (bool(work.aim.actions) or not work.signer.is_over(job.owner))
 
 
-async def _taken_back(work: _work.RunContext, mode: _job.JobMode) -> None:
+async def _wait_for_dead_man(work: _work.RunContext, mode: _job.JobMode) -> None:
     """Wait until the dead-man job of a dead run has fired, since that run's state is not the desired one."""
     patience = work.job.patience
     await work.contact.until_fired(work.channel, scheduler_jobs.READ_JOBS, patience.undo_s + 2 * patience.dead_man_s)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.routeros import _types, planner
-from atlantis_netcfg.routeros.apply._state import restoring
+from atlantis_netcfg.routeros.apply._state import restore_target
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.menus import MENUS, Menu
 from atlantis_netcfg.routeros.rsc import quote
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 
 LIMIT = 60_000
-"""Bytes. A script of `/execute` takes 64 kB. Assumption: on-event-60k"""
+"""Maximum bytes. A script of `/execute` takes 64 kB. Assumption: on-event-60k"""
 
 _FIRST = ("comment", "name", "chain", "action")
-"""What is asked for first to tell rows apart."""
+"""Properties tried first to distinguish rows."""
 
 
 class CannotInvert(DeviceError):
@@ -44,7 +44,7 @@ def inverse(observation: _types.Observation, aim: _types.Plan, *, with_secrets: 
     """
     then = _types.Observation(observation.facts, planner.simulate(observation.rows, aim))
     try:
-        back = planner.plan(aim.device, restoring(observation), then).actions
+        back = planner.plan(aim.device, restore_target(observation), then).actions
     except planner.CannotPlan as problem:
         raise CannotInvert(f"the way back cannot be planned: {problem}") from problem
     # Names of ports go back first, so that every line below speaks of them as they were.
@@ -53,7 +53,7 @@ def inverse(observation: _types.Observation, aim: _types.Plan, *, with_secrets: 
     )
     back = tuple(each for each in back if each.layer is not _types.Layer.NAMES)
     changes = _changes(back, observation, then, with_secrets=with_secrets)
-    lines = [*_names(aim.actions, observation), *changes, *_orders(back, aim.actions, observation, then)]
+    lines = [*_names(aim.actions, observation), *changes, *_restore_order(back, aim.actions, observation, then)]
     text = "".join(f"{line}\n" for line in lines)
     if len(text.encode("utf-8", "surrogateescape")) > LIMIT:
         raise CannotInvert("the way back is too long for one script")
@@ -124,7 +124,7 @@ def _added_again(action: _types.Action, removed_rows: list[_types.Row], known_ro
     return f":do {{ {menu.title} get {removed_row['.id']} comment }} on-error={{ {adding} }}"
 
 
-def _orders(
+def _restore_order(
     back: Sequence[_types.Action],
     forth: Sequence[_types.Action],
     observation: _types.Observation,

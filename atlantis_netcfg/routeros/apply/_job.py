@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import DesiredState
     from atlantis_netcfg.routeros.console.types import Console
     from atlantis_netcfg.routeros.drift import Comparison
-    from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
+    from atlantis_netcfg.routeros.estimate import Estimate, LinkMetrics
 
 
 class JobMode(StrEnum):
@@ -30,13 +30,13 @@ class JobMode(StrEnum):
     PLAN = "plan"
     APPLY = "apply"
     RESUME = "resume"
-    """Like `apply`, after a run that was killed: first waits until the device has undone what that run left open."""
+    """Like `apply`, after a run that was killed: first waits until the device has undone that run's open changes."""
     ROLLBACK = "rollback"
-    """Like `apply`; the desired state is a saved one."""
+    """Like `apply`, with a saved state as desired state."""
     BACKUP = "backup"
-    """Save the device's own text of its state, and change nothing."""
+    """Save the device's export; change nothing."""
     DRIFT = "drift"
-    """Say what differs from the desired state, since when and by whom, and change nothing."""
+    """Report differences from the desired state, since when and by whom; change nothing."""
 
 
 class Status(StrEnum):
@@ -103,9 +103,9 @@ class SshEndpoint:
     user: str
     password: Secret
     pin: str | None
-    """The host key as OpenSSH prints it, `SHA256:...`; None if it was never met over SSH."""
+    """SSH host key as printed by OpenSSH, `SHA256:...`; None: no key pinned yet."""
     opening: Callable[[api.Traffic], object] = field(default=lambda _traffic: None, repr=False, compare=False)
-    """As that of the API's endpoint."""
+    """See `opening` of the API's endpoint."""
 
 
 OpenConsole = Callable[[SshEndpoint], "Console"]
@@ -126,17 +126,17 @@ class Patience:
     """Timeouts in seconds. The defaults exceed gaps of 70 s and the device's own timeouts."""
 
     reach_s: float = 900.0
-    """For a device that has gone away in the middle of a change: a reboot, or the gaps of a satellite link."""
+    """Timeout for a device that disappears during a change: a reboot, or the gaps of a satellite link."""
     verify_s: float = 180.0
-    """For the new session that proves that the device can still be reached; then the change is taken back."""
+    """Timeout for the new session that verifies the device's reachability; after it the change is rolled back."""
     undo_s: float = 720.0
-    """For safe mode of a dead session: after a silent loss the device notices it after about nine minutes."""
+    """Wait for safe mode of a dead session: after a silent loss the device notices it after about nine minutes."""
     dead_man_s: float = 600.0
-    """From arming a dead-man job until it takes back what was not confirmed; beside safe mode `undo_s` comes to it."""
+    """Time from arming a dead-man job until it rolls back unconfirmed changes; with safe mode, `undo_s` is added."""
     modem_s: float = 90.0
-    """For a modem that starts anew with a PIN, until it says whether the SIM has taken it."""
+    """Time for a modem that restarts with a PIN, until it reports whether the SIM accepted it."""
     settle_s: float = 10.0
-    """For routes that were just written, until the device uses them."""
+    """Time until the device uses routes that were just written."""
     first_poll_s: float = 1.0
     last_poll_s: float = 15.0
 
@@ -148,40 +148,40 @@ class DeviceJob:
     name: str
     endpoint: api.Endpoint
     desired_state: DesiredState
-    """With `fitting`, what is taken for granted until the device has been asked."""
+    """With `fitting`: the assumed state until the device has been read."""
     fitting: StateVariants | None = None
-    """What there is to choose from where the device decides; None: nothing."""
+    """Variants to choose from by the hardware of the device; None: no choice."""
     site: str = ""
     address: str = ""
-    """The device's own address on the way that we come; empty: the endpoint's, which a twin has not."""
-    bearer: BearerProfile | None = None
-    """What the session runs over, for the estimate; None: no estimate."""
+    """The device's own address on our route; empty: the endpoint's address, which an emulated device does not have."""
+    link: LinkMetrics | None = None
+    """Link of the session, for the estimate; None: no estimate."""
     events: Subscriber = ignore
     journal: runs.Recorder = field(default_factory=runs.NoJournal)
     agreed_hash: str | None = None
-    """Hash of the plan that a person has agreed to: another one is not applied."""
+    """Hash of the plan to which the user consented: a different plan is not applied."""
     confirmed_state: runs.SavedState | None = None
-    """The state that a run has read back last, to say since when something differs."""
+    """The state that a run last read back, to date differences."""
     patience: Patience = Patience()
     connect: Connect = api.Session.open
     ssh: SshEndpoint | None = None
-    """The device's console; None: it has none that we may use."""
+    """SSH console of the device; None: no console that we may use."""
     console: OpenConsole = open_console
     run: str = ""
-    """What the journal calls this run: a run that was killed is known by it when it is resumed."""
+    """Run id in the journal; `resume` uses it to recognise a run that was killed."""
     nonce: str = field(default_factory=partial(token_hex, 3), compare=False)
-    """Of this attempt alone: two laptops may begin in the same second, and have one address behind a NAT."""
+    """Unique to this attempt: two laptops may start in the same second, with one address behind a NAT."""
     history: History = field(default_factory=NoHistory)
     allows_unprotected: bool = False
-    """A person has said that a change may be made although nothing would take it back."""
+    """The user accepts a change that nothing would roll back."""
     remove_foreign: bool = False
-    """A person has said that rows of others may go by the hundred from menus that are ours entirely."""
+    """The user accepts that hundreds of foreign rows are removed from exclusively managed menus."""
     counted_ports: tuple[str, ...] = ()
-    """Ports whose byte counters are read along, where that costs no round trip."""
+    """Ports whose byte counters are also read, where that needs no extra round trip."""
     cost_policy: CostPolicy | None = None
-    """Who says what the run may cost; None: it may cost anything."""
+    """Policy that decides what the run may cost; None: no limit."""
     shows: Callable[[_types.Observation], str] | None = None
-    """Says why the device does not do what the change was for, or nothing; None: the rows alone are what it is for."""
+    """Returns why the change had no effect on the device, else an empty text; None: only the rows are checked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,42 +194,41 @@ class DeviceResult:
     message: str
     hint: str | None = None
     planned_count: int = 0
-    """Actions of the plan."""
     rows: int = 0
-    """Rows that they change: one action removes as many as go at once."""
+    """Rows that the actions change: one action removes as many rows as can be removed at once."""
     foreign_words: str = ""
-    """What of the plan a person has to agree to apart; empty: nothing."""
+    """Part of the plan that needs separate consent; empty: none."""
     confirmed_count: int = 0
     """Actions that were read back and are permanent."""
     diff: str = ""
     drift: tuple[_types.Drift, ...] = ()
     comparison: Comparison | None = None
-    """What differs, where the run was to say so."""
+    """Differences, if the run had to report them."""
     notes: tuple[str, ...] = ()
     estimate: Estimate | None = None
     plan_hash: str = ""
     protection: str = "none"
     protection_words: str = ""
-    """The same for a person, with the reason if it is not the best there is."""
+    """Description of `protection` for the user, with the reason if it is not the best one."""
     round_trips: int = 0
     sent_bytes: int = 0
     received_bytes: int = 0
     seconds: float = 0.0
     facts: _types.Facts | None = None
     sessions: int = 0
-    """Connections to the device, also those that failed before the login was over."""
+    """Connections to the device, including those that failed before login was complete."""
     counts: tuple[_types.PortCounts, ...] = field(default=(), compare=False)
-    """The first and the last look at the byte counters of the job's ports, as far as it came."""
+    """First and last reading of the byte counters of the job's ports, if they were read."""
     busy: str = ""
-    """Who is at work on the device besides this run, or what is left of them; empty: nobody was seen."""
+    """Other users or runs active on the device, or their leftovers; empty: none detected."""
     was_reached: bool = True
-    """Whether a session with it came about, or nobody tried."""
+    """Whether a session was established; also True if none was tried."""
     left_open: bool = False
-    """The device may still hold safe mode or a job of this run, though nothing was changed."""
+    """The device may still hold safe mode or a job of this run, although nothing was changed."""
     is_stopped: bool = field(default=False, compare=False)
-    """A person stopped the run before it was over: what would come after this device does not begin."""
+    """The user stopped the run before its end: devices that depend on this one are not started."""
     fault: BaseException | None = field(default=None, compare=False)
-    """A fault of ours, for the log file."""
+    """An internal error, for the log file."""
 
     def as_dict(self) -> Mapping[str, Any]:
         """Return the result as JSON-able data."""
@@ -266,7 +265,7 @@ def _drift(drift: _types.Drift) -> dict[str, str]:
 
 def _estimate(estimate: Estimate) -> dict[str, str | float]:
     return {
-        "bearer": estimate.bearer,
+        "bearer": estimate.link,
         "round_trips": estimate.round_trips,
         "bytes": estimate.bytes,
         "seconds": round(estimate.seconds, 1),
@@ -278,9 +277,8 @@ class Admission:
     """Decision whether a run may continue."""
 
     notes: tuple[str, ...] = ()
-    """What its result shall say in any case."""
+    """Notes for the result in any case."""
     refusal: str | None = None
-    """Why it may not."""
     hint: str | None = None
 
 
@@ -324,6 +322,6 @@ class StateVariants:
     """
 
     states: Mapping[str, DesiredState]
-    """Menu of the radio to what the device should then hold."""
+    """Maps the menu of the radio to the desired state of the device."""
     why: Callable[[Collection[str]], tuple[str, str]]
-    """Given the menus in which the device has radios: why none of the states fits, and what to do about it."""
+    """Returns why no state fits the menus in which the device has radios, and how to correct it."""

@@ -31,11 +31,11 @@ class Protection(StrEnum):
     SAFE_MODE = "safe-mode"
     """Safe mode of the session that writes."""
     CONSOLE = "console-safe-mode"
-    """Safe mode of an SSH session beside it."""
+    """Safe mode of an additional SSH session."""
     DEAD_MAN = "dead-man"
-    """A job of the device's scheduler that runs the way back, unless it is taken away in time."""
+    """A job of the device's scheduler that rolls back unless it is removed in time."""
     NONE = "none"
-    """Nobody: only for changes that can do no harm by themselves, and we put the old state back ourselves."""
+    """No protection: only for changes that can do no harm by themselves; we restore the old state ourselves."""
 
     @property
     def holds(self) -> bool:
@@ -53,9 +53,9 @@ class ProtectionChoice:
 
     protection: Protection
     dead_man_s: float | None = None
-    """The dead-man job runs so long after it was armed; None: there is none."""
+    """Seconds from arming until the dead-man job runs; None: no job."""
     why: str = ""
-    """What keeps a better protection away."""
+    """Why no better protection is possible."""
 
     @property
     def value(self) -> str:

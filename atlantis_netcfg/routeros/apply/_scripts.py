@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action
 
 LIMIT = 60_000
-"""Bytes of one script. `/execute` takes 64 kB (manual, API and Scripting)."""
+"""Maximum bytes of one script. `/execute` takes 64 kB (manual, API and Scripting)."""
 
 _ACKNOWLEDGEMENT = re.compile(r"ok (\d+)")
 

@@ -17,8 +17,8 @@ from atlantis_netcfg.routeros._types import Observation, Verb
 from atlantis_netcfg.routeros.apply import _protection
 from atlantis_netcfg.routeros.apply._change import VerificationError, change
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
-from atlantis_netcfg.routeros.apply._state import differing, invalid, restoring
-from atlantis_netcfg.routeros.apply._work import RunContext, cut
+from atlantis_netcfg.routeros.apply._state import differing_menus, find_invalid_rows, restore_target
+from atlantis_netcfg.routeros.apply._work import RunContext, split_plan
 from atlantis_netcfg.routeros.apply._writer import ActionError
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
@@ -34,7 +34,7 @@ async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
     """Determine and report the result of a run that failed for `reason`."""
     work.say(Stage.FAILED, work.clean(str(reason)))
     if not work.has_sent_changes:
-        free = await let_go(work) and await _stood_down(work)
+        free = await undo_safe_mode(work) and await _disarm_unused(work)
         hint = reason.hint if free else _stale(work)
         result = work.result(Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=hint)
         return replace(result, left_open=not free, was_reached=not isinstance(reason, api.Unreachable))
@@ -47,7 +47,7 @@ async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
         return replace(unknown, fault=fault)
 
 
-async def let_go(work: RunContext) -> bool:
+async def undo_safe_mode(work: RunContext) -> bool:
     """Undo what is in our safe mode; return False if safe mode may still be held.
 
     If nothing was written, it is released instead: another user may have changed something meanwhile.
@@ -73,7 +73,7 @@ async def let_go(work: RunContext) -> bool:
     return True
 
 
-async def _stood_down(work: RunContext) -> bool:
+async def _disarm_unused(work: RunContext) -> bool:
     """Remove the dead-man job if nothing was written; return False if it may still run, which has no effect."""
     if work.dead_man is None:
         return True
@@ -101,7 +101,7 @@ async def _disarm_ours(work: RunContext, job: str) -> None:
 
 
 async def _read_back(work: RunContext, reason: NetcfgError) -> DeviceResult:
-    await let_go(work)
+    await undo_safe_mode(work)
     while True:
         result = await _decide(work, reason)
         if work.dead_man is None or result.status is Status.UNKNOWN or await _disarm_dead_man(work):
@@ -123,7 +123,7 @@ async def _disarm_dead_man(work: RunContext) -> bool:
 
 async def _decide(work: RunContext, reason: NetcfgError) -> DeviceResult:
     session, holder, now = await _state(work)
-    changed_menus = differing(work.observation, now)
+    changed_menus = differing_menus(work.observation, now)
     if not changed_menus:
         return _rolled_back(work, reason)
     if holder.is_taken:
@@ -137,7 +137,7 @@ async def _decide(work: RunContext, reason: NetcfgError) -> DeviceResult:
         return _unknown(work, f"{reason}; somebody else has changed {_names(changed_menus)}, which was left alone")
     if work.restores:
         return _unknown(work, f"{reason}; the device differs in {_names(changed_menus)}")
-    return await _put_back(work, reason, session, now)
+    return await _restore_state(work, reason, session, now)
 
 
 def _is_foreign(work: RunContext, now: Observation) -> bool:
@@ -184,7 +184,7 @@ def _is_declared(work: RunContext, reason: NetcfgError, now: Observation) -> boo
         remaining_actions = plan(work.job.name, work.job.desired_state, now).actions
     except CannotPlan:
         return False
-    return not remaining_actions and not set(invalid(now)) - set(invalid(work.observation))
+    return not remaining_actions and not set(find_invalid_rows(now)) - set(find_invalid_rows(work.observation))
 
 
 async def _is_reachable(work: RunContext) -> bool:
@@ -223,28 +223,28 @@ def _stale(work: RunContext) -> str:
     return f"{what}; then:  provision resume site={work.job.site}{run}"
 
 
-async def _put_back(work: RunContext, reason: NetcfgError, session: Channel, now: Observation) -> DeviceResult:
+async def _restore_state(work: RunContext, reason: NetcfgError, session: Channel, now: Observation) -> DeviceResult:
     """Restore the state observed at the start, with the same protection as any other change."""
     work.say(Stage.APPLYING, "putting the state before the run back")
-    job = replace(work.job, desired_state=restoring(work.observation), journal=runs.NoJournal(), agreed_hash=None)
+    job = replace(work.job, desired_state=restore_target(work.observation), journal=runs.NoJournal(), agreed_hash=None)
     inner = RunContext(job, work.contact, work.start_time, restores=True, session=session, before=now)
     inner.choice = work.choice if work.protection.holds else _protection.ProtectionChoice(_protection.Protection.NONE)
     inner.safe_mode = _protection.safe_mode_of(inner.choice, job)
     try:
         inner.plan = plan(job.name, job.desired_state, now)
-        inner.stages = cut(inner.plan, inner.protection)
+        inner.stages = split_plan(inner.plan, inner.protection)
         await change(inner)
     except NetcfgError as failed:
         outcome = await settle(inner, failed)
         if outcome.status is not Status.CHANGED:
-            return await _left_to_the_job(work, reason, outcome.message)
-    different_menus = differing(work.observation, inner.after or now)
+            return await _await_dead_man(work, reason, outcome.message)
+    different_menus = differing_menus(work.observation, inner.after or now)
     if different_menus:
         return _unknown(work, f"{reason}; the old state was put back, but {_names(different_menus)} still differ")
     return _rolled_back(work, reason, "put back by us")
 
 
-async def _left_to_the_job(work: RunContext, reason: NetcfgError, failure_message: str) -> DeviceResult:
+async def _await_dead_man(work: RunContext, reason: NetcfgError, failure_message: str) -> DeviceResult:
     """Wait until an armed dead-man job has run, since our own restore failed."""
     job = work.dead_man
     if job is not None:
@@ -252,7 +252,7 @@ async def _left_to_the_job(work: RunContext, reason: NetcfgError, failure_messag
         work.say(Stage.WAITING, "waiting until the dead-man job has taken everything back", left_s)
         await asyncio.sleep(left_s)
         _, _, now = await _state(work)
-        if not differing(work.observation, now):
+        if not differing_menus(work.observation, now):
             return _rolled_back(work, reason, "taken back by the dead-man job")
     return _unknown(work, f"{reason}; putting the old state back failed: {failure_message}")
 

@@ -27,10 +27,12 @@ if TYPE_CHECKING:
 _Content = tuple[str, ...]
 """The values of a row, in the order of its menu's fields."""
 _BETWEEN, _END = "\x1f", "\x1e"
-"""ASCII's separators of units and of records, for what is hashed."""
+"""ASCII separators of units and of records, in hashed data."""
 
 
-def differing(before: _types.Observation, now: _types.Observation, run_time: Sequence[RunTime] = ()) -> tuple[str, ...]:
+def differing_menus(
+    before: _types.Observation, now: _types.Observation, run_time: Sequence[RunTime] = ()
+) -> tuple[str, ...]:
     """Return the titles of the menus whose configuration differs.
 
     A value that the device itself replaces in our rows is ignored if listed in `run_time`.
@@ -61,7 +63,7 @@ def plan_hash(plan: _types.Plan) -> str:
     return hashlib.sha256(json.dumps(actions).encode()).hexdigest()
 
 
-def invalid(observation: _types.Observation) -> tuple[str, ...]:
+def find_invalid_rows(observation: _types.Observation) -> tuple[str, ...]:
     """Return our rows that the device has accepted but does not use, with its reason if given."""
     return tuple(
         f"{menu.name_of(row)} in {menu.title} ({row.get('.about') or 'invalid'})"
@@ -71,7 +73,7 @@ def invalid(observation: _types.Observation) -> tuple[str, ...]:
     )
 
 
-def restoring(before: _types.Observation) -> DesiredState:
+def restore_target(before: _types.Observation) -> DesiredState:
     """Return a desired state equal to the observed one: every row and value, and nothing else."""
     menus = [MENUS[path] for path in before.rows if not MENUS[path].readonly]
     items = {menu.path: tuple(_items(menu, before.rows[menu.path], before.facts.version)) for menu in menus}
@@ -132,9 +134,9 @@ def _row(menu: Menu, row: _types.Row, fields: Iterable[Field]) -> _Content:
 
 _LIST = "atlantis-run"
 SIGNS = "/ip/firewall/address-list"
-"""The menu that signs are rows of."""
+"""The menu that contains run markers."""
 _ADDRESS = "192.0.2.1"
-"""Of a documentation range: nothing can ever be sent to it, whatever uses the list."""
+"""From a documentation range: no packet can ever be sent to it, whatever uses the list."""
 
 CLAIMS = Command(f"{SIGNS}/print", ((".proplist", ".id,list,comment,timeout"),), (f"?list={_LIST}",))
 
@@ -150,7 +152,7 @@ def run_of(text: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Sign:
+class RunMarker:
     """A run marker read from the device.
 
     Two laptops share no lock. Safe mode is one, but nobody holds it between two parts of a long plan, and some devices
@@ -161,7 +163,7 @@ class Sign:
     id: str
     text: str
     timeout: str
-    """How long it stays, in the device's words; empty where the device does not say it."""
+    """Remaining lifetime in the device's notation; empty if the device does not report it."""
 
     @property
     def run(self) -> str:
@@ -178,7 +180,7 @@ class RunSigner:
 
     job: DeviceJob
     address: str
-    """Ours, as the device sees it."""
+    """Our address, as seen by the device."""
 
     @property
     def text(self) -> str:
@@ -187,7 +189,7 @@ class RunSigner:
         who = f"{user}@{self.address}" if self.address else user
         return f"run {self.job.run} of {who} ({self.job.nonce})" if self.job.run else f"a run of {who}"
 
-    def other(self, candidates: Iterable[Sign]) -> Sign | None:
+    def other(self, candidates: Iterable[RunMarker]) -> RunMarker | None:
         """Return the marker of another run that may be active; dead runs that may be taken over are skipped."""
         return next((sign for sign in candidates if not self.is_over(sign.text)), None)
 
@@ -197,18 +199,20 @@ class RunSigner:
         return text == self.text or bool(run and self.job.history.can_take_over(run, text))
 
 
-def signs(rows: Sequence[_types.Row]) -> tuple[Sign, ...]:
+def parse_markers(rows: Sequence[_types.Row]) -> tuple[RunMarker, ...]:
     """Return the signs among the rows of the address lists."""
     sign_rows = (row for row in rows if row.get("list") == _LIST)
-    return tuple(Sign(row.get(".id", ""), row.get("comment") or "a run", row.get("timeout", "")) for row in sign_rows)
+    return tuple(
+        RunMarker(row.get(".id", ""), row.get("comment") or "a run", row.get("timeout", "")) for row in sign_rows
+    )
 
 
-def read_signs(observation: _types.Observation) -> tuple[Sign, ...]:
+def find_markers(observation: _types.Observation) -> tuple[RunMarker, ...]:
     """Return the run markers in an observation."""
-    return signs(observation.rows.get(SIGNS, ()))
+    return parse_markers(observation.rows.get(SIGNS, ()))
 
 
-def claimed_by(sign: Sign, site: str) -> ClaimConflict:
+def claim_conflict(sign: RunMarker, site: str) -> ClaimConflict:
     """Return an error with the owner of the marker, its remaining time, and how to take it over."""
     stays = f"within {sign.timeout}" if sign.timeout else "within half an hour"
     over = f"; if that run has died, take over:  provision resume site={site} run={sign.run}" if sign.run else ""
@@ -234,9 +238,9 @@ async def confirm_claim(
     """
     if reply.trap is not None:
         rows = rows or (await session.command(CLAIMS)).check().rows
-    other = signer.other(signs(rows))
+    other = signer.other(parse_markers(rows))
     if other is not None:
-        raise claimed_by(other, signer.job.site)
+        raise claim_conflict(other, signer.job.site)
     if reply.trap is not None:
         await session.flight([withdrawing(row[".id"]) for row in rows])
         reply = await session.command(adding)
@@ -259,7 +263,7 @@ _NAME = "atlantis-before"
 _CHUNK = 32_768
 
 SAVING = (script_command(f'/export\n:put "{_COMPLETE}"\n'), script_command(f':put "{_PROBE}"\n'))
-"""Commands whose answers `parse_export` reads; they go wherever a round trip is under way."""
+"""Commands whose replies `parse_export` reads; they are sent with any round trip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,7 +274,7 @@ class SavedExport:
     """
 
     text: str | None
-    """The whole export, or None if the device does not print it into a script's output."""
+    """The whole export; None if the device does not print it into a script's output."""
     writer: _writer.Writer
 
 

@@ -10,13 +10,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg import runs
-from atlantis_netcfg.core.errors import DeviceError, complete
+from atlantis_netcfg.core.errors import DeviceError, fill_hint
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.routeros import _types, drift, scheduler_jobs, snapshot
 from atlantis_netcfg.routeros.apply import _job
 from atlantis_netcfg.routeros.apply._protection import Protection, ProtectionChoice
-from atlantis_netcfg.routeros.apply._state import CLAIMS, RunSigner, Sign, plan_hash, read_signs, withdrawing
+from atlantis_netcfg.routeros.apply._state import CLAIMS, RunMarker, RunSigner, find_markers, plan_hash, withdrawing
 from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.safe_mode import BUDGET, NoSafeMode, SafeMode
 
@@ -37,11 +37,11 @@ class Stages:
 
     prepare: tuple[_types.Action, ...] = ()
     pieces: tuple[tuple[_types.Action, ...], ...] = ()
-    """Pieces, each within the budget of one safe mode."""
+    """Parts of the plan, each within the budget of one safe mode."""
     finish: tuple[_types.Action, ...] = ()
 
 
-def cut(plan: _types.Plan, protection: Protection, budget: int = BUDGET) -> Stages:
+def split_plan(plan: _types.Plan, protection: Protection, budget: int = BUDGET) -> Stages:
     """Split a plan so that it costs the fewest round trips; without safe mode it is not split.
 
     A plan within the budget is one part. Otherwise harmless additions may go outside safe mode: those that other rows
@@ -188,8 +188,8 @@ class Leftovers:
     """
 
     safe_mode: str | None = None
-    """Who holds it."""
-    markers: tuple[Sign, ...] = ()
+    """Session that holds safe mode; None: nobody."""
+    markers: tuple[RunMarker, ...] = ()
     jobs: tuple[scheduler_jobs.ArmedJob, ...] = ()
 
     def __bool__(self) -> bool:
@@ -240,10 +240,10 @@ class Leftovers:
         return (*jobs, *(f"the marker of {sign.text}" for sign in self.markers))
 
 
-def look(observation: _types.Observation) -> Leftovers:
+def find_leftovers(observation: _types.Observation) -> Leftovers:
     """Return the leftovers in an observation."""
     return Leftovers(
-        observation.facts.safe_mode_owner, read_signs(observation), scheduler_jobs.jobs_of(observation.jobs)
+        observation.facts.safe_mode_owner, find_markers(observation), scheduler_jobs.jobs_of(observation.jobs)
     )
 
 
@@ -274,19 +274,19 @@ class RunContext:
     contact: Contact
     start_time: float
     restores: bool = False
-    """This run puts an old state back after another one failed: it is not guarded, and not put back itself."""
+    """This run restores an old state after another run failed: it is not protected, and not rolled back itself."""
     session: Channel | None = None
     """The session that changes the device; None before the first contact and after a loss."""
     before: _types.Observation | None = None
     after: _types.Observation | None = None
-    """What the verifying session read."""
+    """State read by the verifying session."""
     brief: bool = False
-    """Rows of others by the thousand are read bare: nothing that this run does needs more of them."""
+    """Thousands of foreign rows are read in short form: this run needs no more of them."""
     leftovers: Leftovers = field(default_factory=Leftovers)
-    """What was armed or open when the device was read."""
+    """Armed jobs and open safe mode found when the device was read."""
     plan: _types.Plan | None = None
     examination: Examination = field(default_factory=Examination)
-    """What the device's own parser has said of the plan."""
+    """Result of the device's own parser for the plan."""
     comparison: drift.Comparison | None = None
     estimate: Estimate | None = None
     stages: Stages = field(default_factory=Stages)
@@ -294,21 +294,20 @@ class RunContext:
     choice: ProtectionChoice = field(default_factory=lambda: ProtectionChoice(Protection.NONE))
     safe_mode: SafeMode = field(default_factory=NoSafeMode)
     script: str | None = None
-    """The way back, for a dead-man job."""
+    """Rollback script for a dead-man job."""
     dead_man: scheduler_jobs.DeadMan | None = None
-    """The job that is armed."""
     early: tuple[Reply, ...] = ()
-    """Answers to what is asked before the first change, where they came beside safe mode; nothing was sent since."""
+    """Replies to the requests before the first change, if they came with safe mode; nothing was sent since."""
     sign: str | None = None
-    """`.id` of the sign that a run is under way, ours or that of a dead run that we have taken over."""
+    """`.id` of the run marker: ours, or that of a dead run that we have taken over."""
     busy: str = ""
-    """Who is at work on the device, or what is left of them."""
+    """Other users or runs active on the device, or their leftovers."""
     last_look: _types.PortCounts | None = None
-    """At the ports' counters, beside the release: after it nothing of weight is sent."""
+    """Port counters read together with the release; after it only small requests follow."""
     holding: bool = False
-    """Safe mode was asked for and may be ours."""
+    """Safe mode was requested and may be ours."""
     owner: str = ""
-    """What the device calls us while we hold safe mode."""
+    """Name of our session on the device while we hold safe mode."""
     has_sent_changes: bool = False
     """A change was sent: the device may have executed it."""
     acknowledged_numbers: set[int] = field(default_factory=set)
@@ -386,8 +385,8 @@ class RunContext:
             name=self.job.name,
             status=status,
             exit=status.exit,
-            message=complete(self.clean(message), site=self.job.site, device=self.job.name),
-            hint=hint and complete(hint, site=self.job.site, device=self.job.name),
+            message=fill_hint(self.clean(message), site=self.job.site, device=self.job.name),
+            hint=hint and fill_hint(hint, site=self.job.site, device=self.job.name),
             planned_count=len(plan.actions) if plan is not None else 0,
             rows=plan.weight if plan is not None else 0,
             foreign_words=plan.foreign_words if plan is not None else "",
@@ -410,11 +409,11 @@ class RunContext:
             busy=self.busy,
         )
 
-    def farewell(self) -> tuple[Command, ...]:
-        """Return the command that removes the marker, sent with the last request; call `signed_off` after its reply."""
+    def marker_removal(self) -> tuple[Command, ...]:
+        """Return the command that removes the marker, sent with the last request; then call `note_marker_removed`."""
         return () if self.sign is None else (withdrawing(self.sign),)
 
-    def signed_off(self, farewell: Sequence[Command]) -> None:
+    def note_marker_removed(self, farewell: Sequence[Command]) -> None:
         """Record that the marker was removed, if that was requested."""
         if farewell:
             self.sign = None

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Channel
 
 _AT_ONCE = 8
-"""Scripts of one turn."""
+"""Maximum number of scripts in one turn."""
 _INDEPENDENT = frozenset({"/ip/dhcp-server/lease", "/ip/dns/static", "/ip/firewall/address-list", "/system/logging"})
-"""Menus whose rows are without order and never name each other."""
+"""Menus whose rows have no order and never refer to each other."""
 _PLACE = re.compile(r"\(line (\d+) column \d+\)")
 
 
@@ -43,9 +43,9 @@ class WriteResult:
 
     acknowledged_numbers: tuple[int, ...]
     refusal: str | None
-    """The device's words, with the action they are about."""
+    """The device's error message, with the action that caused it; None: no error."""
     beside: tuple[api.Reply, ...]
-    """Answers to what was asked in the same round trip: before, after or while the actions were executed."""
+    """Replies to commands in the same round trip: before, after or while the actions were executed."""
 
 
 class Writer(Protocol):

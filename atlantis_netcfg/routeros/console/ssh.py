@@ -71,7 +71,7 @@ logging.getLogger("paramiko").addHandler(logging.NullHandler())
 
 _CHUNK = 65536
 _MOST = 64 * 1024 * 1024
-"""Bytes of one connection: nothing that is read of a device comes near."""
+"""Maximum bytes of one connection; nothing that is read from a device comes near."""
 _CONNECTION_ERRORS = (OSError, EOFError, paramiko.SSHException)
 
 
@@ -248,7 +248,7 @@ class CommandEnd:
     """Result of a command: exit status and output."""
 
     code: int
-    """Exit status; -1 if the device did not give one."""
+    """Exit status; -1 if the device did not return one."""
     out: str
     error: str
 
@@ -354,7 +354,7 @@ def host_key_of(address: str, port: int, timeout_s: float = types.CONNECT_S) -> 
 
 
 _SLOWEST_S, _SLOWEST_BYTES = 600.0, 2_000
-"""A copy that is slower than 16 kbit/s on top of ten minutes is none."""
+"""Timeout of a copy: ten minutes plus the time at 16 kbit/s."""
 
 
 def upload(  # noqa: PLR0913 - all of it is one address and one file

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 WIDTH = 511
 """Columns asked for by the login flag `511w`."""
 MOST = 2 * 1024 * 1024
-"""Characters between two clearings; the largest text that is read, a whole export, has some hundred thousand."""
+"""Maximum characters between two clearings; a whole export, the longest text, has some hundred thousand."""
 
 _LONGEST_ESCAPE = 32
 _NUMBER = re.compile("[0-9]{1,4}")
@@ -41,7 +41,7 @@ class TerminalScreen:
         self.lines: list[str] = [""]
         self.replies = b""
         self.size = 0
-        """Characters since it was cleared."""
+        """Characters since the screen was cleared."""
         self._column = 0
         self._rest = ""
 
@@ -128,7 +128,7 @@ def _count(arguments: str) -> int:
 
 
 FLAGS = f"+ct{WIDTH}w4098h"
-"""No colours, no detection of the terminal, wide and high (Manual, Command Line Interface: console login options)."""
+"""No colours, no terminal detection, wide and high (Manual, Command Line Interface: console login options)."""
 ENTER, CTRL_C, CTRL_D, CTRL_X = b"\r", b"\x03", b"\x04", b"\x18"
 
 _PROMPT = re.compile(r"\[[^\r\n]*\][^\[\]<>]*(?P<safe><SAFE>)?[ ]*>?[ ]*")
@@ -140,7 +140,7 @@ _PASSWORD = re.compile(r"new password>\s*\Z", re.IGNORECASE)
 _ENTER = re.compile(r"press \"?enter\"? to continue", re.IGNORECASE)
 _HIJACK = re.compile(r"Hijacking Safe Mode.*", re.IGNORECASE)
 _QUIET_S = 0.3
-"""A prompt is believed when nothing followed it for so long: RouterOS redraws it before the output comes."""
+"""Seconds of silence after which a prompt is final: RouterOS redraws it before the output comes."""
 _TAKEN_S = 30.0
 _BYE_S = 5.0
 
@@ -396,7 +396,7 @@ def _mask_secrets(words: str, secrets: Sequence[Secret]) -> str:
 
 
 BAUD = 115200
-"""RouterOS' own default on the console port (Manual, Serial Console)."""
+"""RouterOS's default on the console port (Manual, Serial Console)."""
 _NUDGE_S = 2.0
 _SERIAL_QUIET_S = 0.2
 _LOGIN = re.compile(r"login:\s*\Z", re.IGNORECASE)

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 COMMAND_S = 180.0
-"""How long a command may take; Certus has gaps of 70 s in practice (FFI report 20/01338)."""
+"""Timeout of a command; Certus has gaps of 70 s in practice (FFI report 20/01338)."""
 CONNECT_S = 180.0
-"""How long connecting and logging in may take."""
+"""Timeout for connecting and logging in."""
 
 
 class Tally(Protocol):

@@ -67,7 +67,7 @@ OLDEST = Version(6, 49)
 _SPLIT = Version(7, 13)
 _RADIO_PACKAGES = ("wireless", "wifi-qcom", "wifi-qcom-ac", "wifi-mediatek", "wifi")
 ACTIVATION_MINUTES = 5
-"""`activation-timeout` of `/system/device-mode/update`: within it the button has to be pressed."""
+"""`activation-timeout` of `/system/device-mode/update`: the button must be pressed within this time."""
 
 _ROWS = {
     "/system/scheduler": "scheduler",
@@ -235,9 +235,9 @@ def still_to_move(target: AdoptionTarget, error: errors.NetcfgError) -> StillToM
 
 
 GUARDED_LINES = 80
-"""Actions in one safe mode: after the 100th a session leaves it without a word (Manual, Configuration Management)."""
+"""Actions in one safe mode: after the 100th a session silently leaves it (Manual, Configuration Management)."""
 _HELD_S = 30.0
-"""A session that was cut holds safe mode until the device has undone its changes."""
+"""Maximum seconds to wait for safe mode: a lost session holds it until the device has undone its changes."""
 _RETRY_S = 0.5
 
 
@@ -303,13 +303,13 @@ class FirstContact:
     journal: runs.Recorder
     notify: events.Subscriber
     factory_passwords: Callable[[], Iterator[Secret]]
-    """Passwords of the factory's user to be tried, asked for only as far as needed."""
+    """Returns candidate passwords of the factory user, requested only as far as needed."""
     take_over: bool = False
     wait_s: float = 600.0
-    """How long to wait for the laptop on the management port."""
+    """Seconds to wait for the laptop on the management port."""
     now: Callable[[], datetime] = field(default=lambda: datetime.now(UTC))
     _has_known_key: bool = False
-    """Whether the SSH host key that the device has to show was known before this run."""
+    """Whether the SSH host key of the device was known before this run."""
 
     @property
     def _typist(self) -> ConsoleExecutor:

@@ -67,7 +67,7 @@ _TOLERATED_MENUS = {
     "/tool/mac-server": ("allowed-interface-list",),
     "/tool/mac-server/mac-winbox": ("allowed-interface-list",),
 }
-"""Menus in which default configurations set something, and what, where that is known."""
+"""Menus in which default configurations set something, with the settings where they are known."""
 _BUILTIN_LISTS = ("all", "none", "dynamic", "static")
 
 
@@ -129,9 +129,9 @@ def resets(version: Version) -> Mapping[str, Mapping[str, str]]:
 
 
 PORT_S = 30.0
-"""A laptop on the very port that leaves the bridge hears nothing any more: it is told soon."""
+"""Timeout of steps that may disconnect a laptop on the port that leaves the bridge."""
 SIGN_S = 600.0
-"""A small CPU takes minutes for an RSA key."""
+"""Timeout for signing: a small CPU takes minutes for an RSA key."""
 _DAYS_VALID = 3650
 _KEY_SIZE = 2048
 _USAGE = "digital-signature,key-encipherment,tls-server"
@@ -459,7 +459,7 @@ MARK = "atlantis: management"
 
 
 TEMPORARY = "atlantis: first contact"
-"""Comment of what lives only until first contact is over."""
+"""Comment of rows that exist only until first contact is complete."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -470,13 +470,13 @@ class AdoptionTarget:
     user: str
     password: Secret
     address: str
-    """On the management port, with prefix length."""
+    """Address on the management port, with prefix length."""
     technician: str
     """The laptop's own address in the management network."""
     port: str
-    """The management port, by its factory name."""
+    """Factory name of the management port."""
     ports: tuple[str, ...]
-    """All declared ports, by their factory names."""
+    """Factory names of all declared ports."""
     model: str | None = None
     api_port: int = 8729
     features: Mapping[str, str] = field(default_factory=dict)
@@ -515,9 +515,9 @@ class BoxFacts:
     architecture: str
     packages: tuple[str, ...]
     device_mode: Mapping[str, str] | None
-    """None where there is no device-mode."""
+    """Settings of device-mode; None: the device has no device-mode."""
     now: datetime | None
-    """Its clock; None if it could not be read."""
+    """The device's clock; None if it could not be read."""
     users: tuple[Row, ...]
     certificates: tuple[Row, ...]
     services: tuple[Row, ...]
@@ -526,14 +526,14 @@ class BoxFacts:
     """Rows of the menus that a default configuration fills, by menu."""
     export: rsc.Export
     text: str
-    """The export as it was printed, without secrets."""
+    """The export as printed, without secrets."""
 
 
 class ConsoleRoute(Protocol):
     """A route to a device's console."""
 
     label: str
-    """As a person would say it: an address, or a serial line."""
+    """Readable name of the route: an address, or a serial line."""
     serial: bool
 
     def open(self, user: str, password: Secret) -> types.Console:
@@ -550,7 +550,7 @@ class ConsoleRoutes(Protocol):
     """The two routes to the console, and the known host key."""
 
     first: ConsoleRoute
-    """Where the technician has plugged in."""
+    """Port to which the technician is connected."""
     final: ConsoleRoute
     """The management address."""
 

@@ -38,9 +38,9 @@ MENUS = (
     "/user",
     "/user/group",
 )
-"""What must be read for the guard to see; a menu that is missing has no rows to it."""
+"""Menus that the guard needs; a missing menu counts as empty."""
 WAY_BACK = (*INTERFACES, "/interface/bridge/port", "/ip/address", "/ip/route", "/routing/rule", "/routing/settings")
-"""Those of them that decide where our answers leave: enough for a plan of routes alone that does not move them."""
+"""Menus that decide where our replies leave: enough for a plan of routes only that does not move them."""
 
 
 def moves_answers(plan: _types.Plan, observation: _types.Observation, path: ManagementPath) -> bool:

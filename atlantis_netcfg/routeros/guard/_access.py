@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 
 POLICIES = frozenset({"api", "read", "write", "policy", "test", "sensitive"})
-"""What provisioning cannot do without."""
 
 _ENOUGH_SESSIONS = 2
 

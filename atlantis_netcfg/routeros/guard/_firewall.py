@@ -14,7 +14,7 @@ from ipaddress import IPv4Address, ip_network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Row, is_bare
-from atlantis_netcfg.routeros.guard._route import way_back
+from atlantis_netcfg.routeros.guard._route import return_route
 from atlantis_netcfg.routeros.guard._state import State, is_set
 from atlantis_netcfg.routeros.menus import MENUS
 
@@ -39,7 +39,7 @@ class Packet:
     source_port: int | None
     target_port: int | None
     state: str
-    """Of its connection: `new` or `established`."""
+    """State of the packet's connection: `new` or `established`."""
     in_interface: str | None = None
     out_interface: str | None = None
 
@@ -187,7 +187,7 @@ def new_session(state: State) -> Packet:
         source_port=None,
         target_port=service_port(state),
         state="new",
-        in_interface=way_back(state).interface,
+        in_interface=return_route(state).interface,
     )
 
 
@@ -199,7 +199,7 @@ def answer_of(state: State) -> Packet:
         source_port=service_port(state),
         target_port=None,
         state="established",
-        out_interface=way_back(state).interface,
+        out_interface=return_route(state).interface,
     )
 
 

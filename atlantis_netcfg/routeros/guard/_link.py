@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros.guard import _state
-from atlantis_netcfg.routeros.guard._route import way_back
+from atlantis_netcfg.routeros.guard._route import return_route
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ _TUNNEL = "/interface/ovpn-client"
 def interfaces(state: _state.State) -> frozenset[str]:
     """Return the interfaces on the path, bridge members included."""
     row = state.address_row()
-    names = {way_back(state).interface, row.get("interface") if row is not None else None} - {None}
+    names = {return_route(state).interface, row.get("interface") if row is not None else None} - {None}
     members = {port.get("interface") for port in state.all("/interface/bridge/port") if port.get("bridge") in names}
     return frozenset(name for name in names | members if name)
 
@@ -30,7 +30,7 @@ def objections(before: _state.State, after: _state.State) -> Iterator[str]:
     if row is None or _state.is_set(row, "disabled"):
         return
     yield from _address(before, after, row)
-    for name in sorted({row.get("interface", ""), way_back(before).interface or ""} - {""}):
+    for name in sorted({row.get("interface", ""), return_route(before).interface or ""} - {""}):
         yield from _ports(before, after, name)
     yield from _vlans(before, after)
     yield from _dhcp(before, after, row)

@@ -17,28 +17,28 @@ if TYPE_CHECKING:
 _DEEP_ENOUGH = 4
 _NO_LIMIT = -1
 _CHAINS = "user,main"
-"""Before 7.22 there are no chains; and of the others of the default (`mangle`, `local`, …) none has rules of ours."""
+"""Before 7.22 there are no chains. The other default chains (`mangle`, `local`, …) have no rules of ours."""
 
 _UNKNOWN_SELECTORS = ("realm", "vrf")
-"""Selectors from 7.22 on: whether they match depends on what is not read here."""
+"""Selectors from 7.22 on; whether they match depends on rows that are not read here."""
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class RouteDecision:
     """The routing decision for one destination."""
 
     words: str
-    """How a person calls it."""
+    """Readable name of the route."""
     to: frozenset[str] = frozenset()
-    """Gateways, or ports of the interface that is connected; empty: nothing leads there."""
+    """Gateways, or ports of the connected interface; empty: no route."""
     interface: str | None = None
-    """Where packets leave, as far as it can be told."""
+    """Interface by which packets leave; None: unknown."""
 
     is_connected: bool = False
-    """The destination is a neighbour on that interface."""
+    """The destination is directly connected to that interface."""
 
     @property
-    def leads(self) -> bool:
+    def has_route(self) -> bool:
         """False for a blackhole or a missing route."""
         return bool(self.to)
 
@@ -63,10 +63,10 @@ def objections(before: _state.State, after: _state.State) -> Iterator[str]:
             return
 
 
-def _objection(old: Way, new: Way, technician: str) -> str | None:
-    if not old.leads or old.to == new.to or (old.is_connected and new.is_connected and old.to < new.to):
+def _objection(old: RouteDecision, new: RouteDecision, technician: str) -> str | None:
+    if not old.has_route or old.to == new.to or (old.is_connected and new.is_connected and old.to < new.to):
         return None
-    if not new.leads:
+    if not new.has_route:
         return f"answers to you at {technician} go by {old.words}; then {new.words}: keep that route or address"
     return (
         f"answers to you at {technician} go by {old.words}, and would go by {new.words}: "
@@ -78,12 +78,12 @@ def _objection(old: Way, new: Way, technician: str) -> str | None:
 class _Decisions:
     """Possible return routes: one per rule that cannot be evaluated, and the one if none of those matches."""
 
-    ways: tuple[Way, ...]
+    ways: tuple[RouteDecision, ...]
     doubts: tuple[tuple[str, str], ...]
-    """Name and selectors of the rules that cannot be judged, in the order in which they are asked."""
+    """Name and selectors of the rules that cannot be evaluated, in order of evaluation."""
 
 
-def way_back(state: _state.State) -> Way:
+def return_route(state: _state.State) -> RouteDecision:
     """Return the route of the router's replies: rules by chain, and table main at the turn of `main`.
 
     Rules that cannot be evaluated are assumed not to match.
@@ -93,7 +93,7 @@ def way_back(state: _state.State) -> Way:
 
 def decisions(state: _state.State) -> _Decisions:
     """Return all possible routes of the replies, whichever of the unclear rules match."""
-    ways: list[Way] = []
+    ways: list[RouteDecision] = []
     doubts: list[tuple[str, str]] = []
     for rule in _rules(state):
         if rule is None:
@@ -107,7 +107,7 @@ def decisions(state: _state.State) -> _Decisions:
         if not selectors:
             return _Decisions(tuple(ways), tuple(doubts))
         doubts.append((MENUS["/routing/rule"].name_of(rule or {}), selectors))
-    return _Decisions((*ways, Way("nothing leads there")), tuple(doubts))
+    return _Decisions((*ways, RouteDecision("nothing leads there")), tuple(doubts))
 
 
 def _beyond_judgement(rule: Row) -> str:
@@ -136,22 +136,22 @@ def _matches(rule: Row, state: _state.State) -> bool:
     )
 
 
-def _by_rule(rule: Row, state: _state.State) -> Way | None:
+def _by_rule(rule: Row, state: _state.State) -> RouteDecision | None:
     """Return the decision of a rule; None if it passes to the next rules."""
     action = rule.get("action", "lookup")
     name = MENUS["/routing/rule"].name_of(rule)
     if action in ("drop", "unreachable"):
-        return Way(f"the routing rule `{name}` keeps them back")
+        return RouteDecision(f"the routing rule `{name}` keeps them back")
     limit = rule.get("min-prefix", "")
     way = _lookup(state, rule.get("table", "main"), state.technician, int(limit) if limit.isdecimal() else _NO_LIMIT)
     if way is None and action == "lookup-only-in-table":
-        return Way(f"the routing rule `{name}` finds no route for them")
+        return RouteDecision(f"the routing rule `{name}` finds no route for them")
     return way
 
 
 def _lookup(
     state: _state.State, table: str, address: IPv4Address, limit: int = _NO_LIMIT, depth: int = 0
-) -> Way | None:
+) -> RouteDecision | None:
     """Return the routes with the longest prefix, of those the ones with the smallest distance."""
     routes = [each for each in _routes(state, table) if address in each.network and each.network.prefixlen > limit]
     if not routes:
@@ -161,14 +161,14 @@ def _lookup(
     if best_routes[0].interface is not None:
         network, interface = best_routes[0].network, best_routes[0].interface
         ports = state.ports(interface) or frozenset({interface})
-        return Way(f"{network} on {interface}", ports, interface, is_connected=True)
+        return RouteDecision(f"{network} on {interface}", ports, interface, is_connected=True)
     name = MENUS["/ip/route"].name_of(best_routes[0].row)
     if any(each.row.get("blackhole", "no") not in ("no", "false") for each in best_routes):
-        return Way(f"the route {name} drops them")
+        return RouteDecision(f"the route {name} drops them")
     gateways = frozenset(
         gateway for each in best_routes for gateway in each.row.get("gateway", "").split(",") if gateway
     )
-    return Way(
+    return RouteDecision(
         f"the route {name}", frozenset(_gateway(state, each) for each in gateways), _leaving(state, gateways, depth)
     )
 

@@ -22,9 +22,9 @@ class ManagementPath:
     """The path of our session: from the technician's address to a service on one of the router's addresses."""
 
     technician: str
-    """As the router sees it (`/user/active`)."""
+    """The technician's address, as the router sees it (`/user/active`)."""
     local: str
-    """The router's address that we talk to."""
+    """The router's address in our session."""
     service: str = "api-ssl"
     user: str = "provision"
 

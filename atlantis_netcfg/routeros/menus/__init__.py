@@ -37,7 +37,7 @@ _ORDER = (
 )
 
 MENUS: Mapping[str, Menu] = MappingProxyType({menu.path: menu for menu in _ORDER})
-"""By API path, in the order in which rows of one layer are sent: what is named comes before what names it."""
+"""Menus by API path, in sending order within one layer: referenced rows come before rows that refer to them."""
 
 _RANKS = {path: number for number, path in enumerate(MENUS)}
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 MARK = "atlantis"
-"""A row whose comment starts so is ours."""
+"""A row whose comment starts with this mark is ours."""
 
 
 class Shape(Enum):
@@ -32,7 +32,7 @@ class Shape(Enum):
 
     LIST = auto()
     FIXED = auto()
-    """Rows that the hardware or the system gives: they can be set, not added or removed."""
+    """Rows provided by the hardware or the system: they can be set, not added or removed."""
     SINGLETON = auto()
 
 
@@ -43,27 +43,27 @@ class Field:
     name: str
     kind: PropertyKind = PropertyKind.TEXT
     default: str | None = None
-    """What the device assumes when the argument is absent, as it prints it; None: the row then lacks the property."""
+    """Value that the device assumes without the argument, as printed; None: the row then lacks the property."""
     keep: bool = False
-    """Unnamed means untouched: the device computes it, or others than we may have set it with good reason.
+    """Unchanged unless the text sets it: the device computes it, or others may have set it with good reason.
 
-    With a default, only the silence of a saved export means that default.
+        With a default, only a saved export that omits it means that default.
     """
     like: str | None = None
-    """The default is the value of that property of the same row."""
+    """Property of the same row whose value is the default."""
     secret: bool = False
     unread: bool = False
-    """Can be written but never read, so that it is only sent with a new row."""
+    """Can be written but never read, so that it is sent only with a new row."""
     is_prompted: bool = False
-    """Only sent while the device asks for it: a wrong value costs something each time that it is entered."""
+    """Sent only while the device requests it: every entry of a wrong value has a cost."""
     cosmetic: bool = False
-    """Neither matches nor decides: may change in place on a first-match row."""
+    """Neither matches nor decides: may be changed in place on a first-match row."""
     board: bool = False
-    """Only where the hardware has it: a row that does not print it cannot take it."""
+    """Depends on the hardware: a row that does not print the property cannot take it."""
     since: Version | None = None
-    """First version whose command tree has it; None if all of ours have."""
+    """First version whose command tree contains it; None: all supported versions."""
     until: Version | None = None
-    """First version whose command tree has it no more."""
+    """First version whose command tree no longer contains it; None: none."""
 
     @cached_property
     def absent(self) -> str:
@@ -86,39 +86,39 @@ class Menu:
     """One menu of the device: a row of the table."""
 
     path: str
-    """In the form of the API: `/ip/firewall/filter`."""
+    """API path: `/ip/firewall/filter`."""
     shape: Shape
     layer: Layer
     fields: tuple[Field, ...]
     keys: tuple[str, ...] = ()
-    """What tells one row from another; empty for settings and for first-match menus, where the whole content does."""
+    """Properties that identify a row; empty for settings and for first-match menus, where all content does."""
     chain: str | None = None
     """The property that splits a first-match menu into lists whose order matters only within each."""
     is_ordered: bool = False
-    """The first row that matches decides, so that rows are told apart by content and place."""
+    """The first matching row decides, so that rows are identified by content and position."""
     unique: tuple[str, ...] = ()
-    """Besides the keys, properties of which the device allows a value only once."""
+    """Further properties of which the device allows each value only once."""
     subject: str = ""
-    """What a person calls a row, with properties in braces; settings are called by their menu."""
+    """Readable name of a row, with properties in braces; settings are named by their menu."""
     flags: tuple[str, ...] = ()
     """Properties that are read but never written."""
     stock: tuple[tuple[str, ...], ...] = ()
-    """Rows (their keys) that come with the system, in its order: can be set, not removed, and are nobody's drift."""
+    """Built-in rows (their keys), in system order: can be set, not removed, and never count as drift."""
     row_defaults: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    """Defaults of single rows, by their first key, where they are not those of the menu."""
+    """Defaults of single rows, by their first key, where they differ from the menu's defaults."""
     late: tuple[tuple[str, str], ...] = ()
-    """Rows with all of these values move traffic as soon as they are there: they go to the last layer."""
+    """Rows with all of these values move traffic at once: they are sent in the last layer."""
     inert: bool = False
     """A new row of this menu cannot by itself change traffic, access or the management path."""
     named_by: tuple[str, ...] = ()
-    """With `inert`: properties of other rows that may already name the new row; then it is not inert."""
+    """With `inert`: properties of other rows that may already refer to the new row; then it is not inert."""
     readonly: bool = False
-    """We look, and never write."""
+    """The menu is read and never written."""
     is_exported: bool = True
-    """False: `export` leaves the menu out, so that a saved export says nothing about it."""
+    """False: `export` omits the menu, so that a saved export does not contain it."""
     since: Version | None = None
     has_config_view: bool = False
-    """Rows inherit from others: `print config` shows what a row itself says, plain `print` what it amounts to."""
+    """Rows inherit from others: `print config` shows a row's own values, plain `print` the effective ones."""
 
     def __repr__(self) -> str:
         return f"<Menu {self.path}>"

@@ -19,7 +19,7 @@ class PropertyKind(Enum):
     BOOLEAN = auto()
     """`yes`/`no` in text, `true`/`false` from the API."""
     FLAG = auto()
-    """There or not there: `export` prints the bare name, the API an empty value (`fib`, `blackhole`)."""
+    """Present or absent: `export` prints the bare name, the API an empty value (`fib`, `blackhole`)."""
     NUMBER = auto()
     """Decimal or hexadecimal."""
     TIME = auto()
@@ -34,17 +34,17 @@ class PropertyKind(Enum):
     NETWORK = auto()
     """A prefix whose host part the device clears."""
     SET = auto()
-    """Words whose order means nothing."""
+    """Words in any order."""
     PREFIXES = auto()
-    """Prefixes whose order means nothing."""
+    """Prefixes in any order."""
     SEQUENCE = auto()
-    """Words in an order that matters."""
+    """Words whose order matters."""
     POLICY = auto()
-    """Policies of a user group: `!name` is the same as leaving it out."""
+    """Policies of a user group: `!name` is the same as omitting it."""
     INTERFACE = auto()
-    """Names of interfaces; they follow when the interface is renamed."""
+    """Names of interfaces; updated when an interface is renamed."""
     GATEWAY = auto()
-    """Addresses, interfaces or `address%interface`, in order; interfaces follow when renamed."""
+    """Addresses, interfaces or `address%interface`, in order; interfaces are updated when renamed."""
 
 
 _TRUE = frozenset({"yes", "true", "on"})

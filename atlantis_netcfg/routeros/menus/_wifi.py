@@ -15,7 +15,7 @@ from atlantis_netcfg.routeros._types import Layer
 from atlantis_netcfg.routeros.menus import _model
 
 _SINCE = Version.parse("7.13")
-"""Before, the same menu was called `/interface/wifiwave2` (Manual, WiFi)."""
+"""First version of this menu; before, it was called `/interface/wifiwave2` (Manual, WiFi)."""
 
 _CHANNEL = (
     _model.text("band", None),

@@ -15,7 +15,7 @@ from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros import apply, scheduler_jobs
 from atlantis_netcfg.routeros.api import Unreachable
-from atlantis_netcfg.routeros.apply._state import restoring
+from atlantis_netcfg.routeros.apply._state import restore_target
 from atlantis_netcfg.routeros.pair._end import End, StateMismatch
 from atlantis_netcfg.routeros.safe_mode import DEAD_SESSION_S, ApiSafeMode
 from atlantis_netcfg.runs import NoJournal, ReleaseRecord
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 _QUICK_S = 10.0
-"""For an answer that is worth having, but not worth waiting for."""
+"""Timeout for an optional reply."""
 
 
-async def back(work: Transaction, reason: NetcfgError) -> tuple[apply.DeviceResult, apply.DeviceResult]:
+async def roll_back(work: Transaction, reason: NetcfgError) -> tuple[apply.DeviceResult, apply.DeviceResult]:
     """End a transaction that failed for `reason`; return the results of near and far end."""
     for end in work.ends:
         end.say(Stage.FAILED, end.clean(str(reason)))
@@ -191,7 +191,7 @@ class _WayBack:
     async def _put_back(self, end: End) -> bool:
         """Restore the state observed before, like any other change; return True on success."""
         end.say(Stage.APPLYING, "putting the state before the run back")
-        job = replace(end.job, desired_state=restoring(end.observation), journal=NoJournal(), agreed_hash=None)
+        job = replace(end.job, desired_state=restore_target(end.observation), journal=NoJournal(), agreed_hash=None)
         await apply.converge(job, mode=apply.JobMode.RESUME)
         outcome = await self._wait_until_settled(end, end.job.patience.reach_s)
         return outcome is not None and not outcome[1]

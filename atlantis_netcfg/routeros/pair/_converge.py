@@ -15,7 +15,7 @@ from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros import apply
 from atlantis_netcfg.routeros.api import Traffic
 from atlantis_netcfg.routeros.apply._contact import Contact, completed_despite_stop
-from atlantis_netcfg.routeros.pair._back import back, clear, read_again, wait_for_return
+from atlantis_netcfg.routeros.pair._back import clear, read_again, roll_back, wait_for_return
 from atlantis_netcfg.routeros.pair._end import End, Pair
 from atlantis_netcfg.routeros.pair._radio import disagreements
 from atlantis_netcfg.routeros.pair._transaction import SAFE_MODE, Transaction
@@ -55,7 +55,7 @@ async def _back(work: Transaction, why: str) -> apply.DeviceResult:
 Results = tuple["apply.DeviceResult", "apply.DeviceResult"]
 
 _CONNECT_S = 15.0
-"""For one attempt: the link comes and goes while we wait for it, so ask often."""
+"""Timeout of one attempt: the link comes and goes during the wait, so attempts are frequent."""
 
 
 async def converge_pair(pair: Pair, *, mode: apply.JobMode = apply.JobMode.APPLY) -> Results:
@@ -130,7 +130,7 @@ async def _stoppable(work: Transaction, mode: apply.JobMode) -> Results | None:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
         if all(end.before is not None for end in work.ends):
-            return await back(work, errors.DeviceError("stopped by hand"))
+            return await roll_back(work, errors.DeviceError("stopped by hand"))
         near, far = (
             end.result(apply.Status.LEFT_AS_FOUND, "nothing was changed: stopped by hand")
             for end in (work.near, work.far)
@@ -195,7 +195,7 @@ async def _run(work: Transaction, mode: apply.JobMode) -> Results | None:
         text = f"refused, nothing was changed: {refusal}"
         near, far = (end.result(apply.Status.REFUSED, text, hint=end.hint()) for end in (work.near, work.far))
         return near, far
-    return None if mode is apply.JobMode.PLAN else await _honestly(work)
+    return None if mode is apply.JobMode.PLAN else await _run_forward(work)
 
 
 async def _read(work: Transaction, mode: apply.JobMode) -> Results | None:
@@ -215,7 +215,7 @@ async def _read(work: Transaction, mode: apply.JobMode) -> Results | None:
         work.unseen = far
         return None
     if mode is apply.JobMode.RESUME and near is None and far is not None and work.near.changes_radio:
-        return await _alone(work, far)
+        return await _handle_unreachable_far(work, far)
     return (
         near or _unchanged_result(work.near, f"its other end {work.far.name} could not be looked at"),
         far or _unchanged_result(work.far, f"its other end {work.near.name} could not be looked at"),
@@ -228,7 +228,7 @@ def _is_new(near: End, far: apply.DeviceResult) -> bool:
     return far.status is apply.Status.LEFT_AS_FOUND and radio is not None and radio.get("disabled") in ("yes", "true")
 
 
-async def _alone(work: Transaction, far_result: apply.DeviceResult) -> Results:
+async def _handle_unreachable_far(work: Transaction, far_result: apply.DeviceResult) -> Results:
     """Handle an unreachable far end, which may have been kept alone: follow it, then continue with both."""
     near = work.near
     refusal = "; ".join(near.refusals())
@@ -270,18 +270,18 @@ def _refusal(work: Transaction, mode: apply.JobMode) -> str:
     return "; ".join(reasons)
 
 
-async def _honestly(work: Transaction) -> Results:
+async def _run_forward(work: Transaction) -> Results:
     """Apply the change; convert any failure to a result."""
     try:
         await work.forward()
     except errors.NetcfgError as failure:
-        return await back(work, failure)
+        return await roll_back(work, failure)
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return await back(work, errors.DeviceError("stopped by hand"))
+        return await roll_back(work, errors.DeviceError("stopped by hand"))
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, no end must stay between two states
-        near, far = await back(work, errors.DeviceError(f"provision itself failed ({type(fault).__name__})"))
+        near, far = await roll_back(work, errors.DeviceError(f"provision itself failed ({type(fault).__name__})"))
         return _ours(near, fault), _ours(far, fault)
     return _success_result(work.near), _success_result(work.far)
 

@@ -16,7 +16,7 @@ from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import apply, guard, planner
 from atlantis_netcfg.routeros.apply import _state, _work
-from atlantis_netcfg.routeros.apply._change import missing
+from atlantis_netcfg.routeros.apply._change import find_missing_requirements
 from atlantis_netcfg.routeros.apply._contact import Contact, choose_variant
 from atlantis_netcfg.routeros.apply._job import Unfit
 from atlantis_netcfg.routeros.commands import Examination
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _LIST_LIMIT = 3
 _SAFE_MODE = Version(7, 18)
-"""The first that has it over the API."""
+"""First version with safe mode over the API."""
 _STAGES = {
     apply.Status.UNCHANGED: Stage.DONE,
     apply.Status.CHANGED: Stage.CONFIRMED,
@@ -53,30 +53,30 @@ class End:
     radio_name: str
     start_time: float
     session: apply.Channel | None = None
-    """The first session, which holds safe mode; None once it is known to be dead."""
+    """The first session, which holds safe mode; None once it is known to be lost."""
     before: _types.Observation | None = None
     plan: _types.Plan | None = None
     examination: Examination = field(default_factory=Examination)
-    """What the device's own parser has said of the plan."""
+    """Result of the device's own parser for the plan."""
     after: _types.Observation | None = None
-    """The device as it was read back, with nothing left to do."""
+    """The state of the device as read back, without remaining actions."""
     owner: str = ""
-    """What the device calls us while we hold its safe mode; empty: we do not."""
+    """Name of our session on the device while we hold its safe mode; empty: we do not hold it."""
     job_id: str = ""
-    """`.id` of the job of its scheduler that brings its radio back; empty: there is none."""
+    """`.id` of the scheduler job that restores its radio; empty: no job."""
     arms: bool = False
-    """Such a job was sent, and may be armed."""
+    """A rollback job was sent, and may be armed."""
     leftovers: _work.Leftovers = field(default_factory=_work.Leftovers)
-    """What was armed or open when it was read."""
+    """Armed jobs and open safe mode found when the device was read."""
     removed_items: tuple[str, ...] = ()
-    """What a run that is over had left there, and this one has taken away."""
+    """Leftovers of a finished run that this run has removed."""
     confirmed_count: int = 0
     """Actions that were read back and are permanent."""
     has_sent_changes: bool = False
     is_released: bool = False
-    """What it has become is permanent, or may be."""
+    """The change is permanent, or may be."""
     is_kept: bool = False
-    """It is: the device has said so."""
+    """The change is permanent, as confirmed by the device."""
     protection: str = "none"
     notes: list[str] = field(default_factory=list)
 
@@ -112,15 +112,15 @@ class End:
         return self.session
 
     @property
-    def calm(self) -> tuple[_types.Action, ...]:
+    def safe_actions(self) -> tuple[_types.Action, ...]:
         """The actions before the first that may interrupt the link."""
         number = next((at for at, action in enumerate(self.actions) if _radio.drops_link(action)), len(self.actions))
         return self.actions[:number]
 
     @property
-    def storm(self) -> tuple[_types.Action, ...]:
+    def disruptive_actions(self) -> tuple[_types.Action, ...]:
         """The remaining actions, from the first one that may interrupt the link."""
-        return self.actions[len(self.calm) :]
+        return self.actions[len(self.safe_actions) :]
 
     @property
     def changes_radio(self) -> bool:
@@ -151,7 +151,7 @@ class End:
         self.before = await observe(
             self.session, self.job.endpoint, self.job.desired_state.menus, (*guard.MENUS, *_radio.MENUS)
         )
-        self.leftovers = _work.look(self.before)
+        self.leftovers = _work.find_leftovers(self.before)
         facts = self.before.facts
         self.record(
             runs.DeviceObservation(
@@ -185,7 +185,7 @@ class End:
         if self.plan is None or not self.actions:
             return
         yield from guard.objections(self.plan, self.observation, path)
-        yield from missing(self.plan, self.observation)
+        yield from find_missing_requirements(self.plan, self.observation)
         yield from self.examination.objections(self.actions, self.job.desired_state.source)
         if not facts.has_safe_mode:
             yield f"RouterOS {facts.version} has no safe mode over the API, which {_SAFE_MODE} and later have"
@@ -207,9 +207,9 @@ class End:
     def _too_dear(self, current_plan: _types.Plan) -> Iterator[str]:
         """Yield the cost refusal, estimated for this end alone; waiting for each other costs a few round trips more."""
         job = self.job
-        if job.cost_policy is None or job.bearer is None:
+        if job.cost_policy is None or job.link is None:
             return
-        cost = estimate(current_plan, job.bearer, self.observation)
+        cost = estimate(current_plan, job.link, self.observation)
         refusal = job.cost_policy.judge(self.observation, cost, spends=True, is_plan=False).refusal
         if refusal is not None:
             yield refusal
@@ -231,7 +231,9 @@ class End:
         if remaining_actions:
             names = "; ".join(f"{action.verb} {action.subject}" for action in remaining_actions[:_LIST_LIMIT])
             raise StateMismatch(f"{self.name} did not keep everything; still to do: {names}")
-        unused_rows = [row for row in _state.invalid(now) if row not in _state.invalid(self.observation)]
+        unused_rows = [
+            row for row in _state.find_invalid_rows(now) if row not in _state.find_invalid_rows(self.observation)
+        ]
         if unused_rows:
             raise StateMismatch(
                 f"{self.name} took these rows, but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
@@ -240,7 +242,7 @@ class End:
 
     def same(self, now: _types.Observation) -> tuple[str, ...]:
         """Return the menus in which the device differs from before."""
-        return _state.differing(self.observation, now)
+        return _state.differing_menus(self.observation, now)
 
     # --- telling ---------------------------------------------------------------------------------------------------
 
@@ -290,8 +292,8 @@ class End:
             name=self.name,
             status=status,
             exit=status.exit,
-            message=errors.complete(self.clean(message), site=self.job.site, device=self.name),
-            hint=hint and errors.complete(hint, site=self.job.site, device=self.name),
+            message=errors.fill_hint(self.clean(message), site=self.job.site, device=self.name),
+            hint=hint and errors.fill_hint(hint, site=self.job.site, device=self.name),
             planned_count=len(self.actions),
             rows=self.plan.weight if self.plan is not None else 0,
             foreign_words=self.plan.foreign_words if self.plan is not None else "",
@@ -339,16 +341,17 @@ class Pair:
     """Factory name (`wlan1`); empty: the first radio of the device."""
     far_radio: str = ""
     link_timeout_s: float = 300.0
-    """Declared: when the link is not back and proved so long after the first change, both ends return by themselves.
+    """Declared timeout for the verified return of the link after the first change; then both ends roll back.
 
-    It has to hold the wait for radar (60 s on DFS channels, 10 min at 5600 to 5650 MHz), association and reading back.
+        It must cover the wait for radar (60 s on DFS channels, 10 min at 5600 to 5650 MHz), association and
+        reading back.
     """
     reserve_s: float = 30.0
-    """Of that time, for proving and keeping: the near end is taken back so long before the far one returns."""
+    """Part of that time for verifying and releasing: the near end rolls back this much earlier than the far end."""
     grace_s: float = 5.0
-    """For the far end's answer to what changes its radio: the link may be gone before the answer."""
+    """Timeout for the far end's reply to its radio change: the link may be lost before the reply."""
     signal: Signal | None = None
-    """Checked at both ends before anything is kept; None: that they are registered is enough."""
+    """Checked at both ends before release; None: registration is sufficient."""
 
     @property
     def name(self) -> str:

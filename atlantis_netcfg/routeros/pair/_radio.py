@@ -28,9 +28,9 @@ MENUS = (
     WIFI,
     *(f"{WIFI}/{part}" for part in ("configuration", *_PARTS)),
 )
-"""Menus in which two ends have to agree."""
+"""Menus in which both ends must agree."""
 _IDLE = frozenset({"comment", "name", "arp", "arp-timeout"})
-"""Properties with which a radio goes on as it was."""
+"""Properties that do not affect the radio's operation."""
 _LISTS = (f"{LEGACY}/connect-list", f"{LEGACY}/access-list")
 
 
@@ -40,7 +40,7 @@ class PairRadio:
 
     menu: str
     name: str
-    """Factory name."""
+    """Factory name of the radio."""
     mac: str
     values: Mapping[str, str]
 
@@ -127,7 +127,7 @@ _PROTOCOLS = {
     "nv2-nstreme": frozenset({"nv2", "nstreme"}),
     "nv2-nstreme-802.11": _ALL,
 }
-"""What a station connects to, by its `wireless-protocol`."""
+"""Protocols to which a station connects, by its `wireless-protocol`."""
 
 
 def disagreements(near: PairRadio | None, far: PairRadio | None, names: tuple[str, str]) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import Channel, DeviceResult
 
 SAFE_MODE = safe_mode.ApiSafeMode(silence_s=20.0)
-"""For answers at the end: the link was there a moment ago, and the far end's job will soon look."""
+"""For replies at the end: the link has just worked, and the far end's job will soon check it."""
 
 
 class LinkGone(DeviceError):
@@ -55,11 +55,11 @@ class Transaction:
     is_linked: bool = False
     """The far end was reached after its change."""
     deadline: float = 0.0
-    """When the near end is taken back, whatever is missing."""
+    """Loop time at which the near end is rolled back, even if steps are missing."""
     fires: float = 0.0
-    """When the far end's own rollback has happened, should we never reach it again."""
+    """Loop time by which the far end has rolled back by itself, if it is never reached again."""
     unseen: DeviceResult | None = None
-    """A bridge that is not there yet: what became of the far end, which could not be looked at."""
+    """Result for the far end that could not be read, because the bridge does not exist yet; else None."""
     _answer: asyncio.Task[list[Reply]] | None = None
     _anew: dict[str, Channel] = field(default_factory=dict)
 
@@ -158,12 +158,12 @@ class Transaction:
         far = self.far
         if not far.actions:
             return
-        await self._write(far, far.calm)
-        if not far.storm:
+        await self._write(far, far.safe_actions)
+        if not far.disruptive_actions:
             return
-        self._announce(far, far.storm)
+        self._announce(far, far.disruptive_actions)
         patience_s = self.pair.link_timeout_s + safe_mode.DEAD_SESSION_S
-        commands = [script_command(_script(far.storm)), safe_mode.READ]
+        commands = [script_command(_script(far.disruptive_actions)), safe_mode.READ]
         self._answer = asyncio.create_task(far.channel.flight(commands, silence_s=patience_s))
         finished_tasks, _ = await asyncio.wait({self._answer}, timeout=self.pair.grace_s)
         if finished_tasks:
@@ -187,7 +187,7 @@ class Transaction:
         end.has_sent_changes = True
 
     def _read_far_replies(self, replies: Sequence[Reply]) -> None:
-        self._record_acknowledgement(self.far, self.far.storm, *replies)
+        self._record_acknowledgement(self.far, self.far.disruptive_actions, *replies)
 
     def _record_acknowledgement(self, end: _end.End, actions: Sequence[Action], reply: Reply, holder: Reply) -> None:
         result = output(reply.ret or "")

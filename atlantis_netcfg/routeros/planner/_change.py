@@ -50,7 +50,7 @@ class MenuPlan:
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     foreign: int = 0
-    """Rows without our mark that are removed."""
+    """Number of rows without our mark that are removed."""
 
     def remove(self, rows: list[_types.Row], layer: _types.Layer = _types.Layer.CLEANUP) -> None:
         """Remove rows in the given order."""
@@ -65,10 +65,9 @@ class Context:
     desired_state: DesiredState
     names: Names
     sensitive: bool
-    """The user may see secrets. Assumption: api-sensitive"""
+    """The user may read secrets. Assumption: api-sensitive"""
     """Our group may read secrets, so that a secret which is not printed is not set."""
     sim: PinSim = PinSim.UNKNOWN
-    """Whether the modem's SIM asks for a PIN."""
 
     def is_entire(self, menu: Menu) -> bool:
         """Return True if all rows of the menu are ours."""

@@ -86,9 +86,9 @@ class Rule:
 
     chain: str
     target: str | None
-    """The chain it jumps to."""
+    """The chain to which the rule jumps; None: no jump."""
     stays: bool
-    """It is in the old list and in the new one, at a place that does not change."""
+    """The rule is in the old and in the new list, at an unchanged position."""
 
 
 def insertion(rules: Sequence[Rule]) -> list[int]:
@@ -162,13 +162,13 @@ class _Lists:
     old: list[_types.Row]
     new: list[RowItem]
     retained_places: dict[int, int] = field(default_factory=dict)
-    """New place to old place."""
+    """Maps the new position of a kept row to its old position."""
     moved_places: set[int] = field(default_factory=set)
-    """Old places of rows that stand higher up now."""
+    """Old positions of rows that were moved up."""
     insertions: dict[int, list[diff.DiffLine]] = field(default_factory=dict)
-    """What was inserted right before an old place, in order."""
+    """Lines inserted directly before an old position, in order."""
     spare: dict[_Content, list[int]] = field(default_factory=dict)
-    """Old places of rows that are not kept, ascending."""
+    """Old positions of rows that are not kept, ascending."""
 
     def chain(self, values: Mapping[str, str]) -> str:
         """Return the chain of a row; a menu without chains is one chain."""

@@ -26,7 +26,7 @@ class _Match:
     writes: tuple[tuple[str, str], ...] = ()
     is_replaced: bool = False
     after_those: list[_Match] = field(default_factory=list)
-    """Rows that must let go of a value first."""
+    """Rows that must release a value first."""
 
     def after(self) -> dict[str, str]:
         """Return the row as after the change."""
@@ -45,9 +45,9 @@ class _MatchedRows:
     report: _change.MenuPlan
     matches: list[_Match] = field(default_factory=list)
     unmatched_rows: list[_types.Row] = field(default_factory=list)
-    """Rows that nobody declared."""
+    """Rows that are not declared."""
     early: list[_types.Row] = field(default_factory=list)
-    """Rows that hold a value which another row needs: removed first."""
+    """Rows removed first, because they hold a value that another row needs."""
 
 
 def plan_identified(

@@ -34,9 +34,9 @@ class Rename:
     row: _types.Row
     name: str
     line: int = 0
-    """Where the text declares the port; 0: it does not."""
+    """Line of the text that declares the port; 0: none."""
     in_the_way: bool = False
-    """Nobody declares the port, and it has the name of one that is declared."""
+    """The port is not declared, but has the name of a declared one."""
 
     @property
     def old(self) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from atlantis_netcfg.routeros.render._cpe import CpeView, cpe, cpe_prerequisites, cpe_view, radio_name
 from atlantis_netcfg.routeros.render._environment import environment, get_template_cache, nft_comment, template_folder
-from atlantis_netcfg.routeros.render._links import LteView, lte, lte_bearer, lte_prerequisites, lte_view
+from atlantis_netcfg.routeros.render._links import LteView, lte, lte_link, lte_prerequisites, lte_view
 from atlantis_netcfg.routeros.render._router import prerequisites, router, router_view
 from atlantis_netcfg.routeros.render._switch import switch, switch_prerequisites
 from atlantis_netcfg.routeros.render.view import Prerequisite, RadioView, RenderError, RouterView
@@ -26,7 +26,7 @@ __all__ = [
     "environment",
     "get_template_cache",
     "lte",
-    "lte_bearer",
+    "lte_link",
     "lte_prerequisites",
     "lte_view",
     "nft_comment",

@@ -28,11 +28,11 @@ _LEGACY_BANDS = {
 _LEGACY_N = {"2ghz": "2ghz-b/g/n", "5ghz": "5ghz-a/n"}
 _STEP_MHZ = 20
 _LONG_M = 2000
-"""Further than this the `wifi` menus have to be told (Manual, Configuring outdoor CPE to AP links)."""
+"""Distance in metres from which the `wifi` menus need a setting (Manual, Configuring outdoor CPE to AP links)."""
 _SMALLEST_CELL_KM = 10
-"""Of `nv2-cell-radius`; below 10 km RouterOS refuses it (Manual, Nv2)."""
+"""Minimum of `nv2-cell-radius`; below 10 km RouterOS refuses it (Manual, Nv2)."""
 _WEATHER_MHZ = (5600, 5650)
-"""Weather radars: an access point listens for ten minutes before it speaks there (ETSI EN 301 893)."""
+"""Frequencies of weather radars: an access point listens for ten minutes before it transmits (ETSI EN 301 893)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,23 +46,23 @@ class CpeView:
     time_servers: tuple[view.NamedAddress, ...]
     bridge: str
     port: str
-    """The one Ethernet port; power and the router's cable come in by it."""
+    """The only Ethernet port; it carries power and the router's cable."""
     radio: view.RadioView
     management: view.ManagementView
     network: str
-    """Of the link: both routers and both radios."""
+    """Network of the link: both routers and both radios."""
     gateway: str
-    """The router that serves the link: the way to the time servers and to its own technician."""
+    """The router that serves the link: route to the time servers and to the link's own technician."""
     routes: tuple[view.NamedAddress, ...]
-    """The other networks from which it is managed, each with the address of the router that leads there."""
+    """Other networks that manage the device, each with the address of the router on that route."""
 
 
-def cpe(declaration: view.InventoryView, host: view.DeclaredHost, family: str) -> str:
+def cpe(inventory: view.InventoryView, host: view.DeclaredHost, family: str) -> str:
     """Render the desired text of one end, secrets in clear: never print it. Raises RenderError.
 
     `family`: `wireless` or `wifi`, the radio menus of the device.
     """
-    return _template().render(cpe=cpe_view(declaration, host, family))
+    return _template().render(cpe=cpe_view(inventory, host, family))
 
 
 @cache
@@ -70,19 +70,19 @@ def _template() -> Template:
     return environment().get_template("routeros/cpe.rsc.j2")
 
 
-def cpe_view(declaration: view.InventoryView, host: view.DeclaredHost, family: str) -> CpeView:
+def cpe_view(inventory: view.InventoryView, host: view.DeclaredHost, family: str) -> CpeView:
     """Prepare the template data. Raises RenderError."""
-    device, site = _cpe_of(host), declaration.sites[host.site]
-    carried_site, bearer, serving, served_link = _ends(declaration, host, device)
-    behind = declaration.sites[carried_site].management.network
-    networks = (served_link.network, behind, declaration.sites[serving].management.network)
+    device, site = _cpe_of(host), inventory.sites[host.site]
+    carried_site, link, serving, served_link = _ends(inventory, host, device)
+    behind = inventory.sites[carried_site].management.network
+    networks = (served_link.network, behind, inventory.sites[serving].management.network)
     return CpeView(
         name=host.name,
         title=site.title,
         peer=device.ptp.peer,
-        time_zone=declaration.pilot.time_zone,
+        time_zone=inventory.pilot.time_zone,
         time_servers=tuple(
-            view.NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers
+            view.NamedAddress(server.name, str(server.address)) for server in inventory.pilot.time_servers
         ),
         bridge=_BRIDGE,
         port=device.port,
@@ -97,7 +97,7 @@ def cpe_view(declaration: view.InventoryView, host: view.DeclaredHost, family: s
         ),
         network=str(served_link.network),
         gateway=str(served_link.address),
-        routes=(view.NamedAddress(str(behind), str(bearer.address)),),
+        routes=(view.NamedAddress(str(behind), str(link.address)),),
     )
 
 
@@ -106,10 +106,10 @@ def radio_name(family: str) -> str:
     return _RADIO_NAMES[family]
 
 
-def cpe_prerequisites(declaration: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
+def cpe_prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
     """Return the port and certificate that must exist on the device because its text refers to them."""
     device = _cpe_of(host)
-    peer = declaration.hosts[device.ptp.peer].name if device.ptp.peer in declaration.hosts else device.ptp.peer
+    peer = inventory.hosts[device.ptp.peer].name if device.ptp.peer in inventory.hosts else device.ptp.peer
     return (
         view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
         view.Prerequisite("/interface/ethernet", device.port, f"the cable of the bridge to {peer} comes in by it"),
@@ -123,18 +123,18 @@ def _cpe_of(host: view.DeclaredHost) -> model.Cpe:
 
 
 def _ends(
-    declaration: view.InventoryView, host: view.DeclaredHost, device: model.Cpe
-) -> tuple[str, model.Bearer, str, model.ServedLink]:
+    inventory: view.InventoryView, host: view.DeclaredHost, device: model.Cpe
+) -> tuple[str, model.Link, str, model.ServedLink]:
     """Return the site reached through the bridge with its link, and the site that serves it with its link."""
     ends = {host.name, device.ptp.peer}
-    for carried_site, site in declaration.sites.items():
-        for bearer in site.bearers:
-            if not bearer.kind.traits.bridge or bearer.device not in ends:
+    for carried_site, site in inventory.sites.items():
+        for link in site.bearers:
+            if not link.kind.traits.bridge or link.device not in ends:
                 continue
-            for serving, other in declaration.sites.items():
+            for serving, other in inventory.sites.items():
                 for served_link in other.served_links:
-                    if served_link.carries == carried_site and {bearer.device, served_link.device} == ends:
-                        return carried_site, bearer, serving, served_link
+                    if served_link.carries == carried_site and {link.device, served_link.device} == ends:
+                        return carried_site, link, serving, served_link
     raise view.RenderError(
         f"{host.name} is no end of a link: no `wifi_ptp` bearer and served link name {host.name} and {device.ptp.peer}",
         hint="see `bearers` and `served_links` of the two sites in group_vars",

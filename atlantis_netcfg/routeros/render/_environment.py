@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
 
 MARK = "atlantis: "
-"""Opens the comment of every row that is ours."""
+"""Start of the comment of every row that is ours."""
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _KEPT_S = 30 * 24 * 3600
-"""For so long a compiled template is kept."""
+"""Time for which a compiled template is kept."""
 _UNITS = (("w", 7 * 24 * 3600), ("d", 24 * 3600), ("h", 3600), ("m", 60), ("s", 1))
 
 

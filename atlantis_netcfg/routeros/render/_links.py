@@ -9,7 +9,7 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
-from atlantis_netcfg.links.standing_traffic import canaries
+from atlantis_netcfg.links.standing_traffic import probe_targets
 from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.routeros.render._environment import environment
 
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 
 
 WATCH_S = 5.0
-"""Below the 10 s of `check-gateway`, so that a link is held before that has missed it twice (11 s at the least)."""
+"""Below the 10 s of `check-gateway`: the holding route applies before that has missed the link twice (11 s minimum)."""
 _TIMEOUT_S, _METERED_TIMEOUT_S = 1.0, 3.0
 _DEAR_GAP_S = 30.0
-"""Between two packets of a test over a link whose canaries have a budget, or over any other:"""
+"""Seconds between two packets of a test over a link whose probe targets have a budget."""
 _GAP_S = 5.0
-"""A test has so many packets at most:"""
+"""Seconds between two packets over any other link. `_MOST_SILENT` and `_MOST_STEADY` limit the packets of a test."""
 _MOST_SILENT, _MOST_STEADY = 40, 60
 
 
-def probe_timing(bearer: model.Bearer, failover: model.Failover) -> view.JudgedBearer:
+def probe_timing(link: model.Link, failover: model.Failover) -> view.JudgedLink:
     """Return how a link with probe targets is monitored.
 
     From the first lost request to the decision to leave the link, at least `hold_down_s` pass: its timeout, the 3 s
@@ -43,17 +43,17 @@ def probe_timing(bearer: model.Bearer, failover: model.Failover) -> view.JudgedB
     all the time. The first request without a reply starts the second row, which leaves the link if all of its packets
     are lost. The first reply after that starts the third row, which returns to the link if none of its packets is lost.
     """
-    has_budget = bearer.canary_budget_bytes is not None
+    has_budget = link.probe_target_budget_bytes is not None
     usual_s = _DEAR_GAP_S if has_budget else _GAP_S
     silence = min(max(2, ceil(failover.hold_down_s / usual_s)), _MOST_SILENT)
     gap_s = failover.hold_down_s / silence
     steady = min(max(2, ceil(failover.fail_back_s / usual_s) + 1), _MOST_STEADY)
-    watch_s = float(max(failover.metered_probe_s, bearer.canary_pause_s)) if bearer.metered else WATCH_S
-    daily_bytes, testing_bytes = (canaries(len(bearer.canaries), each).both for each in (watch_s, usual_s))
-    return view.JudgedBearer(
-        has_gateway_check=not bearer.metered,
+    watch_s = float(max(failover.metered_probe_s, link.probe_target_pause_s)) if link.metered else WATCH_S
+    daily_bytes, testing_bytes = (probe_targets(len(link.canaries), each).both for each in (watch_s, usual_s))
+    return view.JudgedLink(
+        has_gateway_check=not link.metered,
         watch_s=watch_s,
-        timeout_s=_METERED_TIMEOUT_S if bearer.metered else _TIMEOUT_S,
+        timeout_s=_METERED_TIMEOUT_S if link.metered else _TIMEOUT_S,
         silence=silence,
         silence_gap_s=gap_s if gap_s <= usual_s and not has_budget else failover.hold_down_s / (silence - 1),
         steady=steady,
@@ -108,31 +108,31 @@ def port_of(name: str, router: model.Router, link: str) -> str:
 def uplinks(name: str, router: model.Router, site: model.Site, pilot: model.Pilot) -> tuple[view.Uplink, ...]:
     """Return the links in order of preference."""
     return tuple(
-        _uplink(site, place, port_of(name, router, bearer.name), pilot)
-        for place, bearer in enumerate(site.bearers, start=1)
+        _uplink(site, place, port_of(name, router, link.name), pilot)
+        for place, link in enumerate(site.bearers, start=1)
     )
 
 
 def _uplink(site: model.Site, place: int, port: str, pilot: model.Pilot) -> view.Uplink:
-    bearer = site.bearers[place - 1]
-    targets = allowed_targets(pilot, bearer)
+    link = site.bearers[place - 1]
+    targets = allowed_targets(pilot, link)
     later = site.bearers[place:]
     return view.Uplink(
-        name=bearer.name,
+        name=link.name,
         port=port,
-        address=str(bearer.address),
-        interface_address=in_network(bearer.address, bearer.network),
-        network=str(bearer.network),
-        gateway=str(bearer.gateway),
-        kind=bearer.kind,
+        address=str(link.address),
+        interface_address=in_network(link.address, link.network),
+        network=str(link.network),
+        gateway=str(link.gateway),
+        kind=link.kind,
         place=place,
-        canaries=tuple(str(canary) for canary in bearer.canaries),
-        targets=tuple(_targets(target for target in targets if target.address not in bearer.canaries)),
-        probing=probe_timing(bearer, site.failover) if bearer.canaries and later else None,
+        probe_targets=tuple(str(probe_target) for probe_target in link.canaries),
+        targets=tuple(_targets(target for target in targets if target.address not in link.canaries)),
+        probing=probe_timing(link, site.failover) if link.canaries and later else None,
         later=tuple(str(other.address) for other in later),
-        up_bps=round(bearer.rate.up_kbps * 1000),
-        thin=bearer.thin,
-        dds=pilot.dds is None or bearer.carries(pilot.dds),
+        up_bps=round(link.rate.up_kbps * 1000),
+        thin=link.thin,
+        dds=pilot.dds is None or link.carries(pilot.dds),
     )
 
 
@@ -157,7 +157,7 @@ def served_links(name: str, router: model.Router, site: model.Site) -> tuple[vie
 
 
 _PORT, _MODEM = "ether1", "lte1"
-"""Factory names: the boxes for outdoors have one cable and one modem (Manual, LTE/5G)."""
+"""Factory names: outdoor devices have one Ethernet port and one modem (Manual, LTE/5G)."""
 _API_SSL = 8729
 
 
@@ -171,7 +171,7 @@ class LteView:
     port: str
     modem: str
     profile: str
-    """Of `/interface/lte/apn`."""
+    """Profile name of `/interface/lte/apn`."""
     apn: str | None
     user: str | None
     password: Secret | None
@@ -181,9 +181,9 @@ class LteView:
     management: view.ManagementView
 
 
-def lte(declaration: view.InventoryView, host: view.DeclaredHost) -> str:
+def lte(inventory: view.InventoryView, host: view.DeclaredHost) -> str:
     """Render the desired text of one LTE device, secrets in clear: never print it. Raises RenderError."""
-    return _template().render(lte=lte_view(declaration, host))
+    return _template().render(lte=lte_view(inventory, host))
 
 
 @cache
@@ -191,14 +191,14 @@ def _template() -> Template:
     return environment().get_template("routeros/lte.rsc.j2")
 
 
-def lte_view(declaration: view.InventoryView, host: view.DeclaredHost) -> LteView:
+def lte_view(inventory: view.InventoryView, host: view.DeclaredHost) -> LteView:
     """Prepare the template data. Raises RenderError."""
-    device, bearer = _box(host), lte_bearer(declaration, host)
+    device, link = _box(host), lte_link(inventory, host)
     sim, access = device.sim, device.access
     return LteView(
         name=host.name,
-        title=declaration.sites[host.site].title,
-        time_zone=declaration.pilot.time_zone,
+        title=inventory.sites[host.site].title,
+        time_zone=inventory.pilot.time_zone,
         port=_PORT,
         modem=_MODEM,
         profile="atlantis",
@@ -210,30 +210,30 @@ def lte_view(declaration: view.InventoryView, host: view.DeclaredHost) -> LteVie
         bands=sim.bands,
         management=view.ManagementView(
             port=_PORT,
-            address=in_network(device.address, bearer.network),
-            network=str(bearer.network),
-            admit=(str(bearer.network),),
+            address=in_network(device.address, link.network),
+            network=str(link.network),
+            admit=(str(link.network),),
             api_port=(access.port if access is not None else None) or _API_SSL,
             certificate=API_CERTIFICATE,
         ),
     )
 
 
-def lte_bearer(declaration: view.InventoryView, host: view.DeclaredHost) -> model.Bearer:
+def lte_link(inventory: view.InventoryView, host: view.DeclaredHost) -> model.Link:
     """Return the link whose gateway is the LTE device. Raises RenderError."""
     device = _box(host)
-    for bearer in declaration.sites[host.site].bearers:
-        if bearer.device == host.name or bearer.gateway == device.address:
-            return bearer
+    for link in inventory.sites[host.site].bearers:
+        if link.device == host.name or link.gateway == device.address:
+            return link
     raise view.RenderError(
         f"{host.name} is the gateway of no link of {host.site}",
         hint=f"see `bearers` in group_vars/{host.site}.yml: one has `device: {host.name}`",
     )
 
 
-def lte_prerequisites(declaration: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
+def lte_prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
     """Return the modem, port and certificate that must exist on the device because its text refers to them."""
-    link = lte_bearer(declaration, host).name
+    link = lte_link(inventory, host).name
     return (
         view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
         view.Prerequisite("/interface/ethernet", _PORT, f"the cable of {link} comes in by it"),
@@ -250,4 +250,4 @@ def _box(host: view.DeclaredHost) -> model.LteRouter:
 
 
 API_CERTIFICATE = "atlantis-api"
-"""Made on the device when it is adopted; service api-ssl presents it and we pin it."""
+"""Created on the device during adoption; service api-ssl presents it and we pin it."""

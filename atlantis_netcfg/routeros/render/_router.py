@@ -20,28 +20,28 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
 
-def _server(declaration: view.InventoryView) -> view.DeclaredHost:
-    name = declaration.pilot.vpn.server
-    if name not in declaration.hosts:
+def _server(inventory: view.InventoryView) -> view.DeclaredHost:
+    name = inventory.pilot.vpn.server
+    if name not in inventory.hosts:
         raise view.RenderError(
             f"no host is called {name}, which pilot.vpn.server names",
             hint="see group_vars/all/pilot.yml",
         )
-    return declaration.hosts[name]
+    return inventory.hosts[name]
 
 
-def server_in_lan(declaration: view.InventoryView, host: view.DeclaredHost) -> bool:
+def server_in_lan(inventory: view.InventoryView, host: view.DeclaredHost) -> bool:
     """Return True if the VPN server is at the router's own site."""
-    return _server(declaration).site == host.site
+    return _server(inventory).site == host.site
 
 
-def tunnel(declaration: view.InventoryView, router: model.Router) -> view.TunnelView | None:
+def tunnel(inventory: view.InventoryView, router: model.Router) -> view.TunnelView | None:
     """Return the router's end of the VPN; None if it is not a VPN client."""
-    client, vpn = router.vpn_client, declaration.pilot.vpn
+    client, vpn = router.vpn_client, inventory.pilot.vpn
     if client is None:
         return None
     return view.TunnelView(
-        interface=f"ovpn-{_server(declaration).site}",
+        interface=f"ovpn-{_server(inventory).site}",
         connect_to=vpn.endpoint_name,
         endpoint=str(vpn.endpoint),
         port=vpn.port,
@@ -53,22 +53,22 @@ def tunnel(declaration: view.InventoryView, router: model.Router) -> view.Tunnel
     )
 
 
-def remotes(declaration: view.InventoryView, host: view.DeclaredHost, interface: str | None) -> tuple[view.Remote, ...]:
+def remotes(inventory: view.InventoryView, host: view.DeclaredHost, interface: str | None) -> tuple[view.Remote, ...]:
     """Return the networks behind the VPN: via `interface`, via the VPN server in the LAN, or none."""
-    server = _server(declaration)
+    server = _server(inventory)
     gateway = interface
     if server.site == host.site:
-        gateway = view.address_in_site(server.device, declaration.sites[host.site])
+        gateway = view.address_in_site(server.device, inventory.sites[host.site])
     if gateway is None:
         return ()
-    return tuple(view.Remote(name, network, gateway) for name, network in _networks(declaration, host.site))
+    return tuple(view.Remote(name, network, gateway) for name, network in _networks(inventory, host.site))
 
 
-def _networks(declaration: view.InventoryView, here: str) -> Iterator[tuple[str, str]]:
+def _networks(inventory: view.InventoryView, here: str) -> Iterator[tuple[str, str]]:
     """Yield every network to which a reply may go: tunnel addresses, other LANs, and admitted managers."""
-    yield "tunnel addresses", str(declaration.pilot.vpn.network)
-    admit = declaration.sites[here].management.admit
-    for name, site in sorted(declaration.sites.items()):
+    yield "tunnel addresses", str(inventory.pilot.vpn.network)
+    admit = inventory.sites[here].management.admit
+    for name, site in sorted(inventory.sites.items()):
         if name == here:
             continue
         yield f"{name} LAN", str(site.lan.network)
@@ -76,19 +76,17 @@ def _networks(declaration: view.InventoryView, here: str) -> Iterator[tuple[str,
             yield f"{name} management", str(site.management.network)
 
 
-def managers(
-    declaration: view.InventoryView, host: view.DeclaredHost, interface: str | None
-) -> Iterator[view.Managers]:
+def managers(inventory: view.InventoryView, host: view.DeclaredHost, interface: str | None) -> Iterator[view.Managers]:
     """Yield who may manage the router, and from where; `interface` is its end of the VPN.
 
     A prefix is admitted where it belongs: at the technician's port, in the LAN, behind the VPN. A prefix of none of our
     networks comes in by a link. Without a route into the VPN nobody from it is admitted.
     """
-    site = declaration.sites[host.site]
+    site = inventory.sites[host.site]
     local = (("", "MGMT", [site.management.network]), (" in the LAN", "LAN", [site.lan.network]))
-    others = [item for name, item in declaration.sites.items() if name != host.site]
-    behind = [declaration.pilot.vpn.network, *(network for other in others for network in _inner(other))]
-    way_in = "VPN" if interface is not None else "LAN" if server_in_lan(declaration, host) else ""
+    others = [item for name, item in inventory.sites.items() if name != host.site]
+    behind = [inventory.pilot.vpn.network, *(network for other in others for network in _inner(other))]
+    way_in = "VPN" if interface is not None else "LAN" if server_in_lan(inventory, host) else ""
     for prefix in site.management.admit:
         has_network = False
         for way, interfaces, networks in (*local, (" by the VPN", way_in, behind)):
@@ -106,33 +104,33 @@ def _inner(site: model.Site) -> tuple[IPv4Network, ...]:
 
 
 def forwards(
-    declaration: view.InventoryView, host: view.DeclaredHost, router: model.Router
+    inventory: view.InventoryView, host: view.DeclaredHost, router: model.Router
 ) -> tuple[view.PortForward, ...]:
     """Return the port forwards of our outer addresses: from the inventory, and for the measurement far end."""
-    site, qualify = declaration.sites[host.site], declaration.pilot.qualify
+    site, qualify = inventory.sites[host.site], inventory.pilot.qualify
     ports = [(forward.to, forward.transport, forward.port) for forward in router.forwards]
-    if qualify is not None and _find_host(declaration, host, qualify.reflector).site == host.site:
+    if qualify is not None and _find_host(inventory, host, qualify.reflector).site == host.site:
         ports.append((qualify.reflector, model.Transport.UDP, qualify.port))
     return tuple(
         view.PortForward(
             name=name,
             transport=transport.value,
             port=port,
-            to=view.address_in_site(_find_host(declaration, host, name).device, site),
+            to=view.address_in_site(_find_host(inventory, host, name).device, site),
         )
         for name, transport, port in ports
     )
 
 
-def _find_host(declaration: view.InventoryView, host: view.DeclaredHost, name: str) -> view.DeclaredHost:
-    if name not in declaration.hosts:
+def _find_host(inventory: view.InventoryView, host: view.DeclaredHost, name: str) -> view.DeclaredHost:
+    if name not in inventory.hosts:
         raise view.RenderError(f"{host.name} forwards a port to {name}, and no host is called so")
-    return declaration.hosts[name]
+    return inventory.hosts[name]
 
 
-def router(declaration: view.InventoryView, host: view.DeclaredHost) -> str:
+def router(inventory: view.InventoryView, host: view.DeclaredHost) -> str:
     """Render the desired text of one router, secrets in clear: never print it. Raises RenderError."""
-    return _template().render(router=router_view(declaration, host))
+    return _template().render(router=router_view(inventory, host))
 
 
 @cache
@@ -141,45 +139,45 @@ def _template() -> Template:
     return environment().get_template("routeros/router.rsc.j2")
 
 
-def router_view(declaration: view.InventoryView, host: view.DeclaredHost) -> view.RouterView:
+def router_view(inventory: view.InventoryView, host: view.DeclaredHost) -> view.RouterView:
     """Prepare the template data. Raises RenderError."""
-    device, site = view.router_of(host), declaration.sites[host.site]
-    own_tunnel = tunnel(declaration, device)
+    device, site = view.router_of(host), inventory.sites[host.site]
+    own_tunnel = tunnel(inventory, device)
     return view.RouterView(
         name=host.name,
         title=site.title,
-        time_zone=declaration.pilot.time_zone,
+        time_zone=inventory.pilot.time_zone,
         time_servers=tuple(
-            view.NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers
+            view.NamedAddress(server.name, str(server.address)) for server in inventory.pilot.time_servers
         ),
         bridge=view.BRIDGE,
         ports=_links.ports(device),
-        lan=_lan(declaration, host, device),
+        lan=_lan(inventory, host, device),
         management=_management(host.name, site, device),
-        managers=tuple(managers(declaration, host, own_tunnel.interface if own_tunnel else None)),
-        uplinks=_links.uplinks(host.name, device, site, declaration.pilot),
+        managers=tuple(managers(inventory, host, own_tunnel.interface if own_tunnel else None)),
+        uplinks=_links.uplinks(host.name, device, site, inventory.pilot),
         classes=tuple(_classes(site)),
         served_links=_links.served_links(host.name, device, site),
         tunnel=own_tunnel,
-        server_in_lan=server_in_lan(declaration, host),
-        remotes=remotes(declaration, host, own_tunnel.interface if own_tunnel else None),
-        vpn_network=str(declaration.pilot.vpn.network),
-        dds_ports=_dds_ports(declaration.pilot),
-        names=tuple(_names(declaration, host.site)),
-        forwards=forwards(declaration, host, device),
+        server_in_lan=server_in_lan(inventory, host),
+        remotes=remotes(inventory, host, own_tunnel.interface if own_tunnel else None),
+        vpn_network=str(inventory.pilot.vpn.network),
+        dds_ports=_dds_ports(inventory.pilot),
+        names=tuple(_names(inventory, host.site)),
+        forwards=forwards(inventory, host, device),
         access_point=None if device.access_point is None else access_point(device.access_point),
         switches=tuple(
             view.NamedAddress(other.name, str(other.device.access.address))
-            for other in view.hosts_of(declaration, host.site)
+            for other in view.hosts_of(inventory, host.site)
             if isinstance(other.device, model.Switch)
         ),
     )
 
 
-def prerequisites(declaration: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
+def prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
     """Return the ports and certificates that must exist on the device because its text refers to them."""
     device = view.router_of(host)
-    own_tunnel = tunnel(declaration, device)
+    own_tunnel = tunnel(inventory, device)
     certificates = [view.Prerequisite("/certificate", _links.API_CERTIFICATE, "service api-ssl presents it")]
     if own_tunnel is not None:
         reason = f"{own_tunnel.interface} proves with it who it is"
@@ -204,8 +202,8 @@ def _dds_ports(pilot: model.Pilot) -> str | None:
     return None if pilot.dds is None else f"{pilot.dds.ports[0]}-{pilot.dds.ports[-1]}"
 
 
-def _lan(declaration: view.InventoryView, here: view.DeclaredHost, device: model.Router) -> view.LanView:
-    lan = declaration.sites[here.site].lan
+def _lan(inventory: view.InventoryView, here: view.DeclaredHost, device: model.Router) -> view.LanView:
+    lan = inventory.sites[here.site].lan
     return view.LanView(
         address=_links.in_network(lan.gateway, lan.network),
         network=str(lan.network),
@@ -213,7 +211,7 @@ def _lan(declaration: view.InventoryView, here: view.DeclaredHost, device: model
         domain=lan.domain,
         hosts=tuple(
             view.NamedAddress(host.name, str(host.device.address))
-            for host in view.hosts_of(declaration, here.site)
+            for host in view.hosts_of(inventory, here.site)
             if isinstance(host.device, model.LanBox)
         ),
         ports=tuple(port.name for port in device.ports if port.use == "lan"),
@@ -247,10 +245,10 @@ def _management(name: str, site: model.Site, device: model.Router) -> view.Manag
     )
 
 
-def _names(declaration: view.InventoryView, here: str) -> Iterator[view.NamedAddress]:
+def _names(inventory: view.InventoryView, here: str) -> Iterator[view.NamedAddress]:
     """Yield the router's DNS entries: hosts and reservations of the site, and the VPN endpoint."""
-    site, vpn = declaration.sites[here], declaration.pilot.vpn
-    host_addresses = {host.name: view.address_in_site(host.device, site) for host in view.hosts_of(declaration, here)}
+    site, vpn = inventory.sites[here], inventory.pilot.vpn
+    host_addresses = {host.name: view.address_in_site(host.device, site) for host in view.hosts_of(inventory, here)}
     reservation_addresses = {row.name: str(row.address) for row in site.lan.reservations}
     for name, address in sorted((reservation_addresses | host_addresses).items()):
         yield view.NamedAddress(f"{name}.{site.lan.domain}", address)

@@ -26,7 +26,7 @@ class BridgedPort:
     name: str
     purpose: str
     is_isolated: bool
-    """It hands nothing to the other isolated ports."""
+    """The port forwards nothing to the other isolated ports."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +41,14 @@ class SwitchView:
     ports: tuple[view.PortView, ...]
     bridge_ports: tuple[BridgedPort, ...]
     management: view.ManagementView
-    """Who is admitted are the router, and whoever may manage and comes by the LAN."""
+    """Managers: the router, and anyone permitted to manage who comes by the LAN."""
     gateway: str
     access_point: view.RadioView | None
 
 
-def switch(declaration: view.InventoryView, host: view.DeclaredHost) -> str:
+def switch(inventory: view.InventoryView, host: view.DeclaredHost) -> str:
     """Render the desired text of one switch, secrets in clear: never print it. Raises RenderError."""
-    return _template().render(switch=switch_view(declaration, host))
+    return _template().render(switch=switch_view(inventory, host))
 
 
 @cache
@@ -56,16 +56,16 @@ def _template() -> Template:
     return environment().get_template("routeros/switch.rsc.j2")
 
 
-def switch_view(declaration: view.InventoryView, host: view.DeclaredHost) -> SwitchView:
+def switch_view(inventory: view.InventoryView, host: view.DeclaredHost) -> SwitchView:
     """Prepare the template data. Raises RenderError."""
-    device, site = _switch_of(host), declaration.sites[host.site]
+    device, site = _switch_of(host), inventory.sites[host.site]
     radio = None if device.access_point is None else access_point(device.access_point)
     return SwitchView(
         name=host.name,
         title=site.title,
-        time_zone=declaration.pilot.time_zone,
+        time_zone=inventory.pilot.time_zone,
         time_servers=tuple(
-            view.NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers
+            view.NamedAddress(server.name, str(server.address)) for server in inventory.pilot.time_servers
         ),
         bridge=view.BRIDGE,
         ports=_ports(device),
@@ -74,7 +74,7 @@ def switch_view(declaration: view.InventoryView, host: view.DeclaredHost) -> Swi
             port=device.uplink,
             address=in_network(device.access.address, site.lan.network),
             network=str(site.lan.network),
-            admit=(f"{site.lan.gateway}/32", *_by_the_lan(declaration, host.site)),
+            admit=(f"{site.lan.gateway}/32", *_by_the_lan(inventory, host.site)),
             api_port=device.access.port,
             certificate=API_CERTIFICATE,
         ),
@@ -132,10 +132,10 @@ def _bridge_ports(device: model.Switch, radio: view.RadioView | None) -> Iterato
         yield BridgedPort(radio.name, "access point", radio.is_isolated)
 
 
-def _by_the_lan(declaration: view.InventoryView, site: str) -> Iterator[str]:
+def _by_the_lan(inventory: view.InventoryView, site: str) -> Iterator[str]:
     """Yield the networks of managers that come in by the LAN, possibly through the VPN server in it."""
-    for host in view.hosts_of(declaration, site):
+    for host in view.hosts_of(inventory, site):
         if isinstance(host.device, model.Router):
-            end = tunnel(declaration, host.device)
-            all_managers = managers(declaration, host, end.interface if end is not None else None)
+            end = tunnel(inventory, host.device)
+            all_managers = managers(inventory, host, end.interface if end is not None else None)
             yield from dict.fromkeys(manager.network for manager in all_managers if manager.interfaces == "LAN")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 BRIDGE = "bridge-lan"
 DOWN_OFFSET = 100
-"""Added to the distance of routes by a link that was given up."""
+"""Added to the distance of the routes of a failed link."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +27,11 @@ class Prerequisite:
     """Something that must exist on the device before the desired text is applied, as the text refers to it."""
 
     menu: str
-    """In the form of the API, like `/certificate`."""
+    """Menu as API path, like `/certificate`."""
     name: str
-    """The row's `name`; of `/interface/ethernet` its `default-name`."""
+    """`name` of the row; for `/interface/ethernet` its `default-name`."""
     reason: str
-    """What refers to it, for the sentence that says it is missing."""
+    """What refers to it, for the error message when it is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +59,12 @@ class LanView:
     """The bridged ports and what is served on them."""
 
     address: str
-    """The router's own, with prefix length."""
+    """The router's address, with prefix length."""
     network: str
     gateway: str
     domain: str
     hosts: tuple[NamedAddress, ...]
-    """The declared computers in it; whatever else is plugged in may be a partner's."""
+    """Declared computers in this LAN; any other device may be a partner's."""
     ports: tuple[str, ...]
     pool: str
     """First and last address, like 10.64.1.100-10.64.1.199."""
@@ -78,7 +78,7 @@ class ManagementView:
 
     port: str
     address: str
-    """The router's own, with prefix length."""
+    """The router's address, with prefix length."""
     network: str
     admit: tuple[str, ...]
     api_port: int
@@ -90,7 +90,7 @@ class Managers:
     """A network whose hosts may manage the router, and the interface list that it comes in by."""
 
     way: str
-    """In the words of the rule's comment; empty at the technician's port."""
+    """Description of the route in the rule's comment; empty at the technician's port."""
     interfaces: str
     network: str
 
@@ -118,24 +118,24 @@ class PingTarget:
 
 
 @dataclass(frozen=True, slots=True)
-class JudgedBearer:
+class JudgedLink:
     """How a link with probe targets is monitored, and when it is left and used again; times in seconds."""
 
     has_gateway_check: bool
-    """It costs nothing to ask: `check-gateway` watches too, and a route without it holds the link meanwhile."""
+    """Probing is free: `check-gateway` also monitors, and a route without it holds the link meanwhile."""
     watch_s: float
-    """Between two questions to a canary while it answers."""
+    """Seconds between two requests to a probe target while it responds."""
     timeout_s: float
     silence: int
-    """So many packets in a row unanswered are the declared silence."""
+    """Consecutive unanswered packets that amount to the declared silence."""
     silence_gap_s: float
     steady: int
-    """So many packets in a row answered are the declared time without a break."""
+    """Consecutive answered packets that amount to the declared time without interruption."""
     steady_gap_s: float
     daily_bytes: int
-    """What both canaries cost a day while all is well, answers included."""
+    """Bytes per day of both probe targets in normal operation, replies included."""
     unsteady_bytes: int | None
-    """At most, on a day on which the link comes and goes all the time; None: its canaries have no budget."""
+    """Maximum bytes on a day with constant interruptions; None: its probe targets have no budget."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,20 +143,20 @@ class Uplink(LinkView):
     """A link. `place` is its position in the order of preference, from 1."""
 
     gateway: str
-    kind: model.BearerKind
+    kind: model.LinkKind
     place: int
-    canaries: tuple[str, ...]
+    probe_targets: tuple[str, ...]
     targets: tuple[PingTarget, ...]
-    probing: JudgedBearer | None
-    """None: it is not left for another one while its port has a link, be it unprobed or the last."""
+    probing: JudgedLink | None
+    """None: unprobed or last, so it is kept while its port has a link."""
     later: tuple[str, ...]
-    """The router's own addresses on the links that come after this one."""
+    """The router's own addresses on the links after this one."""
     up_bps: int
-    """From the site."""
+    """Rate from the site in bits per second."""
     thin: bool
-    """So slow that control has to go first."""
+    """So slow that control must be sent first."""
     dds: bool
-    """Whether DDS may cross it; where not, the router tells the gateway so."""
+    """Whether DDS may use the link; if not, the router reports that to the gateway."""
 
     @property
     def distance(self) -> int:
@@ -205,9 +205,9 @@ class ClassView:
 
     name: str
     priority: int
-    """Of its queue, after control (1) and before the rest (8)."""
+    """Priority of its queue, after control (1) and before the rest (8)."""
     share: int
-    """One of so many parts of the link is its own, whatever the others send; all queues together have less than all."""
+    """Guaranteed share: one part of this many of the link; all queues together are guaranteed less than all."""
     hosts: tuple[NamedAddress, ...]
 
 
@@ -250,30 +250,30 @@ class RadioView:
     """One radio, in the terms of its family of menus."""
 
     name: str
-    """Factory name."""
+    """Factory name of the radio."""
     family: str
     """`wireless` or `wifi`."""
     is_ap: bool
     ssid: str
     protocol: str
-    """RouterOS' word for `wireless-protocol`."""
+    """Value of `wireless-protocol` in RouterOS."""
     band: str
     frequency_mhz: int
     width: str
     country: str
     installation: str
     skip_dfs: str
-    """Which channels an access point keeps off when it has to choose another one."""
+    """Channels that an access point avoids when it must choose a different one."""
     key: Secret
     authentication: str
     tx_power_dbm: int | None
     antenna_gain_dbi: int | None
     cell_radius_km: int = 10
-    """Of nv2; below 10 km RouterOS refuses it (Manual, Nv2)."""
+    """Cell radius of nv2; below 10 km RouterOS refuses it (Manual, Nv2)."""
     distance_km: int | None = None
-    """Only where the distance needs it."""
+    """Distance in km; None: the distance needs no setting."""
     is_isolated: bool = False
-    """Stations do not reach one another through it."""
+    """Stations cannot reach each other through the radio."""
 
     @property
     def is_nv2(self) -> bool:
@@ -296,22 +296,22 @@ class RouterView:
     managers: tuple[Managers, ...]
     uplinks: tuple[Uplink, ...]
     classes: tuple[ClassView, ...]
-    """Those that a reservation is given; control and the rest are always there."""
+    """Classes with a reservation; control and the rest always exist."""
     served_links: tuple[LinkView, ...]
     tunnel: TunnelView | None
     server_in_lan: bool
     """The VPN server is a host of this LAN, so traffic to other sites enters and leaves by the same bridge."""
     remotes: tuple[Remote, ...]
     vpn_network: str
-    """Tunnel addresses."""
+    """Network of the tunnel addresses."""
     dds_ports: str | None
     """Unicast ports of the pilot's DDS, like 7410-7429."""
     names: tuple[NamedAddress, ...]
     forwards: tuple[PortForward, ...]
     access_point: RadioView | None = None
-    """Its own radio, where vehicles join it."""
+    """The router's radio, which vehicles join; None: no radio."""
     switches: tuple[NamedAddress, ...] = ()
-    """Of the LAN: who manages them by way of this router has its address there."""
+    """Switches of the LAN; managers reach them through this router and appear there with its address."""
 
     @property
     def satellites(self) -> tuple[Uplink, ...]:
@@ -387,9 +387,9 @@ def router_of(host: DeclaredHost) -> model.Router:
     return host.device
 
 
-def hosts_of(declaration: InventoryView, site: str) -> tuple[DeclaredHost, ...]:
+def hosts_of(inventory: InventoryView, site: str) -> tuple[DeclaredHost, ...]:
     """Return the hosts of a site by name, so that the text does not depend on the order of files."""
-    return tuple(host for _, host in sorted(declaration.hosts.items()) if host.site == site)
+    return tuple(host for _, host in sorted(inventory.hosts.items()) if host.site == site)
 
 
 def address_in_site(device: model.Device, site: model.Site) -> str:

@@ -29,17 +29,17 @@ class Statement:
     """One command of export text; equal to another one with the same effect, wherever it is in the text."""
 
     menu: str
-    """In the form of the API: `/ip/firewall/filter`; the root is `/`."""
+    """Menu as API path: `/ip/firewall/filter`; the root is `/`."""
     verb: str
     """`add`, `set`, or another command word."""
     values: tuple[tuple[str, str | None], ...] = ()
-    """Arguments in the order of the text, names in full (never `.mode`); None is `!name`: the property is unset."""
+    """Arguments in the order of the text, with full names (never `.mode`); None is `!name`: the property is unset."""
     find: tuple[tuple[str, str], ...] | None = None
-    """The rows that `[ find default-name=ether1 ]` selects; () is `[ find ]`, every row."""
+    """Rows selected by `[ find default-name=ether1 ]`; () is `[ find ]`, every row; None: no `find`."""
     target: str | None = None
-    """The row that stands behind the verb by itself: `set telnet`, `set 0`, `set *3`."""
+    """Row given directly after the verb: `set telnet`, `set 0`, `set *3`."""
     line: int = field(default=0, compare=False)
-    """First line in the text, 1-based; 0 when it was not read from a text."""
+    """First line in the text, 1-based; 0 if not read from a text."""
     comments: tuple[str, ...] = ()
     """Comment lines directly above, without `# `."""
 
@@ -53,7 +53,7 @@ class Export:
     """A whole export: its header comments, its statements, and the menus that it opens."""
 
     header: tuple[str, ...] = ()
-    """The comment lines at the very top, without `# `."""
+    """Comment lines at the very top, without `# `."""
     statements: tuple[Statement, ...] = ()
     menus: tuple[str, ...] = ()
     """In order of first appearance, menus without statements included."""
@@ -87,7 +87,7 @@ VERBS = frozenset(
         "unset",
     }
 )
-"""Commands that most menus have, and no menu's name: they end the path of a full-path line, whatever follows."""
+"""Commands that most menus have, and no menu's name: they end the path of a full-path line."""
 
 FLAGS = frozenset({"blackhole", "fib", "no-summaries", "passive"})
-"""Arguments that `export` prints as the bare name when they are there; the API gives them an empty value."""
+"""Arguments that `export` prints as a bare name when present; the API gives them an empty value."""

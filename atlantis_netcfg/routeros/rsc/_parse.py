@@ -47,7 +47,7 @@ class RscArguments:
     find: tuple[tuple[str, str], ...] | None = None
     target: str | None = None
     end: int = field(init=False)
-    """Where the statement ends: the end of the line, or the menu that RouterOS glued to it (see `_check_end`)."""
+    """End of the statement: end of the line, or the menu that RouterOS appended to it (see `_check_end`)."""
     _prefix: str = ""
     _selecting: bool = False
 

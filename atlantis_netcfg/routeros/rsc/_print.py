@@ -20,7 +20,7 @@ ENCODING = "utf-8"
 ERRORS = "surrogateescape"
 
 _PLAIN = re.compile(r"[ !#%->@-\[\]-~]*")
-"""What stands in quotes as it is."""
+"""Text that needs no escaping in quotes."""
 _BARE = re.compile(r"[0-9A-Za-z!#%*+,\-./:<>@_~]+")
 
 _ESCAPE_BY_CHAR = {'"': '\\"', "\\": "\\\\", "$": "\\$", "?": "\\?", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
@@ -158,9 +158,9 @@ class _Atom:
 
     text: str
     has_space: bool = True
-    """A space goes before it; the space is no part of the text and ends the line if the atom starts the next one."""
+    """A space precedes it. It is not part of the text, and ends the line if the atom starts the next one."""
     value: str | None = None
-    """What is put in quotes and cut, if no line has room for the whole; None is a word that must not be cut."""
+    """Value to be quoted and split if no line has room for it; None: a word that must not be split."""
 
 
 def _atoms(statement: _model.Statement, *, elide: bool) -> Iterator[_Atom]:

@@ -32,17 +32,17 @@ class DriftReport:
     site: str
     is_rehearsal: bool
     devices: Mapping[str, Mapping[str, Any]]
-    """Device name to the engine's result."""
+    """Maps a device name to the engine's result."""
     not_handled: Mapping[str, str] = field(default_factory=dict)
-    """Device name to its kind, for what no role handles yet."""
+    """Maps a device name to its kind, for devices that no role supports yet."""
     unfinished_runs: Mapping[str, str] = field(default_factory=dict)
-    """Device name to the run that left its outcome open."""
+    """Maps a device name to the run whose outcome is open."""
     next_commands: Mapping[str, str] = field(default_factory=dict)
-    """Device name to what is typed to go on with that run."""
+    """Maps a device name to the command that continues that run."""
     left_out: Mapping[str, str] = field(default_factory=dict)
-    """Rehearsal: device name to why nothing stands for it here."""
+    """Rehearsal: maps a device name to why it has no emulated device here."""
     time_zone: str = ""
-    """The pilot's (IANA name), for the times that people read."""
+    """The pilot's time zone (IANA name), for displayed times."""
 
     @property
     def skip_reasons(self) -> Mapping[str, str]:
@@ -186,7 +186,7 @@ def _kind(kind: str) -> str:
 
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 cannot hold, not even escaped (its production Char); a comment on a device may hold it."""
+"""Characters that XML 1.0 cannot contain, even escaped (its production Char); a device's comment may contain them."""
 
 
 def clean(text: str) -> str:
@@ -205,7 +205,7 @@ def skip(case: ET.Element, why: str) -> None:
     ET.SubElement(case, "skipped", message=clean(why))
 
 
-def tell(case: ET.Element, *texts: str) -> None:
+def add_output(case: ET.Element, *texts: str) -> None:
     """Add output to a test case that does not affect its verdict."""
     ET.SubElement(case, "system-out").text = _join_lines(texts)
 
@@ -284,7 +284,7 @@ def _judge_evidence(case: ET.Element, result: Mapping[str, Any]) -> None:
     if verdict(result) in {"FAIL", "ERROR"}:
         add(case, "failure", "evidence", *texts)
     elif verdict(result) != "PASS":
-        tell(case, *texts)
+        add_output(case, *texts)
 
 
 def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmation: Mapping[str, str] | None) -> None:
@@ -299,7 +299,7 @@ def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmat
         names = ", ".join(f"{field['name']} of {row['subject']}" for row in hidden_entries for field in row["fields"])
         skip(case, f"could not be compared: {names}")
     if beside:
-        tell(case, *_lines(beside, confirmation))
+        add_output(case, *_lines(beside, confirmation))
 
 
 def _lines(differences: Sequence[Mapping[str, Any]], confirmation: Mapping[str, str] | None) -> Iterator[str]:

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 _KINDS = {"wifi_ptp": "Wi-Fi bridge", "lte": "4G", "satellite": "satellite", "ethernet": "cable"}
 _STATES = {"up": "up", "down": "DOWN", "searching": "searching", "unknown": "not known"}
 _NOT_GREEN = frozenset({Verdict.FAIL.value, Verdict.ERROR.value, Verdict.INCONCLUSIVE.value})
-"""Of a finding: what was looked for and could not be seen is no more green than what was seen to fail."""
+"""Verdicts of a finding that are not green: a check without result is no better than a failed one."""
 _MARGIN, _WIDTH = 14, 117
-"""Column at which the words of a line begin, and at which they end, both behind the indent of 3."""
+"""First and last column of a line's text, both after the indent of 3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,16 +33,16 @@ class LinksReport:
     is_rehearsal: bool
     bearers: Mapping[str, Mapping[str, Any]]
     queried_devices: tuple[str, ...]
-    """Devices that were asked, whether or not they answered."""
+    """Devices that were queried, whether or not they responded."""
     unreachable: Sequence[Mapping[str, str | None]] = ()
     not_asked: Mapping[str, str] = field(default_factory=dict)
     round_trips: Mapping[str, int] = field(default_factory=dict)
     costs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """Metered bearer to what the look itself has cost on it: its bill as data, and its `words`."""
+    """Maps a metered link to the cost of this query on it: the bill as data, and its `words`."""
     notes: tuple[str, ...] = ()
     not_rehearsed: tuple[str, ...] = ()
     time_zone: str = ""
-    """The pilot's (IANA name), for the times that people read."""
+    """The pilot's time zone (IANA name), for displayed times."""
 
     @property
     def exit(self) -> ExitCode:
@@ -80,13 +80,13 @@ class LinksReport:
     def _lines(self) -> Iterator[str]:
         what = "emulated devices, nothing real was asked" if self.is_rehearsal else "nothing was changed"
         yield f"Links of {self.site} ({self.title}), the preferred one first: {what}"
-        for number, (name, bearer) in enumerate(self.bearers.items(), start=1):
+        for number, (name, link) in enumerate(self.bearers.items(), start=1):
             yield ""
-            yield from _block(number, name, bearer, self.time_zone)
+            yield from _block(number, name, link, self.time_zone)
         yield ""
         yield from (f"not asked: {device}: {why}" for device, why in self.not_asked.items())
         cost_of = "a real look comes to, over" if self.is_rehearsal else "this look has cost, over"
-        yield from (f"{cost_of} {name}: {bearer['words']}" for name, bearer in self.costs.items())
+        yield from (f"{cost_of} {name}: {link['words']}" for name, link in self.costs.items())
         yield from (f"note: {' '.join(note.split())}" for note in self.notes)
         yield from (f"not rehearsed: {item}" for item in self.not_rehearsed)
         yield self._closing()
@@ -97,7 +97,7 @@ class LinksReport:
         active = [name for name, entry in self.bearers.items() if entry["active"]]
         if not self.queried_devices:
             return f"Nobody was asked, so nothing is known of {self.site}"
-        if any(bearer["active"] is None for bearer in self.bearers.values()):
+        if any(link["active"] is None for link in self.bearers.values()):
             return f"Which link carries the traffic of {self.site} is not known: the router was not read"
         if not active:
             return f"NOTHING carries the traffic of {self.site}"
@@ -110,20 +110,20 @@ class LinksReport:
         return f"{words}: it is NOT the preferred link, which is {preferred_link}{cost_note}"
 
 
-def _block(number: int, name: str, bearer: Mapping[str, Any], zone: str) -> Iterator[str]:
-    kind = translate(_KINDS.get(bearer["kind"], bearer["kind"]))
-    box = f", {translate(bearer['box'])}" if bearer["box"] else ""
+def _block(number: int, name: str, link: Mapping[str, Any], zone: str) -> Iterator[str]:
+    kind = translate(_KINDS.get(link["kind"], link["kind"]))
+    box = f", {translate(link['box'])}" if link["box"] else ""
     yield f"{number}. {name}: {kind}{box}"
-    yield from _lines("state", ", ".join(_state(bearer)))
-    for title, words in _quality(bearer["kind"], bearer["quality"]):
+    yield from _lines("state", ", ".join(_state(link)))
+    for title, words in _quality(link["kind"], link["quality"]):
         yield from _lines(title, words)
-    if bearer["probe_bytes"]:
-        cost_note = f" ({_size(bearer['probe_bytes'])}, which is paid for)" if bearer["metered"] else ""
-        yield from _lines("probe", f"{_probe(bearer['quality'])}{cost_note}")
-    yield from _lines("this month", _month(bearer, zone))
-    for title, words in zip_longest(("standing",), bearer["standing"]["words"], fillvalue=""):
+    if link["probe_bytes"]:
+        cost_note = f" ({_size(link['probe_bytes'])}, which is paid for)" if link["metered"] else ""
+        yield from _lines("probe", f"{_probe(link['quality'])}{cost_note}")
+    yield from _lines("this month", _month(link, zone))
+    for title, words in zip_longest(("standing",), link["standing"]["words"], fillvalue=""):
         yield from _lines(title, words)
-    for finding in bearer["findings"]:
+    for finding in link["findings"]:
         yield from _lines(finding["verdict"], finding["message"])
         if finding["hint"]:
             yield from _lines("", finding["hint"])
@@ -136,14 +136,14 @@ def _lines(title: str, words: str) -> Iterator[str]:
         yield f"   {'' if number else title:<{_MARGIN}}{part}"
 
 
-def _state(bearer: Mapping[str, Any]) -> Iterator[str]:
-    if bearer["state"] == "unknown" and bearer["kind"] == "satellite":
+def _state(link: Mapping[str, Any]) -> Iterator[str]:
+    if link["state"] == "unknown" and link["kind"] == "satellite":
         yield "not probed, because its airtime is for traffic"
     else:
-        yield translate(_STATES[bearer["state"]])
-    if bearer["active"]:
+        yield translate(_STATES[link["state"]])
+    if link["active"]:
         yield "carries traffic now"
-    if bearer["metered"]:
+    if link["metered"]:
         yield "paid by the byte"
 
 
@@ -155,12 +155,12 @@ def _probe(quality: Mapping[str, Any]) -> str:
     return f"canaries answer{time}" + (f", {loss} % lost" if loss else "")
 
 
-def _month(bearer: Mapping[str, Any], zone: str) -> str:
-    if bearer["month_bytes"] is None:
+def _month(link: Mapping[str, Any], zone: str) -> str:
+    if link["month_bytes"] is None:
         return "not counted yet"
-    gaps = len(bearer["month_gaps"])
+    gaps = len(link["month_gaps"])
     more = f"; at least, there are {gaps} gaps" if gaps > 1 else "; at least, there is a gap" if gaps else ""
-    return f"{_size(bearer['month_bytes'])}, counted since {_since(bearer['month_since'], zone)}{more}"
+    return f"{_size(link['month_bytes'])}, counted since {_since(link['month_since'], zone)}{more}"
 
 
 def _since(stamp: str | None, zone: str) -> str:
@@ -222,7 +222,7 @@ _GRADES = {
     "rsrq_db": ("RSRQ", -10, -15, "dB"),
     "sinr_db": ("SINR", 13, 0, "dB"),
 }
-"""Name, good above, poor below: devices.md, section 4, from memory; they only describe."""
+"""Name, lower limit of good, upper limit of poor, unit: devices.md, section 4, from memory; for description only."""
 
 
 def _unit(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -55,24 +55,24 @@ class RunReport:
     site: str
     is_rehearsal: bool
     devices: Mapping[str, Mapping[str, Any]]
-    """Device name to the engine's result."""
+    """Maps a device name to the engine's result."""
     passes: tuple[Pass, ...] = ()
-    """Rehearsal: the second runs, one over each bearer."""
+    """Rehearsal: the repeated runs, one over each link."""
     not_handled: Mapping[str, str] = field(default_factory=dict)
-    """Device name to its kind, for what no role handles yet."""
+    """Maps a device name to its kind, for devices that no role supports yet."""
     not_rehearsed: tuple[str, ...] = ()
     runs: tuple[str, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
-    """Rehearsal: device name to why nothing stands for it here."""
+    """Rehearsal: maps a device name to why it has no emulated device here."""
     stopped_by: str = ""
-    """The signal with which a person has stopped the run, as `SIGINT`; what was still to come was not done."""
+    """Signal with which the user stopped the run, such as `SIGINT`; the remaining steps were not done."""
     purpose: str = "apply"
-    """The mode of the run, as `plan`."""
+    """Mode of the run, such as `plan`."""
     verbose: bool = False
     next_command: str = ""
-    """What a person types next where all went well; what did not go well has a hint of its own."""
+    """Next command for the user after success; failures have their own hints."""
     record: str = ""
-    """The runs, and the folder that holds their records."""
+    """Run ids, and the folder that contains their records."""
 
     @property
     def exit(self) -> ExitCode:
@@ -204,7 +204,7 @@ class RunReport:
 
 
 _COLUMN, _NARROW_COLUMN = 21, 4
-"""Where what is told of a device begins; the second on a terminal that is less than `_ROOMY` columns wide."""
+"""Column at which the text about a device begins; the second on terminals under `_ROOMY` columns."""
 _ROOMY = 60
 _STYLES = {
     DeviceEnd.CHANGED: printable.Style.GOOD,

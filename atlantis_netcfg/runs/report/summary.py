@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 _AGAIN = "remove the cause, then type the same command again"
-"""What to do where whoever failed had no better advice."""
+"""Hint for failures without a better one."""
 _STOP_HINT = "type the same command again to go on"
 _LABEL = 10
 _REASON_LINES = 2
 _LINES = 8
-"""Of the last lines: what a person sees who comes back to a terminal."""
+"""Number of closing lines that a user sees on returning to the terminal."""
 
 
 class DeviceEnd(StrEnum):
@@ -50,7 +50,7 @@ class DeviceEnd(StrEnum):
 
 
 ALWAYS = (DeviceEnd.CHANGED, DeviceEnd.UNCHANGED, DeviceEnd.FAILED, DeviceEnd.NOT_REACHED)
-"""Counted also where there are none: a zero tells as much as a number."""
+"""Results that are counted even if zero: a zero is information, too."""
 _ACTIVE_ENDS = frozenset(DeviceEnd) - {DeviceEnd.NOT_CHECKED, DeviceEnd.NOT_REHEARSED, DeviceEnd.NOT_HANDLED}
 _BY_STATUS = {
     "changed": DeviceEnd.CHANGED,
@@ -108,7 +108,7 @@ _BAD = {
     DeviceEnd.FAILED: ("FAILED", "{device} ended with an error", "{count} devices ended with an error"),
     DeviceEnd.NOT_CHECKED: ("NOTHING DONE", "no device took part", "no device took part"),
 }
-"""How a run ended whose worst device ended so: the word, and the sentence for one device and for several."""
+"""For the worst result of a run: the verdict, and the sentence for one device and for several."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,13 +121,13 @@ class Summary:
     """`plan`, `apply`, `resume`, `backup`: the mode of the run."""
     exit: ExitCode
     results: Mapping[str, Mapping[str, Any]]
-    """Of each device the result that counts: of a rehearsal that found something in a later pass, that one."""
+    """Result of each device; in a rehearsal with a finding in a later pass, the result of that pass."""
     unseen: Mapping[str, tuple[DeviceEnd, str]]
-    """Devices that had no part in it, and why."""
+    """Devices that did not take part, with the reason."""
     rows: tuple[int, int, int] = (0, 0, 0)
-    """Of a plan: rows to add, to change and to remove."""
+    """Rows to add, to change and to remove, for a plan."""
     limits: int = 0
-    """What a rehearsal says nothing about."""
+    """Number of limits of the rehearsal."""
     passes: int = 0
     stopped_by: str = ""
     next_command: str = ""

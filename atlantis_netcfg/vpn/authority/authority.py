@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.core.paths import hold_own
+from atlantis_netcfg.core.paths import require_own
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import model
@@ -57,7 +57,7 @@ def require_authority(folder: Path) -> None:
     """Raise NoAuthority, or CorruptAuthorityError if only the ledger is missing."""
     if is_complete(folder):
         with model.os_errors_as("the authority cannot be read"):
-            hold_own(folder, _OWN_FOLDER_HINT)
+            require_own(folder, _OWN_FOLDER_HINT)
         return
     _check_leftovers(folder)
     raise model.NoAuthority(
@@ -69,7 +69,7 @@ def prepare_folder(folder: Path) -> None:
     """Create the folder, accessible by its owner only."""
     with model.os_errors_as("there is no place for the authority"):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        hold_own(folder, _OWN_FOLDER_HINT)
+        require_own(folder, _OWN_FOLDER_HINT)
         runs.sync_directory(folder.parent)
         if folder.stat().st_mode & 0o077:
             folder.chmod(0o700)
@@ -300,7 +300,7 @@ class Authority:
             path = self.folder / model.SEALED_KEY_FILES["age"]
             return pki.opening_bytes(path.read_bytes()) if path.exists() else 0
 
-    def handed_out(self, common_name: str) -> records.DeliveryRecord | None:
+    def last_delivery(self, common_name: str) -> records.DeliveryRecord | None:
         """Return the last delivery record of a certificate; None if never delivered. Raises CorruptLedgerError."""
         return self._state().delivered.get(common_name)
 
@@ -407,7 +407,7 @@ class Authority:
             out = [entry for entry in ledger_session.state.membership().queued_names if entry in name_set]
             ledger_session.write([records.SettlementRecord(common_name=item) for item in out], new_operation())
 
-    def record_delivery(self, common_name: str, file: model.HandoutFile, who: str = "") -> None:
+    def record_delivery(self, common_name: str, file: model.EnrolmentFile, who: str = "") -> None:
         """Record that a member's file was created or delivered again. Raises UsageError for a revoked one."""
         with self._writing(who) as (ledger_session, _):
             good = {

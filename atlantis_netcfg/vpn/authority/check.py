@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 
 SOON = timedelta(days=30)
-"""Before a list or a certificate ends."""
+"""Warning time before a list or a certificate expires."""
 CA_SOON = timedelta(days=365)
-"""Before the CA ends: a new one means new files for everybody."""
+"""Warning time before the CA expires: a new one means new files for everybody."""
 _PRIVATE = (*model.SEALED_KEY_FILES.values(), ledger.FILE, model.SERVER_KEY, model.TLS_CRYPT, model.TLS_CRYPT_V2)
 _WITHOUT_KEY = (records.SightingRecord, records.SupersedeRecord, records.SettlementRecord, records.DeliveryRecord)
-"""What is recorded while the CA key is sealed."""
+"""Records that are written while the CA key is sealed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +35,11 @@ class Agreement:
 
     lines: int
     signed_lines: int
-    """So many of the first lines are as they were signed; the others are chained to them."""
+    """Number of first lines that are unchanged since signing; the others are chained to them."""
     at: datetime | None
-    """When they were signed; None: nothing says that they were."""
+    """Time of signing; None: no evidence of a signature."""
     number: int
-    """Of the revocation list that was recorded last."""
+    """Number of the last recorded revocation list."""
     problems: tuple[str, ...]
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 SLACK = timedelta(minutes=2)
-"""So far a clock may be set back by a time server: records of that while bear the time of the last one."""
+"""How far a time server may set back a clock: records meanwhile get the time of the last one."""
 
 
 class LedgerSession:
@@ -102,7 +102,7 @@ HEAD_FILE = "ledger.head"
 NONE_SIGNED = "nothing says how long the ledger was: an older version founded this authority, and signed no end of it"
 _RESTORE = "sign nothing; restore ledger.jsonl and ledger.head from the newest backup of the authority, both of one"
 _WHAT = b"head of the record of an ATLANTIS VPN authority\n"
-"""Before what is signed: nobody can take it for a certificate or a list."""
+"""Prefix of the signed data: it cannot be mistaken for a certificate or a list."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ class Head:
 
     line: int
     digest: str
-    """SHA-256 of that line, and by the chain of all before it."""
+    """SHA-256 of that line; through the chain it covers all lines before."""
     at: datetime
 
     def hold(self, digests: Sequence[str]) -> None:
@@ -186,7 +186,7 @@ def _text(values: dict[str, object]) -> bytes:
 
 
 SOON = timedelta(days=90)
-"""With less than this until its end, whoever asks for a new one gets it."""
+"""A server certificate that expires earlier than this is replaced on request."""
 
 
 def new_server_certificate(
@@ -308,11 +308,11 @@ class SigningSession:
 
 
 CRL_BACKDATE = timedelta(days=1)
-"""A server whose clock is behind ours would refuse everybody with a list that is not valid yet (facts 4)."""
+"""A server whose clock is behind ours would refuse everybody with a list that is not yet valid (facts 4)."""
 
 
 FRESH = timedelta(days=60)
-"""A list with less than this until its `nextUpdate` is signed anew in passing: who works often never sees an alarm."""
+"""A list whose `nextUpdate` is nearer is re-signed in passing: frequent users never see a warning."""
 
 
 def revoked_serials(state: LedgerState) -> list[pki.RevokedSerial]:

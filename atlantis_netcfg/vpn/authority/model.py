@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 CLIENT_DAYS = 397
-"""A year, and a month to renew in."""
+"""A year, plus a month for renewal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,17 +52,17 @@ class EnrolmentRequest:
     address: IPv4Address | None = None
     """Declared address; None: the next free one of `pool`."""
     pool: IPv4Network | None = None
-    """Where the address must lie."""
+    """Network that must contain the address; None: no restriction."""
     link: identity.MemberLink = identity.MemberLink.FIBRE
     vehicle: str | None = None
     wrap: identity.Wrap = identity.Wrap.TLS_CRYPT_V2
     key: identity.KeyType = identity.KeyType.EC
     days: int = CLIENT_DAYS
-    """How long the certificate is good for."""
+    """Validity of the certificate in days."""
     system: identity.ClientSystem | None = None
     distribution: RosDistribution | None = None
     request_id: str = ""
-    """Recorded beside the certificate: whose request it answers."""
+    """Id of the request, recorded with the certificate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class RenewalRequest:
     """Changes made by a renewal; None: as in the newest certificate."""
 
     days: int | None = None
-    """How long the successor is good for; None: a year and a month."""
+    """Validity of the successor in days; None: a year and a month."""
     wrap: identity.Wrap | None = None
     key: identity.KeyType | None = None
     link: identity.MemberLink | None = None
@@ -80,7 +80,7 @@ class RenewalRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class HandoutFile:
+class EnrolmentFile:
     """The single file for a member: on disk, complete, mode 0600."""
 
     path: str
@@ -93,11 +93,11 @@ class IssueResult:
 
     member: identity.Member
     certificate: identity.Certificate
-    file: HandoutFile
+    file: EnrolmentFile
     already: bool = False
-    """It was so before: nothing new was made."""
+    """The certificate already existed: nothing new was created."""
     replaced_names: tuple[str, ...] = ()
-    """Common names that this one takes the place of, revoked because they were never seen in use."""
+    """Common names replaced by this certificate, revoked because they were never seen in use."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +105,12 @@ class RevocationResult:
     """Certificates that must no longer be accepted."""
 
     common_names: tuple[str, ...]
-    """Every certificate of these members that was ever handed out: no session of any of them may live."""
+    """All delivered certificates of these members: none of them may have a session."""
     members: tuple[str, ...]
     crl: bytes
-    """The published list, PEM."""
+    """The published revocation list, PEM."""
     already: tuple[str, ...] = ()
-    """Those of `members` that had been revoked before."""
+    """The `members` that had already been revoked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +118,9 @@ class SessionObservation:
     """Consequences of the server's sessions for the record."""
 
     superseded_names: tuple[str, ...]
-    """Common names that are admitted no more from now on, because a successor was seen."""
+    """Common names that are no longer accepted, because a successor was seen."""
     strangers: tuple[str, ...]
-    """Common names that are not in the record."""
+    """Common names that are not in the ledger."""
     withdrawn: tuple[str, ...]
     """Common names that were seen after they were revoked or superseded."""
 
@@ -237,7 +237,7 @@ def _read(path: Path) -> bytes | None:
 
 LOCK_FILE = "lock"
 PATIENCE_S = 60.0
-"""Six people who onboard at once queue for some seconds; a minute is somebody who went to lunch."""
+"""Wait for the lock: six people who onboard at once queue for some seconds; a minute means an unattended session."""
 _PAUSE_S = 0.05
 
 
@@ -250,7 +250,7 @@ class Lock:
         self._waiting = waiting
         self._descriptor = -1
         self.left = False
-        """Whether the one who held it before us was killed."""
+        """Whether the previous holder was killed."""
 
     def __enter__(self) -> Self:
         with os_errors_as("the authority cannot be locked"):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 _TWO_ENDS = 30
-"""Longest prefix of a network that has an address of its own and one for broadcasts (RFC 3021)."""
+"""Longest prefix of a network with its own network and broadcast addresses (RFC 3021)."""
 
 
 class AddressPool:
@@ -55,7 +55,7 @@ class AddressPool:
         if self._used.get(member.address) == f"`{member.name}`":
             del self._used[member.address]
 
-    def take(self, address: IPv4Address, pool: IPv4Network | None, name: str) -> IPv4Address:
+    def reserve(self, address: IPv4Address, pool: IPv4Network | None, name: str) -> IPv4Address:
         """Assign an address of the inventory. Raises AddressTaken."""
         if pool is not None and not _usable(address, pool):
             raise model.AddressTaken(
@@ -68,18 +68,18 @@ class AddressPool:
         self._used[address] = f"`{name}`"
         return address
 
-    def give(self, pool: IPv4Network, name: str) -> IPv4Address:
+    def assign_next(self, pool: IPv4Network, name: str) -> IPv4Address:
         """Return the next address of a pool. Raises PoolFull."""
         for address in self._fresh.setdefault(pool, iter(pool.hosts())):
             if address not in self._used and address not in self._resting:
-                return self.take(address, pool, name)
+                return self.reserve(address, pool, name)
         resting_addresses = [item for item in self._resting if item not in self._used and _usable(item, pool)]
         if not resting_addresses:
             raise model.PoolFull(
                 f"no address is left for `{name}` in {pool}",
                 hint="declare a larger pool for the partner, or revoke devices that are no longer used",
             )
-        return self.take(min(resting_addresses, key=self._resting.__getitem__), pool, name)
+        return self.reserve(min(resting_addresses, key=self._resting.__getitem__), pool, name)
 
 
 def _usable(address: IPv4Address, pool: IPv4Network) -> bool:
@@ -105,14 +105,14 @@ class PlannedCertificate:
     """A certificate to be created."""
 
     member: identity.Member
-    """As it will be, its new certificate aside."""
+    """The member as it will be, without its new certificate."""
     common_name: str
     wrap: identity.Wrap
     key: identity.KeyType
     days: int
     request_id: str = ""
     replaces: tuple[str, ...] = ()
-    """Common names to be revoked when it is handed out."""
+    """Common names to be revoked on delivery."""
 
 
 def plan_issue(
@@ -129,7 +129,7 @@ def plan_issue(
         if member is not None and not member.good:
             addresses.free(member)
     address_by_name = {
-        request.name: addresses.take(address, request.pool, request.name)
+        request.name: addresses.reserve(address, request.pool, request.name)
         for request, member in zip(requests, members, strict=True)
         if (address := _fixed_address(request, member)) is not None
     }
@@ -256,7 +256,7 @@ def _plan_certificate(
     address = address_by_name.get(request.name)
     if address is None:
         assert request.pool is not None  # noqa: S101 - _check has refused it
-        address = addresses.give(request.pool, request.name)
+        address = addresses.assign_next(request.pool, request.name)
     certificates = () if member is None else member.certificates
     new_member = identity.Member(
         request.name,
@@ -297,7 +297,7 @@ def printable_text(message: str, what: str) -> str:
 
 
 BATCH = 100
-"""Two waits for the disk for so many; and no more than these are made anew when a command is killed."""
+"""Certificates per batch: two disk syncs each. No more than these must be recreated after a killed command."""
 REPLACED_REASON = "replaced before it was seen in use"
 
 
@@ -314,7 +314,7 @@ def hand_out(
     session: ledger_session.SigningSession,
     command: records.Command,
     plans: Sequence[PlannedCertificate],
-    deliver: Callable[[identity.Identity], model.HandoutFile],
+    deliver: Callable[[identity.Identity], model.EnrolmentFile],
 ) -> None:
     """Create and deliver these certificates; each is in the ledger on disk before `deliver` is called.
 
@@ -344,7 +344,7 @@ def _batch(
     session: ledger_session.SigningSession,
     operation: str,
     plans: Sequence[PlannedCertificate],
-    deliver: Callable[[identity.Identity], model.HandoutFile],
+    deliver: Callable[[identity.Identity], model.EnrolmentFile],
 ) -> None:
     certificates = [_make_certificate(session, item) for item in plans]
     session.ledger.write([entry.record for entry in certificates], operation)
@@ -361,7 +361,7 @@ def _batch(
             session.ledger.write(new_records, operation)
 
 
-def _handed_out(plan: PlannedCertificate, file: model.HandoutFile) -> Iterator[records.Record]:
+def _handed_out(plan: PlannedCertificate, file: model.EnrolmentFile) -> Iterator[records.Record]:
     yield records.DeliveryRecord(common_name=plan.common_name, path=file.path, sha256=file.sha256)
     for old in plan.replaces:
         yield records.RevocationRecord(common_name=old, reason=REPLACED_REASON)
@@ -437,7 +437,7 @@ class Signer:
     def issue(
         self,
         requests: Sequence[model.EnrolmentRequest],
-        deliver: Callable[[identity.Identity], model.HandoutFile],
+        deliver: Callable[[identity.Identity], model.EnrolmentFile],
         *,
         reserved_addresses: Collection[IPv4Address] = (),
     ) -> tuple[model.IssueResult, ...]:
@@ -457,7 +457,7 @@ class Signer:
     def renew(
         self,
         name: str,
-        deliver: Callable[[identity.Identity], model.HandoutFile],
+        deliver: Callable[[identity.Identity], model.EnrolmentFile],
         change: model.RenewalRequest | None = None,
     ) -> model.IssueResult:
         """Issue a successor `NAME.2`, `NAME.3` …; the current certificate works until the new one is seen.
@@ -558,7 +558,7 @@ class Signer:
         member = state.member(name)
         newest = member.good[-1]
         last = state.delivered[newest.common_name]
-        return model.IssueResult(member, newest, model.HandoutFile(last.path, last.sha256), already, replaced_names)
+        return model.IssueResult(member, newest, model.EnrolmentFile(last.path, last.sha256), already, replaced_names)
 
 
 def _revocable(member: identity.Member) -> list[identity.Certificate]:

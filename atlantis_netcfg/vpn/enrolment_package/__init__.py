@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9.-]{0,79}/[A-Za-z0-9][A-Za-z0-9.-]{0,79}")
@@ -46,7 +46,7 @@ _FILES, _BYTES = 20, 1024 * 1024
 _PRIVATE = 0o600
 
 
-class NotAHandOut(UsageError):
+class InvalidPackage(UsageError):
     """A file is not an enrolment package of ours, or is damaged."""
 
     def __init__(self, what: str) -> None:
@@ -74,12 +74,12 @@ def pack(folder: str, files: Mapping[str, str], mtime: int) -> bytes:
 def unpack(data: bytes) -> dict[str, str]:
     """Return names and texts in archive order, without the folder. Raises NotAHandOut; writes nothing."""
     if len(data) > _BYTES:
-        raise NotAHandOut(f"it is larger than {_BYTES} bytes")
+        raise InvalidPackage(f"it is larger than {_BYTES} bytes")
     try:
         with tarfile.open(fileobj=io.BytesIO(data), mode="r:") as archive:
             return _texts(archive)
     except (tarfile.TarError, UnicodeDecodeError, ValueError, OSError):
-        raise NotAHandOut("what it contains cannot be read") from None
+        raise InvalidPackage("what it contains cannot be read") from None
 
 
 def _texts(archive: tarfile.TarFile) -> dict[str, str]:
@@ -89,11 +89,11 @@ def _texts(archive: tarfile.TarFile) -> dict[str, str]:
         folder, _, name = entry.name.partition("/")
         content = archive.extractfile(entry) if entry.type == tarfile.REGTYPE and _NAME.fullmatch(entry.name) else None
         if content is None or name in result or len(result) == _FILES:
-            raise NotAHandOut(f"it contains {entry.name!a}")
+            raise InvalidPackage(f"it contains {entry.name!a}")
         folders.add(folder)
         result[name] = content.read().decode()
     if len(folders) != 1:
-        raise NotAHandOut("it is empty" if not folders else "it contains more than one folder")
+        raise InvalidPackage("it is empty" if not folders else "it contains more than one folder")
     return result
 
 
@@ -106,7 +106,7 @@ class Recipient:
     """A recipient with the private key of this public key."""
 
     public: str
-    """`age1…`, or the line of an `ssh-ed25519` or `ssh-rsa` key."""
+    """Recipient's public key: `age1…`, or the line of an `ssh-ed25519` or `ssh-rsa` key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ def unseal(data: bytes, secret: Secret) -> bytes:
     try:
         return pki.unseal_with(data, secret) if by_key else pki.unseal(data, _as_made(secret))
     except pki.CorruptSealError:
-        raise NotAHandOut("it is not sealed, or was damaged on its way") from None
+        raise InvalidPackage("it is not sealed, or was damaged on its way") from None
     except pki.WrongPassphrase:
         raise WrongKey(by_key=by_key) from None
 
@@ -186,15 +186,15 @@ _WHAT = {
 
 
 @dataclass(frozen=True, slots=True)
-class HandOut:
+class EnrolmentPackage:
     """An enrolment package and its cover note."""
 
     file_name: str
     cover_note: str
-    """Text to be sent along with the file; nothing in it is secret."""
+    """Text sent together with the file; it contains no secret."""
     data: bytes = field(repr=False)
     passphrase: Secret | None
-    """To be shown once and told by telephone; None where the file is for somebody's key."""
+    """Shown once, to be passed on by telephone; None: the file is encrypted for the owner's key."""
 
     @property
     def sha256(self) -> str:
@@ -202,21 +202,21 @@ class HandOut:
         return hashlib.sha256(self.data).hexdigest()
 
 
-def handout(declaration: Declaration, identity: Identity, sealing: Sealing, *, contact: str) -> HandOut:
+def build_package(inventory: Inventory, identity: Identity, sealing: Sealing, *, contact: str) -> EnrolmentPackage:
     """Create a member's sealed enrolment package. `contact` is the person to call; nothing is written to a disk.
 
     Raises InvalidRecipientError for an invalid key, UsageError for a contact that does not fit on a line.
     """
     name = identity.certificate.common_name
-    files = contents(declaration, identity, contact=contact)
+    files = contents(inventory, identity, contact=contact)
     archive = pack(name, files, int(identity.certificate.not_before.timestamp()))
     data, passphrase = seal(archive, sealing)
-    view = _view(declaration, identity, contact, tuple(files))
+    view = _view(inventory, identity, contact, tuple(files))
     note = pages.CoverNote(hashlib.sha256(data).hexdigest(), passphrase=passphrase is not None)
-    return HandOut(_file_name(identity), pages.cover_note(view, note), data, passphrase)
+    return EnrolmentPackage(_file_name(identity), pages.cover_note(view, note), data, passphrase)
 
 
-def open_handout(data: bytes, secret: Secret) -> dict[str, str]:
+def open_package(data: bytes, secret: Secret) -> dict[str, str]:
     """Return the files of an enrolment package; `secret` is its passphrase, or the `AGE-SECRET-KEY-1…` for it.
 
     Raises WrongKey, NotAHandOut.
@@ -224,60 +224,60 @@ def open_handout(data: bytes, secret: Secret) -> dict[str, str]:
     return unpack(unseal(data, secret))
 
 
-def contents(declaration: Declaration, identity: Identity, *, contact: str) -> dict[str, str]:
+def contents(inventory: Inventory, identity: Identity, *, contact: str) -> dict[str, str]:
     """Return the files of an enrolment package before sealing, the one with the key first. They contain secrets."""
     if not contact.strip() or not contact.isprintable() or len(contact) > _CONTACT_MAX:
         raise UsageError(
             f"whom a partner calls has to be one line of at most {_CONTACT_MAX} characters",
             hint="for example a name, a telephone number and a mail address",
         )
-    local = _key_files(declaration, identity)
-    names = (*local, "README.txt", "README.html", *_beside(declaration, identity.member))
-    view = _view(declaration, identity, contact, names)
+    local = _key_files(inventory, identity)
+    names = (*local, "README.txt", "README.html", *_extra_files(inventory, identity.member))
+    view = _view(inventory, identity, contact, names)
     page = pages.page(view)
     file_texts = {**local, "README.txt": pages.as_text(page), "README.html": pages.as_html(page)}
     file_texts.update({name: pages.beside(view, name) for name in names if name in pages.BESIDE})
     file_texts.update({name: program(name) for name in view.tests})
     if view.tests:
         ovpn = f"{identity.member.name}.ovpn"
-        file_texts["self-test.json"] = facts(declaration, identity, profile(declaration, identity), ovpn, view.contact)
+        file_texts["self-test.json"] = facts(inventory, identity, profile(inventory, identity), ovpn, view.contact)
     if view.dds is not None:
         file_texts.update(pages.dds_files(view.dds))
     return {name: file_texts[name] for name in names}
 
 
-def _view(declaration: Declaration, identity: Identity, contact: str, names: tuple[str, ...]) -> pages.PageView:
+def _view(inventory: Inventory, identity: Identity, contact: str, names: tuple[str, ...]) -> pages.PageView:
     files = [(name, _what(name)) for name in names]
     file_name = _file_name(identity)
-    return pages.page_view(declaration, identity, contact=contact.strip(), sealed_file=file_name, files=files)
+    return pages.page_view(inventory, identity, contact=contact.strip(), sealed_file=file_name, files=files)
 
 
 def _file_name(identity: Identity) -> str:
     return f"{identity.certificate.common_name}.tar.age"
 
 
-def _key_files(declaration: Declaration, identity: Identity) -> Mapping[str, str]:
+def _key_files(inventory: Inventory, identity: Identity) -> Mapping[str, str]:
     """Return the file with the key, and a router's script that installs it."""
     name = identity.member.name
     if is_declared(identity.member):
         return {f"{name}.identity": identity_file(identity).reveal()}
     if identity.member.kind is MemberKind.ROUTER:
         ovpn = f"{name}.ovpn"
-        text = routeros.profile(declaration, identity).reveal()
-        return {ovpn: text, f"{name}.rsc": routeros.script(declaration, identity, ovpn)}
-    return {f"{name}.ovpn": profile(declaration, identity).reveal()}
+        text = routeros.profile(inventory, identity).reveal()
+        return {ovpn: text, f"{name}.rsc": routeros.script(inventory, identity, ovpn)}
+    return {f"{name}.ovpn": profile(inventory, identity).reveal()}
 
 
 def _what(name: str) -> str:
     return _WHAT.get(name) or _WHAT[name[name.rindex(".") :]]
 
 
-def _beside(declaration: Declaration, member: Member) -> tuple[str, ...]:
+def _extra_files(inventory: Inventory, member: Member) -> tuple[str, ...]:
     """Return further files for such a member; none for a router or a computer of the inventory."""
     if member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
         return ()
     install = ("install.sh", "restart.conf") if member.kind is MemberKind.ROBOT else ()
-    dds = _DDS[system_of(member)] if pages.dds_view(declaration, member) is not None else ()
+    dds = _DDS[system_of(member)] if pages.dds_view(inventory, member) is not None else ()
     return (*install, *_TESTS[system_of(member)], *dds)
 
 
@@ -292,7 +292,7 @@ _TESTS: Mapping[ClientSystem | None, tuple[str, ...]] = {
     ClientSystem.IOS: (),
     None: ("self-test.py", *_POWERSHELL),
 }
-"""The self-test of each system; None: nobody has said which it is."""
+"""Self-test files of each system; None: system unknown."""
 _DDS: Mapping[ClientSystem | None, tuple[str, ...]] = {
     ClientSystem.LINUX: (*_XML, *_SHELL),
     ClientSystem.UBUNTU_DESKTOP: (*_XML, *_SHELL),
@@ -302,7 +302,7 @@ _DDS: Mapping[ClientSystem | None, tuple[str, ...]] = {
     ClientSystem.IOS: (),
     None: (*_XML, *_SHELL, "setup.ps1"),
 }
-"""The DDS files of each system."""
+"""DDS files of each system; None: system unknown."""
 
 
 _ENDING = ".identity"
@@ -315,7 +315,7 @@ class AcceptResult:
     identity: Identity
     path: Path
     already: bool
-    """Whether the same was there before."""
+    """Whether the same identity was already stored."""
 
 
 def host_identity(authority: Path, host: str) -> Path:
@@ -323,16 +323,16 @@ def host_identity(authority: Path, host: str) -> Path:
     return authority / "hosts" / f"{host}{_ENDING}"
 
 
-def accept(declaration: Declaration, data: bytes, secret: Secret, authority: Path, *, now: datetime) -> AcceptResult:
+def accept(inventory: Inventory, data: bytes, secret: Secret, authority: Path, *, now: datetime) -> AcceptResult:
     """Open a host's enrolment package, check it against this inventory, and store its identity.
 
     Raises WrongKey, NotAHandOut, NotAnIdentity; UsageError if the host is not a VPN member in the inventory, and for an
     identity that has expired or is older than the stored one.
     """
-    identity = _identity(open_handout(data, secret))
-    _check(declaration, identity, now)
+    identity = _identity(open_package(data, secret))
+    _check(inventory, identity, now)
     path = host_identity(authority, identity.member.name)
-    already = _already(path, identity)
+    already = _is_stored(path, identity)
     if not already:
         for folder in (authority, path.parent):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -343,13 +343,13 @@ def accept(declaration: Declaration, data: bytes, secret: Secret, authority: Pat
 def _identity(files: dict[str, str]) -> Identity:
     profile_texts = [text for name, text in files.items() if name.endswith(_ENDING)]
     if len(profile_texts) != 1:
-        raise NotAHandOut("it is for a partner's device, and not for a computer of the inventory")
+        raise InvalidPackage("it is for a partner's device, and not for a computer of the inventory")
     return read_identity(profile_texts[0])
 
 
-def _check(declaration: Declaration, identity: Identity, now: datetime) -> None:
+def _check(inventory: Inventory, identity: Identity, now: datetime) -> None:
     member, certificate = identity.member, identity.certificate
-    host = declaration.hosts.get(member.name)
+    host = inventory.hosts.get(member.name)
     if host is None or member.partner is not None:
         raise UsageError(
             f"the hand-out is for {member.name}, which is no host of this inventory",
@@ -374,7 +374,7 @@ def _tunnel_address(host: Host) -> IPv4Address | None:
     return getattr(host.device, "vpn_address", None)
 
 
-def _already(path: Path, identity: Identity) -> bool:
+def _is_stored(path: Path, identity: Identity) -> bool:
     """Return True if the same identity is stored. Raises UsageError if the stored one is newer."""
     try:
         there = read_identity(path.read_text(encoding="utf-8")).certificate

@@ -32,7 +32,7 @@ from atlantis_netcfg.vpn.server import tunnel_address
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
 
 _OURS = "p_site_hosts"
@@ -44,48 +44,48 @@ _NAMES = {
     "p_guest_devices": "the devices of partners, and whatever stands in the LANs of the sites",
     "p_all_robots": "the robots, in the VPN and in the LANs of the sites",
 }
-"""The others, by their set in the firewall; what is not here offers services."""
+"""Descriptions of other groups by their set in the firewall; a group not listed here provides services."""
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
+class ReachableGroup:
     """One group of hosts that a member may reach."""
 
     who: str
     hosts: tuple[tuple[str, IPv4Address], ...]
-    """Those of them that are declared, with their addresses in the VPN."""
+    """Declared hosts of the group, with their addresses in the VPN."""
     traffic: tuple[str, ...]
-    """What passes, in words."""
+    """Description of the permitted traffic."""
     ping: bool
 
 
-def reach(declaration: Declaration, member: Member) -> tuple[Reach, ...]:
+def reach(inventory: Inventory, member: Member) -> tuple[ReachableGroup, ...]:
     """Return whom the member may open connections to; other members change, so only their kind is given."""
     permissions_by_host: dict[str, list[Permission]] = {}
-    for permission in _policy(declaration, member).permissions:
+    for permission in _policy(inventory, member).permissions:
         if permission.source is not None and permission.source.holds(member.address):
             name = permission.destination.name if permission.destination else ""
             permissions_by_host.setdefault(name, []).append(permission)
-    entries = (_reach(declaration, member, permissions) for permissions in permissions_by_host.values())
+    entries = (_reach(inventory, member, permissions) for permissions in permissions_by_host.values())
     return tuple(item for item in entries if item is not None)
 
 
-def reached_by(declaration: Declaration, member: Member) -> tuple[str, ...]:
+def reached_by(inventory: Inventory, member: Member) -> tuple[str, ...]:
     """Return the full names of partners that see the member's robot."""
-    others = (partner for name, partner in declaration.partners.items() if name != member.partner)
+    others = (partner for name, partner in inventory.partners.items() if name != member.partner)
     return tuple(other.full_name for other in others if member.vehicle is not None and member.vehicle in other.sees)
 
 
-def tunnel_of_server(declaration: Declaration) -> IPv4Address:
+def tunnel_of_server(inventory: Inventory) -> IPv4Address:
     """Return the server's VPN address, which every member may ping."""
-    return tunnel_address(declaration, declaration.hosts[declaration.pilot.vpn.server])
+    return tunnel_address(inventory, inventory.hosts[inventory.pilot.vpn.server])
 
 
-def dds_port(declaration: Declaration, member: Member) -> int | None:
+def dds_port(inventory: Inventory, member: Member) -> int | None:
     """Return the first DDS port that the member may send to; None without DDS, or if it may reach nobody."""
     ports = [
         permission.traffic.ports.start
-        for permission in _policy(declaration, member).permissions
+        for permission in _policy(inventory, member).permissions
         if permission.source is not None
         and permission.source.holds(member.address)
         and permission.traffic.protocol is Protocol.UDP
@@ -95,8 +95,8 @@ def dds_port(declaration: Declaration, member: Member) -> int | None:
     return ports[0] if ports else None
 
 
-def _policy(declaration: Declaration, member: Member) -> Policy:
-    return policy(declaration, _roll(member))
+def _policy(inventory: Inventory, member: Member) -> Policy:
+    return policy(inventory, _roll(member))
 
 
 def _roll(*members: Member) -> MembershipList:
@@ -104,23 +104,23 @@ def _roll(*members: Member) -> MembershipList:
     return MembershipList({member.name: member for member in members}, 0, "", datetime.fromtimestamp(0, UTC), ())
 
 
-def _reach(declaration: Declaration, member: Member, permissions: list[Permission]) -> Reach | None:
+def _reach(inventory: Inventory, member: Member, permissions: list[Permission]) -> ReachableGroup | None:
     zone = permissions[0].destination
     traffic = tuple(dict.fromkeys(_words(permission.traffic, permission.why) for permission in permissions))
     ping = any(item.traffic in (PING, ANYTHING) for item in permissions)
     if zone is None:
-        server = _policy(declaration, member).server
-        return Reach("the VPN's server", ((server.name, server.address),), traffic, ping=ping)
-    hosts = () if zone.name == _OURS else tuple(_hosts(declaration, zone))
-    who = _who(declaration, member, zone)
-    return Reach(who, hosts, traffic, ping=ping) if who else None
+        server = _policy(inventory, member).server
+        return ReachableGroup("the VPN's server", ((server.name, server.address),), traffic, ping=ping)
+    hosts = () if zone.name == _OURS else tuple(_hosts(inventory, zone))
+    who = _who(inventory, member, zone)
+    return ReachableGroup(who, hosts, traffic, ping=ping) if who else None
 
 
-def _who(declaration: Declaration, member: Member, zone: Zone) -> str:
+def _who(inventory: Inventory, member: Member, zone: Zone) -> str:
     """Name the members of a zone for the page; empty if there are none."""
-    whose = declaration.partners.get(member.partner or "")
+    whose = inventory.partners.get(member.partner or "")
     if whose is not None and zone.name == f"p_{member.partner}_sees":
-        return "the robots " + ", ".join(declaration.vehicles[name].name for name in whose.sees)
+        return "the robots " + ", ".join(inventory.vehicles[name].name for name in whose.sees)
     if whose is not None and zone.name == f"p_{member.partner}_lan":
         return f"the robots of {whose.full_name} in the LANs of the sites"
     if whose is not None and zone.name == f"p_{member.partner}":
@@ -128,8 +128,8 @@ def _who(declaration: Declaration, member: Member, zone: Zone) -> str:
     return _NAMES.get(zone.name, "services") if zone.networks else ""
 
 
-def _hosts(declaration: Declaration, zone: Zone) -> Iterator[tuple[str, IPv4Address]]:
-    for host in declaration.hosts.values():
+def _hosts(inventory: Inventory, zone: Zone) -> Iterator[tuple[str, IPv4Address]]:
+    for host in inventory.hosts.values():
         address = getattr(host.device, "vpn_address", None)
         if address is not None and IPv4Network(address) in zone.networks:
             yield host.name, address
@@ -153,16 +153,16 @@ _WHAT = {
     MemberKind.HOST: "the computer",
 }
 _RESTART_S = {MemberLink.FIBRE: 10, MemberLink.LTE: 30, MemberLink.SATELLITE: 300}
-"""Pause after the server has sent a robot away; on a satellite each attempt is paid."""
+"""Pause after the server has disconnected a robot; on a satellite link each attempt costs money."""
 WAIT_S = {MemberLink.FIBRE: 20, MemberLink.LTE: 40, MemberLink.SATELLITE: 120}
-"""How long the tunnel may take; by satellite it was seen up in 4 to 35 s (facts 9)."""
+"""Seconds that the tunnel may take; by satellite it was seen up in 4 to 35 s (facts 9)."""
 _WIDTH = 80
 _UNDERLINE = re.compile(r"(=+|-+)")
 
 
 _PACE = {MemberLink.FIBRE: Pace.FAST, MemberLink.LTE: Pace.MOBILE, MemberLink.SATELLITE: Pace.SATELLITE}
 DDS_FILES = ("cyclonedds.xml", "fastdds.xml", "ros.env", "setup.bash", "setup.ps1")
-"""What a hand-out may have for DDS."""
+"""DDS files that an enrolment package may contain."""
 _STEPS = {
     ClientSystem.LINUX: "linux",
     ClientSystem.UBUNTU_DESKTOP: "ubuntu-desktop",
@@ -171,7 +171,7 @@ _STEPS = {
     ClientSystem.ANDROID: "phone",
     ClientSystem.IOS: "phone",
 }
-"""The template with the steps of each system that a laptop may have."""
+"""Template with the installation steps of each system of a laptop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ class DdsSettings:
 
     view: ProfileView
     files: tuple[str, ...]
-    """Those of them that the hand-out has."""
+    """DDS files in the enrolment package."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,34 +197,34 @@ class PageView:
     key_file: str
     sealed_file: str
     folder: str
-    """In the sealed file."""
+    """Folder in the sealed file."""
     system: str
-    """Empty: nobody has said it."""
+    """System of the device; empty: unknown."""
     steps: tuple[str, ...]
-    """Templates of a laptop's systems."""
+    """Templates with the steps of a laptop's systems."""
     old_client: bool
     on_satellite: bool
     restart_s: int
     wait_s: int
-    """How long the tunnel may take to come up."""
+    """Seconds that the tunnel may take to come up."""
     tests: tuple[str, ...]
-    """Programs of the self-test in the hand-out."""
-    reach: tuple[Reach, ...]
+    """Self-test programs in the enrolment package."""
+    reach: tuple[ReachableGroup, ...]
     reached_by: tuple[str, ...]
     dds: DdsSettings | None
     files: tuple[tuple[str, str], ...]
     routeros: str
-    """First that can be a member."""
+    """First RouterOS version that can be a member."""
     interface: str
-    """Of the tunnel, on a router."""
+    """Name of the tunnel interface, on a router."""
     server: IPv4Address
-    """In the VPN."""
+    """The server's address in the VPN."""
     server_name: str
-    """As a router finds it."""
+    """Name by which a router finds the server."""
 
 
 def page_view(
-    declaration: Declaration,
+    inventory: Inventory,
     identity: Identity,
     *,
     contact: str,
@@ -233,12 +233,12 @@ def page_view(
 ) -> PageView:
     """Return the page data of one member; `contact` is whom the partner calls, in the operator's words."""
     member, system = identity.member, systems.system_of(identity.member)
-    targets = reach(declaration, member)
+    targets = reach(inventory, member)
     return PageView(
-        pilot=declaration.pilot.name,
+        pilot=inventory.pilot.name,
         name=member.name,
         kind="host" if is_declared(member) else str(member.kind),
-        what=_what(declaration, member),
+        what=_what(inventory, member),
         address=member.address,
         until=day(identity),
         contact=contact,
@@ -253,13 +253,13 @@ def page_view(
         wait_s=WAIT_S[member.link],
         tests=tuple(name for name, _ in files if name in {"self-test.py", "self-test.ps1"}),
         reach=targets,
-        reached_by=reached_by(declaration, member),
-        dds=_dds(declaration, member, {name for name, _ in files}),
+        reached_by=reached_by(inventory, member),
+        dds=_dds(inventory, member, {name for name, _ in files}),
         files=tuple(files),
         routeros=str(routeros.SINCE),
         interface=routeros.INTERFACE,
-        server=tunnel_of_server(declaration),
-        server_name=declaration.pilot.vpn.endpoint_name,
+        server=tunnel_of_server(inventory),
+        server_name=inventory.pilot.vpn.endpoint_name,
     )
 
 
@@ -274,7 +274,7 @@ class CoverNote:
 
     sha256: str
     passphrase: bool
-    """Whether a passphrase opens it; else the owner's key does."""
+    """Whether the file is opened by a passphrase; otherwise by the owner's key."""
 
     @property
     def key_words(self) -> str:
@@ -306,7 +306,7 @@ def _translate_block(block: str) -> str:
 
 
 BESIDE = ("install.sh", "restart.conf")
-"""What a robot's computer gets from templates of these names."""
+"""Additional files for a robot's computer, rendered from templates of these names."""
 
 
 def beside(view: PageView, name: str) -> str:
@@ -383,26 +383,26 @@ def _is_list(lines: Sequence[str]) -> bool:
     return lines[0].startswith("- ") and all(line.startswith(("- ", "  ")) for line in lines)
 
 
-def _what(declaration: Declaration, member: Member) -> str:
-    whose = f" of {declaration.partners[member.partner].full_name}" if member.partner else ""
+def _what(inventory: Inventory, member: Member) -> str:
+    whose = f" of {inventory.partners[member.partner].full_name}" if member.partner else ""
     return f"{_WHAT[member.kind]} `{member.device}`{whose}"
 
 
-def dds_view(declaration: Declaration, member: Member) -> ProfileView | None:
+def dds_view(inventory: Inventory, member: Member) -> ProfileView | None:
     """Return a member's DDS profile; None if it does not use DDS with us, or this toolkit configures it."""
-    if declaration.pilot.dds is None or member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
+    if inventory.pilot.dds is None or member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
         return None
-    release = systems.distribution(declaration, member.vehicle, member.distribution)
-    targets = reach(declaration, member)
+    release = systems.distribution(inventory, member.vehicle, member.distribution)
+    targets = reach(inventory, member)
     dds_targets = [entry for entry in targets if any(words.startswith("DDS") for words in entry.traffic)]
     peers = tuple((name, str(address)) for item in dds_targets for name, address in item.hosts)
     if not peers or release is None:
         return None
-    return member_view(declaration, MemberDds(member.name, str(member.address), _PACE[member.link], peers, release))
+    return member_view(inventory, MemberDds(member.name, str(member.address), _PACE[member.link], peers, release))
 
 
-def _dds(declaration: Declaration, member: Member, names: set[str]) -> DdsSettings | None:
-    view = dds_view(declaration, member)
+def _dds(inventory: Inventory, member: Member, names: set[str]) -> DdsSettings | None:
+    view = dds_view(inventory, member)
     if view is None:
         return None
     files = tuple(name for name in DDS_FILES if name in names)

@@ -42,14 +42,14 @@ from atlantis_netcfg.vpn.identity import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
 
 _MARK = "# atlantis-identity 1"
 _NONE = "-"
 _KEYS = ("name", "kind", "partner", "device", "address", "link", "vehicle", "common-name", "wrap", "key")
 _MAX = 64 * 1024
-"""Characters; an RSA profile has 7,000."""
+"""Maximum characters; an RSA profile has 7,000."""
 _HEADER_LINE = re.compile(r"# ([a-z-]+): (\S+)")
 
 
@@ -180,7 +180,7 @@ def _fit(certificate: x509.Certificate, values: Mapping[str, str], blocks: Mappi
 
 
 _RETRY_MAX_S = {MemberLink.FIBRE: 300, MemberLink.LTE: 300, MemberLink.SATELLITE: 900}
-"""`connect-retry`'s longest pause: a refused device costs 12 kB an attempt, more than a healthy one's day (facts 9)."""
+"""Longest pause of `connect-retry`: a refused attempt costs 12 kB, more than a healthy device's day (facts 9)."""
 _UNATTENDED_KINDS = frozenset({MemberKind.ROBOT, MemberKind.ROUTER, MemberKind.HOST})
 
 
@@ -207,19 +207,19 @@ class _OvpnView:
     renegotiation_s: int = RENEGOTIATION_S
 
 
-def profile(declaration: Declaration, identity: Identity) -> Secret:
+def profile(inventory: Inventory, identity: Identity) -> Secret:
     """Return a member's `.ovpn` text, for OpenVPN 2.5 and later.
 
     A shared tls-crypt key (`certificate.wrap`) is issued to clients that support nothing else, such as OpenVPN 2.4;
     then the profile uses only options that 2.4 supports. Nothing else selects between the two.
     """
     template = environment().get_template("handout/profile.ovpn.j2")
-    return Secret(template.render(view=_view(declaration, identity)))
+    return Secret(template.render(view=_view(inventory, identity)))
 
 
-def server_name(declaration: Declaration) -> str:
+def server_name(inventory: Inventory) -> str:
     """Return the common name of the server's certificate, required by every profile: its inventory host name."""
-    return declaration.pilot.vpn.server
+    return inventory.pilot.vpn.server
 
 
 def is_declared(member: Member) -> bool:
@@ -227,10 +227,10 @@ def is_declared(member: Member) -> bool:
     return member.kind is MemberKind.HOST or (member.kind is MemberKind.ROUTER and member.partner is None)
 
 
-def remote(declaration: Declaration, member: Member) -> IPv4Address:
+def remote(inventory: Inventory, member: Member) -> IPv4Address:
     """Return the server's address for a member: the public one, or its LAN address at the server's own site."""
-    vpn = declaration.pilot.vpn
-    server, host = declaration.hosts[vpn.server], declaration.hosts.get(member.name)
+    vpn = inventory.pilot.vpn
+    server, host = inventory.hosts[vpn.server], inventory.hosts.get(member.name)
     beside = is_declared(member) and host is not None and host.site == server.site
     return server.device.address if beside and isinstance(server.device, VpnServer) else vpn.endpoint
 
@@ -240,16 +240,16 @@ def day(identity: Identity) -> str:
     return f"{identity.certificate.not_after:%Y-%m-%d}"
 
 
-def _view(declaration: Declaration, identity: Identity) -> _OvpnView:
-    vpn, member = declaration.pilot.vpn, identity.member
+def _view(inventory: Inventory, identity: Identity) -> _OvpnView:
+    vpn, member = inventory.pilot.vpn, identity.member
     return _OvpnView(
-        title=f"VPN of {declaration.pilot.name}: {member.name}, address {member.address}, until {day(identity)}.",
+        title=f"VPN of {inventory.pilot.name}: {member.name}, address {member.address}, until {day(identity)}.",
         header=header(identity),
         proto="udp4" if vpn.transport is Transport.UDP else "tcp4-client",
-        remote=remote(declaration, member),
+        remote=remote(inventory, member),
         port=vpn.port,
         dev="tun0" if member.kind is MemberKind.HOST else "tun",
-        server=server_name(declaration),
+        server=server_name(inventory),
         old_words=identity.certificate.wrap is Wrap.TLS_CRYPT,
         is_unattended=member.kind in _UNATTENDED_KINDS,
         retry_max_s=_RETRY_MAX_S[member.link],

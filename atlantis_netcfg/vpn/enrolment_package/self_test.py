@@ -17,7 +17,7 @@ from atlantis_netcfg.vpn.enrolment_package.profile import remote
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.vpn.identity import Identity, Member
 
 
@@ -25,7 +25,7 @@ class SelfTestFault(NamedTuple):
     """A fault recognised by one log line."""
 
     pattern: str
-    """What is searched for in a line, for `re`."""
+    """Regular expression for `re`, searched for in a line."""
     what: str
     do: str
 
@@ -97,7 +97,7 @@ REFUSAL = (
         "another one. Then ask the control centre."
     ),
 )
-"""What is wrong and what to do where a first answer came: the key that wraps is right, and the way is open."""
+"""Problem and correction if only a first reply came: the wrapping key is right, and the route is open."""
 SILENCE = (
     "nothing comes back from {endpoint}",
     (
@@ -107,10 +107,10 @@ SILENCE = (
         "{proto} to {endpoint}. If not, ask the control centre, and whether you need a new hand-out."
     ),
 )
-"""The same where nothing came."""
+"""Problem and correction if no reply came."""
 
 _FEW = 3
-"""Computers that are pinged besides the server."""
+"""Maximum number of computers that are pinged besides the server."""
 
 
 def program(name: str) -> str:
@@ -122,25 +122,25 @@ def program(name: str) -> str:
     return (template_folder() / "handout" / name.replace("-", "_")).read_text(encoding="utf-8")
 
 
-def facts(declaration: Declaration, identity: Identity, profile: Secret, file_name: str, contact: str) -> str:
+def facts(inventory: Inventory, identity: Identity, profile: Secret, file_name: str, contact: str) -> str:
     """Return the expected values for the self-test, as JSON; of the profile only its hash."""
-    member, certificate, vpn = identity.member, identity.certificate, declaration.pilot.vpn
+    member, certificate, vpn = identity.member, identity.certificate, inventory.pilot.vpn
     values: dict[str, Any] = {
-        "pilot": declaration.pilot.name,
+        "pilot": inventory.pilot.name,
         "name": member.name,
         "address": str(member.address),
-        "endpoint": str(remote(declaration, member)),
+        "endpoint": str(remote(inventory, member)),
         "port": vpn.port,
         "proto": "udp" if vpn.transport is Transport.UDP else "tcp",
-        "server": str(page.tunnel_of_server(declaration)),
+        "server": str(page.tunnel_of_server(inventory)),
         "not_before": int(certificate.not_before.timestamp()),
         "not_after": int(certificate.not_after.timestamp()),
         "wrap": str(certificate.wrap),
         "profile": file_name,
         "profile_sha256": hashlib.sha256(profile.reveal().encode()).hexdigest(),
         "wait_s": page.WAIT_S[member.link],
-        "ping": _find_ping_targets(declaration, member),
-        "dds_port": page.dds_port(declaration, member),
+        "ping": _find_ping_targets(inventory, member),
+        "dds_port": page.dds_port(inventory, member),
         "contact": contact,
         "faults": [list(item) for item in FAULTS],
         "refused": list(REFUSAL),
@@ -149,12 +149,12 @@ def facts(declaration: Declaration, identity: Identity, profile: Secret, file_na
     return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
 
 
-def _find_ping_targets(declaration: Declaration, member: Member) -> list[list[str]]:
+def _find_ping_targets(inventory: Inventory, member: Member) -> list[list[str]]:
     """Return our computers that reply to pings, except the server, which is tested first."""
-    server = page.tunnel_of_server(declaration)
+    server = page.tunnel_of_server(inventory)
     name_by_address = {
         address: name
-        for item in page.reach(declaration, member)
+        for item in page.reach(inventory, member)
         if item.ping
         for name, address in item.hosts
         if address not in {server, member.address}

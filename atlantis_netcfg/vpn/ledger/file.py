@@ -34,7 +34,7 @@ class LedgerError(NetcfgError):
 
 
 GENESIS = "0" * 64
-"""What the first line has for the hash of the line before."""
+"""Value in the first line for the hash of the previous line."""
 _RECORDS: TypeAdapter[Record] = TypeAdapter(Record)
 _SEAL = len(',"crc":"00000000"}')
 
@@ -44,11 +44,11 @@ class LedgerEntry:
     """One event, with time and user."""
 
     number: int
-    """From 1 on, without gaps."""
+    """Line number, from 1 without gaps."""
     at: datetime
     who: str
     operation: str
-    """Same for all entries of one command."""
+    """Operation id, the same for all entries of one command."""
     record: Record
 
     @property
@@ -132,13 +132,13 @@ class Reading:
     path: Path
     entries: tuple[LedgerEntry, ...]
     size: int
-    """Bytes up to the end of the last good line."""
+    """Bytes up to the end of the last valid line."""
     digests: tuple[str, ...]
-    """Hash of each of these lines."""
+    """Hash of each valid line."""
     is_torn: bool
-    """A line without its end follows: it was being written, or its writer was killed."""
+    """An incomplete line follows: it was being written, or its writer was killed."""
     damage: str | None
-    """What is wrong with the first line that is not what was written; nothing after it was read."""
+    """Damage of the first altered line; nothing after it was read. None: no damage."""
 
     @property
     def last(self) -> str:
@@ -191,7 +191,7 @@ class Ledger(EventLog):
         reading = read(path).sound()
         self.entries = list(reading.entries)
         self.digests = list(reading.digests)
-        """Hash of each line."""
+        """Hash of each ledger line."""
         super().__init__(path, partial(_build_error, "written", path), create=False)
         if reading.is_torn:
             self.cut(reading.size)

@@ -22,7 +22,7 @@ Serial = Annotated[
     BeforeValidator(lambda value: int(value, 16) if isinstance(value, str) else value),
     PlainSerializer(lambda value: f"{value:x}"),
 ]
-"""In hex, as openssl prints it: tools that read JSON's numbers as fractions would round it."""
+"""Serial number in hex, as printed by openssl: tools that read JSON numbers as fractions would round it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,11 +32,11 @@ class FoundingRecord:
     kind: Literal["founded"] = "founded"
     ca_common_name: str
     ca_sha256: str
-    """Of the CA's certificate in DER form."""
+    """SHA-256 of the CA's certificate in DER form."""
     ca_not_after: datetime
     sealed_by: Literal["age", "vault"]
     heads: bool = False
-    """Whether its lines were signed from the first on; older versions signed none."""
+    """Whether the lines were signed from the start; older versions signed none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ class IssueRecord:
     system: identity.ClientSystem | None = None
     distribution: RosDistribution | None = None
     der: str
-    """The certificate, base64: its copy in `certs/` can be made again."""
+    """The certificate, base64: its copy in `certs/` can be recreated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,7 +157,7 @@ class PublicationRecord:
     sha256: str
     next_update: datetime
     revoked: int
-    """How many certificates are on it."""
+    """Number of revoked certificates on the list."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,7 +182,7 @@ class ClockTrustRecord:
 
     kind: Literal["clock-trusted"] = "clock-trusted"
     before: datetime
-    """Time of that last record."""
+    """Time of the last record, which was later than the clock."""
 
 
 Record = Annotated[
@@ -212,7 +212,7 @@ _COMMANDS = {
     "serve": "a new certificate of the server was asked for",
 }
 _MAX_NAMES = 3
-"""So many names are told, the others are counted."""
+"""Maximum names listed; the others are counted."""
 
 
 def describe(record: Record) -> str:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.ledger import records
 
 NEVER_HANDED_OUT = "never handed out"
-"""Reason of a certificate whose file was not recorded as handed out: it counts as revoked from the start."""
+"""Reason for a certificate whose file has no recorded delivery: it counts as revoked from the start."""
 
 
 def membership(entries: Iterable[LedgerEntry]) -> identity.MembershipList:
@@ -30,7 +30,7 @@ class _AddressHolder:
 
     member: identity.Member
     certificates: dict[str, identity.Certificate] = field(default_factory=dict)
-    """By common name, oldest first."""
+    """Certificates by common name, oldest first."""
 
 
 class LedgerState:
@@ -41,18 +41,18 @@ class LedgerState:
         self.server: records.ServerIssueRecord | None = None
         self.published: records.PublicationRecord | None = None
         self.delivered: dict[str, records.DeliveryRecord] = {}
-        """The last hand-out of each common name."""
+        """The last delivery of each common name."""
         self.issued: dict[str, records.IssueRecord] = {}
         self.open: dict[str, records.BeginRecord] = {}
-        """Commands without their end, by operation."""
+        """Unfinished commands, by operation."""
         self.pending: dict[str, str] = {}
-        """Common names that were recorded and not handed out, with the operation of each."""
+        """Common names that were recorded and not delivered, with the operation of each."""
         self.done: dict[str, set[str]] = {}
-        """Of open commands: whose certificates were handed out or revoked."""
+        """Common names delivered or revoked by unfinished commands, by operation."""
         self.taken: dict[int, datetime] = {}
-        """Serials of a lost copy of the authority, which stay on the list, and when they were taken over."""
+        """Serials of a lost copy of the authority, which stay on the list, with the time of their adoption."""
         self.last: datetime | None = None
-        """Time of the last entry."""
+        """Time of the last entry; None: no entries."""
         self._holders: dict[str, _AddressHolder] = {}
         self._queued: dict[str, None] = {}
         for entry in entries:

@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 from cryptography.hazmat.primitives.kdf.scrypt import Scrypt
 
 WORK_FACTOR = 18
-"""scrypt's N is two to this power: 256 MiB, whatever else the computer does at that moment."""
+"""Exponent of scrypt's N: 2 to this power, which needs 256 MiB, whatever else the computer runs."""
 _CHUNK = 65_536
 
 

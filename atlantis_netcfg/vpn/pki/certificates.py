@@ -34,13 +34,15 @@ if TYPE_CHECKING:
 CA_DAYS = 3652
 SERVER_DAYS = 1826
 BACKDATE = timedelta(days=30)
-"""Of the CA and the server: a gateway whose clock has no battery starts behind, and must still come up (facts 7)."""
+"""For CA and server: a gateway whose clock has no battery starts behind, and must still come up (facts 7)."""
 CLIENT_BACKDATED = timedelta(days=1)
-"""The server's clock is kept; a day is for the time zone that somebody has set wrong."""
+"""The server's clock is maintained; a day covers a wrong time zone."""
 
 _COMMON_NAME = re.compile(r"[a-z0-9](?:[a-z0-9.-]{0,62}[a-z0-9])?")
-"""Of servers and members. The ledger's grammar is narrower; this holds where a caller has forgotten it: what comes
-after a NUL, OpenVPN does not read, and `/` it takes for `_` (facts 6)."""
+"""Syntax for servers and members. The ledger's own check is narrower; this one covers callers that omit it. OpenVPN
+
+ignores everything after a NUL, and reads `/` as `_` (facts 6).
+"""
 _CA_NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 .-]{0,62}[A-Za-z0-9])?")
 
 
@@ -219,7 +221,7 @@ def _usage(**reply: bool) -> x509.KeyUsage:
 
 
 CRL_DAYS = 90
-"""Until `nextUpdate`: longer than the longest campaign, because the CA's key is not with the server."""
+"""Days until `nextUpdate`: longer than the longest campaign, because the CA's key is not with the server."""
 _EXTENSIONS = {ExtensionOID.CRL_NUMBER, ExtensionOID.AUTHORITY_KEY_IDENTIFIER}
 
 
@@ -240,7 +242,7 @@ class CrlFacts:
     next_update: datetime
     serials: frozenset[int]
     sha256: str
-    """Of the file, hex."""
+    """SHA-256 of the file, hex."""
 
 
 def new_crl(

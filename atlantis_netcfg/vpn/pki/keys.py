@@ -123,15 +123,15 @@ def load_key(pem: Secret) -> PrivateKey:
 
 
 METADATA_MAX = 733
-"""Bytes: a wrapped key has at most 1024 (OpenVPN's `TLS_CRYPT_V2_MAX_WKC_LEN`), tag, key, length and kind included."""
+"""Maximum bytes: a wrapped key has at most 1024 (OpenVPN's `TLS_CRYPT_V2_MAX_WKC_LEN`), with tag, key, length, kind."""
 _SERVER = "OpenVPN tls-crypt-v2 server key"
 _CLIENT = "OpenVPN tls-crypt-v2 client key"
 _HARD_RESET_V2, _HARD_RESET_OF_SERVER, _HARD_RESET_V3 = 7 << 3, 8 << 3, 10 << 3
-"""Kinds of control packets; the third brings the client's own key."""
+"""Types of control packets; the third includes the client's own key."""
 _EARLY = 0x0F000001
-"""Number of the first packet by which 2.6 knows that it may answer without keeping a session."""
+"""Number of the first packet by which 2.6 recognises that it may reply without keeping a session."""
 _USER = b"\x00"
-"""Kind of metadata: bytes of our own, which a `tls-crypt-v2-verify` script could read."""
+"""Type of metadata: custom bytes, which a `tls-crypt-v2-verify` script could read."""
 
 
 def server_key() -> Secret:
@@ -163,7 +163,7 @@ class FirstPacket:
     wrap_key: Secret
     """tls-crypt-v2 client key, or the shared key of tls-crypt."""
     session: bytes = field(default_factory=lambda: os.urandom(8))
-    """The answer has to name it."""
+    """Session id, which the reply must contain."""
 
     def datagram(self) -> bytes:
         """Return the packet with the current time."""

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
 
 SEAL_GUESSES = 10**12
-"""So many a thousand computers try in thirty years, at a second each. Nobody counts guesses at a file."""
+"""Guesses by a thousand computers in thirty years, at a second each. Nothing limits guesses at a file."""
 VAULT_GUESSES = 10**16
-"""The same for ten thousand rounds of SHA-256."""
+"""Guesses by the same computers in that time, with ten thousand rounds of SHA-256 each."""
 _SCRYPT = re.compile(rb"-> scrypt \S+ ([0-9]{1,2})\n")
 _MEMORY = Path("/proc/meminfo")
 _ARMOR = re.compile(
@@ -135,7 +135,7 @@ def vault_unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
 
 
 _MAX_SHOWN = 30
-"""Letters of what is no recipient: enough to know it again, in case that it was meant to be kept."""
+"""Maximum characters shown of an invalid recipient: enough to recognise it, but not all of a possible secret."""
 _LARGER = "end other programs, or do this on a larger computer"
 _RESTORE = "restore it from your backup of the authority"
 _STRONGER = "take six words that a die has chosen, and keep them where the authority's folder is not"

@@ -138,10 +138,8 @@ print(json.dumps({
 def test_a_kind_of_bearer_is_a_row_of_one_table(product: Copy) -> None:
     model = "atlantis_netcfg/inventory/model/site.py"
     product.replace(model, '    ETHERNET = "ethernet"\n', '    ETHERNET = "ethernet"\n    LEO = "leo"\n')
-    row = "    BearerKind.ETHERNET: BearerTraits("
-    product.replace(
-        model, row, f"    BearerKind.LEO: BearerTraits(Column.LTE, Pace.MOBILE, ThresholdsName.LTE),\n{row}"
-    )
+    row = "    LinkKind.ETHERNET: LinkTraits("
+    product.replace(model, row, f"    LinkKind.LEO: LinkTraits(Column.LTE, Pace.MOBILE, ThresholdsName.LTE),\n{row}")
     product.replace(
         "inventory/group_vars/scc.yml",
         "      kind: ethernet\n      metered: false\n",
@@ -271,7 +269,7 @@ class Interface:
 
         there = {row["name"] for row in results["ports"].rows}
         verdict = Verdict.PASS if "ether2" in there else Verdict.FAIL
-        return ProbeResult((BearerFinding(verdict, "port", f"{len(there)} ports"),))
+        return ProbeResult((LinkFinding(verdict, "port", f"{len(there)} ports"),))
 '''
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from atlantis_netcfg.checklist import Scope, plan
 from atlantis_netcfg.checklist.report import ItemKind
-from atlantis_netcfg.checklist.runner import RealEars, examine
+from atlantis_netcfg.checklist.runner import RealTransport, examine
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.common.request import Mode, Request
 
@@ -22,7 +22,7 @@ def main(state: Path) -> None:
         for entry in plan(shipped, "coastal", Scope(endpoints=("robot",))).entries
         if entry.item.kind is not ItemKind.PERSON
     ]
-    ears = RealEars(declaration, "coastal", Request(state=state, mode=Mode.DRIFT))
+    ears = RealTransport(declaration, "coastal", Request(state=state, mode=Mode.DRIFT))
     items = asyncio.run(examine(entries, ears, lambda _: None, state=lambda: state))
     rows = {item.id: [item.verdict.value, item.message, *(each.value for each in item.evidence)] for item in items}
     sys.stdout.write(json.dumps(rows))

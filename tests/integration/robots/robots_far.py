@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import liars
 
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import DdsPath
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.operations import robots
@@ -26,7 +26,7 @@ NAMES = ("missing_topic", "wrong_type", "seldom", "often", "stranger", "twice", 
 _PARTICIPANTS = 10
 
 
-def declared() -> Declaration:
+def declared() -> Inventory:
     """The shipped pilot, whose DDS goes between the LANs of the sites."""
     shipped = load(liars.SHIPPED)
     assert shipped.pilot.dds is not None
@@ -96,7 +96,7 @@ def watch(address: str) -> None:
             sys.stdout.flush()
 
 
-def _profile(declaration: Declaration, address: str) -> str:
+def _profile(declaration: Inventory, address: str) -> str:
     return profile(address, robots.peers_of(declaration, ["coastal"]), _PARTICIPANTS)
 
 

@@ -175,9 +175,9 @@ def test_a_task_without_an_answer_calls_and_those_after_it_call_as_well(monkeypa
     monkeypatch.setattr(zipapp_action, "end_with_parent", lambda: None)
     task = Task()
     seen = variables(task.request("clock", {"now": 1.0, "tolerance_s": 300.0}, {}))
-    assert task.thin("clock", {"now": 2}, seen) == {"changes": [], "number": 0}
+    assert task.run_module("clock", {"now": 2}, seen) == {"changes": [], "number": 0}
     assert task.calls == 0
-    told = task.thin("clock", {"now": 2, "tolerance_s": 9}, seen)
+    told = task.run_module("clock", {"now": 2, "tolerance_s": 9}, seen)
     assert (task.calls, told["changes"]) == (1, ["clock set"])
-    task.thin("clock", {"now": 2}, seen | {"ansible_facts": told["ansible_facts"]})
+    task.run_module("clock", {"now": 2}, seen | {"ansible_facts": told["ansible_facts"]})
     assert task.calls == 2

@@ -173,7 +173,7 @@ class Asks(zipapp_action.ZipappAction):
 )
 def test_plain_ansible_can_print_what_a_gateway_says(says: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(thin, "end_with_parent", lambda: None)
-    told = Asks(says).thin("clock", {"now": 1}, {})
+    told = Asks(says).run_module("clock", {"now": 1}, {})
     assert control_characters("".join(_texts(told))) == []
     assert "evil\\u001b]0;owned" in "".join(_texts(told))
 
@@ -181,7 +181,7 @@ def test_plain_ansible_can_print_what_a_gateway_says(says: dict[str, Any], monke
 def test_plain_ansible_can_print_why_a_gateway_was_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(thin, "end_with_parent", lambda: None)
     with pytest.raises(AnsibleConnectionFailure) as failed:
-        Asks(AnsibleConnectionFailure(f"over ssh:\r\n{HOSTILE}\r\n")).thin("clock", {"now": 1}, {})
+        Asks(AnsibleConnectionFailure(f"over ssh:\r\n{HOSTILE}\r\n")).run_module("clock", {"now": 1}, {})
     assert control_characters(str(failed.value)) == []
     assert str(failed.value).startswith("over ssh:\nevil\\u001b")
     assert failed.value.__suppress_context__, "Ansible prints causes as well"

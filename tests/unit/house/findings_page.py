@@ -74,7 +74,7 @@ def of_tree(tree: ast.Module, file: str) -> Iterator[FoundMessage]:
             if not isinstance(call, ast.Call):
                 continue
             name, given = ast.unparse(call.func).rpartition(".")[2], _arguments(call)
-            if name == "BearerFinding" and "message" in given:
+            if name == "LinkFinding" and "message" in given:
                 verdict = _not_green(given["verdict"])
             elif name in HELPERS and file.startswith(SITE_CHECKS) and len(call.args) >= len(HELPERS):
                 verdict, given = HELPERS[name], {"message": call.args[1], "hint": call.args[2]}
@@ -87,7 +87,7 @@ def of_tree(tree: ast.Module, file: str) -> Iterator[FoundMessage]:
 
 
 def _arguments(call: ast.Call) -> dict[str, ast.expr]:
-    """Of `BearerFinding(verdict, code, message, hint)`, by name."""
+    """Of `LinkFinding(verdict, code, message, hint)`, by name."""
     by_place = dict(zip(("verdict", "code", "message", "hint"), call.args, strict=False))
     return by_place | {keyword.arg: keyword.value for keyword in call.keywords if keyword.arg is not None}
 

@@ -23,9 +23,9 @@ SOURCE = """
 _LOOK = "look at it"
 def judge(name, is_bad):
     verdict = Verdict.FAIL
-    yield BearerFinding(Verdict.PASS, "well", "all is well")
-    yield BearerFinding(Verdict.FAIL if is_bad else Verdict.WARN, "weak", f"{name} is too weak", _LOOK)
-    yield BearerFinding(verdict, "odd", "this is odd", hint=f"ask {name}")
+    yield LinkFinding(Verdict.PASS, "well", "all is well")
+    yield LinkFinding(Verdict.FAIL if is_bad else Verdict.WARN, "weak", f"{name} is too weak", _LOOK)
+    yield LinkFinding(verdict, "odd", "this is odd", hint=f"ask {name}")
     yield fail("gone", f"{name} has gone", "fetch it")
 """
 

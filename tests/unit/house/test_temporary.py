@@ -201,9 +201,9 @@ def test_a_control_socket_that_nobody_listens_to_is_removed(place: Path) -> None
 
 
 def test_images_go_where_there_is_room(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert temporary.roomy() == place / "large"
+    assert temporary.large_temp_dir() == place / "large"
     monkeypatch.setenv("TMPDIR", str(place / "mine"))
-    assert temporary.roomy() == place / "mine"
+    assert temporary.large_temp_dir() == place / "mine"
 
 
 ELSEWHERE = {
@@ -232,5 +232,5 @@ def test_what_is_dead_and_could_not_be_removed_is_listed_and_what_lives_is_not(p
     dead = place / MARK
     with owner(place) as (_, living):
         dead.mkdir()
-        assert temporary.remaining() == (dead,)
+        assert temporary.orphaned_folders() == (dead,)
         assert (dead.is_dir(), living.is_dir()) == (True, True), "looking removes nothing"

@@ -37,7 +37,7 @@ PASSED_ON = {
     ("operations/robots/remote.py", "ListenError"): _DEVICE,
     ("operations/computers/remote_session.py", "HostKeyMismatch"): _DEVICE,
     ("operations/computers/remote_session.py", "ServerRefusal"): _DEVICE,
-    ("operations/vpn/live.py", "RecordOlder"): _REASON,
+    ("operations/vpn/live.py", "StaleRecord"): _REASON,
     ("vpn/reports.py", "CorruptAuthorityError"): _REASON,
     ("vpn/router_import.py", "DeviceError"): _CAUSE,
     ("routeros/api/_values.py", "CertificateMismatch"): _CALLER,

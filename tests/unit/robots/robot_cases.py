@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.robots import reading
 
 HERE = Path(__file__).parent
@@ -41,7 +41,7 @@ def spoil(case: dict[str, Any], folder: Path) -> Path:
 
 
 @cache
-def shipped() -> Declaration:
+def shipped() -> Inventory:
     return load(SHIPPED)
 
 

@@ -17,7 +17,7 @@ from atlantis_netcfg.cli.base import passphrase
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import NoMatchError, UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import Declaration, InventoryInvalid, load
+from atlantis_netcfg.inventory import Inventory, InventoryInvalid, load
 from atlantis_netcfg.inventory.robots import reading
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.operations import robots
@@ -142,7 +142,7 @@ def test_a_vaulted_token_is_compared_where_the_vault_is_open(
     file.write_text(own.replace(TOKEN, "!vault |\n  " + sealed.strip().replace("\n", "\n  ")))
     monkeypatch.setattr(robots, "expected_at", lambda *_: ["sparus"])
 
-    def discover(declaration: Declaration, site: str, *_: object) -> tuple[RobotObservation, list[RobotReport]]:
+    def discover(declaration: Inventory, site: str, *_: object) -> tuple[RobotObservation, list[RobotReport]]:
         return observation, robots.compare(declaration, site, observation)
 
     monkeypatch.setattr(robots, "discover", discover)

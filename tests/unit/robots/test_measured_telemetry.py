@@ -20,7 +20,7 @@ from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import TelemetryTopic
 from atlantis_netcfg.inventory.robots import reading
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.operations.fit import measured_telemetry
 from atlantis_netcfg.operations.fit.measured_telemetry import (
@@ -44,7 +44,7 @@ def inventory(tmp_path: Path) -> Path:
 
 
 def report(
-    vehicle: str = "sparus", *findings: BearerFinding, rate_hz: float = 2.0, more: Sequence[str] = ()
+    vehicle: str = "sparus", *findings: LinkFinding, rate_hz: float = 2.0, more: Sequence[str] = ()
 ) -> RobotReport:
     """Of a robot that publishes every topic of its file, 60 bytes large."""
     source = next(each for each in reading.read_declared(robot_cases.shipped(), KeyNames()) if each.vehicle == vehicle)
@@ -158,7 +158,7 @@ def test_a_written_inventory_says_what_was_build(inventory: Path) -> None:
 
 @pytest.mark.parametrize("verdict", [Verdict.FAIL, Verdict.INCONCLUSIVE])
 def test_a_robot_that_is_not_as_its_file_says_is_not_written(inventory: Path, verdict: Verdict) -> None:
-    finding = BearerFinding(verdict, "token", "its token is not the one of its file", "ask")
+    finding = LinkFinding(verdict, "token", "its token is not the one of its file", "ask")
     declaration, telemetry = load(inventory), build(inventory, report("sparus", finding))
     with pytest.raises(TelemetryUnknown, match="its token is not the one of its file"):
         write(declaration, telemetry, change(declaration, telemetry, date(2026, 11, 29)))
@@ -211,7 +211,7 @@ def test_a_vehicle_that_is_not_heard_is_told_with_who_is(
 def test_what_is_not_as_its_file_says_is_shown_in_whole(
     inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    finding = BearerFinding(Verdict.FAIL, "token", "its token is not the one of its file", "ask its partner")
+    finding = LinkFinding(Verdict.FAIL, "token", "its token is not the one of its file", "ask its partner")
     listening(monkeypatch, report("sparus", finding))
     assert main(typed(inventory, "observed=10s", "--write")) == ExitCode.CHECKS_FAILED
     shown = capsys.readouterr().err
@@ -224,7 +224,7 @@ def test_what_is_not_as_its_file_says_is_shown_in_whole(
 def test_a_robot_that_is_not_as_its_file_says_fits_no_link(
     verdict: Verdict, code: int, inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    listening(monkeypatch, report("sparus", BearerFinding(verdict, "token", "its token is another one")))
+    listening(monkeypatch, report("sparus", LinkFinding(verdict, "token", "its token is another one")))
     fits = SimpleNamespace(exit=ExitCode.DONE, as_json=lambda: {"exit": 0})
     monkeypatch.setattr("atlantis_netcfg.operations.fit.vehicle_fit", lambda *_, **__: fits)
     assert main(typed(inventory, "observed=10s", "--json")) == code
@@ -247,7 +247,7 @@ def test_a_vehicle_without_a_file_is_told_how_it_is_checked(
 def test_what_was_heard_is_judged_and_shown(
     inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    warning = BearerFinding(Verdict.WARN, "topic-frozen", "/sparus/pose says the same in all of 20 messages")
+    warning = LinkFinding(Verdict.WARN, "topic-frozen", "/sparus/pose says the same in all of 20 messages")
     listening(monkeypatch, report("sparus", warning, more=("/rosout",)))
     assert main(typed(inventory, "link=wifi-ptp", "observed=10s")) == ExitCode.CHECKS_FAILED, "nobody measured it"
     shown = capsys.readouterr().out

@@ -13,7 +13,7 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.robots.observation import RobotObservation, RobotReport, RobotState
 
@@ -148,7 +148,7 @@ def test_what_a_file_or_a_robot_says_moves_no_cursor(
     printed = capsys.readouterr()
     assert "is no name in ROS" in printed.err
 
-    finding = BearerFinding(Verdict.FAIL, "code", "the host \x1b[2J\u202e says so", "")
+    finding = LinkFinding(Verdict.FAIL, "code", "the host \x1b[2J\u202e says so", "")
     report = RobotReport("\x1b]0;mares\x07", RobotState.UNKNOWN, None, (finding,))
     monkeypatch.setattr(robots, "discover", lambda *_: (RobotObservation(5.0, {"key": "\x1b[2J"}), [report]))
     assert main(["robot", "discover", "site=coastal", f"inventory={inventory}"]) == ExitCode.CHECKS_FAILED

@@ -37,7 +37,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
 )
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver, Column
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping
@@ -49,7 +49,7 @@ __all__ = ["steps"]
 _HIGHEST = (2, 6, 14, 30, 62, 126, 254)
 _PACKET_MS = (50, 1000)
 _CARRIERS = ((0, 1), (1, 0), (2, 2))
-"""Waveform ids that hear each other."""
+"""Pairs of waveform ids that can receive each other."""
 _COMPARED_SETTINGS = ("Local Address", "Highest Address", "Carrier Waveform ID", "Packet Time")
 _PHY = "ATI1"
 
@@ -59,10 +59,10 @@ class ModemMember:
     """A modem in the fleet comparison."""
 
     name: str
-    """The row in words."""
+    """Display name of the checklist row."""
     question: base.Listen
     expected_address: int | None
-    """Acoustic address or beacon number; None: nobody declares it."""
+    """Acoustic address or beacon number; None: not declared."""
 
 
 def _requests(members: tuple[ModemMember, ...]) -> tuple[base.Question, ...]:
@@ -76,16 +76,16 @@ def _transcript(member: ModemMember, results: Mapping[str, base.Answer]) -> base
     return transcript
 
 
-def _not_compared(names: Iterable[str], result: int) -> Iterator[BearerFinding]:
+def _not_compared(names: Iterable[str], result: int) -> Iterator[LinkFinding]:
     missing = ", ".join(names)
     if missing:
         rest = "the others agree or not without it" if result > 1 else "a comparison needs two"
         message = f"the modem settings of {missing} could not be read: {rest}"
         hint = "settle the item of that modem itself first, and check again"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
+        yield LinkFinding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
 
 
-def _strangers(members: tuple[ModemMember, ...], addresses: Mapping[str, int]) -> Iterator[BearerFinding]:
+def _strangers(members: tuple[ModemMember, ...], addresses: Mapping[str, int]) -> Iterator[LinkFinding]:
     for member in members:
         address = addresses.get(member.name, member.expected_address)
         if member.expected_address is not None and address != member.expected_address:
@@ -94,7 +94,7 @@ def _strangers(members: tuple[ModemMember, ...], addresses: Mapping[str, int]) -
                 f"and {member.expected_address} is declared"
             )
             hint = "settle the item of that modem itself first, and check again"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its own is not compared", hint)
+            yield LinkFinding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its own is not compared", hint)
 
 
 def _join_values(values: Mapping[str, object]) -> str:
@@ -103,18 +103,18 @@ def _join_values(values: Mapping[str, object]) -> str:
 
 def _same(
     what: str, code: str, values: Mapping[str, Hashable], hint: str, *, verdict: Verdict
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     if len(set(values.values())) > 1:
-        yield BearerFinding(verdict, code, f"the modems differ in their {what}: {_join_values(values)}", hint)
+        yield LinkFinding(verdict, code, f"the modems differ in their {what}: {_join_values(values)}", hint)
 
 
-def _unique(what: str, values: Mapping[str, int]) -> Iterator[BearerFinding]:
+def _unique(what: str, values: Mapping[str, int]) -> Iterator[LinkFinding]:
     for number in sorted(set(values.values())):
         names = [name for name, local in values.items() if local == number]
         if len(names) > 1:
             message = f"{' and '.join(names)} have the same {what}, {number}"
             hint = "have the crew of one of them set another one; the declaration says which belongs to whom"
-            yield BearerFinding(Verdict.FAIL, "duplicate-address", message, hint)
+            yield LinkFinding(Verdict.FAIL, "duplicate-address", message, hint)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ class EvologicsFleet:
 
     def _compare(
         self, result: Mapping[str, Mapping[str, int]], readings: Mapping[str, status.AcousticReading]
-    ) -> Iterator[BearerFinding]:
+    ) -> Iterator[LinkFinding]:
         of = {key: {name: values[key] for name, values in result.items()} for key in _COMPARED_SETTINGS}
         yield from _unique("acoustic address", of["Local Address"])
         hint = "have the crews set the same highest address on all modems: " + ", ".join(map(str, _HIGHEST))
@@ -168,13 +168,13 @@ class EvologicsFleet:
 
 def _wrong(
     what: str, code: str, values: Mapping[str, int], allowed_values: range | tuple[int, ...], hint: str
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     for name, value in values.items():
         if value not in allowed_values:
-            yield BearerFinding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which modems do not have", hint)
+            yield LinkFinding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which modems do not have", hint)
 
 
-def _carriers(values: Mapping[str, int]) -> Iterator[BearerFinding]:
+def _carriers(values: Mapping[str, int]) -> Iterator[LinkFinding]:
     deaf = [
         f"{a} ({values[a]}) and {b} ({values[b]})"
         for a, b in combinations(values, 2)
@@ -183,12 +183,12 @@ def _carriers(values: Mapping[str, int]) -> Iterator[BearerFinding]:
     if deaf:
         message = f"carrier waveforms that do not hear each other: {'; '.join(deaf)}"
         hint = "have the crews set carrier waveform 2 on all modems; 0 and 1 are for a pair"
-        yield BearerFinding(Verdict.FAIL, "carriers", message, hint)
+        yield LinkFinding(Verdict.FAIL, "carriers", message, hint)
 
 
-def _agree(result: Mapping[str, Mapping[str, int]]) -> BearerFinding:
+def _agree(result: Mapping[str, Mapping[str, int]]) -> LinkFinding:
     addresses = ", ".join(f"{name} {values['Local Address']}" for name, values in result.items())
-    return BearerFinding(Verdict.PASS, "agree", f"the modems agree with each other; addresses: {addresses}")
+    return LinkFinding(Verdict.PASS, "agree", f"the modems agree with each other; addresses: {addresses}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,19 +223,19 @@ class SeatracFleet:
             for name in values
         )
         number_list = _join_values(numbers)
-        success = BearerFinding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {number_list}")
+        success = LinkFinding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {number_list}")
         return base.ProbeResult(tuple(findings) or (success,), evidence)
 
 
 TEXT = "ATLANTIS"
 _TEXT_ONLY = rb"\A(?:\+{0,2}[\w,.:-]*\r?\n)?(?:\+\+\+AT:\d+:(?!RECV(?!START|END|FAILED))[A-Z]+[^\r\n]*\r\n)*"
-"""The rest of a notification that was cut by the last answer, and whole ones; nothing with a message inside."""
+"""Rest of a notification cut by the last response, then whole notifications; none holds a message."""
 _LISTENS = _TEXT_ONLY + rb"\+\+\+AT\?S:\d+:INITIATION LISTEN[^\r\n]*\r\n"
 _LEVELS = (1, 2, 3)
-"""Not the maximum: nobody needs it within a port."""
+"""Permitted source levels, without the maximum: nobody needs it within a port."""
 _QUIET = _TEXT_ONLY + rb"\+\+\+AT\?L:1:[123]\r\n"
 _DELIVERED_S = 20.0
-"""A modem tries again by itself before it gives up."""
+"""Seconds for a delivery: a modem retries by itself before it gives up."""
 
 
 def message_consent(name: str, partner: int) -> base.Consent:
@@ -252,13 +252,13 @@ class EvologicsMessage:
 
     modem: AcousticModem
     name: str
-    """The row in words."""
+    """Display name of the checklist row."""
     expected_address: int | None
-    """Acoustic address; None: any modem may be there, which the modem's own item says."""
+    """Acoustic address; None: any modem may be there, which the modem's own item reports."""
     partner: int
-    """Acoustic address."""
+    """Acoustic address of the other modem."""
     consent: base.Consent | None
-    """What the step asks a person; without it there is no message to be sent."""
+    """Consent that the step asks a person for; without it no message is sent."""
 
     def asks(self) -> tuple[base.Question, ...]:
         """Request state, address and source level, then send the message. Raises NeverSaid if no person is prompted."""
@@ -306,47 +306,47 @@ class EvologicsMessage:
             return base.ProbeResult((self._judge_report(reports),), evidence)
         return base.ProbeResult((self._judge_refusal(pieces, level, refusal),), evidence)
 
-    def _judge_report(self, lines: tuple[str, ...]) -> BearerFinding:
+    def _judge_report(self, lines: tuple[str, ...]) -> LinkFinding:
         to = f"the modem with the address {self.partner}"
         if f"DELIVEREDIM,{self.partner}" in lines:
-            return BearerFinding(
+            return LinkFinding(
                 Verdict.PASS, "delivered", f"a message of {self.name} reached {to}, which acknowledged it"
             )
         if f"FAILEDIM,{self.partner}" in lines:
             hint = "look whether both modems are in the water, within reach of each other, and agree in their settings"
-            return BearerFinding(
+            return LinkFinding(
                 Verdict.FAIL, "not-delivered", f"{to} has not acknowledged the message of {self.name}", hint
             )
         hint = "check again; the modem may still have been trying when the time was up"
         message = f"the modem of {self.name} has sent a message and does not tell what became of it"
-        return BearerFinding(Verdict.INCONCLUSIVE, "no-report", message, hint)
+        return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, hint)
 
     def _judge_refusal(
         self, pieces: tuple[evologics.Piece, ...], level: float | None, refusal: str | None
-    ) -> BearerFinding:
+    ) -> LinkFinding:
         state = evologics.state(pieces)
         if state is not None and state != "INITIATION LISTEN":
             message = f"no message was sent: the modem of {self.name} does not listen ({state})"
-            return BearerFinding(Verdict.INCONCLUSIVE, "not-sent", message, "settle the item of the modem itself first")
+            return LinkFinding(Verdict.INCONCLUSIVE, "not-sent", message, "settle the item of the modem itself first")
         address = evologics.number(evologics.answer(pieces, "AT?AL"))
         if address is not None and self.expected_address is not None and address != self.expected_address:
             message = f"no message was sent: the modem of {self.name} has the acoustic address {address:.0f}, and"
             hint = "settle the item of the modem itself first"
-            return BearerFinding(Verdict.FAIL, "wrong-address", f"{message} {self.expected_address} is declared", hint)
+            return LinkFinding(Verdict.FAIL, "wrong-address", f"{message} {self.expected_address} is declared", hint)
         if level is not None and level not in _LEVELS:
             message = f"no message was sent: the source level of {self.name} is {status.level_words(int(level))}"
             hint = "have its crew set a level between 1 and 3 (3 is the quietest), and check again"
-            return BearerFinding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
+            return LinkFinding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
         if refusal:
             message = f"the modem of {self.name} has not taken the message: `{refusal[:60]}`"
-            return BearerFinding(
+            return LinkFinding(
                 Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle does not use it"
             )
         message = (
             f"no message was sent: the modem of {self.name} did not tell an address and a source level that allow it"
         )
         hint = "check again when the modem receives nothing; a change of the level that is pending stops it, too"
-        return BearerFinding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
+        return LinkFinding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
 
 
 def _address(address: int | None) -> bytes:

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 NOTIFICATION = "AT"
-"""The command of a piece that nobody has asked for."""
+"""Command name of an unsolicited piece."""
 
 _HEADER = re.compile(rb"\+\+\+(AT[^:\r\n]{0,90}):(\d{1,6}):")
 _LONGEST = 65_536
 _FAMILIES = rb"RECV|SEND|BITRATE|SRCLEVEL|PHY|USBL|DELIVERED|FAILED|CANCELED|EXPIRED|RADDR"  # role_at.erl of EVINS, BIR
 _BARE = rb"(?:\A|\n)(?!\+\+\+AT|" + _FAMILIES + rb")[^\r\n]+\r?\n"
-"""A line that may be an answer in the bare form."""
+"""A line that may be a response in the bare form, without a frame."""
 _STATES = re.compile(
     r"\b(OFFLINE (?:READY|CONNECTION FAILED|TERMINATED|ALARM)|INITIATION (?:LISTEN|ESTABLISH|DISCONNECT)"
     r"|ONLINE|BACKOFF|NOISE|DEAF)\b"
@@ -42,10 +42,10 @@ class Piece:
     """A frame or a bare line of the modem's output."""
 
     command: str | None
-    """What it answers: `AT?S`; NOTIFICATION: nothing; None: a bare line."""
+    """Command that it responds to: `AT?S`; NOTIFICATION: no command; None: a bare line."""
     body: bytes
     end: int
-    """Offset in the stream behind it."""
+    """Offset of its end in the stream."""
 
     @property
     def text(self) -> str:
@@ -58,9 +58,9 @@ class EvologicsSettings:
     """Settings reported by `AT&V`; unknown names are left out."""
 
     values: Mapping[str, int]
-    """By the names of firmware 1.9: `IM Retry Count`, also where the modem writes `Rerty`."""
+    """Values by names of firmware 1.9: `IM Retry Count`, also where the modem writes `Rerty`."""
     pending: tuple[str, ...]
-    """Changed, but not in force yet: `[*]` stands in front of them."""
+    """Settings that were changed but are not in force yet, marked `[*]`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,17 +69,17 @@ class EvologicsFix:
 
     remote: int
     clock_s: float
-    """What the modem's clock shows when it tells the fix: seconds since it was switched on, or since 1970."""
+    """Modem clock when it reports the fix: seconds since it was switched on, or since 1970."""
     measured_s: float
-    """The same, when it was measured."""
+    """Modem clock at the time of the measurement."""
     position_m: tuple[float, float, float] | None
     propagation_us: float | None
-    """One way."""
+    """One-way propagation time."""
     rssi_db: float
     integrity: float
     accuracy: float
     end: int
-    """Offset in the stream behind it."""
+    """Offset of its end in the stream."""
 
 
 def pieces(data: bytes) -> tuple[Piece, ...]:

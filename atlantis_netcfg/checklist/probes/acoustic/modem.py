@@ -23,7 +23,7 @@ from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -48,7 +48,6 @@ class ModemCommand:
 
     use: ModemUse
     what: str
-    """What it does."""
 
 
 class NeverSaid(NetcfgError, ValueError):
@@ -69,7 +68,7 @@ EVOLOGICS: Mapping[bytes, ModemCommand] = {
     rb"AT\*SEND.*": ModemCommand(ModemUse.NEVER, "transmits"),
     rb"": ModemCommand(ModemUse.NEVER, "switches to command mode"),
 }
-"""Full match of a command between `+++` and the end of the line."""
+"""Pattern -> command; a pattern matches all between `+++` and the end of the line."""
 
 SEATRAC: Mapping[int, ModemCommand] = {
     0x01: ModemCommand(ModemUse.READ, "alive"),
@@ -96,11 +95,11 @@ SEATRAC: Mapping[int, ModemCommand] = {
     0x5B: ModemCommand(ModemUse.ACTIVE, "transmits"),
     0x60: ModemCommand(ModemUse.ACTIVE, "transmits"),
 }
-"""Command of a beacon by its number."""
+"""Command number of a beacon -> command."""
 
 _PING = 0x40
 _WITH_USBL = 0x04
-"""MSG_REQU: the answer is asked for, and its direction measured."""
+"""MSG_REQU: requests a response and measures its direction."""
 _BEACONS = range(1, 16)
 _ADDRESSES = range(1, 255)
 _LONGEST = 64
@@ -189,12 +188,12 @@ def _asks(consent: base.Consent | None) -> bool:
 
 
 WATER = "water"
-"""The turn of what transmits: one at a time, or they drown each other."""
+"""`turn` of requests that transmit: one at a time, or they drown each other."""
 _FIXES = 3
-"""So many of each expected address are enough: listening ends."""
+"""Fixes of each expected address after which listening ends."""
 _BAUD = {model.AcousticDriver.EVOLOGICS: 19200, model.AcousticDriver.SEATRAC: 115200}
 _QUERIES = ("AT?S", "AT&V", "AT?AL", "AT?L", "AT?ZU", "AT?E", "AT?I", "AT?T", "ATI0", "ATI1", "AT?BV")
-"""What matters most comes first: after a query that is not answered no other is asked."""
+"""Most important query first: after one without a response, no other is sent."""
 _NUMBERS = (seatrac.ALIVE, seatrac.INFO, seatrac.SETTINGS, seatrac.STATUS, seatrac.TRANSCEIVER)
 
 
@@ -253,8 +252,8 @@ def _endpoint(cell: base.Cell) -> model.AcousticEndpoint | model.UsblEndpoint | 
 def modems(cell: base.Cell, column: model.Column) -> Iterator[tuple[base.Cell, AcousticModem]]:
     """Yield the modems of all rows that are tested at the site, with their cells; the site's own comes last."""
     here = cell.site_config.checklist.vehicles
-    for row in (*(key for key in cell.declaration.vehicles if here is None or key in here), None):
-        other = base.Cell(cell.declaration, cell.site, row, column)
+    for row in (*(key for key in cell.inventory.vehicles if here is None or key in here), None):
+        other = base.Cell(cell.inventory, cell.site, row, column)
         if modem := modem_of(other):
             yield other, modem
 
@@ -371,10 +370,10 @@ _WORDS: Mapping[base.Trouble | None, tuple[Verdict, str, str, str]] = {
         _IN_USE,
     ),
 }
-"""Verdict, code, sentence and hint of a modem that has not said a word."""
+"""Verdict, code, sentence and hint for a modem that sent nothing."""
 
 
-def trouble(modem: AcousticModem, name: str, transcript: base.Transcript) -> BearerFinding | None:
+def trouble(modem: AcousticModem, name: str, transcript: base.Transcript) -> LinkFinding | None:
     """Return why a modem could not be read; None if it sent any data."""
     if transcript.data:
         return None
@@ -382,7 +381,7 @@ def trouble(modem: AcousticModem, name: str, transcript: base.Transcript) -> Bea
     cause = base.Trouble.REFUSED if transcript.trouble is base.Trouble.CLOSED else transcript.trouble
     verdict, code, message, hint = _WORDS[cause]
     words = transcript.words or "nobody could ask it"
-    return BearerFinding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
+    return LinkFinding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
 
 
 def transcript_or_judgement(modem: AcousticModem, name: str, answer: base.Answer) -> base.Transcript | base.ProbeResult:
@@ -393,26 +392,26 @@ def transcript_or_judgement(modem: AcousticModem, name: str, answer: base.Answer
     return answer if finding is None else base.ProbeResult((finding,))
 
 
-def not_understood(modem: AcousticModem, name: str) -> BearerFinding:
+def not_understood(modem: AcousticModem, name: str) -> LinkFinding:
     """Return the finding for data that are not the modem's protocol, or noise."""
     message = f"what answers for {name} at {modem.where} does not speak like {LANGUAGE[modem.driver]}"
     hint = (
         "compare `driver`, `port` and `baud` in the declaration with the modem; a wrong rate of a serial port is noise"
     )
-    return BearerFinding(Verdict.INCONCLUSIVE, "not-understood", message, hint)
+    return LinkFinding(Verdict.INCONCLUSIVE, "not-understood", message, hint)
 
 
-def whose_unknown(modem: AcousticModem, name: str) -> BearerFinding:
+def whose_unknown(modem: AcousticModem, name: str) -> LinkFinding:
     """Return the finding for a modem that cannot be identified, as the inventory has no acoustic address."""
     message = f"nothing tells whether what answers at {modem.where} is the modem of {name}"
-    return BearerFinding(
+    return LinkFinding(
         Verdict.WARN, "whose-unknown", message, "declare its `acoustic_address` under `endpoints.acoustic`"
     )
 
 
-def two_modems(modem: AcousticModem, name: str, addresses: Collection[int]) -> BearerFinding:
+def two_modems(modem: AcousticModem, name: str, addresses: Collection[int]) -> LinkFinding:
     """Return the finding for contradicting addresses, which mean more than one modem."""
     text = " and ".join(map(str, sorted(addresses)))
     message = f"what answers for {name} at {modem.where} tells the acoustic addresses {text}: it is more than one modem"
     hint = "look what is connected to this end: one line serves one modem, and a program must not mix two of them"
-    return BearerFinding(Verdict.FAIL, "two-modems", message, hint)
+    return LinkFinding(Verdict.FAIL, "two-modems", message, hint)

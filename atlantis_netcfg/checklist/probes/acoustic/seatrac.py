@@ -33,7 +33,7 @@ class SeatracAnswer:
     number: int
     record: bytes
     end: int
-    """Offset in the stream behind it."""
+    """Offset of its end in the stream."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class SeatracSettings:
     beacon: int
     sound_speed_mps: float
     auto_sound_speed: bool
-    """Worked out by the beacon from temperature, pressure and salinity."""
+    """Whether the beacon computes it from temperature, pressure and salinity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +60,18 @@ class SeatracFix:
     """Position computed by a beacon from a response that it received."""
 
     to: int
-    """Beacon for which the answer was meant; 0: all of them."""
+    """Beacon that the response was addressed to; 0: all of them."""
     beacon: int
-    """Which has answered."""
+    """Beacon that responded."""
     range_m: float | None
     azimuth_deg: float | None
     elevation_deg: float | None
     fit_error: float | None
     rssi_db: float
     position_m: tuple[float, float, float] | None
-    """East, north and down from this beacon."""
+    """East, north and down from this beacon, in metres."""
     suspect: bool
-    """The beacon's own filter takes the position for wrong."""
+    """The beacon's own filter considers the position wrong."""
 
 
 def crc16(data: bytes) -> int:

@@ -19,18 +19,18 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
 )
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 
 SOUND_SPEED_MPS = (1300, 1700)
-"""Of water; what an EvoLogics modem takes (BIR)."""
+"""Sound speeds of water that an EvoLogics modem accepts (BIR)."""
 RSSI_DB = (-85, -20)
-"""Of an EvoLogics modem: weaker is lost, stronger overdrives it (BIR)."""
+"""Usable range of an EvoLogics modem: weaker is lost, stronger overdrives it (BIR)."""
 INTEGRITY_LOW = 100
-"""Below: a weak reception (BIR)."""
+"""Integrity below this is weak reception (BIR)."""
 LEVELS = {0: "maximum", 1: "-6 dB", 2: "-12 dB", 3: "-20 dB"}
 """Source level of an EvoLogics modem."""
 AIR_LEVEL = 3
@@ -65,7 +65,7 @@ STATES: dict[str, tuple[Verdict, str, str, str | None]] = {
         "look at the transducer and its cable; in air a modem may be deaf: check again in the water",
     ),
 }
-"""What a state of an EvoLogics modem means: verdict, code, sentence, hint."""
+"""State of an EvoLogics modem -> verdict, code, sentence, hint."""
 
 
 def level_words(level: int) -> str:
@@ -86,7 +86,7 @@ _READINGS = (
     ("propagation time of the last reception", "AT?T", " us"),
     ("battery", "AT?BV", " V"),
 )
-"""Evidence: what, query, unit."""
+"""Evidence: name, query, unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ class EvologicsStatus:
 
     modem: AcousticModem
     name: str
-    """The row in words."""
+    """Display name of the checklist row."""
     expected_address: int | None
     """Acoustic address."""
     question: base.Listen
@@ -165,7 +165,7 @@ class EvologicsStatus:
             return base.ProbeResult((not_understood(self.modem, self.name),))
         return base.ProbeResult(tuple(self._findings(reading)), tuple(_evidence(reading)))
 
-    def _findings(self, reading: AcousticReading) -> Iterator[BearerFinding]:
+    def _findings(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         yield self._state(reading)
         yield from self._address(reading)
         yield from self._level(reading)
@@ -173,20 +173,20 @@ class EvologicsStatus:
         yield from self._reception(reading)
         yield from self._pending(reading)
 
-    def _state(self, reading: AcousticReading) -> BearerFinding:
+    def _state(self, reading: AcousticReading) -> LinkFinding:
         state = evologics.state(reading.replies)
         if state is None:
             words = evologics.trouble_words(reading.replies, "AT?S")
             message = f"the modem of {self.name} does not tell its state" + (f": it says `{words}`" if words else "")
             hint = "check again in a minute; if it stays so, compare the firmware with another modem's"
-            return BearerFinding(Verdict.INCONCLUSIVE, "no-state", message, hint)
+            return LinkFinding(Verdict.INCONCLUSIVE, "no-state", message, hint)
         if state not in STATES:
             message = f"the modem of {self.name} is in a state that nobody here knows: `{state}`"
-            return BearerFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
+            return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
         verdict, code, sentence, advice = STATES[state]
-        return BearerFinding(verdict, code, f"the modem of {self.name} {sentence}", advice)
+        return LinkFinding(verdict, code, f"the modem of {self.name} {sentence}", advice)
 
-    def _address(self, reading: AcousticReading) -> Iterator[BearerFinding]:
+    def _address(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         address, highest = reading.address, reading.setting("Highest Address")
         if self.expected_address is None:
             yield whose_unknown(self.modem, self.name)
@@ -194,7 +194,7 @@ class EvologicsStatus:
             if self.expected_address is not None:
                 message = f"the modem of {self.name} does not tell its address; {self.expected_address} is declared"
                 hint = "check again: what does not answer in time is left out"
-                yield BearerFinding(Verdict.INCONCLUSIVE, "address-unknown", message, hint)
+                yield LinkFinding(Verdict.INCONCLUSIVE, "address-unknown", message, hint)
             return
         if len(reading.addresses) > 1:
             yield two_modems(self.modem, self.name, reading.addresses)
@@ -203,27 +203,27 @@ class EvologicsStatus:
                 f"the modem of {self.name} has the acoustic address {address}, and {self.expected_address} is declared"
             )
             hint = "have its crew set the address, or correct `acoustic_address` in the declaration"
-            yield BearerFinding(Verdict.FAIL, "wrong-address", message, hint)
+            yield LinkFinding(Verdict.FAIL, "wrong-address", message, hint)
         if address < 1 or (highest is not None and address > highest):
             message = (
                 f"the acoustic address {address} of {self.name} is not between 1 and its highest one, {highest or '?'}"
             )
             hint = "have its crew set an address within the range, the same highest address on all modems"
-            yield BearerFinding(Verdict.FAIL, "address-out-of-range", message, hint)
+            yield LinkFinding(Verdict.FAIL, "address-out-of-range", message, hint)
 
-    def _level(self, reading: AcousticReading) -> Iterator[BearerFinding]:
+    def _level(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         level = reading.level
         if level is None:
             message = f"the modem of {self.name} does not tell its source level"
-            yield BearerFinding(
+            yield LinkFinding(
                 Verdict.WARN, "level-unknown", message, "keep it from transmitting until it is in the water"
             )
         elif level != AIR_LEVEL:
             message = f"the source level of {self.name} is {level_words(level)}; only {AIR_LEVEL} may sound in air"
             hint = f"keep it from transmitting until it is in the water, or have its crew set level {AIR_LEVEL}"
-            yield BearerFinding(Verdict.WARN, "loud-for-air", message, hint)
+            yield LinkFinding(Verdict.WARN, "loud-for-air", message, hint)
 
-    def _sound(self, reading: AcousticReading) -> Iterator[BearerFinding]:
+    def _sound(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         speed = reading.setting("Sound Speed")
         low, high = SOUND_SPEED_MPS
         if speed is not None and not low <= speed <= high:
@@ -231,27 +231,27 @@ class EvologicsStatus:
             hint = (
                 f"have its crew set the sound speed of the place, between {low} and {high} m/s: all ranges hang on it"
             )
-            yield BearerFinding(Verdict.FAIL, "sound-speed", message, hint)
+            yield LinkFinding(Verdict.FAIL, "sound-speed", message, hint)
 
-    def _reception(self, reading: AcousticReading) -> Iterator[BearerFinding]:
+    def _reception(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         rssi, integrity = reading.number("AT?E"), reading.number("AT?I")
         if rssi and not RSSI_DB[0] <= rssi <= RSSI_DB[1]:
             weak = rssi < RSSI_DB[0]
             message = f"the last reception of {self.name} was too {'weak' if weak else 'strong'}: {plain(rssi)} dB"
             hint = "look at the transducers and what is between them" if weak else "move the modems apart"
-            yield BearerFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
+            yield LinkFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
         if integrity and integrity < INTEGRITY_LOW:
             message = (
                 f"the last reception of {self.name} was poor: integrity {plain(integrity)}, good is {INTEGRITY_LOW}"
             )
             hint = "look for echoes (walls, the hull, the surface) and noise, and check again"
-            yield BearerFinding(Verdict.WARN, "integrity-low", message, hint)
+            yield LinkFinding(Verdict.WARN, "integrity-low", message, hint)
 
-    def _pending(self, reading: AcousticReading) -> Iterator[BearerFinding]:
+    def _pending(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         if reading.settings is not None and reading.settings.pending:
             names = ", ".join(reading.settings.pending)
             message = f"the modem of {self.name} has changes that are not in force yet: {names}"
-            yield BearerFinding(Verdict.WARN, "pending", message, "have its crew finish or drop them")
+            yield LinkFinding(Verdict.WARN, "pending", message, "have its crew finish or drop them")
 
 
 def _evidence(reading: AcousticReading) -> Iterator[Evidence]:
@@ -267,7 +267,7 @@ def _evidence(reading: AcousticReading) -> Iterator[Evidence]:
 BEACONS = range(1, 16)
 _IDLE = 0x3B
 _WORKING = {0x30: "is busy", 0x3C: "transmits", 0x3D: "waits for an answer", 0x3E: "receives", 0x3F: "answers"}
-"""States of the transceiver in which somebody uses it."""
+"""States of the transceiver in which it is in use."""
 _STOP_STATE = 0x3A
 
 
@@ -280,9 +280,9 @@ class Beacon:
     status: seatrac.BeaconStatus | None
     info: str | None
     state: int | None
-    """Of its transceiver."""
+    """State of its transceiver."""
     numbers: frozenset[int]
-    """Every one that was told: more than one is two beacons at one end."""
+    """All reported beacon numbers; more than one means two beacons at one endpoint."""
 
     @classmethod
     def of(cls, transcript: base.Transcript) -> Beacon:
@@ -300,7 +300,7 @@ class Beacon:
         )
 
 
-def damage(name: str, transcript: base.Transcript) -> BearerFinding | None:
+def damage(name: str, transcript: base.Transcript) -> LinkFinding | None:
     """Return a finding if responses had a wrong checksum; otherwise None."""
     damage_count = seatrac.count_damaged(transcript.data)
     if not damage_count:
@@ -308,7 +308,7 @@ def damage(name: str, transcript: base.Transcript) -> BearerFinding | None:
     whole = len(seatrac.answers(transcript.data))
     message = f"{damage_count} of {damage_count + whole} answers of the beacon of {name} came with a wrong checksum"
     hint = "look at the serial cable and its rate (`baud`), and whether two programs write to the port"
-    return BearerFinding(Verdict.WARN if whole else Verdict.INCONCLUSIVE, "checksum", message, hint)
+    return LinkFinding(Verdict.WARN if whole else Verdict.INCONCLUSIVE, "checksum", message, hint)
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,7 +317,7 @@ class SeatracStatus:
 
     modem: AcousticModem
     name: str
-    """The row in words."""
+    """Display name of the checklist row."""
     expected_address: int | None
     """Beacon id."""
     question: base.Listen
@@ -340,30 +340,28 @@ class SeatracStatus:
             (*findings, damage_finding) if damage_finding else findings, tuple(_beacon_evidence(beacon))
         )
 
-    def _state(self, beacon: Beacon) -> BearerFinding:
+    def _state(self, beacon: Beacon) -> LinkFinding:
         who, state = f"the beacon of {self.name}", beacon.state
         if state is None:
             hint = "check again in a minute; a beacon that the vehicle keeps busy answers late"
-            return BearerFinding(
-                Verdict.INCONCLUSIVE, "no-state", f"{who} does not tell what its transceiver does", hint
-            )
+            return LinkFinding(Verdict.INCONCLUSIVE, "no-state", f"{who} does not tell what its transceiver does", hint)
         if state == _IDLE:
-            return BearerFinding(Verdict.PASS, "listens", f"{who} listens")
+            return LinkFinding(Verdict.PASS, "listens", f"{who} listens")
         if state == _STOP_STATE:
             hint = "switch the beacon off and on: this tool never starts it"
-            return BearerFinding(Verdict.FAIL, "stopped", f"{who} has its transceiver stopped", hint)
+            return LinkFinding(Verdict.FAIL, "stopped", f"{who} has its transceiver stopped", hint)
         if state in _WORKING:
             hint = "check again when the vehicle does not use it"
-            return BearerFinding(Verdict.WARN, "working", f"{who} {_WORKING[state]} at the moment", hint)
+            return LinkFinding(Verdict.WARN, "working", f"{who} {_WORKING[state]} at the moment", hint)
         message = f"{who} is in a state that nobody here knows: 0x{state:02X}"
-        return BearerFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
+        return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
 
-    def _number(self, beacon: Beacon) -> Iterator[BearerFinding]:
+    def _number(self, beacon: Beacon) -> Iterator[LinkFinding]:
         if self.expected_address is None:
             yield whose_unknown(self.modem, self.name)
         if beacon.settings is None:
             hint = "check again; a longer record than ours is read, a shorter one is not"
-            yield BearerFinding(
+            yield LinkFinding(
                 Verdict.INCONCLUSIVE, "settings-unknown", f"the beacon of {self.name} does not tell its settings", hint
             )
             return
@@ -373,14 +371,14 @@ class SeatracStatus:
         if self.expected_address is not None and number != self.expected_address:
             message = f"the beacon of {self.name} has the number {number}, and {self.expected_address} is declared"
             hint = "have its crew set the number, or correct `acoustic_address` in the declaration"
-            yield BearerFinding(Verdict.FAIL, "wrong-address", message, hint)
+            yield LinkFinding(Verdict.FAIL, "wrong-address", message, hint)
         if number not in BEACONS:
             message = f"the beacon of {self.name} has the number {number}; there are 1 to 15"
-            yield BearerFinding(
+            yield LinkFinding(
                 Verdict.FAIL, "address-out-of-range", message, "have its crew set one that nobody else has"
             )
 
-    def _sound(self, beacon: Beacon) -> Iterator[BearerFinding]:
+    def _sound(self, beacon: Beacon) -> Iterator[LinkFinding]:
         speed = beacon.status.sound_speed_mps if beacon.status else None
         if speed is None and beacon.settings is not None and not beacon.settings.auto_sound_speed:
             speed = beacon.settings.sound_speed_mps
@@ -389,7 +387,7 @@ class SeatracStatus:
             who = f"the beacon of {self.name}"
             message = f"{who} counts with a sound speed of {plain(speed)} m/s, which water does not have"
             hint = "have its crew let the beacon work it out, or set that of the place: all ranges hang on it"
-            yield BearerFinding(Verdict.FAIL, "sound-speed", message, hint)
+            yield LinkFinding(Verdict.FAIL, "sound-speed", message, hint)
 
 
 def _beacon_evidence(beacon: Beacon) -> Iterator[Evidence]:

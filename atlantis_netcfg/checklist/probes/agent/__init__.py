@@ -44,9 +44,9 @@ __all__ = ["BOOT", "MODULES", "Batch", "batch", "program", "read_result"]
 
 
 BOOT = "import sys,zlib;exec(zlib.decompress(sys.stdin.buffer.read()))"
-"""What `python3 -I -c` gets; the rest comes by its standard input."""
+"""Program for `python3 -I -c`; the rest arrives on its standard input."""
 MODULES = ("streams", "main")
-"""In the order in which they import each other."""
+"""Modules in import order."""
 _PACKAGE = "atlantis_netcfg.checklist.probes.agent"
 _LOADER = """
 import json,sys,types
@@ -83,9 +83,9 @@ def _bare(source: str) -> str:
 
 
 _BREATH_S = 1.0
-"""Between two questions to the same end, and at the end of all: to spare."""
+"""Seconds between two requests to the same endpoint; also the spare time at the end."""
 _SEGMENT_EXTRA_S = 10.0
-"""To find the interface that has an address."""
+"""Seconds to find the interface that has an address."""
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ def _text(data: bytearray) -> str:
 
 _IPV4, _UDP = 0x0800, 17
 _OUTGOING = 4
-"""Type of a frame that this computer has sent (packet(7))."""
+"""Packet type of a frame that this computer has sent (packet(7))."""
 _COOKIE = b"\x63\x82\x53\x63"
 _DISCOVER, _OFFER = 1, 2
 _ROUTER, _TYPE, _SERVER, _PARAMETERS = 3, 53, 54, 55
@@ -252,12 +252,12 @@ def _address(four: bytes) -> str | None:
 
 _IPV6, _PREFIX, _ALL_NODES = 0x86DD, 3, bytes.fromhex("333300000001")
 _ADVERTISEMENT = bytes([58, 255, 134, 0])
-"""ICMPv6, a hop limit that no router has lowered, type and code."""
+"""ICMPv6, a hop limit that no router has lowered, type and code of the advertisement."""
 _SOL_PACKET, _ADD_MEMBERSHIP = 263, 1
-"""Of packet(7): the card then lets multicast frames of one address in."""
+"""Options of packet(7), so that the network card accepts multicast frames of one address."""
 _MOST_ROUTERS, _MOST_PREFIXES = 20, 8
 _OPTIONS = 70
-"""Where they begin: after Ethernet, IPv6 and the 16 bytes of an advertisement."""
+"""Offset of the options: after Ethernet, IPv6 and the 16 bytes of an advertisement."""
 
 
 def solicit(question: dict[str, Any]) -> dict[str, Any]:
@@ -298,11 +298,11 @@ def _advertisement(frame: bytes) -> dict[str, Any] | None:
 _LEASE_S = 10
 _AGAIN_S = 1.0
 _MOST = 40
-"""Datagrams that are kept: two of each participant."""
+"""Maximum of datagrams kept: two of each participant."""
 _WRITER = b"\x00\x01\x00\xc2"
-"""SPDP's (9.3.1.5)."""
+"""Writer of SPDP (9.3.1.5)."""
 _ENDPOINTS = 0x3F
-"""Participants, publications and subscriptions are announced, and heard of (9.3.2)."""
+"""Announcers and detectors of participants, publications and subscriptions (9.3.2)."""
 
 
 def discover(question: dict[str, Any]) -> dict[str, Any]:
@@ -377,10 +377,10 @@ def _message(prefix: bytes, flags: int, number: int, inline: bytes, result: tupl
 
 
 _LENGTH = 224
-"""Bytes of a message: no answer is longer, so that nobody is made to flood somebody else."""
+"""Bytes of a message; no response is longer, so that nobody can be made to flood others."""
 _APART_S = 0.2
 _PKTINFO, _RECVERR = 8, 11
-"""Options of ip(7): by which interface a datagram came, and that a refusal is told."""
+"""Options of ip(7): report the interface of a datagram, and report refusals."""
 
 
 def reflect(question: dict[str, Any]) -> dict[str, Any]:
@@ -437,7 +437,7 @@ def _came_by(ancillary: list[Any]) -> str:
 
 
 _BREATH_S = 0.3
-"""A server of one client, or a serial server, notices only then that the last one has gone."""
+"""Pause after which a single-client server, or a serial server, notices that the last client has gone."""
 _UNREACHABLE_TROUBLES = ("silent", "unreachable")
 _STREAMS: dict[str, Callable[[dict[str, Any], ReceiveBuffer], None]] = {"tcp": tcp, "udp": udp, "serial": serial}
 _OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
@@ -470,7 +470,7 @@ class _AgentRequest(threading.Thread):
             return
         self._say(self._same_end() or self._ask(), {})
 
-    def give_up(self) -> None:
+    def report_timeout(self) -> None:
         """Report the data received so far, if the request has not ended."""
         sound = self._sound
         self._say({} if sound is None else sound.as_answer(), {"trouble": "silent", "words": "timed out"})
@@ -520,7 +520,7 @@ def answer_all(batch: dict[str, Any], tell: Callable[[str, dict[str, Any]], None
     for request in work:
         request.over.wait(max(ends - time.monotonic(), 0.0))
     for request in reversed(work):  # who waits for another one must not begin now
-        request.give_up()
+        request.report_timeout()
     end_all()
 
 

@@ -38,9 +38,9 @@ _BY_NUMBER = {
     errno.EACCES: "denied",
     errno.EPERM: "denied",
 }
-"""The system's error to the value of `Trouble`."""
+"""Error number of the system -> value of `Trouble`."""
 _PLAIN = frozenset(range(0x20, 0x7F)) - {*b'"\\'}
-"""What JSON writes as one byte."""
+"""Bytes that JSON encodes as one byte."""
 
 
 class ProbeError(Exception):
@@ -237,7 +237,7 @@ _PTMX = os.makedev(5, 2)
 _PTS = range(136, 144)
 """Major numbers of pseudo-terminals (Documentation/admin-guide/devices.txt)."""
 _LOCKS = ("/run/lock", "/var/lock", "/var/spool/lock")
-"""Where programs leave LCK..ttyUSB0 with their number (Filesystem Hierarchy Standard, 5.9)."""
+"""Folders in which programs leave LCK..ttyUSB0 with their process number (Filesystem Hierarchy Standard, 5.9)."""
 
 
 def serial(question: dict[str, Any], sound: ReceiveBuffer) -> None:
@@ -269,7 +269,7 @@ def _open_port(path: str) -> int:
         raise no_answer(error, path) from None
     if not stat.S_ISCHR(there.st_mode):
         raise ProbeError("missing", f"{path} is no serial port")
-    _refuse_held(path, there)
+    _require_free_port(path, there)
     try:
         port = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError as error:
@@ -277,7 +277,7 @@ def _open_port(path: str) -> int:
     try:
         fcntl.flock(port, fcntl.LOCK_EX | fcntl.LOCK_NB)
         fcntl.ioctl(port, termios.TIOCEXCL)
-        _refuse_held(path, there)  # whoever came in meanwhile was first
+        _require_free_port(path, there)  # whoever came in meanwhile was first
     except BlockingIOError:
         os.close(port)
         raise ProbeError("busy", f"{path} is locked by another program") from None
@@ -287,7 +287,7 @@ def _open_port(path: str) -> int:
     return port
 
 
-def _refuse_held(path: str, there: os.stat_result) -> None:
+def _require_free_port(path: str, there: os.stat_result) -> None:
     """Raise ProbeError if another process holds the port, or if this cannot be determined."""
     for holder in (*_lock_files(path), *_kernel_locks(there)):
         raise ProbeError("busy", f"{path} is locked by process {holder}")

@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Nature, 
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
 
 if TYPE_CHECKING:
@@ -205,14 +205,14 @@ class RouterosGps:
             return base.ProbeResult((self._off(settings),), evidence(reception, self.expectation))
         return _judge_reception(reception, self.expectation)
 
-    def _off(self, settings: base.Rows) -> BearerFinding:
+    def _off(self, settings: base.Rows) -> LinkFinding:
         if settings.rows is None:
             message = f"{self.host} does not know `/system gps`"
-            return BearerFinding(
+            return LinkFinding(
                 Verdict.FAIL, "driver-not-started", message, "install the package gps of its RouterOS version"
             )
         message = f"the receiver of {self.host} is not switched on"
-        return BearerFinding(
+        return LinkFinding(
             Verdict.FAIL, "driver-not-started", message, "set `enabled=yes` and the receiver's `port` in `/system gps`"
         )
 
@@ -232,7 +232,7 @@ class Nowhere:
         del results
         message = f"nobody has declared the address of {self.name}'s receiver"
         hint = f"declare `address:` under its `endpoints.gps`, or a DHCP reservation with the name of {self.name}'s key"
-        return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+        return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
 
 
 def _judge_reception(reception: Reception, expectation: GpsExpectation) -> base.ProbeResult:
@@ -275,7 +275,7 @@ def _by_a_person(cell: base.Cell) -> base.Step:
 
 
 def _flies(cell: base.Cell) -> bool:
-    return cell.vehicle is not None and cell.declaration.vehicles[cell.vehicle].kind is model.VehicleKind.UAV
+    return cell.vehicle is not None and cell.inventory.vehicles[cell.vehicle].kind is model.VehicleKind.UAV
 
 
 def _probe(cell: base.Cell, endpoint: model.GpsEndpoint) -> base.Probe:

@@ -41,7 +41,7 @@ class _GpsdReading:
     open_devices: dict[str, bool] | None = None
     version: str = ""
     satellites: dict[str, int] = field(default_factory=dict)
-    """Used at most, by receiver; only of those whose satellites gpsd sees at all."""
+    """Most satellites used, by receiver; only of receivers whose satellites gpsd sees at all."""
     hdop: dict[str, float] = field(default_factory=dict)
     complaints: list[str] = field(default_factory=list)
     is_recognized: bool = False

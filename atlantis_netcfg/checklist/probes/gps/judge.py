@@ -10,7 +10,7 @@ from atlantis_netcfg.checklist.probes.gps import record
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -44,41 +44,41 @@ def meters(value: float) -> str:
 
 
 POOR_EPH_M = 50.0
-"""gpsd makes it of the geometry, about 19 m for HDOP 1 without corrections: this is HDOP 3. Ours, not the report's."""
+"""gpsd computes it from geometry, about 19 m for HDOP 1 without corrections: this is HDOP 3. Not from the report."""
 POOR_HDOP, NO_HDOP = 4.0, 20.0
-"""From the second on the position says nothing; many receivers tell 99.99 where they have none."""
+"""From the second on, the position means nothing; many receivers report 99.99 if they have none."""
 LEAST_SATELLITES = 3
-"""Fewer give no position, not even in two dimensions."""
+"""Fewer satellites give no position, not even in two dimensions."""
 FEWEST = 3
-"""Reports below which nobody can see whether they go on."""
+"""Fewer reports do not show whether they continue."""
 BAD_SHARE, WORST_SHARE = 0.05, 0.5
-"""More lines than this that are damaged: a bad cable, or two talkers on one line; from the half on nothing is sure."""
+"""Share of damaged lines: above the first, a bad cable or two talkers; from the second on, nothing is sure."""
 CLOCK_S = 5.0
 """A receiver's time may differ from the computer's by this much: serial lines and drivers take a second or two."""
 UNEVEN_S = 10.0
-"""So far may that difference change while we listen."""
+"""How much that difference may change while listening."""
 BACK_S = 0.5
-"""A time may go back by this much: sentences of one epoch round it otherwise."""
+"""How far a time may go back: sentences of one epoch round it differently."""
 ROLLOVER_S = 1024 * 7 * 86_400
 """GPS counts weeks in ten bits: an old receiver is wrong by a multiple of this (IS-GPS-200)."""
 ZONE_S = 900
 """Time zones differ by multiples of a quarter of an hour."""
 STANDS_S = 1.5
-"""gpsd and NMEA tell one position several times within a second; longer than this, its time stands still."""
+"""gpsd and NMEA report one position several times within a second; after this time it has stopped."""
 NULL_DEGREES = 1e-4
-"""Ten metres around 0, 0."""
+"""About ten metres around latitude 0, longitude 0."""
 JUMP_M = 25.0
 SPEED_M_S = 15.0
-"""A position may move by this much more for each second: a vessel in tow, a UAV that is carried by car."""
+"""Additional distance that is allowed per second: a vessel in tow, a UAV that is carried by car."""
 MOVES_M_S, MOVES_S = 1.0, 2.0
-"""Who moves at this speed for so long is somewhere else."""
+"""A receiver that moves at this speed for so long is somewhere else."""
 RIVAL_M = 100.0
-"""So far apart may two receivers of one vehicle be."""
+"""Largest distance between two receivers of one vehicle."""
 
 _Positions = list[tuple[float, float]]
 
 
-def judge(reception: record.Reception, expectation: record.GpsExpectation) -> tuple[BearerFinding, ...]:
+def judge(reception: record.Reception, expectation: record.GpsExpectation) -> tuple[LinkFinding, ...]:
     """Return all findings; for a source without problems, a single one that passes."""
     silent = record.speechless(reception, expectation)
     if silent is not None:
@@ -87,7 +87,7 @@ def judge(reception: record.Reception, expectation: record.GpsExpectation) -> tu
     return findings or (_well(reception, expectation),)
 
 
-def _find_problems(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
+def _find_problems(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     yield from _fix_findings(reception, expectation)
     if reception.fixes:
         yield from _dimensions(reception, expectation)
@@ -100,60 +100,58 @@ def _find_problems(reception: record.Reception, expectation: record.GpsExpectati
         message = f"{reception.bad} of {total} lines from {expectation.end} are damaged"
         verdict = Verdict.FAIL if reception.bad > WORST_SHARE * total else Verdict.WARN
         hint = "look at the cable, the baud rate, and for a second talker on the line"
-        yield BearerFinding(verdict, "damaged", message, hint)
+        yield LinkFinding(verdict, "damaged", message, hint)
 
 
-def _fix_findings(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
+def _fix_findings(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     """Yield findings about whether there is a fix, and whether it persists."""
     sky = Verdict.FAIL if expectation.clear_sky else Verdict.INCONCLUSIVE
     roof = "" if expectation.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
     count, required_count = len(reception.fixes), expectation.reports
     if not any(report.has_fix for report in reception.reports):
         message = f"{expectation.name}'s receiver works and has no fix{roof}"
-        yield BearerFinding(
+        yield LinkFinding(
             sky, "no-fix", message, "bring the antenna under an open sky and wait a minute; then look at its cable"
         )
     elif not count or (reception.losses and count < required_count):
         message = f"{expectation.name}'s receiver had a fix and lost it while we listened{roof}"
-        yield BearerFinding(
+        yield LinkFinding(
             sky, "fix-lost", message, "look at what stands over the antenna, at its cable, and for jammers near it"
         )
     elif reception.losses:
         message = f"{expectation.name}'s fix was lost and came back while we listened, {_times(reception.losses)}"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.WARN, "fix-unsteady", message, "look at what stands over the antenna, and at its cable"
         )
     elif count < required_count and not reception.single and _check_stall(reception, expectation) is None:
         message = f"{count} of {required_count} positions came in {reception.ended_s:.0f} s"
         hint = "let the receiver report once a second, or repeat this item"
         few = count < min(FEWEST, required_count)
-        yield BearerFinding(Verdict.INCONCLUSIVE if few else Verdict.WARN, "few-reports", message, hint)
+        yield LinkFinding(Verdict.INCONCLUSIVE if few else Verdict.WARN, "few-reports", message, hint)
 
 
 def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _dimensions(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
+def _dimensions(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     if expectation.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
         message = f"{expectation.name} has a 2D fix and flies: its height is not measured"
-        yield BearerFinding(
-            Verdict.FAIL, "fix-2d", message, "wait under an open sky until the fix has three dimensions"
-        )
+        yield LinkFinding(Verdict.FAIL, "fix-2d", message, "wait under an open sky until the fix has three dimensions")
 
 
-def _check_position(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
+def _check_position(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     """Judge the positions of the fixes; an impossible one yields a single finding."""
     impossible = [report for report in reception.fixes if not report.possible]
     if impossible:
         where = place(impossible[0].latitude, impossible[0].longitude)
         message = f"{expectation.name}'s receiver claims a fix at {where}, which is no position"
-        yield BearerFinding(Verdict.FAIL, "position-impossible", message, "restart the receiver and its driver")
+        yield LinkFinding(Verdict.FAIL, "position-impossible", message, "restart the receiver and its driver")
         return
     positions = [_position(fix) for fix in reception.fixes]
     if any(abs(latitude) < NULL_DEGREES and abs(longitude) < NULL_DEGREES for latitude, longitude in positions):
         message = f"{expectation.name}'s position is 0, 0: its driver fills in zeros where it has nothing"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.FAIL, "position-null", message, "restart the driver; it must not claim a fix without a position"
         )
         return
@@ -164,7 +162,7 @@ def _check_position(reception: record.Reception, expectation: record.GpsExpectat
         yield from _outside(positions, expectation.fence, expectation)
     else:
         message = f"{expectation.name} is at {place(*positions[-1])}; nobody has declared where it should be"
-        yield BearerFinding(Verdict.WARN, "no-geofence", message, "declare `checklist.geofence` of the site")
+        yield LinkFinding(Verdict.WARN, "no-geofence", message, "declare `checklist.geofence` of the site")
 
 
 def _position(report: record.Report) -> tuple[float, float]:
@@ -173,13 +171,13 @@ def _position(report: record.Report) -> tuple[float, float]:
 
 def _jumps(
     fixes: Sequence[record.Report], positions: _Positions, expectation: record.GpsExpectation
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     gaps = (then.at_s - report.at_s for report, then in pairwise(fixes))
     steps = [(distance_m(*item, *then), gap) for (item, then), gap in zip(pairwise(positions), gaps, strict=True)]
     wide = [step_m for step_m, gap in steps if step_m > JUMP_M + SPEED_M_S * gap]
     if wide:
         message = f"{expectation.name}'s position jumps by {meters(max(wide))} from one report to the next"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.FAIL,
             "position-jumps",
             message,
@@ -189,7 +187,7 @@ def _jumps(
 
 def _frozen(
     fixes: Sequence[record.Report], positions: _Positions, expectation: record.GpsExpectation
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     """Yield a finding for a driver that repeats a position while time and speed change."""
     speeds = [fix.speed_m_s for fix in fixes]
     lasted_s = fixes[-1].at_s - fixes[0].at_s
@@ -197,14 +195,14 @@ def _frozen(
         return
     speed = min(entry for entry in speeds if entry is not None)
     message = f"{expectation.name}'s position stands still while its speed is {speed:.1f} m/s"
-    yield BearerFinding(
+    yield LinkFinding(
         Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats the position that it had"
     )
 
 
 def _rivals(
     reception: record.Reception, position: tuple[float, float], expectation: record.GpsExpectation
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     """Yield a finding if another receiver at the same endpoint reports a different position."""
     apart = [distance_m(*position, *_position(rival)) for rival in reception.rivals if rival.possible]
     if apart and max(apart) > RIVAL_M:
@@ -212,10 +210,10 @@ def _rivals(
             f"two positions come from {expectation.end}, {meters(max(apart))} apart: which is {expectation.name}'s?"
         )
         hint = "give each receiver a port of its own, and declare the one that the vehicle uses"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
+        yield LinkFinding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
 
 
-def _outside(positions: _Positions, fence: Geofence, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
+def _outside(positions: _Positions, fence: Geofence, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     outside = [position for position in positions if from_middle_m(fence, *position) > fence.radius_m]
     if not outside:
         return
@@ -226,13 +224,13 @@ def _outside(positions: _Positions, fence: Geofence, expectation: record.GpsExpe
         hint = (
             "mend the driver or the converter that exchanges them: latitude comes first, longitudes west are negative"
         )
-        yield BearerFinding(Verdict.FAIL, "position-swapped", message, hint)
+        yield LinkFinding(Verdict.FAIL, "position-swapped", message, hint)
         return
     away = meters(from_middle_m(fence, *far))
     message = (
         f"{expectation.name} is at {place(*far)}, {away} from the middle of the geofence of {meters(fence.radius_m)}"
     )
-    yield BearerFinding(Verdict.FAIL, "outside-geofence", message, _sign(fence, *far))
+    yield LinkFinding(Verdict.FAIL, "outside-geofence", message, _sign(fence, *far))
 
 
 def _inside(fence: Geofence, latitude: float, longitude: float) -> bool:
@@ -247,7 +245,7 @@ def _sign(fence: Geofence, latitude: float, longitude: float) -> str:
     return "compare it with the map: the receiver is wrong, or `checklist.geofence` of the site is"
 
 
-def _check_time(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
+def _check_time(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     """Judge whether the fixes are current; a stalled position yields a single finding, without a clock check."""
     stale = _check_stall(reception, expectation)
     if stale is not None:
@@ -257,15 +255,15 @@ def _check_time(reception: record.Reception, expectation: record.GpsExpectation)
         hint = "let the receiver send RMC or ZDA as well"
         if all(fix.of_day is None for fix in reception.fixes):
             message = f"{expectation.name}'s positions have no time: nobody can tell whether they are of now"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "no-time", message, hint)
+            yield LinkFinding(Verdict.INCONCLUSIVE, "no-time", message, hint)
         else:
             message = f"{expectation.name}'s positions have a time and no date: GGA and GLL have none"
-            yield BearerFinding(Verdict.WARN, "no-date", message, hint)
+            yield LinkFinding(Verdict.WARN, "no-date", message, hint)
     back_s = max((_back_s(report, then) for report, then in pairwise(reception.fixes)), default=0.0)
     if back_s > BACK_S:
         message = f"{expectation.name}'s time goes back by {_span(back_s)} from one position to the next"
         hint = "look whether two receivers talk on this line, or a recorded log begins again and again"
-        yield BearerFinding(Verdict.FAIL, "time-goes-back", message, hint)
+        yield LinkFinding(Verdict.FAIL, "time-goes-back", message, hint)
         return
     yield from _clock(reception, expectation)
 
@@ -278,7 +276,7 @@ def _back_s(report: record.Report, then: record.Report) -> float:
     return 0.0
 
 
-def _check_stall(reception: record.Reception, expectation: record.GpsExpectation) -> BearerFinding | None:
+def _check_stall(reception: record.Reception, expectation: record.GpsExpectation) -> LinkFinding | None:
     """Return a finding if the last fix is old: no more arrived, or the same is repeated."""
     fixes = reception.fixes
     gaps = [then.at_s - report.at_s for report, then in pairwise(fixes)]
@@ -286,7 +284,7 @@ def _check_stall(reception: record.Reception, expectation: record.GpsExpectation
     # Whoever reports rarely is late between two reports, and is told that it is slow.
     if age_s > expectation.max_age_s and age_s > 1.5 * max(gaps, default=0.0):
         message = f"{expectation.name}'s last position is {age_s:.0f} s old: no more came"
-        return BearerFinding(Verdict.FAIL, "fix-stale", message, "look whether the receiver and its driver still run")
+        return LinkFinding(Verdict.FAIL, "fix-stale", message, "look whether the receiver and its driver still run")
     first = len(fixes) - 1
     while first and fixes[first - 1].stamp == fixes[-1].stamp is not None:
         first -= 1
@@ -295,27 +293,27 @@ def _check_stall(reception: record.Reception, expectation: record.GpsExpectation
         return None
     if repeats >= expectation.reports or fixes[-1].at_s - fixes[first].at_s > STANDS_S:
         message = f"{expectation.name}'s receiver tells the same position again and again: its time stands still"
-        return BearerFinding(
+        return LinkFinding(
             Verdict.FAIL, "fix-stale", message, "restart the receiver; its driver repeats what it had last"
         )
     return None
 
 
-def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
+def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     """Compare the receiver's time with the listening clock: an old time fails, other differences only warn."""
     ahead_s, uneven_s = reception.clock_ahead_s, reception.clock_uneven_s
     whose = clock_of(reception, expectation)
     if ahead_s is None:
         if any(fix.stamp is not None for fix in reception.fixes):
             message = f"nobody has compared the time of {expectation.name}'s receiver with a clock"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "clock-unknown", message, "repeat this item")
+            yield LinkFinding(Verdict.INCONCLUSIVE, "clock-unknown", message, "repeat this item")
         return
     if uneven_s > UNEVEN_S:
         message = (
             f"{expectation.name}'s time does not go as the clock of {whose} does: they move {_span(uneven_s)} apart"
         )
         hint = "look whether a recorded log is replayed to this end, at another pace than it was recorded"
-        yield BearerFinding(Verdict.FAIL, "time-uneven", message, hint)
+        yield LinkFinding(Verdict.FAIL, "time-uneven", message, hint)
         return
     if abs(ahead_s) <= CLOCK_S or (reception.zone_s and abs(ahead_s - reception.zone_s) <= CLOCK_S):
         return
@@ -333,7 +331,7 @@ def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> I
         hint = "one of them runs in a time zone (receivers and computers keep UTC here), or an old log is replayed"
     elif abs(ahead_s) > record.DAY_S:
         hint = f"see whether a recorded log is replayed to its port; else compare {whose} with a third clock"
-    yield BearerFinding(verdict, "clock-differs", message, hint)
+    yield LinkFinding(verdict, "clock-differs", message, hint)
 
 
 def clock_of(reception: record.Reception, expectation: record.GpsExpectation) -> str:
@@ -361,14 +359,14 @@ def clock_words(ahead_s: float) -> str:
     return f"{_span(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
 
 
-def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
+def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     """Yield a finding if any position was not measured but, for example, dead-reckoned or simulated."""
     natures = {fix.nature for fix in reception.fixes}
     nature = next((item for item in _NATURES if item in natures), None)
     if nature is not None:
         verdict, hint = _NATURES[nature]
         code = f"position-{nature.name.lower().replace('_', '-')}"
-        yield BearerFinding(verdict, code, f"{expectation.name}'s position is {nature}, not measured", hint)
+        yield LinkFinding(verdict, code, f"{expectation.name}'s position is {nature}, not measured", hint)
         return
     count = reception.satellites
     if count is not None and count < LEAST_SATELLITES:
@@ -376,7 +374,7 @@ def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> 
         hint = "find out where the position comes from: a simulator, a fixed position, or a driver that fills it in"
         # gpsd counts by numbers that some receivers give otherwise in GSA than in GSV (geos-1m of its own logs).
         verdict = Verdict.WARN if expectation.driver is GpsDriver.GPSD else Verdict.FAIL
-        yield BearerFinding(verdict, "no-satellites", message, hint)
+        yield LinkFinding(verdict, "no-satellites", message, hint)
 
 
 _NATURES = {
@@ -387,24 +385,24 @@ _NATURES = {
     ),
     record.Nature.DEAD_RECKONING: (Verdict.WARN, "bring the antenna under an open sky: satellites are not used now"),
 }
-"""Worst first."""
+"""Nature of a position -> verdict and hint, worst first."""
 
 
-def _quality(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
+def _quality(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     eph_m, hdop = reception.fixes[-1].eph_m, reception.hdop
     hint = "wait for more satellites, or clear the antenna's view"
     # Written so that what is no number is poor, too.
     if eph_m is not None and not 0 <= eph_m <= POOR_EPH_M:
         nothing = expectation.fence is not None and not 0 <= eph_m <= expectation.fence.radius_m
         message = f"{expectation.name}'s position is uncertain: the receiver's estimate is {meters(eph_m)}"
-        yield BearerFinding(Verdict.INCONCLUSIVE if nothing else Verdict.WARN, "position-uncertain", message, hint)
+        yield LinkFinding(Verdict.INCONCLUSIVE if nothing else Verdict.WARN, "position-uncertain", message, hint)
     elif hdop is not None and not 0 <= hdop <= POOR_HDOP:
         message = f"{expectation.name}'s satellites stand badly: HDOP {hdop:.1f}"
         verdict = Verdict.WARN if 0 <= hdop <= NO_HDOP else Verdict.INCONCLUSIVE
-        yield BearerFinding(verdict, "position-uncertain", message, hint)
+        yield LinkFinding(verdict, "position-uncertain", message, hint)
 
 
-def _well(reception: record.Reception, expectation: record.GpsExpectation) -> BearerFinding:
+def _well(reception: record.Reception, expectation: record.GpsExpectation) -> LinkFinding:
     last = reception.fixes[-1]
     count = "" if reception.satellites is None else f" of {reception.satellites} satellites"
     where = place(last.latitude, last.longitude)
@@ -413,10 +411,10 @@ def _well(reception: record.Reception, expectation: record.GpsExpectation) -> Be
             f", {meters(from_middle_m(expectation.fence, last.latitude, last.longitude))} from the middle of the "
             "geofence"
         )
-    return BearerFinding(Verdict.PASS, "fix", f"{expectation.name} has a {last.mode}D fix{count} at {where}")
+    return LinkFinding(Verdict.PASS, "fix", f"{expectation.name} has a {last.mode}D fix{count} at {where}")
 
 
-_READ, _MEASUREMENT, _DECLARATION = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED
+_READ, _MEASUREMENT, _INVENTORY = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED
 
 
 def evidence(reception: record.Reception, expectation: record.GpsExpectation) -> tuple[Evidence, ...]:
@@ -447,7 +445,7 @@ def _reception_evidence(reception: record.Reception, expectation: record.GpsExpe
         value = f"{clock_words(ahead_s)} the clock of {clock_of(reception, expectation)}"
         yield Evidence(type=_MEASUREMENT, what="time of the receiver", value=value)
     yield Evidence(type=_MEASUREMENT, what="reports", value=_count(reception))
-    yield Evidence(type=_DECLARATION, what="geofence", value=_fence(last, expectation))
+    yield Evidence(type=_INVENTORY, what="geofence", value=_fence(last, expectation))
 
 
 def _fix(last: record.Report, reception: record.Reception) -> str:

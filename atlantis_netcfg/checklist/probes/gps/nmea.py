@@ -26,7 +26,7 @@ _NUMBER = re.compile(r"-?\d{1,12}(?:\.\d{1,12})?|-?\.\d{1,12}")
 _QUALITY = {6: record.Nature.DEAD_RECKONING, 7: record.Nature.MANUAL, 8: record.Nature.SIMULATED}
 _INDICATOR = {"E": record.Nature.DEAD_RECKONING, "M": record.Nature.MANUAL, "S": record.Nature.SIMULATED}
 _CENTURY = 80
-"""Two digits below it are years after 2000."""
+"""Years of two digits below it are after 2000."""
 _KNOT_M_S = 1852 / 3600
 
 
@@ -76,17 +76,17 @@ class _Epochs:
     open: record.Report | None = None
     kinds: set[str] = field(default_factory=set)
     void: bool = False
-    """A sentence of this epoch says that there is no fix."""
+    """Whether a sentence of this epoch reports that there is no fix."""
     dimensions: int | None = None
-    """Of the best GSA since the last epoch was closed, else of the epochs before."""
+    """Dimensions in the best GSA since the last epoch was closed, otherwise in the epochs before."""
     fresh: bool = False
-    """Whether one has come since."""
+    """Whether a GSA has arrived since the last epoch was closed."""
     satellites: int | None = None
     hdop: float | None = None
     date: str = ""
-    """Of the last ZDA, for sources without RMC."""
+    """Date of the last ZDA, for sources without RMC."""
     doubles: list[record.Report] = field(default_factory=list)
-    """Other positions that were told of an epoch: receivers round them differently, and no more."""
+    """Other positions reported for an epoch; a receiver may round them differently, but not more."""
 
     def take(self, at_s: float, fields: Sequence[str]) -> None:
         kind = fields[0][2:] if len(fields[0]) == _ADDRESS else ""
@@ -182,7 +182,7 @@ class _Epochs:
 
 
 _ADDRESS = 5
-"""Two letters of the talker, three of the sentence."""
+"""Length of an address: two letters of the talker, three of the sentence."""
 _POSITIONS = frozenset({"GGA", "GNS", "RMC", "GLL"})
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes.base import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,17 +27,17 @@ class GpsExpectation:
     """Expected state of one endpoint, and its description in messages."""
 
     name: str
-    """Of the row: `Sparus`."""
+    """Name of the checklist row: `Sparus`."""
     driver: GpsDriver
     source: str
     """`gpsd at 10.64.1.22:2947`."""
     end: str
-    """What is connected to: `10.64.1.22:2947`, `/dev/ttyUSB0 of coastal-gateway`."""
+    """Endpoint that is connected to: `10.64.1.22:2947`, `/dev/ttyUSB0 of coastal-gateway`."""
     place: str
-    """Who listens: `coastal-gateway`, `this computer`."""
+    """Computer that listens: `coastal-gateway`, `this computer`."""
     fence: Geofence | None
     three: bool = False
-    """Two dimensions are not enough: it flies."""
+    """Whether two dimensions are not enough, because it flies."""
     clear_sky: bool = True
     reports: int = 5
     max_age_s: float = 3.0
@@ -48,7 +48,7 @@ class Nature(StrEnum):
 
     MEASURED = "measured"
     DEAD_RECKONING = "dead reckoning"
-    """Worked out from heading and speed (gpsd status 5, GGA quality 6, mode indicator E)."""
+    """Computed from heading and speed (gpsd status 5, GGA quality 6, mode indicator E)."""
     MANUAL = "set by hand"
     """Typed in or surveyed, not measured (gpsd status 7, GGA quality 7, mode indicator M)."""
     SIMULATED = "simulated"
@@ -60,21 +60,21 @@ class Report:
     """One position report, or a report that there is none."""
 
     at_s: float
-    """When it came, seconds since the listening began."""
+    """When it arrived, seconds since listening began."""
     mode: int | None = None
-    """1 no fix, 2 and 3 the fix's dimensions (gpsd's words, and those of GSA); None: not told."""
+    """1: no fix; 2 and 3: dimensions of the fix (as in gpsd and in GSA); None: not reported."""
     latitude: float | None = None
     longitude: float | None = None
-    """Decimal degrees, north and east positive."""
+    """Decimal degrees; north (latitude) and east (longitude) are positive."""
     time: float | None = None
-    """Of the position by the receiver, seconds since 1970; None: not told, or without its date."""
+    """The receiver's time of the position, seconds since 1970; None: not reported, or without a date."""
     of_day: float | None = None
-    """Seconds since midnight UTC, where there is a time without a date."""
+    """Seconds since midnight UTC, if there is a time without a date."""
     nature: Nature = Nature.MEASURED
     eph_m: float | None = None
-    """Estimated horizontal error: gpsd works it out from the geometry, so it compares, and does not measure."""
+    """Estimated horizontal error: gpsd computes it from geometry, so it is good for comparison, not a measurement."""
     speed_m_s: float | None = None
-    """Over ground."""
+    """Speed over ground."""
 
     @property
     def has_fix(self) -> bool:
@@ -104,29 +104,29 @@ class Reception:
     """All data parsed from a source."""
 
     reports: tuple[Report, ...] = ()
-    """Of one receiver, in the order in which they came."""
+    """Reports of one receiver, in order of arrival."""
     is_recognized: bool = False
-    """Whether anything of the source's language came at all."""
+    """Whether any data in the language of the source arrived."""
     heard_bytes: int = 0
     good: int = 0
-    """Sentences or objects that were whole."""
+    """Number of intact sentences or objects."""
     bad: int = 0
-    """Those that were not: checksum, JSON."""
+    """Number of damaged ones: checksum, JSON."""
     devices: tuple[str, ...] | None = None
-    """Receivers that gpsd has open; None: not told."""
+    """Receivers that gpsd has open; None: not reported."""
     others: tuple[str, ...] = ()
-    """Receivers whose reports were left aside."""
+    """Receivers whose reports were ignored."""
     rivals: tuple[Report, ...] = ()
-    """The last fix of each of those that has one, and where one receiver tells two positions at a time, the other."""
+    """Last fix of each of `others` that has one, and the second position of a receiver that reports two at a time."""
     device: str = ""
     version: str = ""
     satellites: int | None = None
-    """Used for the last fix."""
+    """Satellites used for the last fix."""
     hdop: float | None = None
     single: bool = False
-    """The source tells its latest position and no stream of them."""
+    """Whether the source reports only its latest position, not a stream."""
     zone_s: float = 0.0
-    """By so much may its time be ahead of UTC: the source runs in a time zone, and may tell its time in it."""
+    """How far its time may be ahead of UTC: the source runs in a time zone and may report local time."""
     complaints: tuple[str, ...] = ()
     """Errors in the source's own words."""
     began: float = 0.0
@@ -134,7 +134,7 @@ class Reception:
     ended_s: float = 0.0
 
     fixes: tuple[Report, ...] = field(init=False)
-    """The fixes at the end that nothing interrupts."""
+    """Uninterrupted fixes at the end of `reports`."""
 
     def __post_init__(self) -> None:
         """Find the trailing run of fixes."""
@@ -193,48 +193,48 @@ _INCONCLUSIVE, _FAIL = Verdict.INCONCLUSIVE, Verdict.FAIL
 _STREAM = "read what the program that has it passes on: declare `driver: gpsd` or `nmea_tcp`"
 
 
-def describe_trouble(trouble: Trouble, words: str, expectation: GpsExpectation) -> BearerFinding:
+def describe_trouble(trouble: Trouble, words: str, expectation: GpsExpectation) -> LinkFinding:
     """Return the finding for a stream that could not be read."""
     text = f": {words}" if words else ""
     return {
-        Trouble.NO_PLACE: lambda: BearerFinding(
+        Trouble.NO_PLACE: lambda: LinkFinding(
             _INCONCLUSIVE,
             "place-not-reached",
             f"nobody has listened to {expectation.source}: {expectation.place} was not reached{text}",
             f"bring {expectation.place} back first, then repeat this item",
         ),
-        Trouble.SILENT: lambda: BearerFinding(
+        Trouble.SILENT: lambda: LinkFinding(
             _INCONCLUSIVE,
             "no-answer",
             f"nobody answers at {expectation.end}: {expectation.name} is off, or not in the network",
             f"switch {expectation.name} on and look at its Wi-Fi or cable first",
         ),
-        Trouble.UNREACHABLE: lambda: BearerFinding(
+        Trouble.UNREACHABLE: lambda: LinkFinding(
             _INCONCLUSIVE,
             "no-route",
             f"{expectation.place} has no way to {expectation.end}",
             f"connect {expectation.place} with the network of {expectation.name} first",
         ),
         Trouble.REFUSED: lambda: _refusal_finding(expectation),
-        Trouble.BUSY: lambda: BearerFinding(
+        Trouble.BUSY: lambda: LinkFinding(
             _INCONCLUSIVE,
             "in-use",
             f"{expectation.end} is in use by another program, and was left alone{text}",
             _STREAM,
         ),
-        Trouble.CLOSED: lambda: BearerFinding(
+        Trouble.CLOSED: lambda: LinkFinding(
             _INCONCLUSIVE,
             "in-use",
             f"{expectation.end} hung up at once, as a server does that serves one client and has it",
             "repeat this item while the vehicle's own software is stopped, or " + _STREAM,
         ),
-        Trouble.MISSING: lambda: BearerFinding(
+        Trouble.MISSING: lambda: LinkFinding(
             _FAIL,
             "device-missing",
             f"there is no {expectation.end}: the receiver is not plugged in, or has another name",
             "plug the receiver in, and compare `device:` with /dev/serial/by-id",
         ),
-        Trouble.DENIED: lambda: BearerFinding(
+        Trouble.DENIED: lambda: LinkFinding(
             _INCONCLUSIVE,
             "not-allowed",
             f"{expectation.end} may not be read{text}",
@@ -243,15 +243,15 @@ def describe_trouble(trouble: Trouble, words: str, expectation: GpsExpectation) 
     }[trouble]()
 
 
-def _refusal_finding(expectation: GpsExpectation) -> BearerFinding:
+def _refusal_finding(expectation: GpsExpectation) -> LinkFinding:
     if expectation.driver is GpsDriver.GPSD:
-        return BearerFinding(
+        return LinkFinding(
             _FAIL,
             "driver-not-started",
             f"{expectation.name} is there, but no gpsd listens at {expectation.end}",
             f"start gpsd on {expectation.name}, with its option -G: without it gpsd serves its own computer only",
         )
-    return BearerFinding(
+    return LinkFinding(
         _INCONCLUSIVE,
         "refused",
         f"{expectation.end} turns us away: its program is not started, or serves one client and has it",
@@ -259,14 +259,14 @@ def _refusal_finding(expectation: GpsExpectation) -> BearerFinding:
     )
 
 
-def speechless(reception: Reception, expectation: GpsExpectation) -> BearerFinding | None:
+def speechless(reception: Reception, expectation: GpsExpectation) -> LinkFinding | None:
     """Return the finding for a source that is reachable but reports no position; None if it reports any."""
     if reception.reports:
         return None
     if not reception.is_recognized and reception.heard_bytes:
         return _foreign(reception, expectation)
     if reception.devices is not None and not reception.devices:
-        return BearerFinding(
+        return LinkFinding(
             _FAIL,
             "device-missing",
             f"{expectation.source} runs, but has no receiver open",
@@ -275,9 +275,9 @@ def speechless(reception: Reception, expectation: GpsExpectation) -> BearerFindi
     return _no_data(reception, expectation)
 
 
-def _foreign(reception: Reception, expectation: GpsExpectation) -> BearerFinding:
+def _foreign(reception: Reception, expectation: GpsExpectation) -> LinkFinding:
     if expectation.driver is GpsDriver.GPSD:
-        return BearerFinding(
+        return LinkFinding(
             _FAIL,
             "not-gpsd",
             f"what answers at {expectation.end} is not gpsd: {reception.heard_bytes} bytes,"
@@ -288,32 +288,32 @@ def _foreign(reception: Reception, expectation: GpsExpectation) -> BearerFinding
     if expectation.driver is GpsDriver.NMEA_SERIAL:
         hint = "compare `baud:` with the receiver's rate: 4800, 9600, 38400 and 115200 are usual"
     message = f"{reception.heard_bytes} bytes came from {expectation.end}, no whole NMEA sentence among them"
-    return BearerFinding(_FAIL, "not-nmea", message, hint)
+    return LinkFinding(_FAIL, "not-nmea", message, hint)
 
 
-def _no_data(reception: Reception, expectation: GpsExpectation) -> BearerFinding:
+def _no_data(reception: Reception, expectation: GpsExpectation) -> LinkFinding:
     after = f"in {reception.ended_s:.0f} s"
     if expectation.driver is GpsDriver.GPSD:
         devices = ", ".join(reception.devices or ()) or "its receiver"
         message = f"{expectation.source} has opened {devices}, which says nothing {after}"
-        return BearerFinding(
+        return LinkFinding(
             _FAIL, "no-data", message, "look at the receiver's power and wires; gpsd tries the baud rates itself"
         )
     if expectation.driver is GpsDriver.ROUTEROS:
         hint = "compare `port` of `/system gps` with the port of the receiver"
-        return BearerFinding(_FAIL, "no-data", f"{expectation.source} tells nothing of its receiver", hint)
+        return LinkFinding(_FAIL, "no-data", f"{expectation.source} tells nothing of its receiver", hint)
     if reception.is_recognized:
         message = (
             f"{reception.good} NMEA sentences came from {expectation.end} {after}, no position among them (GGA, RMC, "
             "GLL)"
         )
-        return BearerFinding(_FAIL, "no-data", message, "let the receiver send GGA, RMC and GSA")
+        return LinkFinding(_FAIL, "no-data", message, "let the receiver send GGA, RMC and GSA")
     if expectation.driver is GpsDriver.NMEA_SERIAL:
         message = f"{expectation.end} is there and says nothing {after}"
-        return BearerFinding(_FAIL, "no-data", message, "look at the receiver's power and wires")
+        return LinkFinding(_FAIL, "no-data", message, "look at the receiver's power and wires")
     # A server for one client may as well let the second one wait.
     message = f"{expectation.end} takes the connection and says nothing {after}"
     hint = (
         f"look on {expectation.name} whether the receiver is on, and whether its program serves one client and has it"
     )
-    return BearerFinding(_INCONCLUSIVE, "no-data", message, hint)
+    return LinkFinding(_INCONCLUSIVE, "no-data", message, hint)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from atlantis_netcfg.inventory.model import RcRfEndpoint
-    from atlantis_netcfg.links import BearerFinding
+    from atlantis_netcfg.links import LinkFinding
 
 __all__ = ["RcExpectation", "RcHeard", "StickMovementProbe", "steps"]
 
@@ -132,7 +132,7 @@ def _listen(name: str, expectation: RcExpectation, place: base.Place, listen_s: 
 def _judge_answer(
     answer: base.Answer,
     expectation: RcExpectation,
-    judge_stream: Callable[[Stream, RcExpectation], tuple[BearerFinding, ...]],
+    judge_stream: Callable[[Stream, RcExpectation], tuple[LinkFinding, ...]],
     *,
     with_movement: bool = False,
 ) -> base.ProbeResult:

@@ -14,21 +14,21 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes.base import Transcript, Trouble
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Channels, Stream, System
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 
 FRESH_S = 3.0
-"""Heartbeats come once a second, channels at least so."""
+"""Maximum age: heartbeats arrive once a second, channels at least as often."""
 LOW_US, HIGH_US = 900, 2100
 UNSTEADY = 0.25
-"""RSSI that swings by more than this share of its highest value; the scale is the vehicle's own."""
+"""RSSI is unsteady if it swings by more than this share of its highest value; the scale is the vehicle's own."""
 BAD_SHARE = 0.05
 
 
-def judge(stream: Stream, expectation: RcExpectation) -> tuple[BearerFinding, ...]:
+def judge(stream: Stream, expectation: RcExpectation) -> tuple[LinkFinding, ...]:
     """Judge a stream with the vehicle's data; without problems there is a single finding, which passes."""
     system = stream.systems[expectation.system_id]
     findings = (
@@ -40,11 +40,11 @@ def judge(stream: Stream, expectation: RcExpectation) -> tuple[BearerFinding, ..
     return findings or (_well(system, expectation),)
 
 
-def _alive(stream: Stream, system: System, expectation: RcExpectation) -> Iterator[BearerFinding]:
+def _alive(stream: Stream, system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     age_s = stream.ended_s - system.beats[-1].at_s
     if age_s > FRESH_S:
         message = f"{expectation.name}'s last heartbeat is {age_s:.0f} s old"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.FAIL, "heartbeat-lost", message, "look at the autopilot's power and the forwarding of its stream"
         )
     if not system.channels:
@@ -54,7 +54,7 @@ def _alive(stream: Stream, system: System, expectation: RcExpectation) -> Iterat
     channels_age_s = stream.ended_s - last.at_s
     if channels_age_s > max(FRESH_S, age_s):
         message = f"{expectation.name}'s channels have stopped {channels_age_s:.0f} s ago, its heartbeats go on"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.FAIL,
             "channels-stale",
             message,
@@ -62,7 +62,7 @@ def _alive(stream: Stream, system: System, expectation: RcExpectation) -> Iterat
         )
     if not last.count or all(value is None for value in last.values):
         message = f"{expectation.name}'s autopilot sees no channel of the remote control"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.FAIL,
             "no-receiver",
             message,
@@ -70,7 +70,7 @@ def _alive(stream: Stream, system: System, expectation: RcExpectation) -> Iterat
         )
     elif strange := odd(last):
         message = f"{expectation.name}'s channels are outside {LOW_US} to {HIGH_US} us: {strange}"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.FAIL,
             "channels-odd",
             message,
@@ -78,13 +78,13 @@ def _alive(stream: Stream, system: System, expectation: RcExpectation) -> Iterat
         )
 
 
-def no_channels(stream: Stream, expectation: RcExpectation) -> BearerFinding:
+def no_channels(stream: Stream, expectation: RcExpectation) -> LinkFinding:
     """Return the finding for a stream without RC_CHANNELS, which may be due to a setting, so nothing follows."""
     message = f"{expectation.name} sends no RC_CHANNELS within {stream.ended_s:.0f} s"
     hint = (
         "let its people add RC_CHANNELS to the stream (ArduPilot: SRx_RC_CHAN; PX4: mavlink stream); we ask for nothing"
     )
-    return BearerFinding(Verdict.INCONCLUSIVE, "no-channels", message, hint)
+    return LinkFinding(Verdict.INCONCLUSIVE, "no-channels", message, hint)
 
 
 def odd(channels: Channels) -> str:
@@ -97,35 +97,35 @@ def odd(channels: Channels) -> str:
     return ", ".join(strange)
 
 
-def _receiver_findings(system: System, expectation: RcExpectation) -> Iterator[BearerFinding]:
+def _receiver_findings(system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     if not system.receiver:
         message = f"{expectation.name} sends no SYS_STATUS: its autopilot's own opinion of the receiver is not known"
-        yield BearerFinding(Verdict.WARN, "no-sys-status", message, "let its people add SYS_STATUS to the stream")
+        yield LinkFinding(Verdict.WARN, "no-sys-status", message, "let its people add SYS_STATUS to the stream")
         return
     last = system.receiver[-1]
     if not last.present:
         message = f"{expectation.name}'s autopilot has no receiver of a remote control"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.FAIL, "receiver-absent", message, "look at the receiver's cable and the autopilot's RC protocol"
         )
     elif not last.is_enabled:
         message = f"{expectation.name}'s autopilot has the remote control switched off"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.FAIL, "receiver-disabled", message, "let its people enable the remote control in the autopilot"
         )
     elif not last.healthy:
         message = f"{expectation.name}'s autopilot says that the remote control's receiver is not healthy"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.FAIL, "receiver-unhealthy", message, "switch the transmitter on, and look at the receiver's antenna"
         )
 
 
-def _rssi(system: System, expectation: RcExpectation) -> Iterator[BearerFinding]:
+def _rssi(system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     result = [channel.rssi for channel in system.channels if channel.count]
     known_rssi = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if result and not known_rssi:
         message = f"{expectation.name} does not tell how strong the remote control is heard (rssi 255)"
-        yield BearerFinding(Verdict.WARN, "rssi-unknown", message, "rely on the range test by a person")
+        yield LinkFinding(Verdict.WARN, "rssi-unknown", message, "rely on the range test by a person")
     if not known_rssi:
         return
     if expectation.rssi_low is not None and min(known_rssi) < expectation.rssi_low:
@@ -133,56 +133,56 @@ def _rssi(system: System, expectation: RcExpectation) -> Iterator[BearerFinding]
             f"the remote control of {expectation.name} is heard with rssi {min(known_rssi)}, "
             f"below its own {expectation.rssi_low}"
         )
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.WARN, "rssi-low", message, "look at both antennas; the value is compared with this vehicle's only"
         )
     if max(known_rssi) - min(known_rssi) > UNSTEADY * max(known_rssi):
         message = (
             f"the remote control of {expectation.name} is heard unsteadily: rssi {min(known_rssi)} to {max(known_rssi)}"
         )
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.WARN, "rssi-unsteady", message, "look at both antennas, and for other transmitters of the band"
         )
     elif not max(known_rssi):
         message = f"{expectation.name} tells rssi 0: no signal, or nobody has set up how it is measured"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.WARN, "rssi-zero", message, "rely on the range test by a person, or set up RSSI in the autopilot"
         )
 
 
-def _check_damage(stream: Stream, expectation: RcExpectation) -> Iterator[BearerFinding]:
+def _check_damage(stream: Stream, expectation: RcExpectation) -> Iterator[LinkFinding]:
     total = stream.good + stream.bad
     if stream.bad > 1 and stream.bad > BAD_SHARE * total:
         message = f"{stream.bad} of {total} pieces of the stream at {expectation.end} are damaged"
-        yield BearerFinding(
+        yield LinkFinding(
             Verdict.WARN, "damaged", message, "look at the telemetry radio or serial line that carries the stream"
         )
 
 
-def _well(system: System, expectation: RcExpectation) -> BearerFinding:
+def _well(system: System, expectation: RcExpectation) -> LinkFinding:
     last = system.channels[-1]
     message = f"{expectation.name} is disarmed and hears its remote control: {last.count} channels, rssi {last.rssi}"
-    return BearerFinding(Verdict.PASS, "rc-heard", message)
+    return LinkFinding(Verdict.PASS, "rc-heard", message)
 
 
 _INCONCLUSIVE, _FAIL = Verdict.INCONCLUSIVE, Verdict.FAIL
 APART_S = 60.0
-"""Clocks of an autopilot and of who listens: a live stream is not so far off."""
+"""Clocks of an autopilot and of the listener: those of a live stream differ by less."""
 
 
-def check_disarmed(stream: Stream, expectation: RcExpectation) -> BearerFinding | None:
+def check_disarmed(stream: Stream, expectation: RcExpectation) -> LinkFinding | None:
     """Return a finding if any autopilot is armed: nobody may stay near propellers that may start."""
     hot = [number for number, system in stream.systems.items() if system.is_armed]
     if not hot:
         return None
     who = expectation.name if expectation.system_id in hot else f"system {hot[0]}"
     message = f"STOP AT ONCE: {who} is armed, its propellers may start"
-    return BearerFinding(
+    return LinkFinding(
         _FAIL, "armed", message, "keep clear, have the pilot disarm it and take the battery off; then begin again"
     )
 
 
-def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> BearerFinding | None:
+def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> LinkFinding | None:
     """Return the finding for a stream without usable data of the vehicle; None if it has data."""
     if not stream.heard_bytes:
         return _unheard(answer, expectation) if answer.trouble is not None else _silent(stream, expectation)
@@ -190,35 +190,35 @@ def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> 
         message = (
             f"what arrives at {expectation.end} is not MAVLink: {stream.heard_bytes} bytes, no whole frame among them"
         )
-        return BearerFinding(
+        return LinkFinding(
             _FAIL, "not-mavlink", message, "compare `port:` with the port to which the stream is forwarded"
         )
     system = stream.systems.get(expectation.system_id, System())
     return None if system.beats else _absent(stream, system, expectation)
 
 
-def doubts(stream: Stream, expectation: RcExpectation) -> Iterator[BearerFinding]:
+def doubts(stream: Stream, expectation: RcExpectation) -> Iterator[LinkFinding]:
     """Yield findings for data that may come from another sender or time; a person may know better."""
     system = stream.systems[expectation.system_id]
     if expectation.address is None:
         result = f"it came from {', '.join(system.senders)}" if any(system.senders) else "nobody has looked"
         message = f"nobody has declared from which address the stream of {expectation.name} comes; {result}"
         hint = "write `endpoints.rc_rf.address`, or reserve its address in `site.lan.reservations`"
-        yield BearerFinding(_INCONCLUSIVE, "sender-unknown", message, hint)
+        yield LinkFinding(_INCONCLUSIVE, "sender-unknown", message, hint)
     if system.overrides:
         message = f"a ground station sends channels to {expectation.name} in place of its remote control"
         hint = "switch the joystick of the ground station off, then repeat this item"
-        yield BearerFinding(_INCONCLUSIVE, "overridden", message, hint)
+        yield LinkFinding(_INCONCLUSIVE, "overridden", message, hint)
     apart = [ahead for ahead in system.ahead_s if abs(ahead) > APART_S]
     if apart:
         span = f"{abs(apart[0]) / 60:.0f} min {'ahead' if apart[0] > 0 else 'old'}"
         message = f"by its own clock the stream of {expectation.name} is {span}"
         hint = f"is a recorded flight played at {expectation.end}? If it is live, look at the clocks of both"
-        yield BearerFinding(_INCONCLUSIVE, "of-another-time", message, hint)
+        yield LinkFinding(_INCONCLUSIVE, "of-another-time", message, hint)
     yield from _flow(system, stream, expectation)
 
 
-def _flow(system: System, stream: Stream, expectation: RcExpectation) -> Iterator[BearerFinding]:
+def _flow(system: System, stream: Stream, expectation: RcExpectation) -> Iterator[LinkFinding]:
     """Yield findings if the autopilot's clock does not advance at the rate of real time."""
     result = system.channels
     if not result:
@@ -228,7 +228,7 @@ def _flow(system: System, stream: Stream, expectation: RcExpectation) -> Iterato
             f"{expectation.name}'s channels came once within {stream.ended_s:.0f} s: "
             "whether they are alive is not known"
         )
-        yield BearerFinding(_INCONCLUSIVE, "once", message, "let its people send RC_CHANNELS four times a second")
+        yield LinkFinding(_INCONCLUSIVE, "once", message, "let its people send RC_CHANNELS four times a second")
         return
     counts = [channels.boot_ms / 1000 for channels in result]
     elapsed_s, went = result[-1].at_s - result[0].at_s, counts[-1] - counts[0]
@@ -238,44 +238,44 @@ def _flow(system: System, stream: Stream, expectation: RcExpectation) -> Iterato
             f"the same channels of {expectation.name} came {len(result)} times: its autopilot's count stands still"
         )
         hint = "something repeats one message: look at what forwards the stream, and at the autopilot"
-        yield BearerFinding(_FAIL, "frozen", message, hint)
+        yield LinkFinding(_FAIL, "frozen", message, hint)
     elif back or not elapsed_s / 2 - 1 <= went <= elapsed_s * 2 + 2:
         message = (
             f"{expectation.name}'s autopilot has counted {went:.0f} s in {elapsed_s:.0f} s: what comes is not of now"
         )
         hint = f"is a recorded flight played at {expectation.end}? Else the autopilot was restarted: repeat this item"
-        yield BearerFinding(_INCONCLUSIVE, "not-live", message, hint)
+        yield LinkFinding(_INCONCLUSIVE, "not-live", message, hint)
 
 
-def _silent(stream: Stream, expectation: RcExpectation) -> BearerFinding:
+def _silent(stream: Stream, expectation: RcExpectation) -> LinkFinding:
     message = f"nothing arrived at {expectation.end} in {stream.ended_s:.0f} s"
     hint = (
         f"switch {expectation.name} on, and let its companion computer forward the MAVLink stream to {expectation.end}"
     )
-    return BearerFinding(_INCONCLUSIVE, "silent", message, hint)
+    return LinkFinding(_INCONCLUSIVE, "silent", message, hint)
 
 
-def _unheard(answer: Transcript, expectation: RcExpectation) -> BearerFinding:
+def _unheard(answer: Transcript, expectation: RcExpectation) -> LinkFinding:
     text = f": {answer.words}" if answer.words else ""
     if answer.trouble is Trouble.NO_PLACE:
         message = f"nobody has listened to {expectation.name}: {expectation.place} was not reached{text}"
-        return BearerFinding(
+        return LinkFinding(
             _INCONCLUSIVE, "place-not-reached", message, f"bring {expectation.place} back first, then repeat this item"
         )
     if answer.trouble is Trouble.BUSY:
         message = f"{expectation.end} is in use by another program, which gets the stream{text}"
         hint = "close the ground station there, or let the stream be forwarded to a second port and declare that"
-        return BearerFinding(_INCONCLUSIVE, "in-use", message, hint)
+        return LinkFinding(_INCONCLUSIVE, "in-use", message, hint)
     if answer.trouble is Trouble.DENIED:
         message = f"{expectation.end} may not be opened{text}"
-        return BearerFinding(
+        return LinkFinding(
             _INCONCLUSIVE, "not-allowed", message, "declare a port above 1023, and look at the firewall there"
         )
     message = f"nobody could listen at {expectation.end}{text}"
-    return BearerFinding(_INCONCLUSIVE, "not-heard", message, f"look at {expectation.place}, then repeat this item")
+    return LinkFinding(_INCONCLUSIVE, "not-heard", message, f"look at {expectation.place}, then repeat this item")
 
 
-def _absent(stream: Stream, system: System, expectation: RcExpectation) -> BearerFinding:
+def _absent(stream: Stream, system: System, expectation: RcExpectation) -> LinkFinding:
     if system.senders:
         result = ", ".join(system.senders)
         message = (
@@ -284,31 +284,29 @@ def _absent(stream: Stream, system: System, expectation: RcExpectation) -> Beare
         hint = (
             "another vehicle may have this system id; if another computer forwards it, write `endpoints.rc_rf.address`"
         )
-        return BearerFinding(_INCONCLUSIVE, "other-sender", message, hint)
+        return LinkFinding(_INCONCLUSIVE, "other-sender", message, hint)
     if system.components:
         ids = ", ".join(map(str, system.components))
         message = f"of system {expectation.system_id} component {ids} is heard, and not its autopilot, which is 1"
         hint = "let its people forward what the autopilot itself sends; a camera or a computer beside it proves nothing"
-        return BearerFinding(_INCONCLUSIVE, "other-component", message, hint)
+        return LinkFinding(_INCONCLUSIVE, "other-component", message, hint)
     if stream.autopilots:
         ids = ", ".join(map(str, stream.autopilots))
         message = f"{expectation.name} should be system {expectation.system_id}, and what is heard is system {ids}"
         hint = "this is another vehicle, or `system_id:` differs from the autopilot's (SYSID_THISMAV, MAV_SYS_ID)"
-        return BearerFinding(_FAIL, "other-system", message, hint)
+        return LinkFinding(_FAIL, "other-system", message, hint)
     message = f"MAVLink arrives at {expectation.end}, and no autopilot's heartbeat in it within {stream.ended_s:.0f} s"
-    return BearerFinding(
-        _FAIL, "no-heartbeat", message, "look whether the companion computer still hears its autopilot"
-    )
+    return LinkFinding(_FAIL, "no-heartbeat", message, "look whether the companion computer still hears its autopilot")
 
 
 MOVED_US = 100
-"""More than noise and trims: a tenth of a stick's way."""
+"""More than noise and trims: a tenth of a stick's travel."""
 AXES = 4
-"""Of two sticks."""
+"""Axes of two sticks."""
 AS_ONE = 0.98
-"""From this correlation on two channels are one movement; a hand does not hold two axes so well together."""
+"""From this correlation on, two channels are one movement; a hand does not hold two axes so well together."""
 MIN_CHANNEL_SETS = 3
-"""Fewer sets of channels say nothing of a movement."""
+"""Fewer sets of channels do not show a movement."""
 
 
 def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
@@ -322,34 +320,34 @@ def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
     return result
 
 
-def judge_moved(stream: Stream, expectation: RcExpectation) -> BearerFinding:
+def judge_moved(stream: Stream, expectation: RcExpectation) -> LinkFinding:
     """Judge a stream with data of the vehicle, disarmed."""
     channels = stream.systems[expectation.system_id].channels
     if not channels:
         return no_channels(stream, expectation)
     if len(channels) < MIN_CHANNEL_SETS:
         message = f"{expectation.name}'s channels came {len(channels)} times only while the sticks were moved"
-        return BearerFinding(
+        return LinkFinding(
             Verdict.INCONCLUSIVE, "few-channels", message, "let its people send RC_CHANNELS four times a second"
         )
     moved_ranges = ranges(channels)
     if not moved_ranges:
         message = f"none of {expectation.name}'s {channels[-1].count} channels moved while the pilot moved the sticks"
         hint = "is the transmitter on, and bound to this vehicle and no other? then repeat"
-        return BearerFinding(Verdict.FAIL, "no-movement", message, hint)
+        return LinkFinding(Verdict.FAIL, "no-movement", message, hint)
     channel_list = ", ".join(map(str, moved_ranges))
     axes = [number for number in moved_ranges if number <= AXES]
     if len(axes) < AXES:
         message = f"channels that moved: {channel_list}; two sticks have {AXES} axes"
-        return BearerFinding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their whole way")
+        return LinkFinding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their whole way")
     if _as_one(channels, axes):
         message = (
             f"channels {', '.join(map(str, axes))} of {expectation.name} move as one, "
             "which two sticks in circles do not"
         )
         hint = "is a joystick, or a program, at work in place of the remote control? Repeat, each stick in circles"
-        return BearerFinding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
-    return BearerFinding(Verdict.PASS, "moved", f"{expectation.name}'s channels follow the sticks: {channel_list}")
+        return LinkFinding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
+    return LinkFinding(Verdict.PASS, "moved", f"{expectation.name}'s channels follow the sticks: {channel_list}")
 
 
 def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:
@@ -368,14 +366,14 @@ class RcExpectation:
     """Expected remote control stream of one vehicle."""
 
     name: str
-    """`Stork`."""
+    """Name of the checklist row: `Stork`."""
     place: str
-    """Who listens: `coastal-gateway`, `this computer`."""
+    """Computer that listens: `coastal-gateway`, `this computer`."""
     port: int
     system_id: int = 1
     rssi_low: int | None = None
     address: str | None = None
-    """Where its stream comes from; None: nobody has declared it."""
+    """Address that its stream comes from; None: not declared."""
 
     @property
     def end(self) -> str:

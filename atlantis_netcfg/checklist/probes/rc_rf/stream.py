@@ -28,11 +28,11 @@ _NO_AUTOPILOT = 8
 _UNUSED_VALUE = 0xFFFF
 """UINT16_MAX: the channel is not used."""
 _AUTOPILOT = 1
-"""MAV_COMP_ID_AUTOPILOT1; a camera, a gimbal or a companion computer has another one."""
+"""MAV_COMP_ID_AUTOPILOT1; a camera, a gimbal or a companion computer has another id."""
 _OVERRIDES = frozenset({"RC_CHANNELS_OVERRIDE", "MANUAL_CONTROL"})
-"""With these a ground station takes the place of the remote control."""
+"""Messages with which a ground station replaces the remote control."""
 _SET_S = 1_577_836_800
-"""2020: an autopilot whose clock nobody has set is before."""
+"""2020 in seconds since 1970; an earlier time means that the autopilot's clock was not set."""
 _CHANNELS = 18
 
 
@@ -50,13 +50,13 @@ class Channels:
 
     at_s: float
     count: int
-    """`chancount`: 0 is none."""
+    """`chancount`; 0: none."""
     values: tuple[int | None, ...]
-    """Microseconds of those that count; None: not used."""
+    """Microseconds of the channels in `count`; None: not used."""
     boot_ms: int
-    """When it was made, by the autopilot's own count since it was started."""
+    """Milliseconds from the autopilot's start to the message, by its own clock."""
     rssi: int
-    """0 to 254 in a scale of this very vehicle; 255: not known."""
+    """0 to 254 in a scale specific to the vehicle; 255: not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,15 +76,15 @@ class System:
     channels: tuple[Channels, ...] = ()
     receiver: tuple[Receiver, ...] = ()
     ahead_s: tuple[float, ...] = ()
-    """How far its clock was ahead of the listener's, whenever it told a time."""
+    """How far its clock was ahead of the listener's, for each time that it reported."""
     overrides: int = 0
-    """Channels that somebody has sent to it in place of its remote control."""
+    """Number of messages sent to it that replace its remote control."""
     components: tuple[int, ...] = ()
-    """Those with a heartbeat that are not the autopilot."""
+    """Components with a heartbeat other than the autopilot."""
     senders: tuple[str, ...] = ()
-    """Addresses that have spoken as its autopilot, also those that are not believed."""
+    """Addresses that have sent as its autopilot, including those that are not trusted."""
     is_armed: bool = False
-    """Anybody has said so."""
+    """Whether any message reports it as armed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +94,9 @@ class Stream:
     systems: Mapping[int, System] = field(default_factory=dict)
     good: int = 0
     bad: int = 0
-    """Pieces that are no frame, or have a wrong checksum."""
+    """Pieces that are not a frame, or have a wrong checksum."""
     versions: tuple[int, ...] = ()
-    """Of MAVLink."""
+    """Versions of MAVLink."""
     heard_bytes: int = 0
     ended_s: float = 0.0
 
@@ -147,7 +147,7 @@ class _SystemReader:
 class _MavlinkReading:
     began: float
     address: str | None
-    """Whose datagrams are believed; None: everybody's."""
+    """Address whose datagrams are accepted; None: any."""
     systems: dict[int, _SystemReader] = field(default_factory=dict)
     versions: set[int] = field(default_factory=set)
     good: int = 0

@@ -48,7 +48,7 @@ _CHECKS = {
     "satellite-filter": satellite_filter_check,
 }
 NAMES = tuple(_CHECKS)
-"""Of the checks, in the order in which a technician would look."""
+"""Names of the checks, in the order in which a technician would look."""
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:

@@ -16,7 +16,7 @@ from atlantis_netcfg.inventory import model
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.links import BearerFinding
+    from atlantis_netcfg.links import LinkFinding
 
 _NO_DEVICE = "No such device"
 
@@ -65,7 +65,7 @@ class _OpenNetwork:
         count = "nobody" if not stations else f"{len(stations)}"
         return base.ProbeResult(tuple(findings), (parse.read(f"joined {self.radio.ssid}", count),))
 
-    def _network(self, text: str) -> Iterator[BearerFinding]:
+    def _network(self, text: str) -> Iterator[LinkFinding]:
         """Yield findings on the radio: hostapd makes it an access point; during radar detection it has no name yet."""
         network, name = read_opened(text), f"{self.radio.interface} of {self.gateway}"
         hint = f"on it: systemctl status atlantis-access-point@{self.radio.interface}"
@@ -87,7 +87,7 @@ class _OpenNetwork:
                 message = f"{name} is on {network.frequency_mhz} MHz, and {self.radio.frequency_mhz} MHz are declared"
                 yield parse.warn("other-channel", message, "a radar may have driven it away: choose another channel")
 
-    def _strangers(self, dump: str) -> Iterator[BearerFinding]:
+    def _strangers(self, dump: str) -> Iterator[LinkFinding]:
         """Yield findings for stations that are not in the inventory and so have the key."""
         station_names, strangers = (
             self._station_names,
@@ -108,7 +108,7 @@ class _OpenNetwork:
         """MAC address of each vehicle that is a station, to its name."""
         reserved_macs = {row.name: row.mac for row in self.site.site_config.lan.reservations}
         result = {}
-        for key, vehicle in self.site.declaration.vehicles.items():
+        for key, vehicle in self.site.inventory.vehicles.items():
             wifi = vehicle.endpoints.wifi
             mac = reserved_macs.get(key) if wifi is None or wifi.mac is None else wifi.mac
             if mac is not None and wifi is not None and wifi.role is model.WifiRole.STATION:

@@ -17,14 +17,14 @@ from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.computers.parts import computer_network
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 
 FILES = ("/etc/netplan/10-atlantis.yaml", "/etc/network/interfaces", "/etc/systemd/network/05-atlantis.network")
-"""Where `provision` says how a gateway computer gets its address, one for each tool that configures networks."""
+"""Files in which `provision` configures a gateway computer's address, one for each network configuration tool."""
 _LOOPBACK = "lo"
 _RUN = "run the site, which puts the declared address back"
 
@@ -52,7 +52,7 @@ class _Static:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         current = _on_sockets(results, self.site.router.name)
         findings = (
-            [current] if isinstance(current, BearerFinding) else list(self._of_router(self.site.router.name, current))
+            [current] if isinstance(current, LinkFinding) else list(self._of_router(self.site.router.name, current))
         )
         evidence = [
             parse.declared_evidence(f"address of {name}", address) for name, address in self._declared_addresses()
@@ -60,8 +60,8 @@ class _Static:
         gateway = self.site.gateway
         if gateway is not None:
             local = parse.addresses(results["gateway"], gateway.name)
-            findings += [local] if isinstance(local, BearerFinding) else self._of_gateway(gateway, local, results)
-            if not isinstance(local, BearerFinding):
+            findings += [local] if isinstance(local, LinkFinding) else self._of_gateway(gateway, local, results)
+            if not isinstance(local, LinkFinding):
                 evidence += [parse.read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
         return base.ProbeResult(tuple(findings), tuple(evidence))
 
@@ -74,7 +74,7 @@ class _Static:
         for link in (*view.uplinks, *view.served_links):
             yield link.port, link.interface_address
 
-    def _of_router(self, name: str, current: tuple[parse.InterfaceAddress, ...]) -> Iterator[BearerFinding]:
+    def _of_router(self, name: str, current: tuple[parse.InterfaceAddress, ...]) -> Iterator[LinkFinding]:
         wrong = list(_wrong(name, tuple(self._declared_addresses()), current))
         yield from wrong
         if not wrong:
@@ -86,7 +86,7 @@ class _Static:
         gateway: parse.ComputerReadings,
         local: tuple[parse.InterfaceAddress, ...],
         results: Mapping[str, base.Answer],
-    ) -> list[BearerFinding]:
+    ) -> list[LinkFinding]:
         interface = IPv4Interface(f"{gateway.device.address}/{self.site.site_config.lan.network.prefixlen}")
         there = next((item for item in local if item.address.ip == interface.ip), None)
         wrong = _as_it_runs(gateway, interface, there)
@@ -98,7 +98,7 @@ class _Static:
 
     def _in_files(
         self, gateway: parse.ComputerReadings, interface: IPv4Interface, results: Mapping[str, base.Answer]
-    ) -> BearerFinding | None:
+    ) -> LinkFinding | None:
         """Return what is wrong with the files read at the next start; None if they match the running state."""
         texts = {path: results[path] for path in FILES}
         trouble = next(
@@ -116,8 +116,8 @@ class _Static:
             for path, answer in texts.items()
             if isinstance(answer, base.CommandResult) and answer.rc == 0
         }
-        host = self.site.declaration.hosts[gateway.name]
-        network_file = computer_network(self.site.declaration, host)
+        host = self.site.inventory.hosts[gateway.name]
+        network_file = computer_network(self.site.inventory, host)
         if network_file is not None:
             return _check_network_file(
                 gateway.name, network_file.path, files.get(network_file.path), network_file.content, interface
@@ -131,13 +131,13 @@ class _Static:
         return parse.unknown("no-file", message, hint)
 
 
-def _on_sockets(results: Mapping[str, base.Answer], router: str) -> tuple[parse.InterfaceAddress, ...] | BearerFinding:
+def _on_sockets(results: Mapping[str, base.Answer], router: str) -> tuple[parse.InterfaceAddress, ...] | LinkFinding:
     """Return the router's addresses by the factory name of their port, because port names can be changed."""
     current = parse.addresses(results["router"], router)
     ports = parse.rows(results["sockets"], router, "the names of its ports", "default-name")
-    if isinstance(current, BearerFinding):
+    if isinstance(current, LinkFinding):
         return current
-    if isinstance(ports, BearerFinding):
+    if isinstance(ports, LinkFinding):
         return ports
     socket = {row.get("name", ""): row.get("default-name", "") for row in ports}
     return tuple(replace(item, interface=socket.get(item.interface, item.interface)) for item in current)
@@ -151,7 +151,7 @@ def _says(text: str, interface: IPv4Interface) -> bool:
 
 def _check_network_file(
     name: str, path: str, text: str | None, content: str, interface: IPv4Interface
-) -> BearerFinding | None:
+) -> LinkFinding | None:
     hint = f"run the site with `only={name}`: it writes {path} again, under a timer that takes a mistake back"
     if text is None:
         return parse.fail(
@@ -166,7 +166,7 @@ def _check_network_file(
 
 def _as_it_runs(
     gateway: parse.ComputerReadings, interface: IPv4Interface, there: parse.InterfaceAddress | None
-) -> BearerFinding | None:
+) -> LinkFinding | None:
     if there is None:
         return parse.fail("address-missing", f"{gateway.name} does not have its declared address {interface}", _RUN)
     if there.interface == _LOOPBACK:
@@ -186,7 +186,7 @@ def _as_it_runs(
 
 def _wrong(
     name: str, desired_addresses: tuple[tuple[str, str], ...], current: tuple[parse.InterfaceAddress, ...]
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     for interface, text in desired_addresses:
         address = IPv4Interface(text)
         there = next((item for item in current if item.address.ip == address.ip), None)
@@ -236,8 +236,8 @@ class _OneSubnet:
         if self.site.gateway is not None:
             names["gateway"] = self.site.gateway.name
         values = {name: parse.addresses(results[question], name) for question, name in names.items()}
-        current = {name: entries for name, entries in values.items() if not isinstance(entries, BearerFinding)}
-        silence = tuple(entries for entries in values.values() if isinstance(entries, BearerFinding))
+        current = {name: entries for name, entries in values.items() if not isinstance(entries, LinkFinding)}
+        silence = tuple(entries for entries in values.values() if isinstance(entries, LinkFinding))
         wrong = tuple(finding for name, entries in current.items() for finding in _twice(name, entries))
         evidence = tuple(
             parse.read(f"{item.interface} of {name}", _describe_address(item))
@@ -250,7 +250,7 @@ class _OneSubnet:
         return base.ProbeResult((*wrong, *silence) or (fine,), evidence)
 
 
-def _twice(name: str, entries: tuple[parse.InterfaceAddress, ...]) -> Iterator[BearerFinding]:
+def _twice(name: str, entries: tuple[parse.InterfaceAddress, ...]) -> Iterator[LinkFinding]:
     for item, other in combinations([current for current in entries if not current.dead], 2):
         if item.interface == other.interface and item.address.network.overlaps(other.address.network):
             message = (
@@ -294,13 +294,13 @@ class _Duplicates:
             result.append(parse.neighbours(results["neighbours"], self.site.gateway.name))
         leases = parse.rows(results["leases"], router, "its leases", "address")
         lan_neighbours = [
-            item for part in result if not isinstance(part, BearerFinding) for item in part if self._in_lan(item)
+            item for part in result if not isinstance(part, LinkFinding) for item in part if self._in_lan(item)
         ]
-        silence = [part for part in (*result, leases) if isinstance(part, BearerFinding)]
+        silence = [part for part in (*result, leases) if isinstance(part, LinkFinding)]
         wrong = [
             *self._twice(lan_neighbours),
             *self._wrong(lan_neighbours),
-            *self._busy(() if isinstance(leases, BearerFinding) else leases),
+            *self._busy(() if isinstance(leases, LinkFinding) else leases),
         ]
         evidence = tuple(
             parse.read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac)
@@ -311,7 +311,7 @@ class _Duplicates:
     def _in_lan(self, neighbour: parse.Neighbour) -> bool:
         return IPv4Address(neighbour.address) in self.site.site_config.lan.network
 
-    def _twice(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[BearerFinding]:
+    def _twice(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[LinkFinding]:
         cards: dict[str, dict[str, parse.Neighbour]] = {}
         for neighbour in sorted(lan_neighbours, key=lambda entry: not entry.fresh):
             cards.setdefault(neighbour.address, {}).setdefault(neighbour.mac, neighbour)
@@ -325,7 +325,7 @@ class _Duplicates:
                     "address-changed", message, "repeat the check in some minutes: if it stays so, find the other one"
                 )
 
-    def _wrong(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[BearerFinding]:
+    def _wrong(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[LinkFinding]:
         lan = self.site.site_config.lan
         by_address = {str(reservation.address): reservation for reservation in lan.reservations}
         by_card = {reservation.mac.lower(): reservation for reservation in lan.reservations}
@@ -345,14 +345,14 @@ class _Duplicates:
                 hint = f"set {owner.name} to DHCP and let it ask anew: others look for it at {owner.address}"
                 yield parse.fail("wrong-address", message, hint)
 
-    def _busy(self, leases: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
+    def _busy(self, leases: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
         """Yield findings for `busy` leases: another host responded at an address to be leased (Manual, DHCP)."""
         for row in leases:
             if row.get("status") == "busy":
                 message = f"the router does not hand out {row.get('address', '?')}: somebody else answers there"
                 yield parse.warn("lease-busy", message, "find who has set that address by hand, and set it to DHCP")
 
-    def _fine(self, lan_neighbours: Sequence[parse.Neighbour]) -> BearerFinding:
+    def _fine(self, lan_neighbours: Sequence[parse.Neighbour]) -> LinkFinding:
         count = len({neighbour.address for neighbour in lan_neighbours})
         if not count:
             hint = "switch the robots on and repeat the check: only who has been spoken to lately is seen"
@@ -398,7 +398,7 @@ class _RogueDhcp:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
         dhcp_offers = parse.offers(results["offers"], self.site.gateway.name)
         alerts = tuple(self._alerts(results))
-        if isinstance(dhcp_offers, BearerFinding):
+        if isinstance(dhcp_offers, LinkFinding):
             return base.ProbeResult((*alerts, dhcp_offers))
         each = {(offer.server, offer.mac): offer for offer in dhcp_offers}.values()
         evidence = tuple(parse.measured_evidence(f"DHCP offer of {item.server}", _offer_text(item)) for item in each)
@@ -409,12 +409,12 @@ class _RogueDhcp:
         )
         return base.ProbeResult((*alerts, *findings), evidence)
 
-    def _alerts(self, results: Mapping[str, base.Answer]) -> Iterator[BearerFinding]:
+    def _alerts(self, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
         """Yield findings for DHCP alerts; alerts exist only if configured, so a missing menu is no finding."""
         if self.site.router is None or "alerts" not in results:
             return
         result = parse.rows(results["alerts"], self.site.router.name, "its DHCP alerts", "interface")
-        for row in () if isinstance(result, BearerFinding) else result:
+        for row in () if isinstance(result, LinkFinding) else result:
             server = row.get("unknown-server", "")
             if server and not parse.yes(row, "disabled"):
                 place = row.get("interface", "its LAN")
@@ -428,13 +428,11 @@ class _RogueDhcp:
         local = str(self.site.site_config.lan.gateway)
         return (
             None
-            if isinstance(result, BearerFinding)
+            if isinstance(result, LinkFinding)
             else next((neighbour.mac for neighbour in result if neighbour.address == local), None)
         )
 
-    def _judge_offers(
-        self, dhcp_offers: tuple[base.DhcpOffer, ...], router_card: str | None
-    ) -> Iterator[BearerFinding]:
+    def _judge_offers(self, dhcp_offers: tuple[base.DhcpOffer, ...], router_card: str | None) -> Iterator[LinkFinding]:
         local = str(self.site.site_config.lan.gateway)
         strangers = {(item.server, item.mac): item for item in dhcp_offers if item.server != local}
         cards = sorted({offer.mac for offer in dhcp_offers if offer.server == local and offer.mac is not None})
@@ -508,7 +506,7 @@ class _RogueRouter:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
         advertisements = parse.routers(results["routers"], self.site.gateway.name)
-        if isinstance(advertisements, BearerFinding):
+        if isinstance(advertisements, LinkFinding):
             return base.ProbeResult((advertisements,))
         evidence = tuple(
             parse.measured_evidence(f"router advertisement of {item.address}", _advertisement_text(item))
@@ -519,7 +517,7 @@ class _RogueRouter:
             tuple(self._finding(item) for item in advertisements) or (parse.good("no-other-router", words),), evidence
         )
 
-    def _finding(self, router: base.RouterAdvertisement) -> BearerFinding:
+    def _finding(self, router: base.RouterAdvertisement) -> LinkFinding:
         sender = _sender(self.site, router.address, router.mac)
         message = f"{sender} announces itself as an IPv6 router on the LAN: {_advertisement_text(router)}"
         hint = (

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.checklist.probes.site_checks.clock import router_time
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.routeros.render import prerequisites
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 IDENTITY = "/etc/openvpn/client/atlantis.identity"
-"""Certificates and keys of a gateway computer in the VPN; a test holds it to `vpn.client`, which is beside us."""
+"""Certificates and keys of a gateway computer in the VPN; a test keeps it the same as in `vpn.client`."""
 SOON = timedelta(days=30)
 _MENU = ("name", "common-name", "invalid-before", "invalid-after", "expired", "revoked", "private-key", "authority")
 _SUBJECT = re.compile(r"^ {8}Subject:.*?CN ?= ?([^,\n]+)", re.MULTILINE)
@@ -39,18 +39,18 @@ _STAMP = "%b %d %H:%M:%S %Y GMT"
 @dataclass(frozen=True, slots=True)
 class _SiteCertificate:
     holder: str
-    """The device."""
+    """Device that holds it."""
     name: str
     since: datetime | None
     until: datetime | None
     used: bool = True
-    """The declaration says what for; an authority is always used."""
+    """Whether the inventory says what it is for; an authority is always used."""
     is_expired: bool = False
-    """The device itself says so."""
+    """Whether the device itself reports it as expired."""
     unfit: str = ""
-    """Why it serves nobody, however long it is valid."""
+    """Why it is unusable, however long it is valid."""
     renew: str = ""
-    """How another one gets there."""
+    """How to replace it."""
 
     @property
     def title(self) -> str:
@@ -79,9 +79,9 @@ class _Certificates:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         result = parse.rows(results["router"], self.site.router.name, "its certificates", "name")
-        missing: list[BearerFinding] = []
+        missing: list[LinkFinding] = []
         certificates: list[_SiteCertificate] = []
-        if isinstance(result, BearerFinding):
+        if isinstance(result, LinkFinding):
             missing.append(result)
         else:
             missing += self._missing(result)
@@ -89,8 +89,8 @@ class _Certificates:
         if self._gateway_is_in:
             assert self.site.gateway is not None  # noqa: S101 - just looked
             local = _of_identity(self.site.gateway.name, self.site.name, results["identity"])
-            missing += [local] if isinstance(local, BearerFinding) else []
-            certificates += [] if isinstance(local, BearerFinding) else local
+            missing += [local] if isinstance(local, LinkFinding) else []
+            certificates += [] if isinstance(local, LinkFinding) else local
         now = _now(results)
         wrong = [finding for item in certificates for finding in _judge_certificate(item, now)]
         evidence = tuple(
@@ -104,12 +104,12 @@ class _Certificates:
     def _reason_by_name(self) -> Mapping[str, str]:
         """Purpose of each certificate that the inventory requires, by name."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        all_of_it = prerequisites(self.site.declaration, self.site.router)
+        all_of_it = prerequisites(self.site.inventory, self.site.router)
         return {
             prerequisite.name: prerequisite.reason for prerequisite in all_of_it if prerequisite.menu == "/certificate"
         }
 
-    def _missing(self, result: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
+    def _missing(self, result: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         there = {row.get("name") for row in result}
         for name, reason in self._reason_by_name.items():
@@ -162,7 +162,7 @@ def _router_stamp(text: str) -> datetime | None:
     return router_time({"date": date, "time": clock})
 
 
-def _of_identity(name: str, site: str, answer: base.Answer) -> list[_SiteCertificate] | BearerFinding:
+def _of_identity(name: str, site: str, answer: base.Answer) -> list[_SiteCertificate] | LinkFinding:
     """Parse openssl's output on all certificates in a file; it exits with 8 for a key that it does not know."""
     if not isinstance(answer, base.CommandResult):
         return parse.unreadable(name, "its identity in the VPN")
@@ -191,7 +191,7 @@ def _stamp(text: str) -> datetime | None:
         return None
 
 
-def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator[BearerFinding]:
+def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator[LinkFinding]:
     if certificate.until is None:
         yield parse.unknown(
             "no-date",
@@ -230,7 +230,7 @@ def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator
         )
 
 
-def _fine(certificates: Sequence[_SiteCertificate]) -> BearerFinding:
+def _fine(certificates: Sequence[_SiteCertificate]) -> LinkFinding:
     """Return the passing finding on the certificates in use; missing ones have their own finding."""
     until = [certificate.until for certificate in certificates if certificate.used and certificate.until is not None]
     if len(until) == 1:

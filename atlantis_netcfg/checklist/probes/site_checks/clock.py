@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Evidence
 
 APART_S = 2.0
-"""Farther apart than this is wrong: time servers hold a few milliseconds."""
+"""Larger differences are wrong: time servers hold a few milliseconds."""
 COARSE_S = 30.0
-"""An answer that took longer proves too little: a clock may be wrong by so much and not show it."""
+"""A slower response proves too little: a clock may be wrong by this much without being detected."""
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _DATE = re.compile(r"(?:(\d{4})-(\d\d)-(\d\d)|([a-z]{3})/(\d\d)/(\d{4}))")
 _TIME = re.compile(r"(\d\d):(\d\d):(\d\d)")
@@ -80,12 +80,12 @@ class _ClockReading:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
-        offsets: dict[str, Offset | BearerFinding] = {router: _of_router(router, results["clock"])}
+        offsets: dict[str, Offset | LinkFinding] = {router: _of_router(router, results["clock"])}
         if self.site.gateway is not None:
             offsets[self.site.gateway.name] = _of_computer(self.site.gateway.name, results["timedatectl"])
         known_offsets = {name: entry for name, entry in offsets.items() if isinstance(entry, Offset)}
         wrong = [
-            *(offset for offset in offsets.values() if isinstance(offset, BearerFinding)),
+            *(offset for offset in offsets.values() if isinstance(offset, LinkFinding)),
             *_judge_offsets(known_offsets),
             *self._set(results, known_offsets),
         ]
@@ -97,18 +97,18 @@ class _ClockReading:
         fine = parse.good("clocks-agree", f"{agree}, and time servers set them")
         return base.ProbeResult(tuple(wrong) or (fine,), (*evidence, *self._evidence(results)))
 
-    def _set(self, results: Mapping[str, base.Answer], known_offsets: Mapping[str, Offset]) -> Iterator[BearerFinding]:
+    def _set(self, results: Mapping[str, base.Answer], known_offsets: Mapping[str, Offset]) -> Iterator[LinkFinding]:
         """Yield findings on time sources and time zones; hosts that did not respond have their own finding."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        name, zone = self.site.router.name, self.site.declaration.pilot.time_zone
+        name, zone = self.site.router.name, self.site.inventory.pilot.time_zone
         clock, ntp = _row(results["clock"]), parse.rows(results["ntp"], name, "what sets its clock", "enabled")
         if name in known_offsets:
             yield from _zone(name, clock.get("time-zone-name", ""), zone)
-            yield from (ntp,) if isinstance(ntp, BearerFinding) else self._of_client(name, ntp[0] if ntp else {})
+            yield from (ntp,) if isinstance(ntp, LinkFinding) else self._of_client(name, ntp[0] if ntp else {})
         gateway = self.site.gateway
         if gateway is not None and gateway.name in known_offsets:
             reply, result = parse.get_output(results["timedatectl"], gateway.name), _pairs(results["timedatectl"])
-            if isinstance(reply, BearerFinding):
+            if isinstance(reply, LinkFinding):
                 yield reply
             elif not {result.get("NTP"), result.get("NTPSynchronized")} <= _YES_NO:
                 yield parse.unreadable(gateway.name, "the service that sets its clock")
@@ -118,10 +118,10 @@ class _ClockReading:
                 yield _waiting(gateway.name, self.site.name)
             yield from _zone(gateway.name, result.get("Timezone", ""), zone)
 
-    def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[BearerFinding]:
+    def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[LinkFinding]:
         """Yield findings on `/system/ntp/client`: synchronized, waiting, started, stopped; others prove nothing."""
         status, server = ntp.get("status", ""), ntp.get("synced-server", "")
-        time_servers = {str(time_server.address) for time_server in self.site.declaration.pilot.time_servers}
+        time_servers = {str(time_server.address) for time_server in self.site.inventory.pilot.time_servers}
         if ntp.get("enabled") in {"false", "no"} or status in {"stopped", "disabled"}:
             yield _unset(name)
         elif status in {"waiting", "started"}:
@@ -148,7 +148,7 @@ class _ClockReading:
 _YES_NO = frozenset({"yes", "no"})
 
 
-def _judge_offsets(known_offsets: Mapping[str, Offset]) -> Iterator[BearerFinding]:
+def _judge_offsets(known_offsets: Mapping[str, Offset]) -> Iterator[LinkFinding]:
     """Yield findings on clock differences; if two clocks agree with each other but not with ours, ours is wrong."""
     wrong = {name: offset for name, offset in known_offsets.items() if offset.wrong}
     if len(wrong) == len(known_offsets) > 1 and _together(list(wrong.values())):
@@ -173,26 +173,26 @@ def _together(offsets: list[Offset]) -> bool:
     return max(item.least_s for item in offsets) - min(offset.most_s for offset in offsets) <= APART_S
 
 
-def _zone(name: str, text: str, zone: str) -> Iterator[BearerFinding]:
+def _zone(name: str, text: str, zone: str) -> Iterator[LinkFinding]:
     if text and text != zone:
         message = f"the clock of {name} shows the time of {text}, and {zone} is declared"
         yield parse.warn("time-zone", message, "run the site, which sets the declared `time_zone`")
 
 
-def _waiting(name: str, site: str) -> BearerFinding:
+def _waiting(name: str, site: str) -> LinkFinding:
     hint = f"can {name} reach the declared time servers? `provision links site={site}` tells whether any bearer is up"
     return parse.warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
 
 
-def _unset(name: str) -> BearerFinding:
+def _unset(name: str) -> LinkFinding:
     return parse.fail(
         "no-time-server", f"nothing sets the clock of {name}", "run the site, which switches its NTP client on"
     )
 
 
-def _of_router(name: str, answer: base.Answer) -> Offset | BearerFinding:
+def _of_router(name: str, answer: base.Answer) -> Offset | LinkFinding:
     result = parse.rows(answer, name, "its clock", "time")
-    if isinstance(result, BearerFinding):
+    if isinstance(result, LinkFinding):
         return result
     moment = router_time(result[0]) if result else None
     if moment is None or not isinstance(answer, base.Rows):
@@ -219,17 +219,17 @@ def router_time(row: Mapping[str, str]) -> datetime | None:
         return None
 
 
-def _of_computer(name: str, answer: base.Answer) -> Offset | BearerFinding:
+def _of_computer(name: str, answer: base.Answer) -> Offset | LinkFinding:
     """Return the clock offset from the start time of any program, or the finding why it is unknown."""
     if not isinstance(answer, base.CommandResult) or answer.trouble is not None or not answer.began:
         result = parse.get_output(answer, name)
-        return result if isinstance(result, BearerFinding) else parse.unreadable(name, "its clock")
+        return result if isinstance(result, LinkFinding) else parse.unreadable(name, "its clock")
     if not answer.response_time:
         return _not_compared_finding(name)
     return Offset(answer.began - answer.response_time, answer.began - answer.request_time)
 
 
-def _not_compared_finding(name: str) -> BearerFinding:
+def _not_compared_finding(name: str) -> LinkFinding:
     return parse.unknown(
         "not-compared", f"the clock of {name} was not compared with this computer's", "repeat the check"
     )

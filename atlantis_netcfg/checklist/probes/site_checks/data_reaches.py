@@ -18,13 +18,13 @@ from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.checklist.probes.site_checks.vpn import TUNNEL
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
 NAME = "data-reaches-scc"
 
@@ -35,16 +35,16 @@ class FarComputer:
 
     name: str
     address: str
-    """In the VPN."""
+    """Address in the VPN."""
     site: str
 
 
-def far_computers(declaration: Declaration, asking: model.ServerComputer) -> tuple[FarComputer, ...]:
+def far_computers(inventory: Inventory, asking: model.ServerComputer) -> tuple[FarComputer, ...]:
     """Return a computer's targets: for a control centre the gateways, for all others the control centres."""
     kind = model.Gateway if isinstance(asking, model.ControlCentre) else model.ControlCentre
     return tuple(
         FarComputer(name, str(host.device.vpn_address), host.site)
-        for name, host in declaration.hosts.items()
+        for name, host in inventory.hosts.items()
         if isinstance(host.device, kind) and host.device.vpn_address is not None
     )
 
@@ -52,7 +52,7 @@ def far_computers(declaration: Declaration, asking: model.ServerComputer) -> tup
 def data_reaches_check(site: parse.OwnSite) -> base.Step:
     """Return the step; it applies at every site, so a person does it if a computer is not in the VPN."""
     computer = site.gateway
-    far = () if computer is None else far_computers(site.declaration, computer.device)
+    far = () if computer is None else far_computers(site.inventory, computer.device)
     if computer is not None and computer.device.vpn_address is not None and far:
         centre = isinstance(computer.device, model.ControlCentre)
         title = "Data reach every gateway and come back" if centre else "Data reach the control centre and come back"
@@ -78,7 +78,7 @@ class _DataReaches:
 
     def asks(self) -> tuple[base.Question, ...]:
         far = (question for item in self.far for question in self._questions(item))
-        return (*parse.run("addresses", self.site, "ip -j addr show"), *far, *parse.bearer_requests(self.site))
+        return (*parse.run("addresses", self.site, "ip -j addr show"), *far, *parse.link_requests(self.site))
 
     def _questions(self, far: FarComputer) -> tuple[base.Question, ...]:
         way = parse.run(f"way {far.name}", self.site, f"ip -j route get {far.address}")
@@ -92,7 +92,7 @@ class _DataReaches:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         name, address = self._asking
         current = parse.addresses(results["addresses"], name)
-        if isinstance(current, BearerFinding):
+        if isinstance(current, LinkFinding):
             return base.ProbeResult((current,))
         if address not in {str(item.address.ip) for item in current if item.interface == TUNNEL}:
             hint = f"on {name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
@@ -104,7 +104,7 @@ class _DataReaches:
         evidence = [each for item in self.far for each in self._evidence(item, results)]
         return base.ProbeResult(tuple(findings), tuple(evidence))
 
-    def _of(self, far: FarComputer, results: Mapping[str, base.Answer]) -> BearerFinding:
+    def _of(self, far: FarComputer, results: Mapping[str, base.Answer]) -> LinkFinding:
         """Judge the route to a computer and its responses."""
         name = self._asking[0]
         wrong = _wrong_way(name, far, results[f"way {far.name}"])
@@ -120,10 +120,10 @@ class _DataReaches:
         strange = next(filter(None, (_strange(far, self._asking[1], item, answer) for item in answer.answers)), None)
         return strange or self._judge_delays(far, answer, results)
 
-    def _silence(self, far: FarComputer, message_count: int, results: Mapping[str, base.Answer]) -> BearerFinding:
+    def _silence(self, far: FarComputer, message_count: int, results: Mapping[str, base.Answer]) -> LinkFinding:
         """Return the finding for silence; over a satellite, or from an unattended gateway, it proves nothing."""
-        bearer, over = parse.active_bearer(self.site, results), self._over(results)
-        if bearer is not None and bearer.kind.traits.allow_list:
+        link, over = parse.active_link(self.site, results), self._over(results)
+        if link is not None and link.kind.traits.allow_list:
             return parse.unknown(
                 "far-end-silent-satellite",
                 f"{far.name} has answered none of {message_count} messages, over a satellite that may pause for 70 s",
@@ -144,7 +144,7 @@ class _DataReaches:
 
     def _judge_delays(
         self, far: FarComputer, answer: base.ReflectResult, results: Mapping[str, base.Answer]
-    ) -> BearerFinding:
+    ) -> LinkFinding:
         delays = {_row(item)["token"]: item.delay_s for item in answer.answers}
         worst, limit = max(delays.values()), self.site.site_config.checklist.answer_within_s
         emulation_note = ", emulated" if any(_row(item).get("emulated") for item in answer.answers) else ""
@@ -161,15 +161,15 @@ class _DataReaches:
 
     def _over(self, results: Mapping[str, base.Answer]) -> str:
         """Describe the route; the router reports which link carries the tunnel."""
-        bearer = parse.active_bearer(self.site, results)
-        over = "a link that the router does not tell" if bearer is None else bearer.name
+        link = parse.active_link(self.site, results)
+        over = "a link that the router does not tell" if link is None else link.name
         return f"through the VPN over {over}"
 
     def _evidence(self, far: FarComputer, results: Mapping[str, base.Answer]) -> Iterator[Evidence]:
         name, address = self._asking
         answer = results[f"data {far.name}"]
         way = parse.parse_json_list(results[f"way {far.name}"], name, "its way")
-        if not isinstance(way, BearerFinding) and way:
+        if not isinstance(way, LinkFinding) and way:
             yield parse.read(f"way from {name} to {far.name}", f"{way[0].get('dev', '?')}, {self._over(results)}")
         for item in answer.answers if isinstance(answer, base.ReflectResult) else ():
             row = _row(item)
@@ -179,7 +179,7 @@ class _DataReaches:
             )
 
 
-def _wrong_way(name: str, far: FarComputer, answer: base.Answer) -> BearerFinding | None:
+def _wrong_way(name: str, far: FarComputer, answer: base.Answer) -> LinkFinding | None:
     """Return why data would not go through the VPN; None if they would."""
     if getattr(answer, "trouble", None) is None and "unreachable" in getattr(answer, "err", "").lower():
         return parse.fail(
@@ -188,7 +188,7 @@ def _wrong_way(name: str, far: FarComputer, answer: base.Answer) -> BearerFindin
             f"on {name}: `systemctl restart openvpn-client@atlantis` sets the tunnel's routes again",
         )
     way = parse.parse_json_list(answer, name, "its way to the other end")
-    if isinstance(way, BearerFinding):
+    if isinstance(way, LinkFinding):
         return way
     device = str(way[0].get("dev")) if way else "another way"
     if device == TUNNEL:
@@ -200,7 +200,7 @@ def _wrong_way(name: str, far: FarComputer, answer: base.Answer) -> BearerFindin
     )
 
 
-def _not_sent(name: str, far: FarComputer, answer: base.ReflectResult) -> BearerFinding:
+def _not_sent(name: str, far: FarComputer, answer: base.ReflectResult) -> LinkFinding:
     if answer.trouble is base.Trouble.REFUSED:
         return parse.fail(
             "nobody-answers-data",
@@ -225,9 +225,7 @@ def _row(item: base.ReflectReply) -> dict[str, Any]:
     return row if isinstance(row, dict) else {}
 
 
-def _strange(
-    far: FarComputer, asking: str, item: base.ReflectReply, result: base.ReflectResult
-) -> BearerFinding | None:
+def _strange(far: FarComputer, asking: str, item: base.ReflectReply, result: base.ReflectResult) -> LinkFinding | None:
     """Return why a response does not count; None if the same token came back, through the VPN both ways."""
     row = _row(item)
     if row.get("token") not in result.tokens:

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 TABLE = "/proc/net/udp"
 _BASE, _DOMAIN, _UNICAST, _EACH = 7400, 250, 10, 2
 _HANDED_OUT = 32768
-"""From here on Linux gives ports to programs that ask for none (ip-sysctl, ip_local_port_range)."""
+"""From here on, Linux assigns ports to programs that request none (ip-sysctl, ip_local_port_range)."""
 _MULTICAST = 0
 _ROW = re.compile(r"^\s*\d+: ([0-9A-F]{8}):([0-9A-F]{4}) .* (\d+)\s*$")
 _HEADER = 20
@@ -45,7 +45,7 @@ _SPEAK = frozenset({0x06, 0x07, 0x08, _DATA, 0x16})
 _ANNOUNCER = b"\x00\x01\x00\xc2"
 """Writer of announcements (9.3.1.5)."""
 _LOCATOR = 24
-"""Bytes of one: kind (1 is UDP over IPv4), port, address (9.3.2.3)."""
+"""Bytes of a locator: kind (1 is UDP over IPv4), port, address (9.3.2.3)."""
 _DOMAIN_ID, _REACHED_AT = 0x0F, 0x32
 """Parameters of an announcement (9.6.2.2): domain, and metatraffic unicast locator."""
 
@@ -55,16 +55,16 @@ class _Participant:
     """A participant that announced itself in response to ours, and addressed it."""
 
     domain: int | None
-    """None: it does not say; the port that it was asked at does."""
+    """None: not announced; the port of the request gives it."""
     addresses: frozenset[str]
-    """Where it says that it is reached."""
+    """Addresses at which it says that it is reachable."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Socket:
     port: int
     drops: int
-    """Datagrams that nobody took in time."""
+    """Datagrams that no program read in time."""
 
     @property
     def offset(self) -> int:
@@ -83,7 +83,7 @@ class _BoundPorts:
 
     domain: int
     sockets: tuple[_Socket, ...]
-    """Those at one port can be many: everybody's ports for multicast are the same."""
+    """A port can have many sockets: the multicast ports are the same for everybody."""
 
     @property
     def participants(self) -> tuple[_Socket, ...]:
@@ -112,7 +112,7 @@ class _BoundPorts:
 
 def dds_check(site: parse.OwnSite) -> base.Step:
     """Return the step on the gateway's participants; if no program can check, it is a step for a person."""
-    dds = site.declaration.pilot.dds
+    dds = site.inventory.pilot.dds
     if dds is None:
         do = "The pilot declares no DDS, so that no program looks: see which robots speak ROS 2 here, and how."
         return parse.by_hand("dds", "DDS of the pilot is seen", do, "Nobody needs DDS, or it is seen.", site.hosts[1:])
@@ -136,8 +136,8 @@ class _SeenParticipant:
 
     @property
     def _dds(self) -> Dds:
-        assert self.site.declaration.pilot.dds is not None  # noqa: S101 - the step is a person's without it
-        return self.site.declaration.pilot.dds
+        assert self.site.inventory.pilot.dds is not None  # noqa: S101 - the step is a person's without it
+        return self.site.inventory.pilot.dds
 
     @property
     def _address(self) -> str:
@@ -158,11 +158,11 @@ class _SeenParticipant:
             parse.get_output(results["sockets"], gateway.name),
             _read_participants(results["participants"], gateway.name, self._address),
         )
-        if isinstance(result, BearerFinding):
+        if isinstance(result, LinkFinding):
             return base.ProbeResult((result,))
         if "local_address" not in result:
             return base.ProbeResult((parse.unreadable(gateway.name, "its UDP sockets"),))
-        if isinstance(participants, BearerFinding):
+        if isinstance(participants, LinkFinding):
             return base.ProbeResult((participants,))
         bound_ports = tuple(_read_sockets(result))
         ours = next((entry for entry in bound_ports if entry.domain == dds.domain), _BoundPorts(dds.domain, ()))
@@ -182,7 +182,7 @@ class _SeenParticipant:
         fine = tuple(finding for finding in reach_findings if not wrong or finding.verdict is not Verdict.PASS)
         return base.ProbeResult((*wrong, *fine), evidence)
 
-    def _judge_reachability(self, name: str, there: Sequence[_Participant], bound: _BoundPorts) -> BearerFinding:
+    def _judge_reachability(self, name: str, there: Sequence[_Participant], bound: _BoundPorts) -> LinkFinding:
         address, domain = self._address, self._dds.domain
         if not there:
             message = (
@@ -209,7 +209,7 @@ def _list_addresses(there: Sequence[_Participant]) -> str:
     return parse.join_words(sorted({address for participant in there for address in participant.addresses})) or "none"
 
 
-def _read_participants(answer: base.Answer, name: str, address: str) -> tuple[_Participant, ...] | BearerFinding:
+def _read_participants(answer: base.Answer, name: str, address: str) -> tuple[_Participant, ...] | LinkFinding:
     """Return the participants that announced themselves and addressed only our request."""
     if not isinstance(answer, base.DdsDiscoverResult):
         return parse.unreadable(name, "its DDS participants")
@@ -290,7 +290,7 @@ def _read_sockets(text: str) -> Iterator[_BoundPorts]:
         yield _BoundPorts(domain, tuple(those))
 
 
-def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> BearerFinding:
+def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> LinkFinding:
     if near:
         message = (
             f"DDS on {name} runs in domain {parse.join_words(str(item.domain) for item in near)}, "
@@ -304,7 +304,7 @@ def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> BearerFinding:
     return parse.unknown("nobody-announces", message, hint)
 
 
-def _judge_ports(name: str, dds: Dds, bound_ports: _BoundPorts) -> Iterator[BearerFinding]:
+def _judge_ports(name: str, dds: Dds, bound_ports: _BoundPorts) -> Iterator[LinkFinding]:
     ours = bound_ports.participants
     yield from _profile(name, bound_ports)
     late = [item for item in ours if item.participant is not None and item.participant >= dds.participants]
@@ -321,7 +321,7 @@ def _judge_ports(name: str, dds: Dds, bound_ports: _BoundPorts) -> Iterator[Bear
         yield parse.warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
 
 
-def _profile(name: str, bound_ports: _BoundPorts) -> Iterator[BearerFinding]:
+def _profile(name: str, bound_ports: _BoundPorts) -> Iterator[LinkFinding]:
     hint = "end what runs, source the site's ros.env of the link in use, and start it again"
     if bound_ports.strangers and not bound_ports.participants:
         message = (

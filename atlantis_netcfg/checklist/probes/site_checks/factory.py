@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ FACTORY: Mapping[str, str] = {
     "192.168.0.1": "the factory address of many routers and access points",
 }
 _NAME = "MikroTik"
-"""What `/system/identity` of a RouterOS device says until somebody names it."""
+"""`/system/identity` of a RouterOS device that was never named."""
 
 
 def factory_defaults_check(site: parse.OwnSite) -> base.Step:
@@ -59,7 +59,7 @@ class _Factory:
     def _addresses(self) -> tuple[str, ...]:
         """Factory addresses that the inventory does not use, and that lie in none of its networks."""
         site = self.site.site_config
-        networks = [site.lan.network, site.management.network, *(bearer.network for bearer in site.bearers)]
+        networks = [site.lan.network, site.management.network, *(link.network for link in site.bearers)]
         return tuple(item for item in FACTORY if not any(IPv4Address(item) in network for network in networks))
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
@@ -72,7 +72,7 @@ class _Factory:
         neighbour_places = {
             (neighbour.address, neighbour.mac): neighbour.interface
             for part in result
-            if not isinstance(part, BearerFinding)
+            if not isinstance(part, LinkFinding)
             for neighbour in part
         }
         pings = {
@@ -80,20 +80,16 @@ class _Factory:
             for address in self._addresses
         }
         answering_addresses = [
-            entry
-            for entry, told_of in pings.items()
-            if not isinstance(told_of, BearerFinding) and _has_answers(told_of)
+            entry for entry, told_of in pings.items() if not isinstance(told_of, LinkFinding) and _has_answers(told_of)
         ]
         wrong = [
             *self._at_addresses(neighbour_places, answering_addresses),
-            *_check_names(self.site.name, () if isinstance(names, BearerFinding) else names),
+            *_check_names(self.site.name, () if isinstance(names, LinkFinding) else names),
         ]
         ping_problems = (
             [] if all(map(_was_sent, pings.values())) else [parse.unreadable(router, "who answers its ARP questions")]
         )
-        silence = [
-            part for part in (*result, names, *pings.values(), *ping_problems) if isinstance(part, BearerFinding)
-        ]
+        silence = [part for part in (*result, names, *pings.values(), *ping_problems) if isinstance(part, LinkFinding)]
         evidence = (
             *(parse.measured_evidence(f"{item}, asked by ARP", "answers") for item in answering_addresses),
             *(
@@ -109,7 +105,7 @@ class _Factory:
 
     def _at_addresses(
         self, neighbour_places: Mapping[tuple[str, str], str], answering_addresses: list[str]
-    ) -> Iterator[BearerFinding]:
+    ) -> Iterator[LinkFinding]:
         for address in self._addresses:
             there = next(((mac, place) for (item, mac), place in neighbour_places.items() if item == address), None)
             if there is None and address not in answering_addresses:
@@ -123,12 +119,12 @@ def _has_answers(result: Sequence[Mapping[str, str]]) -> bool:
     return any(row.get("received", "0") not in {"", "0"} for row in result)
 
 
-def _was_sent(result: Sequence[Mapping[str, str]] | BearerFinding) -> bool:
+def _was_sent(result: Sequence[Mapping[str, str]] | LinkFinding) -> bool:
     """Return whether a ping was sent; a failed request counts as sent, as it has its own finding."""
-    return isinstance(result, BearerFinding) or any(row.get("sent", "0") not in {"", "0"} for row in result)
+    return isinstance(result, LinkFinding) or any(row.get("sent", "0") not in {"", "0"} for row in result)
 
 
-def _check_names(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[BearerFinding]:
+def _check_names(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[LinkFinding]:
     for row in names:
         if row.get("identity") == _NAME:
             where = row.get("address") or row.get("mac-address", "?")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.qualify.session import EndReason
 
 if TYPE_CHECKING:
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.inventory.model import Link
     from atlantis_netcfg.links.qualify.record import QualifyRecord
 
 NAME = "link-qualified"
 _AHEAD = timedelta(minutes=5)
-"""Clocks of two computers may differ by so much."""
+"""Permitted clock difference of two computers."""
 
 
 def link_qualified_checks(site: parse.OwnSite) -> tuple[base.Step, ...]:
     """Return one step per link, if the inventory has a measurement server; otherwise none."""
-    if site.declaration.pilot.qualify is None:
+    if site.inventory.pilot.qualify is None:
         return ()
     return tuple(
         parse.step(
-            f"{NAME}-{bearer.name}",
-            f"Link {bearer.name} was measured, and carries what it has to",
-            _LinkQualificationCheck(site, bearer),
-            (*site.hosts[:1], *((bearer.device,) if bearer.device else ())),
+            f"{NAME}-{link.name}",
+            f"Link {link.name} was measured, and carries what it has to",
+            _LinkQualificationCheck(site, link),
+            (*site.hosts[:1], *((link.device,) if link.device else ())),
         )
-        for bearer in site.site_config.bearers
+        for link in site.site_config.bearers
     )
 
 
@@ -49,36 +49,36 @@ class _LinkQualificationCheck:
     """Check that the link was measured recently, and has the required quality."""
 
     site: parse.OwnSite
-    bearer: Bearer
+    link: Link
 
     def asks(self) -> tuple[base.Question, ...]:
-        return (base.LinkRecordRequest("record", self.site.name, self.bearer.name),)
+        return (base.LinkRecordRequest("record", self.site.name, self.link.name),)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         answer = results["record"]
         if not isinstance(answer, base.LinkRecordResult) or answer.trouble is not None or answer.now is None:
             why = f": {answer.words}" if isinstance(answer, base.LinkRecordResult) and answer.words else ""
-            hint = f"look at `provision qualify history site={self.site.name} link={self.bearer.name}`"
+            hint = f"look at `provision qualify history site={self.site.name} link={self.link.name}`"
             return base.ProbeResult(
-                (parse.unknown("not-readable", f"the measurements of {self.bearer.name} cannot be read{why}", hint),)
+                (parse.unknown("not-readable", f"the measurements of {self.link.name} cannot be read{why}", hint),)
             )
-        again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
+        again = f"`provision qualify site={self.site.name} link={self.link.name}` measures it"
         record = answer.record
         if record is None:
-            message = f"{self.bearer.name} was never measured by this computer"
+            message = f"{self.link.name} was never measured by this computer"
             return base.ProbeResult((parse.unknown("never-measured", message, again),))
         if record.run.emulated and not answer.is_rehearsal:
-            message = f"the measurement of {self.bearer.name} was of an emulated link"
+            message = f"the measurement of {self.link.name} was of an emulated link"
             return base.ProbeResult((parse.unknown("emulated", message, again),))
         wrong = (*self._wrong(record, answer.now, is_rehearsal=answer.is_rehearsal),)
         if answer.is_rehearsal:  # the record is made up: it shows what a fault looks like, and is evidence of nothing
             return base.ProbeResult(wrong or (self._not_measured(),))
         return base.ProbeResult(wrong or (self._fine(record, answer.now),), tuple(_evidence(record)))
 
-    def _wrong(self, record: QualifyRecord, now: datetime, *, is_rehearsal: bool) -> Iterator[BearerFinding]:
+    def _wrong(self, record: QualifyRecord, now: datetime, *, is_rehearsal: bool) -> Iterator[LinkFinding]:
         """Yield everything that prevents passing, failures first. Simulated rehearsal results are not stored."""
-        run, name = record.run, self.bearer.name
-        again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
+        run, name = record.run, self.link.name
+        again = f"`provision qualify site={self.site.name} link={self.link.name}` measures it"
         failed_criteria = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]
         open_ = [item.criterion for item in record.judgements if item.verdict not in {Verdict.FAIL, Verdict.PASS}]
         why = f": {run.way_reason}" if run.way_reason else ""
@@ -100,30 +100,30 @@ class _LinkQualificationCheck:
         if open_ or not record.judgements:
             what = parse.join_words(open_) or "it has no round trips without load"
             yield parse.unknown("not-proved", f"the measurement of {name} leaves open: {what}", again)
-        if run.kind != self.bearer.kind.value:
-            kinds = f"it was of kind {run.kind}, and is of kind {self.bearer.kind.value} now"
+        if run.kind != self.link.kind.value:
+            kinds = f"it was of kind {run.kind}, and is of kind {self.link.kind.value} now"
             yield parse.unknown("other-kind", f"{name} has changed since it was measured: {kinds}", again)
         yield from self._aged(run.begun, now)
 
-    def _aged(self, start: datetime, now: datetime) -> Iterator[BearerFinding]:
+    def _aged(self, start: datetime, now: datetime) -> Iterator[LinkFinding]:
         days = self.site.site_config.checklist.qualified_within_days
-        again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
+        again = f"`provision qualify site={self.site.name} link={self.link.name}` measures it"
         if start > now + _AHEAD:
-            message = f"the measurement of {self.bearer.name} is of the future: {start:%Y-%m-%d %H:%M} UTC"
+            message = f"the measurement of {self.link.name} is of the future: {start:%Y-%m-%d %H:%M} UTC"
             yield parse.unknown("of-the-future", message, "look at this computer's clock, then measure again")
         elif now - start > timedelta(days=days):
             age = (now - start).days
-            old = f"the last measurement of {self.bearer.name} is {age} days old, and {days} are allowed"
+            old = f"the last measurement of {self.link.name} is {age} days old, and {days} are allowed"
             yield parse.unknown("stale", old, again)
 
-    def _not_measured(self) -> BearerFinding:
-        message = f"{self.bearer.name} was not measured: a rehearsed checklist measures no link"
-        return BearerFinding(Verdict.SKIP, "not-measured", message)
+    def _not_measured(self) -> LinkFinding:
+        message = f"{self.link.name} was not measured: a rehearsed checklist measures no link"
+        return LinkFinding(Verdict.SKIP, "not-measured", message)
 
-    def _fine(self, record: QualifyRecord, now: datetime) -> BearerFinding:
+    def _fine(self, record: QualifyRecord, now: datetime) -> LinkFinding:
         count, age = len(record.judgements), (now - record.run.begun).days
         since = "today" if age < 1 else "yesterday" if age == 1 else f"{age} days ago"
-        message = f"{self.bearer.name} holds all {count} criteria of `{record.thresholds_name}`, measured {since}"
+        message = f"{self.link.name} holds all {count} criteria of `{record.thresholds_name}`, measured {since}"
         return parse.good("qualified", message)
 
 

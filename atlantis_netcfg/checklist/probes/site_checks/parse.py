@@ -14,37 +14,37 @@ from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
 from atlantis_netcfg.routeros.render import RouterView, router_view
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
-def good(code: str, message: str) -> BearerFinding:
+def good(code: str, message: str) -> LinkFinding:
     """Return a passing finding."""
-    return BearerFinding(Verdict.PASS, code, message)
+    return LinkFinding(Verdict.PASS, code, message)
 
 
-def warn(code: str, message: str, hint: str) -> BearerFinding:
+def warn(code: str, message: str, hint: str) -> LinkFinding:
     """Return a warning: it works, but a person should check it."""
-    return BearerFinding(Verdict.WARN, code, message, hint)
+    return LinkFinding(Verdict.WARN, code, message, hint)
 
 
-def fail(code: str, message: str, hint: str) -> BearerFinding:
+def fail(code: str, message: str, hint: str) -> LinkFinding:
     """Return a failing finding."""
-    return BearerFinding(Verdict.FAIL, code, message, hint)
+    return LinkFinding(Verdict.FAIL, code, message, hint)
 
 
-def unknown(code: str, message: str, hint: str) -> BearerFinding:
+def unknown(code: str, message: str, hint: str) -> LinkFinding:
     """Return an inconclusive finding."""
-    return BearerFinding(Verdict.INCONCLUSIVE, code, message, hint)
+    return LinkFinding(Verdict.INCONCLUSIVE, code, message, hint)
 
 
-def silent(who: str, trouble: base.Trouble, words: str) -> BearerFinding:
+def silent(who: str, trouble: base.Trouble, words: str) -> LinkFinding:
     """Return the finding for an incomplete response, from which nothing follows."""
     code, message, hint = _SILENT.get(trouble, _SILENT[base.Trouble.SILENT])
     text = f": {words}" if words else ""
@@ -80,7 +80,7 @@ _SILENT = {
 }
 
 
-def unreadable(who: str, what: str) -> BearerFinding:
+def unreadable(who: str, what: str) -> LinkFinding:
     """Return the finding for a response that cannot be parsed."""
     return unknown(
         "unreadable",
@@ -113,7 +113,7 @@ def join_words(words: Iterable[str]) -> str:
 _TRUE = frozenset({"true", "yes"})
 _GONE_STATES = frozenset({"FAILED", "INCOMPLETE"})
 _STALE = "STALE"
-"""The words of the kernel for an entry, which are RouterOS' `status` as well, there in small letters."""
+"""State of an entry in the kernel; RouterOS has the same `status` in lower case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,11 +123,11 @@ class InterfaceAddress:
     interface: str
     address: IPv4Interface
     is_leased: bool
-    """A DHCP server gave it, and may take it back."""
+    """Whether a DHCP server assigned it, and may withdraw it."""
     dead: bool = False
-    """Disabled, or invalid."""
+    """Whether it is disabled or invalid."""
     flags: tuple[str, ...] = ()
-    """Those that a declared address does not have."""
+    """Flags that a declared address does not have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,7 @@ class Neighbour:
     interface: str
     seen_by: str
     fresh: bool = True
-    """False: so it was some time ago, and nobody has asked since."""
+    """False: the entry is old and has not been verified since."""
 
 
 def yes(row: Mapping[str, str], flag: str) -> bool:
@@ -157,7 +157,7 @@ def is_address(text: str) -> bool:
     return True
 
 
-def rows(answer: base.Answer, who: str, what: str, key: str) -> tuple[Mapping[str, str], ...] | BearerFinding:
+def rows(answer: base.Answer, who: str, what: str, key: str) -> tuple[Mapping[str, str], ...] | LinkFinding:
     """Return the rows of a RouterOS menu; rows of which none has the `key` are not of that menu."""
     if not isinstance(answer, base.Rows):
         return unreadable(who, what)
@@ -172,7 +172,7 @@ def rows(answer: base.Answer, who: str, what: str, key: str) -> tuple[Mapping[st
     return answer.rows
 
 
-def get_output(answer: base.Answer, who: str) -> str | BearerFinding:
+def get_output(answer: base.Answer, who: str) -> str | LinkFinding:
     """Return the output of a program that succeeded, otherwise a finding."""
     if not isinstance(answer, base.CommandResult):
         return unreadable(who, "itself")
@@ -184,10 +184,10 @@ def get_output(answer: base.Answer, who: str) -> str | BearerFinding:
     return answer.out
 
 
-def parse_json_list(answer: base.Answer, who: str, what: str) -> list[dict[str, Any]] | BearerFinding:
+def parse_json_list(answer: base.Answer, who: str, what: str) -> list[dict[str, Any]] | LinkFinding:
     """Read the JSON of iproute2: a list of objects."""
     text = get_output(answer, who)
-    if isinstance(text, BearerFinding):
+    if isinstance(text, LinkFinding):
         return text
     try:
         result = json.loads(text or "[]")
@@ -198,16 +198,16 @@ def parse_json_list(answer: base.Answer, who: str, what: str) -> list[dict[str, 
     return result
 
 
-def addresses(answer: base.Answer, who: str) -> tuple[InterfaceAddress, ...] | BearerFinding:
+def addresses(answer: base.Answer, who: str) -> tuple[InterfaceAddress, ...] | LinkFinding:
     """Return addresses of a computer (`ip -j addr show`) or router (`/ip/address`); at least one is expected."""
-    result: Iterable[Mapping[str, Any]] | BearerFinding
+    result: Iterable[Mapping[str, Any]] | LinkFinding
     if isinstance(answer, base.Rows):
         result = rows(answer, who, "its addresses", "address")
-        current = () if isinstance(result, BearerFinding) else tuple(_of_router(result))
+        current = () if isinstance(result, LinkFinding) else tuple(_of_router(result))
     else:
         result = parse_json_list(answer, who, "its addresses")
-        current = () if isinstance(result, BearerFinding) else tuple(_of_computer(result))
-    if isinstance(result, BearerFinding):
+        current = () if isinstance(result, LinkFinding) else tuple(_of_computer(result))
+    if isinstance(result, LinkFinding):
         return result
     known_addresses = tuple(item for item in current if item is not None)
     return (
@@ -249,13 +249,13 @@ def _interface(text: str | None) -> IPv4Interface | None:
         return None
 
 
-def neighbours(answer: base.Answer, who: str) -> tuple[Neighbour, ...] | BearerFinding:
+def neighbours(answer: base.Answer, who: str) -> tuple[Neighbour, ...] | LinkFinding:
     """Return neighbours: of a computer from `ip -j neigh show`, of a router from `/ip/arp`."""
     if isinstance(answer, base.Rows):
         arp_rows = rows(answer, who, "its table of ARP", "address")
-        return arp_rows if isinstance(arp_rows, BearerFinding) else tuple(_arp(arp_rows, who))
+        return arp_rows if isinstance(arp_rows, LinkFinding) else tuple(_arp(arp_rows, who))
     result = parse_json_list(answer, who, "its neighbours")
-    return result if isinstance(result, BearerFinding) else tuple(_neigh(result, who))
+    return result if isinstance(result, LinkFinding) else tuple(_neigh(result, who))
 
 
 def _arp(arp_rows: Iterable[Mapping[str, str]], who: str) -> Iterable[Neighbour]:
@@ -279,7 +279,7 @@ def _neigh(result: list[dict[str, Any]], who: str) -> Iterable[Neighbour]:
             yield Neighbour(address, mac.lower(), str(row.get("dev", "?")), who, _STALE not in state)
 
 
-def offers(answer: base.Answer, who: str) -> tuple[base.DhcpOffer, ...] | BearerFinding:
+def offers(answer: base.Answer, who: str) -> tuple[base.DhcpOffer, ...] | LinkFinding:
     """Return the offers of DHCP servers, or a finding."""
     if not isinstance(answer, base.DhcpOffers):
         return unreadable(who, "DHCP servers")
@@ -288,7 +288,7 @@ def offers(answer: base.Answer, who: str) -> tuple[base.DhcpOffer, ...] | Bearer
     return answer.offers
 
 
-def routers(answer: base.Answer, who: str) -> tuple[base.RouterAdvertisement, ...] | BearerFinding:
+def routers(answer: base.Answer, who: str) -> tuple[base.RouterAdvertisement, ...] | LinkFinding:
     """Return the advertised IPv6 routers, or a finding."""
     if not isinstance(answer, base.RouterAdvertisements):
         return unreadable(who, "IPv6 routers")
@@ -297,23 +297,23 @@ def routers(answer: base.Answer, who: str) -> tuple[base.RouterAdvertisement, ..
     return answer.routers
 
 
-def bearer_status(answer: base.Answer, who: str) -> Mapping[str, Any] | BearerFinding:
+def link_status(answer: base.Answer, who: str) -> Mapping[str, Any] | LinkFinding:
     """Return the status of a link, or a finding."""
     if not isinstance(answer, base.LinkStatusResult):
         return unreadable(who, "its links")
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
-    if answer.bearer is None:
+    if answer.link is None:
         return unreadable(who, "its links")
-    return answer.bearer
+    return answer.link
 
 
-def active_bearer(site: OwnSite, results: Mapping[str, base.Answer]) -> model.Bearer | None:
+def active_link(site: OwnSite, results: Mapping[str, base.Answer]) -> model.Link | None:
     """Return the active link, of several the least preferred one; None if the router does not report it."""
-    for bearer in reversed(site.site_config.bearers):
-        answer = results.get(f"look {bearer.name}")
-        if isinstance(answer, base.LinkStatusResult) and answer.bearer is not None and answer.bearer.get("active"):
-            return bearer
+    for link in reversed(site.site_config.bearers):
+        answer = results.get(f"look {link.name}")
+        if isinstance(answer, base.LinkStatusResult) and answer.link is not None and answer.link.get("active"):
+            return link
     return None
 
 
@@ -347,12 +347,12 @@ class ComputerReadings:
 class OwnSite:
     """A site, with its router and its gateway computer."""
 
-    declaration: Declaration
+    inventory: Inventory
     name: str
     site_config: model.Site
     router: Host | None
     view: RouterView | None
-    """Of the router."""
+    """View of the router."""
     gateway: ComputerReadings | None
 
     @property
@@ -371,11 +371,11 @@ def own_site(cell: base.Cell) -> OwnSite:
     """Find router and gateway computer."""
     router, gateway = cell.router, cell.gateway
     return OwnSite(
-        declaration=cell.declaration,
+        inventory=cell.inventory,
         name=cell.site,
         site_config=cell.site_config,
         router=router,
-        view=None if router is None else router_view(cell.declaration, router),
+        view=None if router is None else router_view(cell.inventory, router),
         gateway=None
         if gateway is None
         else ComputerReadings(gateway.name, cast("model.ServerComputer", gateway.device)),
@@ -426,10 +426,10 @@ def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple
     )
 
 
-def bearer_requests(site: OwnSite) -> tuple[base.LinkStatusRequest, ...]:
+def link_requests(site: OwnSite) -> tuple[base.LinkStatusRequest, ...]:
     """Return status requests for all links of the site, named `look` and the link's name."""
     return (
-        tuple(base.LinkStatusRequest(f"look {bearer.name}", bearer.name) for bearer in site.site_config.bearers)
+        tuple(base.LinkStatusRequest(f"look {link.name}", link.name) for link in site.site_config.bearers)
         if site.router
         else ()
     )

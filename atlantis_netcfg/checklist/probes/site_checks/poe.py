@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.inventory.model import PoeMode
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _FAULTS: Mapping[str, str] = {
     "current-too-low": "too low a current, as with a broken cable",
     "controller-error": "an error of its PoE controller: restart the router",
 }
-"""RouterOS' words that are faults (Manual, PoE-Out), and what they mean."""
+"""Faults as RouterOS reports them (Manual, PoE-Out) -> what they mean."""
 
 
 def poe_check(site: parse.OwnSite) -> base.Step:
@@ -46,7 +46,7 @@ def _ports(site: parse.OwnSite) -> tuple[str, ...]:
 def _fed(site: parse.OwnSite) -> dict[str, str]:
     """Return, for each port, the device that it powers according to the inventory."""
     result = {}
-    for host in site.declaration.site_hosts(site.name):
+    for host in site.inventory.site_hosts(site.name):
         source = host.device.powered_by
         if source is not None and site.router is not None and source.device == site.router.name:
             result[source.port] = host.name
@@ -76,11 +76,11 @@ class _PoeCheck:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, fed = self.site.router.name, _fed(self.site)
         values = {port: parse.rows(results[port], name, "the power on its ports", "name") for port in _ports(self.site)}
-        silence = [entry for entry in values.values() if isinstance(entry, BearerFinding)]
+        silence = [entry for entry in values.values() if isinstance(entry, LinkFinding)]
         if len(silence) == len(values):
             return base.ProbeResult((_board(name, values) or silence[0],))
         names = parse.rows(results[_NAMES], name, "the names of its ports", "default-name")
-        if isinstance(names, BearerFinding):
+        if isinstance(names, LinkFinding):
             return base.ProbeResult((names,))
         if rename_findings := tuple(_check_port_names(name, values, names)):
             return base.ProbeResult(rename_findings)
@@ -94,7 +94,7 @@ class _PoeCheck:
         evidence = tuple(parse.read(f"PoE on {port} of {name}", _describe_power(row)) for port, row in ports.items())
         return base.ProbeResult(tuple(wrong) or (self._fine(ports, fed),), evidence)
 
-    def _fine(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> BearerFinding:
+    def _fine(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> LinkFinding:
         draws = [f"{box} ({_draw(ports[port])})" for port, box in fed.items() if port in ports]
         if not draws:
             return parse.good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")
@@ -103,7 +103,7 @@ class _PoeCheck:
         )
 
 
-def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[BearerFinding]:
+def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[LinkFinding]:
     """Yield findings for renamed ports, whose readings belong to another socket, or none."""
     name_by_port = {row.get("default-name", ""): row.get("name", "") for row in names}
     for port in ports:
@@ -112,9 +112,9 @@ def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[s
             yield parse.fail("port-renamed", message, "run the site, which gives ports their names back")
 
 
-def _board(name: str, values: Mapping[str, object]) -> BearerFinding | None:
+def _board(name: str, values: Mapping[str, object]) -> LinkFinding | None:
     """Return a finding if the board has no PoE, and so neither the menu nor the ports."""
-    if any(not isinstance(item, BearerFinding) or item.code != "refused" for item in values.values()):
+    if any(not isinstance(item, LinkFinding) or item.code != "refused" for item in values.values()):
         return None
     message = (
         f"{name} tells nothing of PoE: it seems to have none, though {parse.join_words(values)} are declared to feed"
@@ -123,13 +123,13 @@ def _board(name: str, values: Mapping[str, object]) -> BearerFinding | None:
     return parse.unknown("no-poe", message, hint)
 
 
-def _row_of(port: str, result: tuple[Mapping[str, str], ...] | BearerFinding) -> Mapping[str, str] | None:
-    return None if isinstance(result, BearerFinding) else next((row for row in result if row.get("name") == port), None)
+def _row_of(port: str, result: tuple[Mapping[str, str], ...] | LinkFinding) -> Mapping[str, str] | None:
+    return None if isinstance(result, LinkFinding) else next((row for row in result if row.get("name") == port), None)
 
 
 def _judge_port(
     name: str, port: str, box: str | None, row: Mapping[str, str] | None, mode: PoeMode
-) -> Iterator[BearerFinding]:
+) -> Iterator[LinkFinding]:
     where = f"{port} of {name}" + (f", which feeds {box}" if box else "")
     if row is None or "poe-out-status" not in row:
         hint = "compare `poe` of the router's ports with the box: not every port and not every router can feed"

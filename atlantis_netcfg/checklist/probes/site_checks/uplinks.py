@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
-from atlantis_netcfg.links import BearerFinding, LinkState, policy
+from atlantis_netcfg.links import LinkFinding, LinkState, policy
 from atlantis_netcfg.operations.links.status import IN_USE
 from atlantis_netcfg.routeros.menus import MENUS
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _DEFAULT = "0.0.0.0/0"
 _DEAD = frozenset({"dead", "linkdown"})
 _BROAD = 8
-"""Shorter prefixes are no network of anybody's."""
+"""Shorter prefixes do not describe a network of anybody."""
 
 
 def default_route_check(site: parse.OwnSite) -> base.Step:
@@ -43,7 +43,7 @@ class _DefaultRoute:
     def asks(self) -> tuple[base.Question, ...]:
         return (
             *parse.ask("routes", self.site, "/ip/route", *policy.ROUTE_PROPERTIES),
-            *parse.bearer_requests(self.site),
+            *parse.link_requests(self.site),
             *parse.run("gateway", self.site, "ip -j route show"),
         )
 
@@ -52,7 +52,7 @@ class _DefaultRoute:
         name = self.site.router.name
         result = parse.rows(results["routes"], name, "its routes", "dst-address")
         local = self._of_gateway(results)
-        if isinstance(result, BearerFinding):
+        if isinstance(result, LinkFinding):
             return base.ProbeResult((result, *local))
         routes = [row for row in result if row.get("dst-address") == _DEFAULT]
         findings = tuple(_broad(result)) or tuple(self._of_router(routes, results))
@@ -60,41 +60,39 @@ class _DefaultRoute:
         return base.ProbeResult((*findings, *local), evidence)
 
     @property
-    def _ways(self) -> tuple[policy.BearerRoute, ...]:
+    def _ways(self) -> tuple[policy.LinkRoute, ...]:
         assert self.site.view is not None  # noqa: S101 - the check is made for sites with a router
         return tuple(
-            policy.BearerRoute(up.name, up.gateway, up.address, up.canaries, up.port, up.kind)
+            policy.LinkRoute(up.name, up.gateway, up.address, up.probe_targets, up.port, up.kind)
             for up in self.site.view.uplinks
         )
 
     def _of_router(
         self, routes: Sequence[Mapping[str, str]], results: Mapping[str, base.Answer]
-    ) -> Iterator[BearerFinding]:
-        active = policy.active_bearers(routes, self._ways)
+    ) -> Iterator[LinkFinding]:
+        active = policy.active_links(routes, self._ways)
         if not active:
             yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
         elif len(active) > 1:
             hint = "look at `/ip/route print` of the router for a default route that `provision` did not write"
             yield parse.fail("two-ways", f"the site's traffic is split between {parse.join_words(active)}", hint)
-        elif policy.active_bearer(routes, self._ways) is None:
+        elif policy.active_link(routes, self._ways) is None:
             yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
         else:
             yield self._judge_active(active[0], results)
 
-    def _judge_active(self, active: str, results: Mapping[str, base.Answer]) -> BearerFinding:
-        bearers = self.site.site_config.bearers
-        place = next(place for place, bearer in enumerate(bearers) if bearer.name == active)
-        better = {item.name: parse.bearer_status(results[f"look {item.name}"], item.name) for item in bearers[:place]}
+    def _judge_active(self, active: str, results: Mapping[str, base.Answer]) -> LinkFinding:
+        links = self.site.site_config.bearers
+        place = next(place for place, link in enumerate(links) if link.name == active)
+        better = {item.name: parse.link_status(results[f"look {item.name}"], item.name) for item in links[:place]}
         up = [
             name
             for name, status in better.items()
-            if not isinstance(status, BearerFinding) and _state(status) is LinkState.UP
+            if not isinstance(status, LinkFinding) and _state(status) is LinkState.UP
         ]
-        unseen = [
-            name for name, status in better.items() if isinstance(status, BearerFinding) or _state(status) is None
-        ]
-        cost_note = ", which costs by the byte" if bearers[place].metered else ""
-        if (use := _in_use(results[f"look {active}"], active)) is not None:
+        unseen = [name for name, status in better.items() if isinstance(status, LinkFinding) or _state(status) is None]
+        cost_note = ", which costs by the byte" if links[place].metered else ""
+        if (use := _temporary_use_finding(results[f"look {active}"], active)) is not None:
             return parse.warn(
                 "in-use-for-a-time", f"traffic leaves by {active}{cost_note}: {use['message']}", use["hint"]
             )
@@ -113,7 +111,7 @@ class _DefaultRoute:
         why = f", because {parse.join_words(better)} is not up" if better else ""
         return parse.good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
 
-    def _passed_by(self, active: str, cost_note: str, up: list[str]) -> BearerFinding:
+    def _passed_by(self, active: str, cost_note: str, up: list[str]) -> LinkFinding:
         message = f"traffic leaves by {active}{cost_note}, though {up[0]} is up and better"
         wait = self.site.site_config.failover.fail_back_s
         hint = f"a better link is taken back after {wait} s without a break: wait so long, then run the site"
@@ -121,24 +119,24 @@ class _DefaultRoute:
             parse.fail("metered-by-mistake", message, hint) if cost_note else parse.warn("not-the-best", message, hint)
         )
 
-    def _of_gateway(self, results: Mapping[str, base.Answer]) -> tuple[BearerFinding, ...]:
+    def _of_gateway(self, results: Mapping[str, base.Answer]) -> tuple[LinkFinding, ...]:
         gateway = self.site.gateway
         if gateway is None:
             return ()
         result = parse.parse_json_list(results["gateway"], gateway.name, "its default route")
-        if isinstance(result, BearerFinding):
+        if isinstance(result, LinkFinding):
             return (result,)
         return tuple(_of_computer(gateway.name, str(self.site.site_config.lan.gateway), result))
 
 
-def _in_use(look: base.Answer, active: str) -> Mapping[str, str] | None:
+def _temporary_use_finding(look: base.Answer, active: str) -> Mapping[str, str] | None:
     """Return the finding about a link that is temporarily used instead of the inventory's order."""
-    status = parse.bearer_status(look, active)
-    findings = () if isinstance(status, BearerFinding) else status.get("findings") or ()
+    status = parse.link_status(look, active)
+    findings = () if isinstance(status, LinkFinding) else status.get("findings") or ()
     return next((finding for finding in findings if finding.get("code") == IN_USE), None)
 
 
-def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> BearerFinding:
+def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> LinkFinding:
     if foreign:
         message = (
             f"the default route of the router leads to {foreign[0].get('gateway', '?')}, which is no bearer of {site}"
@@ -158,7 +156,7 @@ def _is_broad(text: str) -> bool:
         return False
 
 
-def _broad(rows: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
+def _broad(rows: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
     there = next((row for row in rows if _in_force(row) and _is_broad(row.get("dst-address", ""))), None)
     if there is not None:
         message = f"the router sends {there['dst-address']} to {there.get('gateway', '?')}, before its default route"
@@ -191,7 +189,7 @@ def _is_dead(row: Mapping[str, Any]) -> bool:
     return isinstance(flags, list) and not _DEAD.isdisjoint(map(str, flags))
 
 
-def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[BearerFinding]:
+def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[LinkFinding]:
     hint = f"set the default route of {name} to {router} alone: `provision` writes it where `network:` is declared"
     ways = sorted((row for row in routes if row.get("dst") == "default" and not _is_dead(row)), key=_metric)
     broad = next((route for route in routes if _is_broad(str(route.get("dst", "")))), None)
@@ -221,13 +219,13 @@ def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) ->
 
 
 _TARGET = ("dst-address", "dst-port", "protocol", "dst-address-list")
-"""By these a declared rule says where it lets packets through."""
+"""Properties with which a declared rule says which destinations it permits."""
 _NO_MATCHERS = frozenset(
     {"chain", "action", "comment", "disabled", "jump-target", "log", "log-prefix", "reject-with", "hw-offload"}
     | {"address-list", "address-list-timeout"}
 )
 _MATCHERS = tuple(field.name for field in MENUS["/ip/firewall/filter"].fields if field.name not in _NO_MATCHERS)
-"""Every property by which a rule catches some packets and not others: one that is not read may be a hole."""
+"""Every property by which a rule matches only some packets: one that is not read may be a hole."""
 _RULE = ("chain", "action", "disabled", "invalid", "jump-target", *_MATCHERS)
 _RUN = "run the site before anything else: every byte that slips through is paid"
 
@@ -237,9 +235,7 @@ def satellite_filter_check(site: parse.OwnSite) -> base.Step:
     satellites = site.view.satellites if site.view is not None else ()
     unless = "" if satellites else "the site has no satellite"
     boxes = tuple(
-        bearer.device
-        for bearer in site.site_config.bearers
-        if bearer.device and bearer.name in {up.name for up in satellites}
+        link.device for link in site.site_config.bearers if link.device and link.name in {up.name for up in satellites}
     )
     return parse.step(
         "satellite-filter",
@@ -263,13 +259,13 @@ class _Filter:
 
     def asks(self) -> tuple[base.Question, ...]:
         names = {satellite.name for satellite in self._satellites}
-        looks = (question for question in parse.bearer_requests(self.site) if question.bearer in names)
+        looks = (question for question in parse.link_requests(self.site) if question.link in names)
         return (*parse.ask("rules", self.site, "/ip/firewall/filter", *_RULE), *looks)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         result = parse.rows(results["rules"], self.site.router.name, "its firewall", "chain")
-        if isinstance(result, BearerFinding):
+        if isinstance(result, LinkFinding):
             return base.ProbeResult((result,))
         rules = [row for row in result if not parse.yes(row, "disabled") and not parse.yes(row, "invalid")]
         wrong = [finding for entry in self._satellites for finding in _judge_rules(entry, rules)]
@@ -289,10 +285,10 @@ class _Filter:
         ]
         return base.ProbeResult(tuple(wrong or fine), tuple(evidence))
 
-    def _success_finding(self, satellite: Uplink, results: Mapping[str, base.Answer]) -> BearerFinding:
+    def _success_finding(self, satellite: Uplink, results: Mapping[str, base.Answer]) -> LinkFinding:
         """Return the passing finding; it does not need the counters, because the rules were read."""
-        values = parse.bearer_status(results[f"look {satellite.name}"], satellite.name)
-        quality = {} if isinstance(values, BearerFinding) else values.get("quality") or {}
+        values = parse.link_status(results[f"look {satellite.name}"], satellite.name)
+        quality = {} if isinstance(values, LinkFinding) else values.get("quality") or {}
         count = quality.get("kept_off_packets")
         count_note = f", and has kept off {count} packets so far" if isinstance(count, int) else ""
         target_names = parse.join_words(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
@@ -305,7 +301,7 @@ def _where(target: Any) -> str:  # noqa: ANN401 - a Target of the view
     return target.address if target.port is None else f"{target.address}:{target.port}/{target.transport}"
 
 
-def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
+def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
     for chain in ("forward", "output"):
         yield from _jump_findings(satellite, [row for row in rules if row.get("chain") == chain], chain)
     local = [row for row in rules if row.get("chain") == satellite.chain]
@@ -324,7 +320,7 @@ def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Itera
         yield parse.fail("too-narrow", message, "run the site, which puts the declared rule back")
 
 
-def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[BearerFinding]:
+def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[LinkFinding]:
     """Yield findings unless all outgoing traffic reaches the allow-list before another rule accepts it."""
     place = next((place for place, row in enumerate(rules) if _jumps(row, satellite)), None)
     if place is None:

@@ -9,7 +9,7 @@ from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.inventory.model import SshHost
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Evidence
 
 TUNNEL = "tun0"
-"""Of the gateway computer (`templates/openvpn/client.conf.j2`)."""
+"""Interface of the gateway computer (`templates/openvpn/client.conf.j2`)."""
 _PINGS = 5
 _REVOKED_HINT = "`provision vpn status` tells whether its identity is known; look at its log for the server's reason"
 
@@ -31,7 +31,7 @@ def vpn_check(site: parse.OwnSite) -> base.Step:
         return parse.step("vpn", title, _VpnCheck(site), site.hosts)
     members = {
         host.name: str(host.device.vpn_address)
-        for host in site.declaration.site_hosts(site.name)
+        for host in site.inventory.site_hosts(site.name)
         if isinstance(host.device, SshHost) and host.device.vpn_address is not None
     }
     if not members:
@@ -58,7 +58,7 @@ class _VpnCheck:
     @property
     def _server(self) -> str | None:
         """Address of the server in the tunnel; None if it has none."""
-        host = self.site.declaration.hosts.get(self.site.declaration.pilot.vpn.server)
+        host = self.site.inventory.hosts.get(self.site.inventory.pilot.vpn.server)
         address = getattr(host.device, "vpn_address", None) if host is not None else None
         return None if address is None else str(address)
 
@@ -79,7 +79,7 @@ class _VpnCheck:
                 request += parse.run(
                     "ping", self.site, f"ping -n -c {_PINGS} -i 1 -W 10 -I {TUNNEL} {self._server}", within_s=40.0
                 )
-        return (*request, *parse.bearer_requests(self.site))
+        return (*request, *parse.link_requests(self.site))
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         findings = list(self._of_router(results))
@@ -87,14 +87,14 @@ class _VpnCheck:
             findings += self._of_gateway(results)
         return base.ProbeResult(tuple(findings), tuple(self._evidence(results)))
 
-    def _of_router(self, results: Mapping[str, base.Answer]) -> Iterator[BearerFinding]:
+    def _of_router(self, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
         if "clients" not in results or self.site.router is None or self.site.view is None:
             return
         name, client, tunnel = self.site.router.name, self.site.device.vpn_client, self.site.view.tunnel
         assert client is not None  # noqa: S101 - the question is asked for routers with one
         assert tunnel is not None  # noqa: S101 - the same
         result = parse.rows(results["clients"], name, "its tunnels", "name")
-        if isinstance(result, BearerFinding):
+        if isinstance(result, LinkFinding):
             yield result
             return
         row = next((row for row in result if row.get("name") == tunnel.interface), None)
@@ -112,18 +112,18 @@ class _VpnCheck:
         else:
             yield self._address(name, tunnel.interface, str(client.address), results["addresses"])
 
-    def _address(self, name: str, interface: str, expected_address: str, answer: base.Answer) -> BearerFinding:
+    def _address(self, name: str, interface: str, expected_address: str, answer: base.Answer) -> LinkFinding:
         current = parse.addresses(answer, name)
-        if isinstance(current, BearerFinding):
+        if isinstance(current, LinkFinding):
             return current
         there = [str(item.address.ip) for item in current if item.interface == interface and not item.dead]
         return _compare_address("router", f"{interface} of {name}", expected_address, there)
 
-    def _of_gateway(self, results: Mapping[str, base.Answer]) -> Iterator[BearerFinding]:
+    def _of_gateway(self, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
         gateway = self.site.gateway
-        assert gateway is not None  # noqa: S101 - the caller has looked
+        assert gateway is not None  # noqa: S101 - the caller checks it
         current = parse.addresses(results["gateway"], gateway.name)
-        if isinstance(current, BearerFinding):
+        if isinstance(current, LinkFinding):
             yield current
             return
         there = [str(item.address.ip) for item in current if item.interface == TUNNEL]
@@ -140,7 +140,7 @@ class _VpnCheck:
                 "server-not-asked", f"nobody knows at which address {gateway.name} would ask the server", hint
             )
 
-    def _judge_ping(self, name: str, results: Mapping[str, base.Answer]) -> Iterator[BearerFinding]:
+    def _judge_ping(self, name: str, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
         answer, server = results["ping"], self._server or ""
         if isinstance(answer, base.CommandResult) and answer.trouble is not None:
             yield parse.silent(name, answer.trouble, answer.words)
@@ -152,7 +152,7 @@ class _VpnCheck:
         strange = tuple(odd_answers(f"the VPN server {server}", echoes))
         yield from strange or (self._judge_echoes(echoes, server, results),)
 
-    def _judge_echoes(self, echoes: Echoes, server: str, results: Mapping[str, base.Answer]) -> BearerFinding:
+    def _judge_echoes(self, echoes: Echoes, server: str, results: Mapping[str, base.Answer]) -> LinkFinding:
         sent_count, received_count = echoes.sent_count, echoes.received_count
         if not received_count and self._over_satellite(results):
             message = (
@@ -175,8 +175,8 @@ class _VpnCheck:
         )
 
     def _over_satellite(self, results: Mapping[str, base.Answer]) -> bool:
-        bearer = parse.active_bearer(self.site, results)
-        return bearer is not None and bearer.kind.traits.allow_list
+        link = parse.active_link(self.site, results)
+        return link is not None and link.kind.traits.allow_list
 
     def _evidence(self, results: Mapping[str, base.Answer]) -> Iterator[Evidence]:
         ping = results.get("ping")
@@ -189,11 +189,11 @@ class _VpnCheck:
             yield parse.measured_evidence(f"pings of {self._server} through the tunnel", line)
         clients = results.get("clients")
         result = parse.rows(clients, "", "", "name") if clients is not None else ()
-        for row in () if isinstance(result, BearerFinding) else result:
+        for row in () if isinstance(result, LinkFinding) else result:
             yield parse.read(f"tunnel {row.get('name', '?')} of the router", f"running={row.get('running', '?')}")
 
 
-def _compare_address(code: str, what: str, expected_address: str, there: list[str]) -> BearerFinding:
+def _compare_address(code: str, what: str, expected_address: str, there: list[str]) -> LinkFinding:
     if expected_address in there:
         return parse.good(f"{code}-tunnel", f"{what} is up, with its declared address {expected_address}")
     has = there[0] if there else "no address"

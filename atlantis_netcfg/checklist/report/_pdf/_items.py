@@ -345,7 +345,7 @@ def _legend(sheet: _sheet.Sheet) -> None:
 
 
 _MOST_HIGH = 0.42
-"""Of a page: a drawing never takes half of it."""
+"""Share of a page's height: a drawing never takes half of it."""
 _POINTS = 72 / 25.4
 
 

@@ -36,7 +36,7 @@ _MARGIN = 14.0
 
 
 _PAGES = "⌘⌘"
-"""Stands for the number of pages until it is known; `printable` lets nobody else write it."""
+"""Placeholder for the number of pages until it is known; `printable` keeps it out of all other text."""
 
 
 _FAINT = (75, 88, 99)
@@ -95,7 +95,7 @@ class Paper(FPDF):
         self.alias_nb_pages(_PAGES)
         _with_fonts(self)
         self.head_line, self.foot_line = "", ""
-        """What stands on every page, so that one that was torn off is known."""
+        """Text on every page, so that a page that was torn off can be identified."""
         self.plain()
 
     def to_bytes(self) -> bytes:

@@ -26,11 +26,11 @@ class RehearsedFault:
     """A fault set on purpose in a rehearsal."""
 
     words: str
-    """What is so, for whoever trains with it."""
+    """Description for the person who trains with it."""
     turns: tuple[str, ...]
-    """The items that have to notice; `SITE` stands for the site. All others stay as they are."""
+    """Items that have to detect it; `SITE` stands for the site. All others stay as they are."""
     spoil: Callable[[_world.World], None]
-    """Raises KeyError where the site has no such thing."""
+    """Sets the fault. Raises KeyError if the site has no such thing."""
 
 
 _STRANGER = "02:00:5E:00:FC:66"
@@ -258,7 +258,7 @@ def _around(**changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 -
     return spoil
 
 
-def _station(mac: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of the router twin's `NearbyStation`
+def _station(mac: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of the emulated router's `NearbyStation`
     def spoil(world: _world.World) -> None:
         stations = world.routers[_ROUTER]["stations"]
         world.routers[_ROUTER]["stations"] = [each | changes if each["mac"] == mac else each for each in stations]
@@ -528,12 +528,12 @@ _ROBOTS: Mapping[str, RehearsedFault] = {
     "robot-away": RehearsedFault(
         "the interface of Sparus is not started",
         _turns("sparus", *_DISCOVERY_ITEMS, *_PUBLICATION_ITEMS),
-        _robot("sparus", robots.away),
+        _robot("sparus", robots.remove_robot),
     ),
     "robot-not-at-centre": RehearsedFault(
         "nothing of Mares reaches the control centre",
         ("mares/robot/control-centre",),
-        lambda world: robots.away(world.robots.centre, "mares"),
+        lambda world: robots.remove_robot(world.robots.centre, "mares"),
     ),
     "robot-not-in-vpn": RehearsedFault(
         "OpenVPN is not started on Stork",
@@ -561,7 +561,7 @@ _ROBOTS: Mapping[str, RehearsedFault] = {
     "robot-topic-missing": RehearsedFault(
         "Sparus does not publish its leak sensor",
         ("sparus/robot/telemetry",),
-        _robot("sparus", robots.without("leak")),
+        _robot("sparus", robots.remove_topic("leak")),
     ),
     "robot-frozen": RehearsedFault(
         "the pose of Mares is always the same",
@@ -584,4 +584,4 @@ _ROBOTS: Mapping[str, RehearsedFault] = {
 }
 
 FAULTS = {**VEHICLE_FAULTS, **_ROBOTS, **_LINKS, **GATEWAY_FAULTS, **ROUTER_FAULTS}
-"""Name to fault; they may be put together."""
+"""Name -> fault; faults can be combined."""

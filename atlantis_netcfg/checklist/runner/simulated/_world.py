@@ -29,22 +29,22 @@ from atlantis_netcfg.routeros.render import router_view
 from atlantis_netcfg.vpn.client import IDENTITY
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
 
 
 _OUTDOORS_MHZ = 5500
-"""Where CEPT admits outdoor antennas."""
+"""Frequency at which CEPT permits outdoor antennas."""
 _OF_THE_IMAGE = "/etc/netplan/10-atlantis.yaml"
 ROUTER_MAC = "02:00:5E:00:FF:01"
-"""Of the router's port in the LAN, as the emulated computer sees it; no address of a real device."""
+"""MAC address of the router's LAN port as the emulated computer sees it; no real device has it."""
 
 
-def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> linux.ComputerSpec:
+def gateway_computer(inventory: Inventory, host: Host, vehicles: tuple[str, ...]) -> linux.ComputerSpec:
     """Describe the gateway `host` with these vehicles around it."""
-    device, lan = host.device, declaration.sites[host.site].lan
-    assert isinstance(device, model.ServerComputer)  # noqa: S101 - the caller has looked
+    device, lan = host.device, inventory.sites[host.site].lan
+    assert isinstance(device, model.ServerComputer)  # noqa: S101 - the caller checks it
     reservation_by_name = {reservation.name: reservation for reservation in lan.reservations}
-    server = declaration.hosts[declaration.pilot.vpn.server].device
+    server = inventory.hosts[inventory.pilot.vpn.server].device
     computer = linux.lan_computer(
         host.name,
         address=f"{device.address}/{lan.network.prefixlen}",
@@ -55,75 +55,75 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
             for key in vehicles
             if key in reservation_by_name
         },
-        tunnel=f"{device.vpn_address}/{declaration.pilot.vpn.network.prefixlen}"
+        tunnel=f"{device.vpn_address}/{inventory.pilot.vpn.network.prefixlen}"
         if device.vpn_address is not None
         else None,
         server=str(server.vpn_address) if isinstance(server, model.VpnServer) else None,
     )
-    radios = (*_radios(declaration, vehicles), *_open_network(declaration, host, vehicles))
+    radios = (*_radios(inventory, vehicles), *_open_network(inventory, host, vehicles))
     return computer.model_copy(
         update={
             "interfaces": (*computer.interfaces, *radios),
-            "files": {**computer.files, **_network(declaration, host)},
-            "udp": tuple(_participants(declaration)),
-            "dds": tuple(_answering(declaration, device)),
+            "files": {**computer.files, **_network(inventory, host)},
+            "udp": tuple(_participants(inventory)),
+            "dds": tuple(_answering(inventory, device)),
             "certificates": _identity(host),
             "reflectors": {
-                item.address: linux.ReflectorSpec(host=item.name) for item in far_computers(declaration, device)
+                item.address: linux.ReflectorSpec(host=item.name) for item in far_computers(inventory, device)
             },
-            "echoes": {**computer.echoes, **dict.fromkeys(_behind(declaration, vehicles), linux.EchoSpec(rtt_ms=2.4))},
+            "echoes": {**computer.echoes, **dict.fromkeys(_behind(inventory, vehicles), linux.EchoSpec(rtt_ms=2.4))},
         }
     )
 
 
-def _network(declaration: Declaration, host: Host) -> dict[str, str]:
+def _network(inventory: Inventory, host: Host) -> dict[str, str]:
     """Return the file with the computer's address for the next start: that of the role, or of its image."""
-    network_file = computer_network(declaration, host)
+    network_file = computer_network(inventory, host)
     if network_file is not None:
         return {network_file.path: network_file.content}
-    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - the caller has looked
-    prefix = declaration.sites[host.site].lan.network.prefixlen
+    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - the caller checks it
+    prefix = inventory.sites[host.site].lan.network.prefixlen
     address = f"{host.device.address}/{prefix}"
     return {_OF_THE_IMAGE: f"network: {{version: 2, ethernets: {{eth0: {{addresses: [{address}]}}}}}}\n"}
 
 
-def _participants(declaration: Declaration) -> Iterator[linux.UdpSpec]:
+def _participants(inventory: Inventory) -> Iterator[linux.UdpSpec]:
     """Yield the ports of one ROS process with its profile: its domain and its number (DDSI-RTPS 9.6.2.3)."""
-    if declaration.pilot.dds is not None:
-        first = 7400 + 250 * declaration.pilot.dds.domain
+    if inventory.pilot.dds is not None:
+        first = 7400 + 250 * inventory.pilot.dds.domain
         yield from (linux.UdpSpec(port=first + offset) for offset in (10, 11))
 
 
-def _answering(declaration: Declaration, device: model.ServerComputer) -> Iterator[linux.DdsSpec]:
+def _answering(inventory: Inventory, device: model.ServerComputer) -> Iterator[linux.DdsSpec]:
     """Yield the same process as DDS participant, which announces the address at which others look for it."""
-    dds = declaration.pilot.dds
+    dds = inventory.pilot.dds
     if dds is not None:
         yield linux.DdsSpec(domain=dds.domain, addresses=(dds.address_of(device),))
 
 
 def _identity(host: Host) -> dict[str, tuple[linux.CertificateSpec, ...]]:
-    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - the caller has looked
+    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - the caller checks it
     if host.device.vpn_address is None:
         return {}
     certificate = linux.CertificateSpec(subject=host.name, not_after=datetime.now(UTC) + timedelta(days=300))
     return {IDENTITY: (certificate, linux.CertificateSpec(subject=certificate.issuer))}
 
 
-def _access_points(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[model.WifiEndpoint]:
+def _access_points(inventory: Inventory, vehicles: tuple[str, ...]) -> Iterator[model.WifiEndpoint]:
     for key in vehicles:
-        wifi = declaration.vehicles[key].endpoints.wifi
+        wifi = inventory.vehicles[key].endpoints.wifi
         if wifi is not None and wifi.role is model.WifiRole.ACCESS_POINT:
             yield wifi
 
 
-def _behind(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[str]:
-    return (str(wifi.address) for wifi in _access_points(declaration, vehicles) if wifi.address is not None)
+def _behind(inventory: Inventory, vehicles: tuple[str, ...]) -> Iterator[str]:
+    return (str(wifi.address) for wifi in _access_points(inventory, vehicles) if wifi.address is not None)
 
 
-def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[linux.InterfaceSpec]:
+def _radios(inventory: Inventory, vehicles: tuple[str, ...]) -> Iterator[linux.InterfaceSpec]:
     """Yield one radio per access point, each in the network of its robot."""
     seen_interfaces: set[str] = set()
-    for number, wifi in enumerate(_access_points(declaration, vehicles), start=1):
+    for number, wifi in enumerate(_access_points(inventory, vehicles), start=1):
         if wifi.interface in seen_interfaces:
             continue
         seen_interfaces.add(wifi.interface)
@@ -141,12 +141,12 @@ def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[lin
         )
 
 
-def _open_network(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> Iterator[linux.InterfaceSpec]:
+def _open_network(inventory: Inventory, host: Host, vehicles: tuple[str, ...]) -> Iterator[linux.InterfaceSpec]:
     """Yield the radio of the gateway's own network, with the stations that have no other access point."""
     radio = host.device.access_point if isinstance(host.device, model.Gateway) else None
     if radio is None:
         return
-    cells = [Cell(declaration, host.site, key, model.Column.WIFI) for key in vehicles]
+    cells = [Cell(inventory, host.site, key, model.Column.WIFI) for key in vehicles]
     wifi_cells = [(cell, cell.wifi) for cell in cells if cell.wifi is not None]
     macs = [
         reserved_mac(cell, wifi.mac)
@@ -166,52 +166,52 @@ def _open_network(declaration: Declaration, host: Host, vehicles: tuple[str, ...
 
 
 Do = Callable[..., Any]
-"""Command a twin: its name, the word, arguments."""
+"""Sends a command to an emulator: its name, the command, arguments."""
 Act = Callable[[Do], Callable[[], object]]
-"""Done to a twin when all stands; what it returns takes it back."""
+"""Applied to an emulator when all emulators run; what it returns undoes it."""
 
 
-def change_modem(twin: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> Act:
+def change_modem(emulator: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> Act:
     """Change card or network of a 4G unit; `before` is the state without faults."""
 
     def act(do: Do) -> Callable[[], object]:
-        do(twin, "modem", **after)
-        return lambda: do(twin, "modem", **before)
+        do(emulator, "modem", **after)
+        return lambda: do(emulator, "modem", **before)
 
     return act
 
 
-def silence_addresses(twin: str, addresses: list[str]) -> Act:
+def silence_addresses(emulator: str, addresses: list[str]) -> Act:
     """Make these addresses ignore all requests of the router."""
 
     def act(do: Do) -> Callable[[], object]:
-        do(twin, "silence", addresses=addresses)
-        return lambda: do(twin, "silence", addresses=[])
+        do(emulator, "silence", addresses=addresses)
+        return lambda: do(emulator, "silence", addresses=[])
 
     return act
 
 
-def add_row(twin: str, menu: str, **row: str) -> Act:
+def add_row(emulator: str, menu: str, **row: str) -> Act:
     """Add a row, as if somebody had changed the configuration by hand."""
 
     def act(do: Do) -> Callable[[], object]:
-        number = _get_return_value(do(twin, "console", words=[f"{menu}/add", *_words(row)]))
-        return lambda: do(twin, "console", words=[f"{menu}/remove", f"=numbers={number}"])
+        number = _get_return_value(do(emulator, "console", words=[f"{menu}/add", *_words(row)]))
+        return lambda: do(emulator, "console", words=[f"{menu}/remove", f"=numbers={number}"])
 
     return act
 
 
-def change_rows(twin: str, menu: str, where: Mapping[str, str], **values: str) -> Act:
+def change_rows(emulator: str, menu: str, where: Mapping[str, str], **values: str) -> Act:
     """Set values of all rows that match `where`."""
 
     def act(do: Do) -> Callable[[], object]:
-        rows = [row for row in _rows(do(twin, "console", words=[f"{menu}/print"])) if where.items() <= row.items()]
+        rows = [row for row in _rows(do(emulator, "console", words=[f"{menu}/print"])) if where.items() <= row.items()]
         if not rows:
-            raise LookupError(f"{twin} has no row of {menu} with {dict(where)}")
+            raise LookupError(f"{emulator} has no row of {menu} with {dict(where)}")
         numbers = ",".join(row[".id"] for row in rows)
         before = {name: rows[0].get(name, "") for name in values}
-        _raise_on_trap(do(twin, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(values)]))
-        return lambda: do(twin, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(before)])
+        _raise_on_trap(do(emulator, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(values)]))
+        return lambda: do(emulator, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(before)])
 
     return act
 
@@ -239,11 +239,11 @@ def _wait_for_registration(do: Do, near: str) -> None:
         time.sleep(0.05)
 
 
-def set_clock(twin: str, moment: datetime) -> Act:
+def set_clock(emulator: str, moment: datetime) -> Act:
     """Set a router's clock, in its time zone; setting up the surroundings corrects it again."""
 
     def act(do: Do) -> Callable[[], object]:
-        _raise_on_trap(do(twin, "console", words=clock_words(moment)))
+        _raise_on_trap(do(emulator, "console", words=clock_words(moment)))
         return lambda: None
 
     return act
@@ -275,40 +275,40 @@ def _get_return_value(answers: list[list[str]]) -> str:
     return next(word.removeprefix("=ret=") for word in reply if word.startswith("=ret="))
 
 
-def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
+def surroundings(inventory: Inventory, host: Host) -> dict[str, Any]:
     """Describe a router's surroundings, such as LAN, tunnel and time server; for a switch, its stations."""
     if isinstance(host.device, model.Switch):
-        return {"stations": list(_stations(declaration, host, host.device))}
-    assert isinstance(host.device, model.Router)  # noqa: S101 - the caller has looked
-    site, client, tunnel = declaration.sites[host.site], host.device.vpn_client, router_view(declaration, host).tunnel
+        return {"stations": list(_stations(inventory, host, host.device))}
+    assert isinstance(host.device, model.Router)  # noqa: S101 - the caller checks it
+    site, client, tunnel = inventory.sites[host.site], host.device.vpn_client, router_view(inventory, host).tunnel
     tunnels = {}
     if client is not None and tunnel is not None:
-        tunnels[tunnel.interface] = f"{client.address}/{declaration.pilot.vpn.network.prefixlen}"
+        tunnels[tunnel.interface] = f"{client.address}/{inventory.pilot.vpn.network.prefixlen}"
     return {
-        "cards": _cards(declaration, host.site) | {str(site.lan.gateway): ROUTER_MAC},
-        "loads": {port: {} for port in _fed(declaration, host.name)},
+        "cards": _cards(inventory, host.site) | {str(site.lan.gateway): ROUTER_MAC},
+        "loads": {port: {} for port in _fed(inventory, host.name)},
         "leases": {str(reservation.address): "bound" for reservation in site.lan.reservations},
         "tunnels": tunnels,
-        "stations": list(_stations(declaration, host, host.device)),
-        "time_server": str(declaration.pilot.time_servers[0].address),
+        "stations": list(_stations(inventory, host, host.device)),
+        "time_server": str(inventory.pilot.time_servers[0].address),
         "called": [],
         "validity": {},
     }
 
 
-def _cards(declaration: Declaration, site: str) -> dict[str, str]:
-    cards = {str(reservation.address): reservation.mac for reservation in declaration.sites[site].lan.reservations}
-    for host in declaration.site_hosts(site):
+def _cards(inventory: Inventory, site: str) -> dict[str, str]:
+    cards = {str(reservation.address): reservation.mac for reservation in inventory.sites[site].lan.reservations}
+    for host in inventory.site_hosts(site):
         if isinstance(host.device, model.ServerComputer) and host.device.mac is not None:
             cards[str(host.device.address)] = host.device.mac
     return cards
 
 
-def _stations(declaration: Declaration, host: Host, device: model.Router | model.Switch) -> Iterator[dict[str, str]]:
+def _stations(inventory: Inventory, host: Host, device: model.Router | model.Switch) -> Iterator[dict[str, str]]:
     """Yield the vehicles that are stations of the device's access point, in range and with the right key."""
-    radio, here = device.access_point, declaration.sites[host.site].checklist.vehicles
-    for key in declaration.vehicles if here is None else here:
-        cell = Cell(declaration, host.site, key, model.Column.WIFI)
+    radio, here = device.access_point, inventory.sites[host.site].checklist.vehicles
+    for key in inventory.vehicles if here is None else here:
+        cell = Cell(inventory, host.site, key, model.Column.WIFI)
         wifi = cell.wifi
         if radio is None or wifi is None or wifi.role is not model.WifiRole.STATION or wifi.seen_by != host.name:
             continue
@@ -317,9 +317,9 @@ def _stations(declaration: Declaration, host: Host, device: model.Router | model
             yield {"mac": mac, "ssid": radio.ssid, "passphrase": radio.key.reveal()}
 
 
-def _fed(declaration: Declaration, router: str) -> list[str]:
+def _fed(inventory: Inventory, router: str) -> list[str]:
     """Return the ports that power a device."""
-    sources = (getattr(host.device, "powered_by", None) for host in declaration.hosts.values())
+    sources = (getattr(host.device, "powered_by", None) for host in inventory.hosts.values())
     return [source.port for source in sources if source is not None and source.device == router]
 
 
@@ -363,12 +363,12 @@ class World:
     modems: dict[str, SimulatedModem] = field(default_factory=dict)
     autopilots: dict[str, Autopilot] = field(default_factory=dict)
     routers: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """Router to what stands around it."""
+    """Router -> its surroundings."""
     links: dict[str, MeasuredLink] = field(default_factory=dict)
-    """Link to what `provision qualify` would have measured."""
+    """Link -> what `provision qualify` would have measured."""
     robots: SimulatedRobots = field(default_factory=SimulatedRobots)
     acts: list[Act] = field(default_factory=list)
-    """What is done to the RouterOS twins when all stands, in this order; taken back at the end."""
+    """Actions on the RouterOS emulators when all of them run, in this order; undone at the end."""
 
     def receiver(self, vehicle: str, **changes: Any) -> None:  # noqa: ANN401 - fields of GnssSpec
         """Change a vehicle's receiver."""
@@ -395,20 +395,20 @@ class World:
         self.computer = self.computer.model_copy(update=change(self.computer))
 
 
-def healthy(declaration: Declaration, site: str) -> World:
+def healthy(inventory: Inventory, site: str) -> World:
     """Describe a site without faults, at which every check has the best possible result."""
-    here = declaration.sites[site].checklist.vehicles
-    vehicles = tuple(key for key in declaration.vehicles if here is None or key in here)
-    gateway = Cell(declaration, site, None, "site").gateway
-    world = World(site, None if gateway is None else gateway_computer(declaration, gateway, vehicles))
-    for host in declaration.site_hosts(site):
+    here = inventory.sites[site].checklist.vehicles
+    vehicles = tuple(key for key in inventory.vehicles if here is None or key in here)
+    gateway = Cell(inventory, site, None, "site").gateway
+    world = World(site, None if gateway is None else gateway_computer(inventory, gateway, vehicles))
+    for host in inventory.site_hosts(site):
         if isinstance(host.device, model.Router | model.Switch):
-            world.routers[host.name] = surroundings(declaration, host)
-    for bearer in declaration.sites[site].bearers if declaration.pilot.qualify is not None else ():
-        world.links[bearer.name] = MeasuredLink(bearer.name, bearer.kind)
-    world.robots = SimulatedRobots.honest(declaration, site)
+            world.routers[host.name] = surroundings(inventory, host)
+    for link in inventory.sites[site].bearers if inventory.pilot.qualify is not None else ():
+        world.links[link.name] = MeasuredLink(link.name, link.kind)
+    world.robots = SimulatedRobots.honest(inventory, site)
     for key in vehicles:
-        cell = Cell(declaration, site, key, "gps")
+        cell = Cell(inventory, site, key, "gps")
         world.receivers.update(_receiver(cell))
         world.modems.update(_modem(cell))
         world.autopilots.update(_autopilot(cell))

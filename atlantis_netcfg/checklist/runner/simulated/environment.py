@@ -34,24 +34,24 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 
 _NOBODY = "nothing stands for it in a rehearsal"
 
 
 @dataclass(frozen=True, slots=True)
-class RehearsedEars:
+class RehearsedTransport:
     """Runs requests in a rehearsal: real agent program for streams, simulated program output of a gateway."""
 
-    routers: _real.Ears
-    """The real site's, whose devices are the twins."""
+    routers: _real.ProbeTransport
+    """Transport of the real site, with emulators as its devices."""
     computer: Computer | None
-    """Stands for the gateway, and for this computer as far as its programs are asked; None: the site has none."""
-    stands: Sequence[Stand]
+    """Stands for the gateway, and for this computer as far as programs are run; None: the site has none."""
+    stands: Sequence[EmulatorEndpoint]
     site: str
     links: Mapping[str, MeasuredLink]
-    """What would have been measured of each link."""
+    """Link -> what would have been measured."""
     robots: SimulatedRobots = field(default_factory=SimulatedRobots)
 
     async def ask(
@@ -115,7 +115,7 @@ class RehearsedEars:
 
     def _link_record(self, question: probes.LinkRecordRequest) -> probes.LinkRecordResult:
         """Return a simulated record, marked as a rehearsal."""
-        now, link = datetime.now(UTC), self.links.get(question.bearer)
+        now, link = datetime.now(UTC), self.links.get(question.link)
         return probes.LinkRecordResult(
             None, "", None if link is None else link.record(self.site, now), now, is_rehearsal=True
         )
@@ -170,15 +170,15 @@ class RehearsedEars:
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class EmulatorEndpoint:
     """Endpoint of a stream: as in the inventory, and its emulator."""
 
     transport: str
     address: str = ""
-    """Of a TCP service, or that datagrams come from."""
+    """Address of a TCP service, or the sender address of datagrams."""
     port: int = 0
     device: str = ""
-    """Of a serial port."""
+    """Device of a serial port."""
     here_port: int = 0
     here_device: str = ""
 
@@ -198,7 +198,7 @@ class Stand:
 
 
 @contextmanager
-def standing(world: _world.World) -> Iterator[tuple[Stand, ...]]:
+def start_emulators(world: _world.World) -> Iterator[tuple[EmulatorEndpoint, ...]]:
     """Start every emulator in a world's description; they end with the context."""
     with ExitStack() as stack:
         stands = [_receiver(stack, receiver) for receiver in world.receivers.values()]
@@ -207,58 +207,58 @@ def standing(world: _world.World) -> Iterator[tuple[Stand, ...]]:
         yield tuple(stands)
 
 
-def _receiver(stack: ExitStack, receiver: _world.SimulatedReceiver) -> Stand:
+def _receiver(stack: ExitStack, receiver: _world.SimulatedReceiver) -> EmulatorEndpoint:
     if receiver.device:
         port = stack.enter_context(gnss.RunningNmeaPort(receiver.spec))
-        return Stand("serial", device=receiver.device, here_device=port.path)
+        return EmulatorEndpoint("serial", device=receiver.device, here_device=port.path)
     server = gnss.RunningGpsd(receiver.spec) if receiver.gpsd else gnss.RunningNmea(receiver.spec)
     stack.enter_context(server)
-    return Stand("tcp", receiver.address, receiver.port, here_port=server.port)
+    return EmulatorEndpoint("tcp", receiver.address, receiver.port, here_port=server.port)
 
 
-def _modem(stack: ExitStack, modem: _world.SimulatedModem) -> Stand:
-    twin = (
+def _modem(stack: ExitStack, modem: _world.SimulatedModem) -> EmulatorEndpoint:
+    emulator = (
         acoustic.RunningEvologics(modem.spec)
         if isinstance(modem.spec, acoustic.EvologicsSpec)
         else acoustic.RunningSeatrac(modem.spec)
     )
-    stack.enter_context(twin)
+    stack.enter_context(emulator)
     if modem.device:
-        return Stand("serial", device=modem.device, here_device=twin.path)
-    return Stand("tcp", modem.address, modem.port, here_port=twin.port)
+        return EmulatorEndpoint("serial", device=modem.device, here_device=emulator.path)
+    return EmulatorEndpoint("tcp", modem.address, modem.port, here_port=emulator.port)
 
 
-def _autopilot(stack: ExitStack, autopilot: _world.Autopilot) -> Stand:
+def _autopilot(stack: ExitStack, autopilot: _world.Autopilot) -> EmulatorEndpoint:
     """Start an autopilot; it sends to a free port, because the inventory's port may be in use on this computer."""
-    twin = stack.enter_context(RunningAutopilot(autopilot.spec))
-    return Stand("udp", autopilot.address, autopilot.port, here_port=twin.port)
+    emulator = stack.enter_context(RunningAutopilot(autopilot.spec))
+    return EmulatorEndpoint("udp", autopilot.address, autopilot.port, here_port=emulator.port)
 
 
 @contextmanager
 def rehearsed_ears(
-    declaration: Declaration, site: str, rehearsal: Rehearsal, broken: Sequence[str] = ()
-) -> Iterator[RehearsedEars]:
-    """Provide the `Ears` of a site whose only faults are `broken` (names of `FAULTS`), with configured routers."""
-    world = _world.healthy(declaration, site)
+    inventory: Inventory, site: str, rehearsal: Rehearsal, broken: Sequence[str] = ()
+) -> Iterator[RehearsedTransport]:
+    """Provide the `ProbeTransport` of a site with only the faults `broken` (names of `FAULTS`), routers configured."""
+    world = _world.healthy(inventory, site)
     for name in broken:
         FAULTS[name].spoil(world)
     request = Request(state=state_dir(), mode=Mode.DRIFT, rehearsed=True, targets=rehearsal.targets, accept_cost=True)
-    with _routers(declaration, world, rehearsal), standing(world) as stands:
+    with _routers(inventory, world, rehearsal), start_emulators(world) as stands:
         computer = None if world.computer is None else Computer(world.computer)
-        yield RehearsedEars(
-            _real.RealEars(declaration, site, request, ignore), computer, stands, site, world.links, world.robots
+        yield RehearsedTransport(
+            _real.RealTransport(inventory, site, request, ignore), computer, stands, site, world.links, world.robots
         )
 
 
 @contextmanager
-def _routers(declaration: Declaration, world: _world.World, rehearsal: Rehearsal) -> Iterator[None]:
+def _routers(inventory: Inventory, world: _world.World, rehearsal: Rehearsal) -> Iterator[None]:
     """Set up the routers' surroundings, and apply the faults; all of it is undone at the end."""
-    zone = ZoneInfo(declaration.pilot.time_zone)
+    zone = ZoneInfo(inventory.pilot.time_zone)
     emulated_routers = [name for name in world.routers if name in rehearsal.targets]
     for name in emulated_routers:
-        rehearsal.twins.do(name, "around", **world.routers[name])
-        rehearsal.twins.do(name, "console", words=_world.clock_words(datetime.now(zone)))
+        rehearsal.emulators.do(name, "around", **world.routers[name])
+        rehearsal.emulators.do(name, "console", words=_world.clock_words(datetime.now(zone)))
     with ExitStack() as back:
         for act in world.acts:
-            back.callback(act(rehearsal.twins.do))
+            back.callback(act(rehearsal.emulators.do))
         yield

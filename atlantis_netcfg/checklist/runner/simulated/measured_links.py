@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import BearerKind
+from atlantis_netcfg.inventory.model import LinkKind
 from atlantis_netcfg.links.qualify import measured_run
 from atlantis_netcfg.links.qualify.judgement import profile
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
@@ -33,10 +33,10 @@ _SECOND: Final = 1_000_000_000
 _INTERVAL_S: Final = 0.25
 _SIZE: Final = 172
 _THRESHOLDS: Final = {
-    BearerKind.SATELLITE: "satellite",
-    BearerKind.LTE: "lte",
-    BearerKind.WIFI_PTP: "wifi",
-    BearerKind.ETHERNET: "wifi",
+    LinkKind.SATELLITE: "satellite",
+    LinkKind.LTE: "lte",
+    LinkKind.WIFI_PTP: "wifi",
+    LinkKind.ETHERNET: "wifi",
 }
 
 
@@ -45,10 +45,10 @@ class MeasuredLink:
     """A simulated link that meets its thresholds, until a fault changes it."""
 
     name: str
-    kind: BearerKind
+    kind: LinkKind
     age: timedelta = timedelta(days=1)
     slower: float = 0.5
-    """Its round trip, as a share of the one that its thresholds allow."""
+    """Its round-trip time, as a share of the one that its thresholds allow."""
     way: Verdict = Verdict.PASS
 
     def record(self, site: str, now: datetime) -> QualifyRecord:

@@ -15,7 +15,7 @@ from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
     Change = Callable[[RobotObservation, str], None]
 
@@ -35,9 +35,9 @@ class SimulatedRobots:
     members: dict[str, probes.VpnMember] = field(default_factory=dict)
 
     @classmethod
-    def honest(cls, declaration: Declaration, site: str) -> SimulatedRobots:
+    def honest(cls, inventory: Inventory, site: str) -> SimulatedRobots:
         """Simulate the robots tested at a site, each as in its file; none if there are no files."""
-        files = RobotFiles.read(declaration, site)
+        files = RobotFiles.read(inventory, site)
         if files is None:
             return cls()
         here = honest_observation(files)
@@ -85,14 +85,14 @@ def _writer(key: str, topic: str, kind: str, rate_hz: float, seconds: float) -> 
     )
 
 
-def away(observation: RobotObservation, vehicle: str) -> None:
+def remove_robot(observation: RobotObservation, vehicle: str) -> None:
     """Remove all data of a robot."""
     observation.participants.pop(vehicle, None)
     observation.writers = [row for row in observation.writers if row.participant != vehicle]
     observation.configurations = [row for row in observation.configurations if row.writer.participant != vehicle]
 
 
-def without(ending: str) -> Change:
+def remove_topic(ending: str) -> Change:
     """Remove a robot's topic with this ending."""
 
     def change(observation: RobotObservation, vehicle: str) -> None:

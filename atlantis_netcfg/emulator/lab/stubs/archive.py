@@ -48,9 +48,9 @@ class StubPackage:
     depends: tuple[str, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict)
     postinst: str | None = None
-    """Shell text that runs when the package is configured."""
+    """Shell script that runs when the package is configured; None: there is none."""
     padding_kb: int = 0
-    """Of bytes that do not compress, for what has to be large."""
+    """Size in kB of incompressible padding, for packages that must be large."""
     architecture: str = "all"
 
     @property
@@ -109,9 +109,9 @@ _PROGRAMS = ("dpkg-deb", "gpg", "gpgconf")
 _OWNER = "ATLANTIS stand-in archive, not ROS <rehearsal@example.org>"
 _YEAR = timedelta(days=365)
 _TIME = "%Y%m%dT%H%M%S"
-"""As gpg writes a time, which is UTC."""
+"""Time format of gpg, in UTC."""
 _KEY_IS_OLDER = timedelta(hours=1)
-"""How much older the key is than what it signs: gpg refuses a key from the future, be it by a second."""
+"""Age of the key relative to its signatures: gpg rejects a key from the future, even by one second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ class StubArchive:
     folder: Path
     codename: str
     key: bytes
-    """Binary."""
+    """Public key, binary."""
     fingerprint: str
 
 
@@ -217,10 +217,10 @@ NOT_REHEARSED = (
     "recordings of ROS 2: what is written is noise",
     "the archive of ROS: a signed archive of stand-ins with a key of its own takes its place",
 )
-"""What a run against stand-ins says nothing about; the rehearsal's report prints it."""
+"""Limits of a rehearsal with stub packages; printed in the rehearsal's report."""
 
 _SOURCES = Path(__file__).parent / "programs"
-"""They are files of packages, never modules of ours, and run on what Python a gateway has."""
+"""Sources of packaged programs: not modules of this toolkit, and run with the gateway's own Python version."""
 _SETUP = """\
 # stand-in, not ROS
 export ROS_DISTRO={distribution} ROS_VERSION=2 AMENT_PREFIX_PATH={home}

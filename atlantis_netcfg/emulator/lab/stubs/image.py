@@ -23,7 +23,7 @@ PODMAN_IN_A_MACHINE: Mapping[str, str] = {
     'graphroot = "/var/lib/containers/storage"\n',
     "/etc/containers/containers.conf": "[containers]\nkeyring = false\n",
 }
-"""Its disk is an overlay, on which there is no second one; and systemd-nspawn lets nobody make a keyring."""
+"""Podman settings: no overlay on the machine's overlay disk, and no keyring, which systemd-nspawn does not allow."""
 NOT_REHEARSED = (
     "containers: the images are stand-ins, which listen at the declared ports and do nothing else",
     "containers: podman keeps them as plain folders (vfs), and makes no keyring for them",
@@ -32,7 +32,7 @@ _ARCHITECTURES = {"x86_64": "amd64", "aarch64": "arm64"}
 _STANDARD_LIBRARY = ("collections", "encodings", "importlib", "lib-dynload", "re")
 _LIBRARIES = ("libc", "libdl", "libexpat", "libm", "libpthread", "libutil", "libz")
 _END = "import os, signal\nsignal.signal(signal.SIGTERM, lambda *_: os._exit(0))\n"
-"""Whoever is process 1 of a container hears no signal that it has not asked for."""
+"""Handler for SIGTERM: process 1 of a container receives only signals that it has a handler for."""
 
 
 def service_image(root: Path, kind: str, port: int) -> bytes:

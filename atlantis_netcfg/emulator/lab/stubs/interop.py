@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 NOT_THEIRS = "a stand-in of the ATLANTIS toolkit, not the partners' library"
-"""Said by its programs and sources."""
+"""Notice in the output of the stub programs and in their sources."""
 
 NOT_REHEARSED = ("the interoperability library: small projects of ours are built in its place, and talk to nobody",)
-"""What a run against stand-ins says nothing about."""
+"""Limits of a rehearsal with stub packages."""
 
 LIBRARY, EXAMPLES, MESSAGES = "uv-interoperability", "uv-interoperability-example", "c4i-asset-msgs"
 _PACKAGE = """\
@@ -208,9 +208,9 @@ class GitServer:
     token: str | None
     url: str = ""
     requests: list[str] = field(default_factory=list)
-    """Method and path of every request, with the name that was told in front where there was one."""
+    """Method and path of every request, with a prefix if it had a token."""
     sent_bytes: int = 0
-    """Bytes of answers, without their headers."""
+    """Bytes of responses, without headers."""
 
     def admits(self, authorization: str) -> bool:
         """Return whether the Authorization header (RFC 7617) has the token."""

@@ -56,7 +56,7 @@ _PORTS = ("dst-port", "src-port", "port", "to-ports")
 _NO_IN = ("output", "postrouting", "srcnat")
 _NO_OUT = ("input", "prerouting", "dstnat")
 _SRCNAT_IN = {"in-interface-list": "7.18", "in-interface": "7.21"}
-"""Since when, at the latest, srcnat matches where a packet came in: the oldest exports that have such rules."""
+"""Versions from which, at the latest, srcnat matches the incoming interface: the oldest exports with such rules."""
 
 
 def check(core: Core, menu: str, values: Mapping[str, str], item: StoredItem | None) -> None:
@@ -80,7 +80,7 @@ def _check_unique(
     tables = list(core.store.space_tables("interface")) if table.menu.space == "interface" else [table]
     for other_table in tables:
         # Among very many rows the first argument tells nearly all of them apart.
-        for other in other_table.alike(first, key[0]):
+        for other in other_table.find_by_value(first, key[0]):
             counts = not unique.enabled_only or other.values.get("disabled") != "yes"
             if other is not item and counts and _key(table, unique, other.values) == key:
                 raise Trap(unique.words)

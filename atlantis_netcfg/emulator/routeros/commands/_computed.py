@@ -26,7 +26,7 @@ _CPUS = "4"
 _ID = re.compile(r"\*[0-9A-F]+")
 
 _DISK = 1073741824
-"""Of an RB5009UPr+S+, in bytes."""
+"""Disk size of an RB5009UPr+S+ in bytes."""
 
 
 def _truth(value: object) -> str:

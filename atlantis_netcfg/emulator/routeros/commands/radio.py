@@ -210,7 +210,7 @@ def _uptime(core: Core, peer: _settings.Peer) -> str:
 _REGISTRATIONS = {_read.LEGACY: _legacy_registration, _read.WIFI: _wifi_registration}
 
 
-def amounting(core: Core, menu: str, rows: list[_Row]) -> list[_Row]:
+def add_inherited(core: Core, menu: str, rows: list[_Row]) -> list[_Row]:
     """Add inherited values to rows of the newer driver, as `print` does (`print config` does not; Manual, WiFi)."""
     if menu not in (_read.WIFI, f"{_read.WIFI}/configuration"):
         return rows

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros import answers
 from atlantis_netcfg.emulator.routeros.commands import _checks
 from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED_MENUS
-from atlantis_netcfg.emulator.routeros.commands.radio import amounting
+from atlantis_netcfg.emulator.routeros.commands.radio import add_inherited
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.menus import Shape
 from atlantis_netcfg.emulator.routeros.modem import settle
@@ -118,7 +118,7 @@ def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
         menu_rows = [{**row, "on-event": row["on-event"][:4096]} for row in menu_rows]
     if call.menu == "/ip/route" and core.deviates(Deviation.NAMES):
         menu_rows = [{**row, "gateway": core.first_names.get(row["gateway"], row["gateway"])} for row in menu_rows]
-    return menu_rows if "config" in call.arguments else amounting(core, call.menu, menu_rows)
+    return menu_rows if "config" in call.arguments else add_inherited(core, call.menu, menu_rows)
 
 
 def print_(core: Core, call: Call) -> CallResult:
@@ -267,7 +267,7 @@ class Condition:
     value: str = ""
     is_negated: bool = False
     possible: bool = True
-    """The value has the type of a property."""
+    """Whether the value has the type of a property."""
 
     def fits(self, row: Mapping[str, str]) -> bool:
         """Return whether a row matches."""
@@ -288,7 +288,7 @@ class Condition:
 
 
 Where = tuple[tuple[Condition, ...], ...]
-"""Alternatives, of each of which all conditions hold; none at all means every row."""
+"""Alternatives, each with conditions that must all hold; without any alternative every row matches."""
 
 
 def fits(row: Mapping[str, str], where: Where) -> bool:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 QUEUES = "/queue/interface"
 _QUEUES = {"/interface/ethernet": "only-hardware-queue", "/interface/wireless": "wireless-default"}
-"""What stands in `/queue/interface` of a factory-new router (verbose exports of 6.48 and 7.17)."""
+"""Queues in `/queue/interface` of a factory-new router (verbose exports of 6.48 and 7.17)."""
 _SELECTORS = (".id", "numbers", "number")
 _BUILTIN = "failure: cannot change builtin"
 _PLACEMENT = ("copy-from", "place-before")

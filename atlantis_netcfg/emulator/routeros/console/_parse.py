@@ -319,7 +319,7 @@ _PUT = re.compile(r":put(?=\s)")
 _ERROR = re.compile(r":error(?=\s)")
 _DO = re.compile(r":do(?=\s|\{)")
 _DELAY = re.compile(r":delay[ \t]+\d+(?:ms|[smh])?(?![\w.])")
-"""What a device needs time for, the twin has done at once."""
+"""Delays: the emulator does at once what takes a device time."""
 _IF = re.compile(r":if(?=\s|\()")
 _LEN = re.compile(r"\[:len\s+")
 _COMPARISON = re.compile(r"!=|<=|>=|[=<>~]")
@@ -363,7 +363,7 @@ class Parser:
     text: TextPart
     menu: str = "/"
     only_code: bool = False
-    """For `:parse`: nothing of it will run."""
+    """For `:parse`: the script is not executed."""
 
     def statements(self) -> Iterator[Statement]:
         """Yield each statement. Raises ConsoleError."""

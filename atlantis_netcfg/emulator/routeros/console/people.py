@@ -99,7 +99,7 @@ FLAGS: dict[str, str] = {
     "ecmp": "+",
     "hw-offload": "H",
 }
-"""Letter by property; those that are true stand before the row in this order."""
+"""Property to its letter; letters of true properties are printed before the row in this order."""
 
 QUOTED_NAMES = frozenset(
     {
@@ -124,7 +124,7 @@ QUOTED_NAMES = frozenset(
         "version",
     }
 )
-"""Properties of kind text: `print detail` quotes them always, others where a value holds a space."""
+"""Text properties that `print detail` always quotes; other properties only if the value contains a space."""
 
 
 def flag_letters(row: dict[str, str], flags: tuple[str, ...]) -> str:

@@ -57,9 +57,9 @@ class ScriptOutcome:
     lines: list[str] = field(default_factory=list)
     error: str | None = None
     is_paged: bool = False
-    """A screen would hold it back page by page."""
+    """A terminal would show the output page by page."""
     return_text: str | None = None
-    """The words of the error as `/execute as-string` returns them."""
+    """Error text returned by `/execute as-string`; None: only the output is returned."""
 
     @property
     def output(self) -> str:
@@ -78,7 +78,7 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
     try:
         statements = core.script_cache.get(script) or list(_parse.Parser(core, _parse.TextPart(script)).statements())
     except _parse.ConsoleError as error:
-        outcome.error = _refusal_words(core, str(error))
+        outcome.error = _error_text(core, str(error))
         return outcome
     if len(core.script_cache) >= _PARSED_SCRIPTS:
         core.script_cache.clear()
@@ -108,7 +108,7 @@ def run_line(
     try:
         statements = list(parser.statements())
     except _parse.ConsoleError as error:
-        outcome.error = _refusal_words(core, str(error))
+        outcome.error = _error_text(core, str(error))
         return outcome, menu
     _run(core, caller, statements, outcome, width)
     return outcome, parser.menu
@@ -124,11 +124,11 @@ def run_file(core: Core, caller: Caller, text: str) -> ScriptOutcome:
             if outcome.error is not None:
                 break
     except _parse.ConsoleError as error:
-        outcome.error = _refusal_words(core, str(error))
+        outcome.error = _error_text(core, str(error))
     return outcome
 
 
-def _refusal_words(core: Core, words: str, command: _parse.MenuCommand | None = None) -> str:
+def _error_text(core: Core, words: str, command: _parse.MenuCommand | None = None) -> str:
     """Return the error text; of RouterOS 6 only errors that adoption may cause are known.
 
     No command tree of version 6 is published: a name or value missing in the oldest tree may exist there.
@@ -159,9 +159,9 @@ def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words
         try:
             outcome.lines.extend(runner.run(statement))
         except MissingArgument as error:
-            outcome.error = _refusal_words(core, error.console, runner.failed_command)
+            outcome.error = _error_text(core, error.console, runner.failed_command)
         except Trap as error:
-            outcome.error = _refusal_words(core, error.message, runner.failed_command)
+            outcome.error = _error_text(core, error.message, runner.failed_command)
         outcome.is_paged = runner.is_paged
         if outcome.error is not None and not core.deviates(Deviation.SCRIPT_GOES_ON):
             break
@@ -175,9 +175,9 @@ class _Runner:
     width: int | None
     variables: dict[str, str]
     is_paged: bool = False
-    """Somebody may want to read it page by page."""
+    """The output may be shown page by page."""
     failed_command: _parse.MenuCommand | None = None
-    """The command that stopped it."""
+    """Command at which the script stopped."""
 
     def run(self, statement: _parse.Statement) -> list[str]:
         if isinstance(statement, _parse.DoOnError):

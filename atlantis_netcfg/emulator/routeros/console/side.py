@@ -35,13 +35,13 @@ class ConsoleReply:
     text: str = ""
     has_failed: bool = False
     is_paged: bool = False
-    """A screen holds it back page by page: it came from `print`."""
+    """A terminal shows the text page by page: it is output of `print`."""
     asks: str = ""
-    """A question stands open; nothing has happened yet."""
+    """Question that must be confirmed first; empty: none."""
     over: bool = False
     """The session ends."""
     has_quit: bool = False
-    """It ends by `/quit`: what was done in safe mode stays."""
+    """The session ends by `/quit`: changes made in safe mode are kept."""
 
 
 def handle_line(

@@ -53,4 +53,4 @@ INTERFACES = (
     "/interface/wifi",
     "/interface/lte",
 )
-"""Menus whose rows are interfaces and also show under `/interface`; `lo` has no menu of its own."""
+"""Menus whose rows are interfaces and also appear under `/interface`; `lo` has no menu of its own."""

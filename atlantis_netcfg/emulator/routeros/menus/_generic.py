@@ -25,7 +25,7 @@ _KINDS: dict[tuple[str, str], ValueType] = {
 }
 _PORT, _ADDRESS = re.compile(r"(^|[.-])port$"), re.compile(r"(^|[.-])(address(es)?|gateway|host|servers?)$")
 _NAME_PROPERTIES = {"/queue/interface": "interface"}
-"""Menus whose rows are not called by a `name`."""
+"""Menus whose rows are identified by a property other than `name`."""
 _OPEN = (
     "arp-opcode baud-rate builtin-trust-store ca-certificate certificate chain code communities crl-store"
     " default-route-tables do-group-num do-select-num filter-dst-port filter-ip-protocol filter-mac-protocol"
@@ -35,11 +35,11 @@ _OPEN = (
     " outgoing-filter per-connection-classifier protocol radius-mac-format remote-id rule select-dynamic-id ttl"
     " vlan-encap vlan-protocol"
 )
-"""Arguments that take numbers, addresses or texts beside the words that are offered, without the tree saying so."""
+"""Arguments that accept numbers, addresses or text besides the offered words, although the tree does not show it."""
 _BY_PACKAGE = ("/disk",)
-"""Menus whose words depend on packages that the recorded router did not have."""
+"""Menus whose offered words depend on packages that the recorded router did not have."""
 _NAMES_REPEAT = ("/ip/smb/shares", "/ip/smb/users", "/routing/bgp/connection", "/routing/id")
-"""Menus of which exports (7.1.5 to 7.19.4) hold several rows of one name."""
+"""Menus in which exports (7.1.5 to 7.19.4) contain several rows of one name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +87,13 @@ BUILT_IN = {
     "/snmp/community": BuiltIn(_named_rows("public")),
     "/tool/romon/port": BuiltIn(({"interface": "all"},)),
 }
-"""Only what exports of 6.49 to 7.23 set of them (`set [ find default=yes ]`, `set 0`, `set default`), under the names
-of the Manual: IPsec, Services, SMB, SNMP, HotSpot, PPP, BGP. No export tells how many serial ports a board has: two."""
+"""Rows limited to what exports of 6.49 to 7.23 set (`set [ find default=yes ]`, `set 0`, `set default`).
+
+Names as in the Manual: IPsec, Services, SMB, SNMP, HotSpot, PPP, BGP.
+No export shows how many serial ports a board has: two.
+"""
 _OF_THE_BOARD = ("/app", "/disk", "/system/console", "/system/leds")
-"""Menus whose rows come with disks, lights and packages of a board, although more can be added."""
+"""Menus whose rows depend on disks, LEDs and packages of a board, although more can be added."""
 
 
 def generic(schema: Schema, path: str) -> _model.EmulatedMenu:

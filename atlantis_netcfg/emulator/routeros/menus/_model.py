@@ -24,9 +24,9 @@ class Shape(StrEnum):
     LIST = "list"
     """Rows that can be added."""
     FIXED_ROWS = "fixed"
-    """Rows that are there and can only be set."""
+    """Existing rows that can only be set."""
     SETTINGS = "settings"
-    """One row without id."""
+    """One row without an id."""
 
 
 class Select(StrEnum):
@@ -51,17 +51,17 @@ class Arg:
     name: str
     kind: values.ValueType
     default: str | None = None
-    """Value of a row that does not say otherwise; None: the property is absent then, and can be unset."""
+    """Value of rows that do not set it; None: the property is then absent, and can be unset."""
     is_required: bool = False
     secret: bool = False
     """Hidden by `export`, and by `print` for groups without policy `sensitive`."""
     never: bool = False
     """Write-only: no command prints it."""
     always: bool = False
-    """Exported also where it equals the default, as RouterOS does for a few (`action=accept`, `type=A`)."""
+    """Also exported if equal to the default, as RouterOS does for a few (`action=accept`, `type=A`)."""
     is_exported: bool = True
     shown_if: tuple[str, str] | None = None
-    """Only part of the row while another argument has this value (`|` separates several)."""
+    """The argument belongs to the row only while another argument has this value (`|` separates several)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class Unique:
     arguments: tuple[str, ...]
     words: str
     enabled_only: bool = False
-    """Only rows that are not disabled count."""
+    """Only enabled rows are compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,31 +82,31 @@ class EmulatedMenu:
     shape: Shape
     args: tuple[Arg, ...]
     noun: str
-    """What `/system/history` calls a row."""
+    """Name of a row in `/system/history`."""
     space: str = ""
     """Name space in which other menus refer to its rows."""
     name_property: str = "name"
-    """The argument by which a row may be called in place of its id."""
+    """The argument that may identify a row instead of its id."""
     unique: tuple[Unique, ...] = ()
     factory: tuple[dict[str, str], ...] = ()
-    """Rows of a factory-new router; they cannot be removed."""
+    """Rows of a factory-new router, which cannot be removed."""
     factory_dynamic: bool = False
-    """The factory's rows are dynamic: they cannot be set either."""
+    """The factory rows are dynamic, so they cannot be set either."""
     flags: tuple[str, ...] = ()
     """Boolean properties that the router computes and always prints."""
     builtin_flag: str = ""
-    """The flag that marks the factory's rows (`builtin`, `default`)."""
+    """Flag that marks factory rows (`builtin`, `default`)."""
     select: Select = Select.INDEX
     first_id: int = 1
     feature: str = ""
-    """Feature of `/system/device-mode` that it needs."""
+    """Feature of `/system/device-mode` that the menu requires; empty: none."""
     is_exported: bool = True
     sparse: bool = False
-    """Exports print what was given, defaults too: how the menus of the routing process behave."""
+    """Exports print all given values, even defaults, as the menus of the routing process do."""
     of_the_board: bool = False
-    """Its rows come with the board, and nobody knows which ones this router has."""
+    """Its rows depend on the board; those of this router are unknown."""
     is_modelled: bool = True
-    """False: only names of arguments are checked, by the command tree."""
+    """False: only argument names are checked, against the command tree."""
     by_name: dict[str, Arg] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -132,7 +132,7 @@ _PLAIN: Final = {
     schema.PropertyKind.SIZE: values.Size(),
     schema.PropertyKind.TIME: values.Time(),
 }
-"""What a device takes for a kind of value where nothing narrower is said; for the others any text."""
+"""Accepted values for each property kind where no narrower rule exists; all other kinds accept any text."""
 
 
 _LISTS: Final = (schema.PropertyKind.SEQUENCE, schema.PropertyKind.SET)

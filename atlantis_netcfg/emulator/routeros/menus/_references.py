@@ -13,7 +13,7 @@ from atlantis_netcfg.emulator.routeros.values import Ref, Refs
 
 _INTERFACE, _LIST, _QUEUES, _LOOPBACK = "/interface", "/interface/list", "/queue/type", "lo"
 _DEVICES = ("/file", "/port")
-"""Menus whose rows are not all there is: folders that will be made, modems."""
+"""Menus that do not list every valid value: folders to be created, modems."""
 _SPACES = {"/routing/table": "table"}
 
 

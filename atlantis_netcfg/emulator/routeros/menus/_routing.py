@@ -14,7 +14,7 @@ from atlantis_netcfg.emulator.routeros.menus import _model
 from atlantis_netcfg.emulator.routeros.schema import offered_values
 
 VRF = 0x1000001
-"""First id of a VRF, away from those of interfaces and routing tables: its name stands for one of each."""
+"""First id of a VRF, distinct from ids of interfaces and routing tables: a VRF name stands for one of each."""
 
 _ROUTING = (
     _model.of_schema(

@@ -29,7 +29,7 @@ POLICIES = (
     "romon",
     "rest-api",
 )
-"""What a group may do, in the order in which RouterOS prints it."""
+"""Policies of a user group, in the order in which RouterOS prints them."""
 
 _VRF = _model.Arg("vrf", values.Ref(("table",)), "main")
 _HOST = values.Address(dns=True)

@@ -55,7 +55,7 @@ _KINDS: dict[str, dict[str, values.ValueType]] = {
         ),
     },
 }
-"""By profile: which values a device takes."""
+"""Accepted values of each argument, by profile."""
 _AAA = "called-format calling-format interim-update mac-caching nas-identifier password-format username-format"
 _INTERWORKING = (
     "3gpp-info 3gpp-info-raw authentication-types connection-capabilities domain-names esr hessid hotspot20"

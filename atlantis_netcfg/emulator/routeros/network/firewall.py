@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _DEEPEST = 16
 _CLOSING = ("drop", "reject", "tarpit", "dst-nat", "redirect", "netmap", "same", "socksify")
-"""Also what takes the packet to somebody else: for whoever waits for it that is the same."""
+"""Actions that keep a packet from its destination, by blocking it or redirecting it to another host."""
 _PASSING = ("accept", "fasttrack-connection")
 _NUMBERS = {"icmp": "1", "tcp": "6", "udp": "17"}
 

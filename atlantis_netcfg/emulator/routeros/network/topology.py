@@ -71,7 +71,7 @@ class Route:
     active: bool = False
     hops: list[tuple[IPv4Address | None, int]] = field(default_factory=list)
     way: list[tuple[IPv4Address | None, int]] = field(default_factory=list)
-    """The hops as they would be if its gateway answered."""
+    """The hops as they would be if the gateway responded."""
 
 
 class Topology:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
 
 ECHO_BYTES = 84
-"""An echo request or its answer as an IP packet, with 56 bytes of data."""
+"""Size of an echo request or response as an IP packet, with 56 bytes of data."""
 _FILTER, _MANGLE = "/ip/firewall/filter", "/ip/firewall/mangle"
 
 

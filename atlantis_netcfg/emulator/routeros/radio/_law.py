@@ -55,7 +55,7 @@ _AMERICA = (
     RadioRange(5735, 5835, 30.0),
 )
 _UNLAWFUL = (RadioRange(2192, 2732, 40.0), RadioRange(4790, 6110, 40.0))
-"""Everything that cards of 2 and 5 GHz can."""
+"""All frequencies supported by cards for 2 and 5 GHz."""
 
 
 def span(frequency_mhz: int, width: str) -> tuple[int, int]:
@@ -74,7 +74,9 @@ def span(frequency_mhz: int, width: str) -> tuple[int, int]:
     return low, low + 20 * number
 
 
-def within(country: str, frequency_mhz: int, width: str, *, outdoor: bool, lawless: bool = False) -> RadioRange | None:
+def find_rule(
+    country: str, frequency_mhz: int, width: str, *, outdoor: bool, lawless: bool = False
+) -> RadioRange | None:
     """Return the rule that allows a channel, or None."""
     if lawless:
         rules: tuple[RadioRange, ...] = _UNLAWFUL
@@ -115,7 +117,7 @@ def signal_dbm(
     sender: _settings.RadioSettings, receiver: _settings.RadioSettings, frequency_mhz: int, air: _settings.Air
 ) -> float:
     """Return the level at which `receiver` receives `sender`."""
-    rule = within(sender.country, frequency_mhz, "20mhz", outdoor=False, lawless=sender.lawless)
+    rule = find_rule(sender.country, frequency_mhz, "20mhz", outdoor=False, lawless=sender.lawless)
     eirp = sender.power_dbm + sender.gain_dbi
     if rule is not None:
         eirp = min(eirp, rule.eirp_dbm)
@@ -160,7 +162,7 @@ def why_silent(ap: _settings.RadioSettings, air: _settings.Air) -> str:
     low, high = span(ap.channel_mhz, ap.width or "20mhz")
     if not (air.lowest_mhz <= low and high <= air.highest_mhz) or ap.channel_mhz // 1000 != _settings.ghz_of(ap.band):
         return "the radio does not have this channel"
-    if within(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless) is None:
+    if find_rule(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless) is None:
         return "the country does not allow this channel"
     return "a radar is on this channel" if ap.channel_mhz in air.radar_mhz else ""
 
@@ -171,7 +173,7 @@ def _channel(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> I
         yield "the bands differ"
     if ap.width != station.width:
         yield "the channel widths differ"
-    rule = within(
+    rule = find_rule(
         station.country, ap.channel_mhz, ap.width or "20mhz", outdoor=station.outdoor, lawless=station.lawless
     )
     if rule is None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 _WEATHER = range(5590, 5661)
-"""Control channels of 20 MHz that reach into 5600 to 5650 MHz."""
+"""Control channels of 20 MHz that overlap the band of 5600 to 5650 MHz."""
 
 
 @dataclass(slots=True)
@@ -30,7 +30,7 @@ class _RadioEnd:
     radio: str
     settings: _settings.RadioSettings | None = None
     since: float = 0.0
-    """When it became what it is now."""
+    """Time of the latest change."""
 
     @property
     def core(self) -> Core:
@@ -50,7 +50,7 @@ class RadioLink:
         self.air: _settings.Air = pair.air
         self.up = False
         self.since = 0.0
-        """When it came up."""
+        """Time when the link came up."""
         self.near = _RadioEnd(near, pair.near_radio)
         self.far = _RadioEnd(far, pair.far_radio)
         self._timer: asyncio.TimerHandle | None = None
@@ -76,7 +76,7 @@ class RadioLink:
         self.look()
 
     @property
-    def why(self) -> str:
+    def down_reason(self) -> str:
         """Why the link stays down, regardless of time; empty: it is up, or will be."""
         near, far = self.near.settings, self.far.settings
         if near is None or far is None:
@@ -88,7 +88,7 @@ class RadioLink:
         now = asyncio.get_running_loop().time()
         for end in (self.near, self.far):
             end.look(now)
-        due = float("inf") if self.why else self._due()
+        due = float("inf") if self.down_reason else self._due()
         up = due <= now
         if up and not self.up:
             self.since = now
@@ -108,7 +108,7 @@ class RadioLink:
         return ready + self.air.association_s
 
     def _wait(self, ap: _settings.RadioSettings) -> float:
-        rule = _law.within(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless)
+        rule = _law.find_rule(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless)
         if rule is None or not rule.dfs:
             return 0.0
         return self.air.weather_wait_s if ap.channel_mhz in _WEATHER else self.air.dfs_wait_s

@@ -23,9 +23,9 @@ LEGACY, WIFI = "/interface/wireless", "/interface/wifi"
 _CONFIGURATION = "configuration"
 _PARTS = ("channel", "security", "datapath")
 _IDLE = ("comment", "name", "arp", "arp-timeout")
-"""With these a radio goes on; everything else makes it start anew. Assumption: radio-restart"""
+"""Properties that do not restart the radio; a change of any other does. Assumption: radio-restart"""
 _USUAL_REACH_KM = 2.0
-"""Without `configuration.distance` (Manual, Configuring outdoor CPE to AP links)."""
+"""Range in km without `configuration.distance` (Manual, Configuring outdoor CPE to AP links)."""
 
 
 def radio_item(core: Core, name: str) -> tuple[Table, StoredItem] | None:

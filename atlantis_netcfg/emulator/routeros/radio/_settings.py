@@ -17,7 +17,7 @@ class Driver(Enum):
 
 
 NEWEST = ("a", "n", "ac", "ax", "be")
-"""Standards of 5 GHz, each of which knows those before it."""
+"""Standards of 5 GHz, each of which includes the earlier ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,35 +29,35 @@ class RadioSettings:
     radio_name: str
     is_enabled: bool
     mode: str
-    """The device's own word: `bridge`, `ap-bridge`, `ap`, `station-bridge` ..."""
+    """Mode as the device names it: `bridge`, `ap-bridge`, `ap`, `station-bridge` ..."""
     bridges_stations: bool
-    """An access point takes `station-bridge` (`bridge-mode=enabled`)."""
+    """The access point accepts `station-bridge` (`bridge-mode=enabled`)."""
     protocol: str
-    """Its word for `wireless-protocol`; `802.11` with the newer driver."""
+    """Value of `wireless-protocol`; `802.11` with the newer driver."""
     ssid: str
     band: str
     width: str
     frequency: int | None
-    """What an access point uses; None: it chooses."""
+    """Frequency of an access point in MHz; None: it chooses one."""
     scans: tuple[tuple[int, int], ...] | None
-    """Where a station looks for its access point; None: wherever its country allows."""
+    """Frequency ranges that a station scans; None: all that its country allows."""
     country: str
     outdoor: bool
     lawless: bool
-    """`frequency-mode=superchannel`: every channel of the card."""
+    """`frequency-mode=superchannel`: every channel of the card is allowed."""
     authentication: frozenset[str]
     passphrase: str
     nv2_key: str | None
     """None: `nv2-security=disabled`."""
     reach_km: float | None
-    """The greatest distance for which it is set, where there is a limit."""
+    """Maximum configured distance in km; None: no limit."""
     power_dbm: float
     gain_dbi: float
     refuses: frozenset[str]
-    """MAC addresses that its access list or connect list turns away; `*` is everybody whom it does not name."""
+    """MAC addresses rejected by its access list or connect list; `*` stands for all that it does not name."""
     admits: frozenset[str]
     rest: frozenset[tuple[str, str]] = frozenset()
-    """Everything else that its row says: no matter of the other end, but a change makes the radio start anew."""
+    """All other properties of the row: irrelevant to the other end, but a change restarts the radio."""
 
     @property
     def is_ap(self) -> bool:
@@ -116,12 +116,12 @@ class Peer:
 
     settings: RadioSettings
     signal_dbm: float
-    """What we hear of it."""
+    """Level at which this end receives the peer."""
     theirs_dbm: float
-    """What it hears of us."""
+    """Level at which the peer receives this end."""
     channel_mhz: int
     since: float
-    """On the clock of the twin."""
+    """Start of the link on the emulator's clock."""
     distance_km: int
 
 
@@ -140,20 +140,20 @@ class Air(BaseModel):
 
     distance_m: float = Field(default=150.0, gt=0)
     loss_db: float = Field(default=0.0, ge=0)
-    """Lost besides free space: a mast in the way, an antenna that points elsewhere."""
+    """Loss besides free space, for example a mast in the path or a misaligned antenna."""
     sensitivity_dbm: float = -85.0
-    """Below, a radio hears nothing: between the data sheets' figures for 6 and 24 Mbit/s. Assumption: radio-restart"""
+    """Reception limit: between the data sheets' figures for 6 and 24 Mbit/s. Assumption: radio-restart"""
     association_s: float = Field(default=3.0, ge=0)
-    """From the moment at which the access point can be heard until the station is registered."""
+    """Seconds from first reception of the access point until the station is registered."""
     dfs_wait_s: float = Field(default=60.0, ge=0)
-    """An access point listens for radar before it speaks on a DFS channel (ETSI EN 301 893)."""
+    """Seconds for which an access point checks a DFS channel for radar before transmitting (ETSI EN 301 893)."""
     weather_wait_s: float = Field(default=600.0, ge=0)
-    """The same where weather radars are, 5600 to 5650 MHz."""
+    """The same on weather radar channels, 5600 to 5650 MHz."""
     radar_mhz: tuple[int, ...] = ()
-    """Channels on which a radar is always heard: an access point never speaks there."""
+    """Channels on which radar is always detected, so that an access point never transmits there."""
     lowest_mhz: int = 2300
     highest_mhz: int = 6100
-    """What the antennas are made for."""
+    """Upper frequency limit of the antennas."""
 
 
 class RadioPair(BaseModel):
@@ -164,7 +164,7 @@ class RadioPair(BaseModel):
     near: str
     far: str
     near_radio: str = "wlan1"
-    """Factory name."""
+    """Factory name of the radio."""
     far_radio: str = "wlan1"
     air: Air = Air()
 
@@ -176,4 +176,4 @@ class RadioPair(BaseModel):
 
 
 NOISE_DBM = -110
-"""What `noise-floor` shows of a quiet 20 MHz channel (sample of the manual, Wireless Interface)."""
+"""Value of `noise-floor` on a quiet 20 MHz channel (sample of the manual, Wireless Interface)."""

@@ -21,7 +21,7 @@ class Key(Enum):
 
     ENTER = auto()
     FEED = auto()
-    """A line feed that follows Enter: clients send CR LF."""
+    """A line feed after Enter: clients send CR LF."""
     BACKSPACE = auto()
     DELETE = auto()
     LEFT = auto()
@@ -38,7 +38,7 @@ class Key(Enum):
     EOF = auto()
     SAFE = auto()
     TERMINAL_ID = auto()
-    """The terminal says what it is."""
+    """Identification sent by the terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,13 +263,13 @@ class Screen:
 
     colours: bool = True
     dumb: bool = False
-    """No escape sequences at all, and no paging."""
+    """No escape sequences and no paging."""
     detect: bool = True
-    """Ask the terminal what and how large it is."""
+    """Query the terminal for its type and size."""
     width: int = _WIDTH
     height: int = _HEIGHT
     requested_size: tuple[int, int] = (0, 0)
-    """Width and height that the flags ask for; zero where they say nothing."""
+    """Width and height requested by the login flags; zero: not given."""
 
     def resize(self, width: int, height: int) -> Screen:
         """Return a copy with another size; zero keeps the old value."""

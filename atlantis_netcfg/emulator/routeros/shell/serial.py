@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _MOST = 65536
 _BUFFER_SIZE = 262144
-"""Bytes that wait for a listener; older ones are lost, as on a line that nobody listens to."""
+"""Size of the output buffer in bytes without a reader; older output is lost, as on an unconnected line."""
 _LOGIN_FAILED = "Login failed, incorrect username or password"
 _GOING_DOWN = "\r\nRebooting...\r\n"
 _STARTING = "\r\nRouterBOOT booter {version}\r\n\r\n{board}\r\n\r\nloading kernel... OK\r\nStarting services...\r\n"

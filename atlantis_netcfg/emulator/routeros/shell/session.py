@@ -125,7 +125,7 @@ class Greeting:
 
 
 _PROBE = "\x1bZ\x1b[9999B\x1b[9999C\x1b[6n\r"
-"""What are you, and how far does your cursor go.
+"""Terminal query for identification and for the last cursor position.
 
 tik4net, Docs/findings-cli.md; community.routeros answers the first.
 """
@@ -145,7 +145,7 @@ class ConsoleSession:
         self.talk = talk
         self.over = False
         self.quitted = False
-        """It ended by `/quit`: what was done in safe mode stays."""
+        """The session ended by `/quit`: changes made in safe mode are kept."""
         self._write = write
         self._sized = has_size or not screen.detect
         self._keyboard = keys.Keyboard()
@@ -156,7 +156,7 @@ class ConsoleSession:
         self._answer: Callable[[str], Awaitable[None]]
         self._pages = keys.Pages("", screen)
         self.begun = False
-        """The terminal is known, or will not be."""
+        """Whether the terminal was identified, or identification was given up."""
 
     @property
     def screen(self) -> keys.Screen:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 _VERSION = "ROSSSH"
-"""What RouterOS calls its SSH server."""
+"""Name of the SSH server of RouterOS."""
 
 
 class SshConnection:
@@ -104,7 +104,7 @@ class SshConnection:
 
     async def work(self) -> None:
         """Serve SSH until the connection ends."""
-        import asyncssh  # noqa: PLC0415 (slow to load, and most twins are never asked for SSH)
+        import asyncssh  # noqa: PLC0415 (slow to load, and most emulators get no SSH connection)
 
         logging.getLogger("asyncssh").setLevel(logging.CRITICAL)
         await self._accepted.wait()
@@ -245,12 +245,12 @@ class SshConnection:
         """Register a channel with a console."""
         self._shells.append(shell)
 
-    def shut(self, shell: SshShell) -> None:
+    def remove_shell(self, shell: SshShell) -> None:
         """Unregister a closed channel."""
         if shell in self._shells:
             self._shells.remove(shell)
 
-    def go(self, work: Coroutine[Any, Any, None]) -> None:
+    def start_task(self, work: Coroutine[Any, Any, None]) -> None:
         """Start a background task; it ends with the router, not with the connection."""
         task = asyncio.create_task(work)
         self._tasks.add(task)
@@ -331,7 +331,7 @@ class SshShell:
     def start(self) -> None:
         """Start in the background: typed commands are completed even if the client has gone."""
         self._connection.add_shell(self)
-        self._connection.go(self._work())
+        self._connection.start_task(self._work())
 
     def tell(self) -> None:
         """Show pending messages of the router."""
@@ -349,7 +349,7 @@ class SshShell:
         except ConnectionLost:
             pass
         finally:
-            self._connection.shut(self)
+            self._connection.remove_shell(self)
             self._connection.end_channel(caller)
 
     async def _obey(self, caller: Caller, command: str) -> None:

@@ -99,7 +99,7 @@ class Prefixes(_plain.ValueType):
     many: bool = False
     v6: bool = True
     empty: str | None = None
-    """What an empty text stands for; None: it is refused."""
+    """Meaning of an empty text; None: it is rejected."""
 
     def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Normalise each network."""

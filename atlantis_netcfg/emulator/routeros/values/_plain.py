@@ -231,7 +231,7 @@ class Choices(ValueType):
     words: tuple[str, ...]
     is_ordered: bool = True
     has_signs: bool = False
-    """Each word may have its own `!` (tcp-flags)."""
+    """Each word may have its own `!`, as in tcp-flags."""
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Accept a comma-separated list; an empty text is the empty set."""

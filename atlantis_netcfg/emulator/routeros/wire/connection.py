@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Sentence = tuple[str, ...]
 
 _FORMS = ((0x80, 1, 0), (0x4000, 2, 0x8000), (0x20_0000, 3, 0xC0_0000), (0x1000_0000, 4, 0xE000_0000))
-"""Length below, bytes on the wire, marker bits."""
+"""Upper limit of the length, bytes on the wire, marker bits."""
 
 _FIVE_BYTES = 0xF0
 _FIRST_RESERVED = 0xF8
@@ -130,11 +130,11 @@ class Connection:
         self._inbox: deque[_InboxItem] = deque()
         self._news = asyncio.Event()
         self._writes: list[bool] = []
-        """Of every sentence that came, whether it is no `print`."""
+        """For each sentence received, whether it is something other than `print`."""
         self._sent = self._completed = 0
         self._listened = -1
         self._mute = False
-        """The router hangs: it hears and says nothing any more."""
+        """The router hangs: it no longer receives or sends anything."""
         self._closed = False
 
     @property

@@ -7,7 +7,17 @@ import socket
 import struct
 from typing import TYPE_CHECKING, Protocol, cast
 
-from atlantis_netcfg.emulator.routeros.wire import link
+from atlantis_netcfg.emulator.routeros.wire.link import (
+    Chunk,
+    DelayLine,
+    Direction,
+    LineEnd,
+    LinkFault,
+    TrafficCounters,
+    WireBehaviour,
+    WireLink,
+    WirePace,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -21,7 +31,7 @@ if TYPE_CHECKING:
 class LinkMember(Protocol):
     """A connection from the router's side."""
 
-    tally: link.TrafficCounters
+    tally: TrafficCounters
     pipe: Pipe
 
     def drop(self) -> None:
@@ -44,7 +54,7 @@ class RouterHost(Protocol):
     """Interface of the router for its connections."""
 
     @property
-    def bearer(self) -> link.WireBearer:
+    def link(self) -> WireLink:
         """The link that carries the bytes."""
 
     @property
@@ -52,11 +62,11 @@ class RouterHost(Protocol):
         """Cleared while the link is interrupted."""
 
     @property
-    def knobs(self) -> link.WireBehaviour:
+    def knobs(self) -> WireBehaviour:
         """The current adjustable behaviour."""
 
     @property
-    def pace(self) -> link.WirePace:
+    def pace(self) -> WirePace:
         """The router's response times."""
 
     @property
@@ -92,10 +102,10 @@ class RouterHost(Protocol):
     def watch(self, task: asyncio.Task[None]) -> None:
         """Stop the emulator with an error if `task` fails."""
 
-    def upon(self, command: str) -> list[link.LinkFault]:
+    def upon(self, command: str) -> list[LinkFault]:
         """Count a sentence; return the faults that apply to it."""
 
-    def strike(self, fault: link.LinkFault) -> None:
+    def strike(self, fault: LinkFault) -> None:
         """Apply a fault that affects more than one connection."""
 
     async def settle(self) -> None:
@@ -182,7 +192,7 @@ class RouterEnd(Protocol):
     def handle_accept(self) -> None:
         """Handle the accepted connection."""
 
-    def handle_chunk(self, chunk: link.Chunk) -> None:
+    def handle_chunk(self, chunk: Chunk) -> None:
         """Handle data from the client."""
 
     def handle_loss(self) -> None:
@@ -203,13 +213,13 @@ class Pipe(asyncio.Protocol):
         self.end: RouterEnd
         self.established = False
         self.lost = False
-        """The router has forgotten this connection: whatever still comes is answered by RST."""
+        """The router has dropped this connection: further data are answered with RST."""
         self.ended = False
         self._host = host
         self._path = False
         self._vanished = False
-        self._held_up: list[link.Chunk] = []
-        self._held_down: list[link.Chunk] = []
+        self._held_up: list[Chunk] = []
+        self._held_down: list[Chunk] = []
         self._received = self._answered = 0
         self._tasks: list[asyncio.Task[None]] = []
         self._silence: asyncio.TimerHandle | None = None
@@ -219,10 +229,10 @@ class Pipe(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Handle a new client's SYN."""
         self._transport = cast("asyncio.Transport", transport)
-        bearer, air = self._host.bearer, self._host.air
-        self._up = link.DelayLine(bearer, link.Direction.UP, air, self._arrive)
-        self._down = link.DelayLine(bearer, link.Direction.DOWN, air, self._leave)
-        self._up.earliest = asyncio.get_running_loop().time() + bearer.connect_s
+        site_link, air = self._host.link, self._host.air
+        self._up = DelayLine(site_link, Direction.UP, air, self._arrive)
+        self._down = DelayLine(site_link, Direction.DOWN, air, self._leave)
+        self._up.earliest = asyncio.get_running_loop().time() + site_link.connect_s
         self._tasks = [asyncio.create_task(work) for work in (self._up.pump(), self._down.pump(), self.end.work())]
         for task in self._tasks:
             self._host.watch(task)
@@ -231,40 +241,40 @@ class Pipe(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Handle data from the client."""
-        self._up.put(link.Chunk(data, heard_count=self._received, answer_count=self._answered))
+        self._up.put(Chunk(data, heard_count=self._received, answer_count=self._answered))
 
     def eof_received(self) -> bool:
         """Handle the client's EOF; the router may still respond."""
-        self._up.put(link.Chunk(end=link.LineEnd.FIN))
+        self._up.put(Chunk(end=LineEnd.FIN))
         return True
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Handle the client's closed socket; the router learns it if the path is open."""
         del exc
         if not self.ended:
-            self._up.put(link.Chunk(end=link.LineEnd.RST))
+            self._up.put(Chunk(end=LineEnd.RST))
 
-    def _leave(self, chunk: link.Chunk) -> None:
+    def _leave(self, chunk: Chunk) -> None:
         """Deliver the router's data to the client."""
         if chunk.end is not None:
-            self.stop(reset=chunk.end is link.LineEnd.RST)
+            self.stop(reset=chunk.end is LineEnd.RST)
         elif not self._transport.is_closing():
             self._transport.write(chunk.data)
             self._received, self._answered = chunk.heard_count, chunk.answer_count
 
     # The router's end.
 
-    def _arrive(self, chunk: link.Chunk) -> None:
+    def _arrive(self, chunk: Chunk) -> None:
         if self.ended:
             return
         if not self._path:
             self._held_up.append(chunk)
         elif self.lost:
-            self._down.put(link.Chunk(end=link.LineEnd.RST))
+            self._down.put(Chunk(end=LineEnd.RST))
         else:
             self.end.handle_chunk(chunk)
 
-    def depart(self, chunk: link.Chunk) -> None:
+    def depart(self, chunk: Chunk) -> None:
         """Send the router's data, or hold them while its own configuration blocks the path."""
         if self.ended or self.lost:
             return
@@ -292,7 +302,7 @@ class Pipe(asyncio.Protocol):
         self.established = True
         self.lost = not self._host.admits(self.service)
         if self.lost:
-            self._down.put(link.Chunk(end=link.LineEnd.RST))
+            self._down.put(Chunk(end=LineEnd.RST))
         else:
             self.end.handle_accept()
 
@@ -321,7 +331,7 @@ class Pipe(asyncio.Protocol):
     def farewell(self) -> None:
         """Close the connection before a shutdown: EOF if the path is open."""
         if self._path:
-            self._down.put(link.Chunk(end=link.LineEnd.FIN))
+            self._down.put(Chunk(end=LineEnd.FIN))
         self.forget()
 
     def vanish(self) -> None:

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 
 SEGMENT = 1400
-"""Bytes that travel together: a TCP segment within a tunnel's MTU."""
+"""Bytes forwarded as one unit: a TCP segment within a tunnel's MTU."""
 HEADERS = 54
-"""Ethernet 14, IP 20, TCP 20: what a port's byte counter has for a segment besides its payload.
+"""Ethernet 14, IP 20, TCP 20: bytes counted by a port for each segment in addition to the payload.
 
 Assumption: port-counters
 """
@@ -45,23 +45,23 @@ class RouterLink(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     delay_s: float = Field(default=0.0, ge=0)
-    """One way: half of the round trip."""
+    """One-way delay in seconds, half of the round trip."""
     rate_up_bps: float | None = Field(default=None, gt=0)
-    """From the client to the router; None is unlimited."""
+    """Rate from the client to the router; None: unlimited."""
     rate_down_bps: float | None = Field(default=None, gt=0)
-    """From the router to the client."""
+    """Rate from the router to the client; None: unlimited."""
     up: LinkShape | None = None
-    """All that the link does from the client to the router, in place of delay and rate."""
+    """Link behaviour from the client to the router, used instead of delay and rate; None: not used."""
     down: LinkShape | None = None
     """The same from the router to the client."""
     stall_every: int | None = Field(default=None, ge=1)
-    """Every n-th segment of a direction is lost once: TCP sends it again, and all behind it waits."""
+    """Every n-th segment of a direction is lost once: TCP retransmits it, and all later data wait. None: no loss."""
     stall_s: float = Field(default=1.0, ge=0)
-    """Until TCP has sent the lost segment again."""
+    """Seconds until TCP has retransmitted the lost segment."""
     tcp_connect: bool = True
-    """The connection itself costs a round trip, which loopback would give away."""
+    """Opening the connection costs a round trip, as it would not on loopback."""
     port: str | None = None
-    """Factory name of the port that the bearer hangs on, whose counters rise; None: the technician's."""
+    """Factory name of the port of this link, whose counters rise; None: the technician's port."""
 
 
 class Direction(Enum):
@@ -96,14 +96,14 @@ class Chunk:
             yield replace(self, data=self.data[at : at + SEGMENT])
 
 
-class WireBearer:
+class WireLink:
     """Link state shared by all connections: when each direction is free, and the segments sent."""
 
     def __init__(self, link: RouterLink) -> None:
         self._link, self._tcp = link, _tcp(link)
         self._segments = dict.fromkeys(Direction, 0)
         self.count: Callable[[str | None, Direction, int], None] = _ignore_count
-        """Told the link's port and every segment's bytes, its headers included; acknowledgements are not."""
+        """Called with the link's port and every segment's bytes, including headers; not for acknowledgements."""
 
     @property
     def link(self) -> RouterLink:
@@ -147,9 +147,9 @@ class DelayLine:
     """
 
     def __init__(
-        self, bearer: WireBearer, direction: Direction, air: asyncio.Event, deliver: Callable[[Chunk], None]
+        self, link: WireLink, direction: Direction, air: asyncio.Event, deliver: Callable[[Chunk], None]
     ) -> None:
-        self._bearer = bearer
+        self._link = link
         self._direction = direction
         self._air = air
         self._deliver = deliver
@@ -157,13 +157,13 @@ class DelayLine:
         self._news = asyncio.Event()
         self._last = 0.0
         self.earliest = 0.0
-        """Nothing departs before: the TCP connection is not yet there."""
+        """Nothing is sent before this time, because the TCP connection is not open yet."""
 
     def put(self, chunk: Chunk) -> None:
         """Queue a chunk at the sending end."""
         departure = max(asyncio.get_running_loop().time(), self.earliest)
         for piece in chunk.segments():
-            arrival = self._bearer.arrival(self._direction, len(piece.data), departure)
+            arrival = self._link.arrival(self._direction, len(piece.data), departure)
             self._last = max(self._last, arrival)
             self._queue.append((self._last, piece))
         self._news.set()
@@ -186,21 +186,21 @@ class FaultKind(StrEnum):
     """Kind of fault."""
 
     GAP = "gap"
-    """The bearer carries nothing for `seconds`; TCP survives it."""
+    """The link carries nothing for `seconds`; TCP survives it."""
     DROP = "drop"
-    """The connection is reset under both ends at once; what was under way is lost."""
+    """The connection is reset at both ends at once; data in transit are lost."""
     VANISH = "vanish"
-    """The connection goes silent for good and neither end is told: the cable was pulled."""
+    """The connection goes silent for good without notice to either end, as if the cable was pulled."""
     REBOOT = "reboot"
-    """The router reboots: EOF, and back after `boot_s`."""
+    """The router reboots: EOF, and available again after `boot_s`."""
     POWER = "power"
-    """The router loses power: no EOF, and back after `boot_s`."""
+    """The router loses power: no EOF, and available again after `boot_s`."""
     TRUNCATE = "truncate"
-    """The answer stops after `offset` bytes (half of it without), then EOF."""
+    """The response stops after `offset` bytes (half of it if not set), then EOF."""
     GARBAGE = "garbage"
-    """`data` stands in the answer at `offset`."""
+    """`data` is inserted into the response at `offset`."""
     HANG = "hang"
-    """The router never answers on this connection again."""
+    """The router never responds on this connection again."""
 
 
 class LinkFault(BaseModel):
@@ -210,17 +210,17 @@ class LinkFault(BaseModel):
 
     do: FaultKind
     sentence: int = Field(default=1, ge=1)
-    """Counted over all connections of the router from the moment of arming."""
+    """Number of the matching sentence, counted over all connections of the router from arming on."""
     match: str = "*"
     """Shell pattern for the command word, e.g. `/ip/firewall/*`; `*` counts `/login`, too.
 
-    A script that only has commands parsed is not `/execute`, which changes something, but `/execute :parse`.
+    A script that only has commands parsed is matched as `/execute :parse`; `/execute` changes something.
     """
     when: Literal["before", "after"] = "before"
-    """Before the sentence is executed, or after and before its answer leaves."""
+    """Before the sentence is executed, or afterwards but before its response is sent."""
     seconds: float = Field(default=0.0, ge=0)
     lines: int | None = Field(default=None, ge=0)
-    """With `when="after"`: only so many lines of the script in `/execute` are run before it strikes."""
+    """With `when="after"`: number of lines of the script in `/execute` that are run before the fault; None: all."""
     offset: int | None = Field(default=None, ge=0)
     data: str = "f8ffffff"
     """Bytes in hex; the default begins with a control byte that the manual reserves."""
@@ -283,17 +283,17 @@ class WireCounters:
     connections: int = 0
     logins: int = 0
     turns: int = 0
-    """Round trips: how often the client began to speak, at first or after it had heard something.
+    """Round trips: how often the client began to send, at first or after it had received something.
 
-    TLS is not counted; SSH is, key exchange and all.
+    TLS is not counted; SSH is, including the key exchange.
     """
     sentences: int = 0
-    """Of the API; over SSH lines, keys that are commands, and files."""
+    """API sentences; over SSH: lines, command keys, and files."""
     bytes_in: int = 0
-    """From the client, above TLS."""
+    """Bytes from the client, above TLS."""
     bytes_out: int = 0
     wire_in: int = 0
-    """From the client, as TCP carried it."""
+    """Bytes from the client, as carried by TCP."""
     wire_out: int = 0
 
     def plus(self, other: WireCounters) -> WireCounters:
@@ -322,19 +322,20 @@ class WireBehaviour(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     shuffle: int | None = None
-    """A seed: tagged sentences that arrived in one burst run in another order and their answers interleave.
+    """Seed: tagged sentences of one burst run in random order and their responses interleave.
 
     None: in order of arrival.
     """
     hang_at: int | None = Field(default=None, ge=1)
-    """The connection falls silent for good when so many sentences are unanswered.
+    """Number of unanswered sentences at which the connection falls silent for good; None: never.
 
-    A CHR 7.22.1 hung at 25 concurrent `/console/inspect` (`tikoci/restraml docs/mikrotik-bug-native-api-inspect.md`).
+    A CHR 7.22.1 hung at 25 concurrent `/console/inspect`
+    (`tikoci/restraml docs/mikrotik-bug-native-api-inspect.md`).
     """
     hang_writes_at: int | None = Field(default=None, ge=1)
-    """The same when so many sentences that are no `print` are unanswered."""
+    """The same for unanswered sentences other than `print`."""
     knee_after: int | None = Field(default=None, ge=0)
-    """So many sentences of all connections are answered at once; then each takes `knee_s` until the router was idle.
+    """Number of sentences of all connections without delay; later ones take `knee_s` until the router was idle.
 
     Seen on a CHR 7.23.2 after 120 to 220 (`danikf/tik4net Docs/findings-router-throughput-ceiling.md`).
     """
@@ -344,22 +345,22 @@ class WireBehaviour(BaseModel):
     """Every n-th sentence finds the router busy for `stall_s` (the same source saw 7 s and 30 s)."""
     stall_s: float = Field(default=7.0, ge=0)
     probe_s: float = Field(default=5.0, ge=0)
-    """How long a console waits for a terminal to say what it is. Assumption: console-first-login"""
+    """Seconds for which a console waits for the terminal's identification. Assumption: console-first-login"""
     boot_s: float = Field(default=60.0, ge=0)
-    """From a reboot or power cut until the API answers again."""
+    """Seconds from a reboot or power cut until the API responds again."""
     old_login: bool = False
-    """The login of before 6.43: the new form is answered by a challenge, too."""
+    """Login method from before 6.43: the new form also gets a challenge."""
     sentences_before_login: int = Field(default=8, ge=1)
-    """More without a login end the connection; the manual says that there is a limit, not which.
+    """Maximum number of sentences before login; more end the connection. The manual gives no number.
 
     Assumption: api-limit-words
     """
     word_before_login: int = Field(default=1024, ge=1)
     """Longest word before login, in bytes."""
     pipelined_login: bool = False
-    """Sentences that were sent before the answer to `/login` was there are accepted. Assumption: api-login-pipelined"""
+    """Sentences sent before the response to `/login` arrived are accepted. Assumption: api-login-pipelined"""
     tls: Literal["1.2", "1.3"] = "1.2"
-    """The newest TLS that the router speaks; `/ip/service tls-version` may only lower it."""
+    """Newest TLS version of the router; `/ip/service tls-version` can only lower it."""
 
 
 class WirePace:

@@ -6,9 +6,20 @@ import asyncio
 import random
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.wire import link, tls
+from atlantis_netcfg.emulator.routeros.wire import tls
 from atlantis_netcfg.emulator.routeros.wire.connection import Connection
 from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
+from atlantis_netcfg.emulator.routeros.wire.link import (
+    Direction,
+    FaultKind,
+    Faults,
+    LinkFault,
+    RouterLink,
+    TrafficCounters,
+    WireBehaviour,
+    WireLink,
+    WirePace,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping
@@ -29,9 +40,9 @@ class AccessPath:
         self._path = path
 
     @property
-    def bearer(self) -> link.WireBearer:
+    def link(self) -> WireLink:
         """The link, the same for all ports."""
-        return self._host.bearer
+        return self._host.link
 
     @property
     def air(self) -> asyncio.Event:
@@ -39,12 +50,12 @@ class AccessPath:
         return self._host.air
 
     @property
-    def knobs(self) -> link.WireBehaviour:
+    def knobs(self) -> WireBehaviour:
         """The current adjustable behaviour."""
         return self._host.knobs
 
     @property
-    def pace(self) -> link.WirePace:
+    def pace(self) -> WirePace:
         """The router's response times."""
         return self._host.pace
 
@@ -94,11 +105,11 @@ class AccessPath:
         """Stop the emulator with an error if `task` fails."""
         self._host.watch(task)
 
-    def upon(self, command: str) -> list[link.LinkFault]:
+    def upon(self, command: str) -> list[LinkFault]:
         """Count a sentence; return the faults that apply to it."""
         return self._host.upon(command)
 
-    def strike(self, fault: link.LinkFault) -> None:
+    def strike(self, fault: LinkFault) -> None:
         """Apply a fault that affects more than one connection."""
         self._host.strike(fault)
 
@@ -124,24 +135,24 @@ class Switchboard:
         *,
         on_change: Callable[[], Awaitable[None]],
         certificate: Callable[[str], Path | None],
-        tallies: list[link.TrafficCounters],
+        tallies: list[TrafficCounters],
         others: Mapping[str, Callable[[RouterHost, str], LinkMember]],
     ) -> None:
-        self.bearer = link.WireBearer(link.RouterLink())
+        self.link = WireLink(RouterLink())
         self.air = asyncio.Event()
         self.air.set()
-        self.pace = link.WirePace()
-        self.faults = link.Faults()
-        self.knobs = link.WireBehaviour()
+        self.pace = WirePace()
+        self.faults = Faults()
+        self.knobs = WireBehaviour()
         self.chance: random.Random | None = None
         self.booting = False
         self.radio: Callable[[], None] | None = None
-        """Told when the configuration is another one, and when the router goes down or comes back."""
+        """Called when the configuration changes, and when the router goes down or comes back."""
         self.carried: Callable[[], bool] | None = None
-        """Whether what lies before the router lets packets through; None: a cable, which does."""
+        """Whether the path in front of the router carries packets; None: a cable, which always does."""
         self.failure: BaseException | None = None
         self._device = device
-        self.bearer.count = self._count
+        self.link.count = self._count
         self._path = device.spec.management
         self._on_change = on_change
         self._certificate = certificate
@@ -153,9 +164,9 @@ class Switchboard:
         self._settling = asyncio.Lock()
         self._timers: list[asyncio.TimerHandle] = []
         self.ahead_s = 0.0
-        """How far the time of the device is ahead of the loop's."""
+        """Seconds by which the device's time is ahead of the event loop's."""
         self.line: MemberLine | None = None
-        """The serial line, beside the network."""
+        """Serial line, in addition to the network; None: there is none."""
         self._gap_until = 0.0
         self._clock: asyncio.Task[None] | None = None
 
@@ -188,14 +199,14 @@ class Switchboard:
         self._connections[connection.pipe] = connection
         return connection.pipe
 
-    def turn(self, knobs: link.WireBehaviour) -> None:
+    def turn(self, knobs: WireBehaviour) -> None:
         """Set the adjustable behaviour and restart the shuffling."""
         self.chance = None if knobs.shuffle is None else random.Random(knobs.shuffle)  # noqa: S311 (repeatable, no secret)
         self.knobs = knobs
 
-    def _count(self, port: str | None, direction: link.Direction, size: int) -> None:
+    def _count(self, port: str | None, direction: Direction, size: int) -> None:
         """Count bytes; the device resets the counters at restart, as a router does."""
-        self._device.core.count(port or self._path.port, is_received=direction is link.Direction.UP, size=size)
+        self._device.core.count(port or self._path.port, is_received=direction is Direction.UP, size=size)
 
     # Faults.
 
@@ -276,16 +287,16 @@ class Switchboard:
         """Handle the end of a connection at both ends."""
         self._connections.pop(pipe, None)
 
-    def upon(self, command: str) -> list[link.LinkFault]:
+    def upon(self, command: str) -> list[LinkFault]:
         """Count a sentence; return the faults that apply to it."""
         return self.faults.upon(command)
 
-    def strike(self, fault: link.LinkFault) -> None:
+    def strike(self, fault: LinkFault) -> None:
         """Apply a fault that affects more than one connection."""
-        if fault.do is link.FaultKind.GAP:
+        if fault.do is FaultKind.GAP:
             self.gap(fault.seconds)
-        elif fault.do in (link.FaultKind.REBOOT, link.FaultKind.POWER):
-            self.reboot(clean=fault.do is link.FaultKind.REBOOT)
+        elif fault.do in (FaultKind.REBOOT, FaultKind.POWER):
+            self.reboot(clean=fault.do is FaultKind.REBOOT)
 
     async def settle(self) -> None:
         """Apply changes of the router to its connections: reboot, listeners, flash, path."""

@@ -24,15 +24,15 @@ _IPV6_HOPLIMIT = 52
 _IP_MTU_DISCOVER = 10
 _IPV6_MTU_DISCOVER = 23
 _NO_FRAGMENTS = 3
-"""IP_PMTUDISC_PROBE: the DF bit, whatever the kernel believes of the path."""
+"""IP_PMTUDISC_PROBE: set the DF bit and ignore the kernel's path MTU."""
 _LONGEST = 65536
 _RECEIVE_BUFFER = 1 << 22
-"""As much of it as the kernel grants: what finds no room there would look like loss of the link."""
+"""Requested receive buffer; the kernel may grant less. An overflow would look like packet loss of the link."""
 _AT_ONCE = 64
-"""How many datagrams are answered before the loop looks at its signals again."""
+"""Maximum number of datagrams answered before the loop checks its signals again."""
 _UNKNOWN_TTL = 255
 _QUEUE_S = 0.05
-"""How long a full queue of this computer is waited for."""
+"""Seconds to wait while this computer's send queue is full."""
 
 
 def open_socket(address: str, port: int) -> socket.socket:

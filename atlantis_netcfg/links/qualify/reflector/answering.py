@@ -55,21 +55,21 @@ _SESSIONS = 256
 _SOURCES = 1024
 _MESSAGES = 64
 _CHUNKS = 1 << 18
-"""How many chunks the messages of a session have together: a bit is kept for each."""
+"""Maximum number of chunks in all messages of a session; one bit is stored for each."""
 _FRESH_S = 60.0
-"""How old a packet of a synchronised sender is at most: the longest gap of a link is shorter, no queue is longer."""
+"""Maximum packet age if the sender's clock is synchronised: longer than any gap or queue of a link."""
 _FRESH_UNSYNCHRONISED_S = 86_400.0
-"""The same of a sender whose clock nothing disciplines: such a laptop is off by minutes, after years by hours."""
+"""The same for a sender without clock synchronisation: such a laptop is off by minutes, after years by hours."""
 _WINDOW = 8192
-"""How far behind the newest packet of a session an older one is still answered."""
+"""How many packets an older one may be behind the newest of its session and still be answered."""
 _IDLE_NS = 900 * 1_000_000_000
 _BURST_S = 0.25
 _LEAST_BURST = 65536
 _SENDINGS = 64
-"""How many requested messages are under way at most; a request beyond that is answered by its status."""
+"""Maximum number of requested messages in transit; a further request is answered by its status only."""
 _NEVER = 1 << 63
 _LAG_NS = 20_000_000
-"""What a timer was late by is made up for, and no more: the rest of a pace is not sent in one burst."""
+"""Maximum delay of a timer that is made up for: a paced message is not sent in one burst."""
 
 
 @dataclass
@@ -78,22 +78,22 @@ class Statistics:
 
     answered: int = 0
     refused: int = 0
-    """Not authenticated, or no packet of STAMP."""
+    """Packets that are not authenticated or not STAMP."""
     stale: int = 0
-    """Sent too long ago, or by a clock that is ahead."""
+    """Packets sent too long ago, or by a clock that is ahead."""
     replayed: int = 0
     limited: int = 0
     requested: int = 0
-    """Chunks that were sent because an authenticated request asked for them."""
+    """Chunks sent because an authenticated request asked for them."""
 
 
 @dataclass
 class _PartialMessage:
     count: int
     have: int = 0
-    """A bit for each chunk."""
+    """Bit set of the received chunks."""
     chunks: int = 0
-    """How many bits are set."""
+    """Number of received chunks (bits set in `have`)."""
     size: int = 0
     first: int = 0
     last: int = 0
@@ -103,20 +103,20 @@ class _PartialMessage:
 class _TestSession:
     used_ns: int
     after: int = -1
-    """Timestamps up to this belong to an earlier session of the same identifier."""
+    """Timestamps up to this one belong to an earlier session with the same identifier."""
     sequence: int = 0
     highest: int = -1
     seen_bits: int = 0
-    """A bit for each of the packets up to the highest; bit 0 is that."""
+    """Bit set of the received packets up to the highest number, which is bit 0."""
     newest: int = 0
-    """The greatest timestamp of its sender."""
+    """Highest timestamp of its sender."""
     received_count: int = 0
     duplicates: int = 0
     limited_count: int = 0
     answered_count: int = 0
     messages: OrderedDict[int, _PartialMessage] = field(default_factory=OrderedDict)
     chunks_by_message: OrderedDict[int, int] = field(default_factory=OrderedDict)
-    """For each message that it has requested: how many chunks were sent."""
+    """Number of chunks sent for each message that the session has requested."""
 
     def has_seen(self, sequence: int) -> bool:
         """Return whether a packet was received before, or is too old to decide."""
@@ -183,9 +183,9 @@ class Reflector:
         self._clock = clock
         self._sessions: OrderedDict[object, _TestSession] = OrderedDict()
         self._ended: dict[int, int] = {}
-        """For each identifier of an authenticated session that is forgotten: its sender's newest timestamp."""
+        """Newest sender timestamp of each authenticated session that was dropped, by identifier."""
         self._tokens: OrderedDict[str | int, tuple[float, int]] = OrderedDict()
-        """Of source addresses and of session identifiers."""
+        """Rate-limit tokens of source addresses and session identifiers."""
         self._sendings: list[_Sending] = []
         self._secret = secrets.token_bytes(32)
 
@@ -241,7 +241,7 @@ class Reflector:
     def _extensions(self, session: _TestSession, arrival: _ReceivedPacket) -> Tlvs | None:
         """Return the TLVs of the response; None if no response is due now."""
         if arrival.chunk is not None:
-            asks = self._keep(session, arrival.chunk, arrival.at_ns)
+            asks = self._record_chunk(session, arrival.chunk, arrival.at_ns)
             return (_acknowledgement(session, arrival.chunk),) if asks else None
         if arrival.request is not None:
             return self._request(session, arrival, arrival.request)
@@ -365,7 +365,7 @@ class Reflector:
             if following is not None:
                 following.due_ns = max(sending.due_ns, following.arrival.at_ns)
 
-    def _keep(self, session: _TestSession, chunk: MessageChunk, received_ns: int) -> bool:
+    def _record_chunk(self, session: _TestSession, chunk: MessageChunk, received_ns: int) -> bool:
         """Record a chunk; return whether it requests a response."""
         message = session.messages.setdefault(chunk.message, _PartialMessage(chunk.count))
         chunk_count = sum(each.count for each in session.messages.values())

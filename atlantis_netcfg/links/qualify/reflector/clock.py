@@ -16,14 +16,14 @@ _STA_UNSYNC = 0x40
 _TIME_ERROR = 5
 LEAST_ERROR_S = 0.1
 UNKNOWN_ERROR_S = 1.0
-"""Where nothing disciplines the clock; no more than a number for it."""
+"""Error in seconds that is reported for an unsynchronised clock; a nominal value only."""
 
 
 class ClockState(NamedTuple):
     """The clock state for the error estimate of a test packet (RFC 4656, 4.1.2)."""
 
     is_synchronised: bool
-    """To UTC, by an external source."""
+    """Whether the clock is synchronised to UTC by an external source."""
     error_s: float
 
 

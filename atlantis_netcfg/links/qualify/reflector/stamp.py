@@ -22,13 +22,13 @@ MIN_KEY_SIZE = 16
 PADDING = 1
 HMAC_TLV = 8
 COUNTERS = 252
-"""Private. A request has 16 zero octets, the reply the reflector's `ReflectorCounters`."""
+"""Private type. A request has 16 zero octets; the reply has the reflector's `ReflectorCounters`."""
 CHUNK = 253
-"""Private. A request has a `MessageChunk`, the reply an `Acknowledgement`; the reply to a `REQUEST` has a chunk."""
+"""Private type: `MessageChunk` in a request, `Acknowledgement` in its reply; a reply to `REQUEST` has a chunk."""
 REQUEST = 254
-"""Private, authenticated alone. A request has a `MessageRequest`; its reply a `RequestStatus`, or a `CHUNK`."""
+"""Private type, only if authenticated: `MessageRequest` in a request; `RequestStatus` or `CHUNK` in its reply."""
 FLAG_UNRECOGNISED = 0x80
-"""A sender sets it; a reflector that knows the type clears it."""
+"""Set by the sender; a reflector that knows the type clears it."""
 FLAG_MALFORMED = 0x40
 INTEGRITY = 0x20
 
@@ -50,17 +50,17 @@ _STATUS = struct.Struct(">IHxxI8x16s")
 _MOST_CHUNKS = 0xFFFF
 _MOST_TLVS = 64
 _MOST_RESIDENCE = 60 << 32
-"""In NTP's units: no reflector keeps a packet for longer."""
+"""Maximum time of a packet at the reflector, in NTP units of 2**-32 s."""
 MISSING = 16
-"""How many missing chunks an acknowledgement names at most."""
+"""Maximum number of missing chunks that one acknowledgement lists."""
 
 TLV_SIZE = _TLV.size
 HMAC_TLV_SIZE = TLV_SIZE + _HMAC_SIZE
 CHUNK_HEADER_SIZE = TLV_SIZE + _CHUNK.size
 ACKNOWLEDGEMENT_SIZE = TLV_SIZE + _ACKNOWLEDGEMENT.size + 2 * MISSING
-"""The longest one."""
+"""Maximum size of an acknowledgement."""
 REQUEST_SIZE = TLV_SIZE + _REQUEST.size
-"""Of a `MessageRequest`, and of the `RequestStatus` that answers it."""
+"""Size of a `MessageRequest`, and of the `RequestStatus` that answers it."""
 TOKEN_SIZE = 16
 
 
@@ -206,11 +206,11 @@ class ReflectorCounters:
     """The reflector's counters for this session, without the packets that request these counters."""
 
     received_count: int
-    """All that came, also those that it did not answer."""
+    """All received packets, including those not answered."""
     duplicates: int
-    """Of these: had come before."""
+    """Received packets that had arrived before."""
     limited_count: int
-    """Of these: more than its rate for a source allows. They look like loss."""
+    """Received packets above the rate limit of a source; for the sender they look like loss."""
     answered_count: int
 
     def encode(self) -> bytes:
@@ -235,7 +235,7 @@ class MessageChunk:
     count: int
     acknowledge: bool
     data: bytes = b""
-    """Empty: only the acknowledgement is wanted."""
+    """Empty: only the acknowledgement is requested."""
 
     def encode(self) -> bytes:
         """Encode as the value of a TLV."""
@@ -260,15 +260,15 @@ class Acknowledgement:
 
     message: int
     size: int
-    """Octets of it that have arrived, each counted once."""
+    """Received octets of the message, each counted once."""
     missing: int
-    """Chunks that have not."""
+    """Number of chunks that have not arrived."""
     first: int
-    """When the first chunk came: 64 bits of NTP; 0: none has."""
+    """Arrival time of the first chunk, in NTP's 64 bits; 0: none has arrived."""
     last: int
-    """When the latest of those came that were new."""
+    """Arrival time of the latest chunk that was not a duplicate."""
     indexes: tuple[int, ...]
-    """The first of the missing ones."""
+    """Numbers of the first missing chunks."""
 
     def encode(self) -> bytes:
         """Encode as the value of a TLV."""
@@ -295,13 +295,13 @@ class MessageRequest:
     message_size: int
     first: int
     count: int
-    """0: only the `RequestStatus` is wanted."""
+    """Number of requested chunks; 0: only the `RequestStatus` is requested."""
     packet: int
-    """UDP payload of a chunk's packet at most."""
+    """Maximum UDP payload of a chunk's packet."""
     pace_kbps: int
-    """At which rate of UDP payload the chunks leave; 0: at once."""
+    """Rate of UDP payload at which the chunks are sent; 0: at once."""
     token: bytes = bytes(TOKEN_SIZE)
-    """What a `RequestStatus` of this reflector gave to this address; without it nothing is sent."""
+    """Token that a `RequestStatus` of this reflector gave to this address; without it nothing is sent."""
 
     @property
     def chunks(self) -> int:
@@ -336,9 +336,9 @@ class RequestStatus:
 
     message: int
     sent_chunks: int
-    """Chunks of it that were sent, each as often as it was; at most 65,535."""
+    """Number of chunks sent, including repetitions; at most 65,535."""
     rate_kbps: int
-    """What the reflector sends to one address at most."""
+    """Maximum rate of the reflector to one address."""
     token: bytes
 
     def encode(self) -> bytes:

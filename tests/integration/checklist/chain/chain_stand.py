@@ -41,8 +41,8 @@ from atlantis_netcfg.computers.dds import (
     profiles,
 )
 from atlantis_netcfg.computers.reflector import PROGRAM, SERVICE
-from atlantis_netcfg.inventory import Declaration
-from atlantis_netcfg.inventory.model import BearerKind, DdsPeer
+from atlantis_netcfg.inventory import Inventory
+from atlantis_netcfg.inventory.model import DdsPeer, LinkKind
 from atlantis_netcfg.vpn.identity import MemberKind
 
 SITE, VEHICLE = "coastal", "zarco"
@@ -62,7 +62,7 @@ _MEET_S = 100.0
 class Chain:
     """What stands, by the names of the elements."""
 
-    declaration: Declaration
+    declaration: Inventory
     site: Stage
     net: Vpn
     folder: Path
@@ -121,7 +121,7 @@ class Chain:
 
 
 @contextmanager
-def chain(declaration: Declaration, folder: Path) -> Iterator[Chain]:
+def chain(declaration: Inventory, folder: Path) -> Iterator[Chain]:
     """Build it, with Wi-Fi in use, and take it down again."""
     wishes = [host(declaration, GATEWAY), host(declaration, CENTRE)]
     wishes.append(guest(declaration, "inesc", VEHICLE, MemberKind.ROBOT, VEHICLE))
@@ -217,7 +217,7 @@ def _equip(made: Chain, name: str) -> None:
         made.net.run(name, "nft", "-f", "-", text=files["/etc/nftables.conf"].content)
         reflect(made, name)
     view = _view(made, name)
-    texts = member_files(view) if name == ROBOT else {"cyclonedds.xml": profiles(view)[f"{view.bearer}/cyclonedds.xml"]}
+    texts = member_files(view) if name == ROBOT else {"cyclonedds.xml": profiles(view)[f"{view.link}/cyclonedds.xml"]}
     profile = made.folder / f"{name}.xml"
     profile.write_text(texts["cyclonedds.xml"], encoding="utf-8")
     speak = made.net.start(
@@ -249,7 +249,7 @@ def _view(made: Chain, name: str) -> ProfileView:
     assert dds is not None
     if name == ROBOT:
         peers = tuple((other, str(members[other].address)) for other in (GATEWAY, CENTRE))
-        slowest = BearerKind.SATELLITE.traits.pace
+        slowest = LinkKind.SATELLITE.traits.pace
         member = MemberDds(name, str(members[name].address), slowest, peers, dds.distribution)
         return replace(member_view(made.declaration, member), release=RELEASES["pypi"])
     robot = DdsPeer(name=ROBOT, address=members[ROBOT].address)

@@ -47,10 +47,10 @@ def looked(opened: CommandSession, broken: Sequence[str]) -> dict[str, Item]:
     assert opened.rehearsal is not None
     entries = [
         one
-        for one in plan(opened.declaration, SITE).entries
+        for one in plan(opened.inventory, SITE).entries
         if one.item.kind is not ItemKind.PERSON and (sticks or one.item.id != STICKS)
     ]
-    with rehearsed_ears(opened.declaration, SITE, opened.rehearsal, broken) as ears:
+    with rehearsed_ears(opened.inventory, SITE, opened.rehearsal, broken) as ears:
         return {item.id: item for item in asyncio.run(examine(entries, ears, lambda _: None))}
 
 

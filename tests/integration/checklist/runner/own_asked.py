@@ -18,13 +18,13 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.runner import ask_here
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 
 SITE, GATEWAY = "coastal", "coastal-gateway"
 _Asked = RunProgram | DdsDiscoverRequest | ReflectRequest
 
 
-def check(declaration: Declaration, name: str) -> Probe:
+def check(declaration: Inventory, name: str) -> Probe:
     """The probe of a check of the site."""
     (probe,) = (one.probe for one in steps(Cell(declaration, SITE, None, "site")) if one.name == name)
     assert probe is not None

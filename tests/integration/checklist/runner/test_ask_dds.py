@@ -165,7 +165,7 @@ def squatter(namespace: str) -> Iterator[None]:
 def test_participants_are_seen_by_their_ports(case: Case, tmp_path: Path) -> None:
     view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "pypi")))
     profile = tmp_path / "cyclonedds.xml"
-    text = profiles(view)[f"{view.bearer}/cyclonedds.xml"] if case.profile == SITE else case.profile or ""
+    text = profiles(view)[f"{view.link}/cyclonedds.xml"] if case.profile == SITE else case.profile or ""
     profile.write_text(text, encoding="utf-8")
     environment = {} if case.profile is None else {"CYCLONEDDS_URI": str(profile)}
     with ExitStack() as stack:
@@ -217,7 +217,7 @@ def test_fast_dds_is_asked_as_well(
     fast_dds: tuple[str, ...], profile: str | None, finding: str, tmp_path: Path
 ) -> None:
     view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "humble")))
-    text = profiles(view)[f"{view.bearer}/fastdds.xml"]
+    text = profiles(view)[f"{view.link}/fastdds.xml"]
     file = tmp_path / "fastdds.xml"
     file.write_text(text if profile in {SITE, None} else text.replace(view.address, str(profile)), encoding="utf-8")
     environment = {} if profile is None else {"FASTRTPS_DEFAULT_PROFILES_FILE": str(file)}
@@ -228,7 +228,7 @@ def test_fast_dds_is_asked_as_well(
 def test_who_asks_comes_and_leaves(tmp_path: Path) -> None:
     view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "pypi")))
     profile = tmp_path / "cyclonedds.xml"
-    profile.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
+    profile.write_text(profiles(view)[f"{view.link}/cyclonedds.xml"], encoding="utf-8")
     environment = {"CYCLONEDDS_URI": str(profile)}
     with computer() as namespace, participant(namespace, DECLARED, 0, environment) as said:
         inside(namespace, check(SHIPPED, "dds"), {})

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.checklist.probes import Answer, Place, RouterOsQuery, Rows, Trouble
-from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.checklist.runner import RealTransport
 from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.inventory import load
@@ -20,21 +20,21 @@ ROUTER, CPE = "coastal-router", "coastal-cpe"
 
 
 @pytest.fixture
-def ears(tmp_path: Path) -> Iterator[tuple[RealEars, list[Event]]]:
+def ears(tmp_path: Path) -> Iterator[tuple[RealTransport, list[Event]]]:
     """The router as `provision adopt` leaves it; nobody stands in the CPE's place."""
     spec = site_spec(SHIPPED, [SHIPPED.hosts[ROUTER]])
-    near = tuple(twin.model_copy(update={"link": RouterLink()}) for twin in spec.twins)
+    near = tuple(twin.model_copy(update={"link": RouterLink()}) for twin in spec.emulators)
     events: list[Event] = []
     (tmp_path / "twins").mkdir()
-    with RunningSite(spec.model_copy(update={"twins": near}), tmp_path / "twins") as site:
+    with RunningSite(spec.model_copy(update={"emulators": near}), tmp_path / "twins") as site:
         ready = site.ready[ROUTER]
         targets = {ROUTER: Target(host=ready["host"], port=ready["api_ssl"], pin=ready["pin"])}
         targets[CPE] = Target(host="127.0.0.1", port=1, pin=ready["pin"])
         request = Request(state=tmp_path / "state", rehearsed=True, targets=targets)
-        yield RealEars(SHIPPED, "coastal", request, events.append), events
+        yield RealTransport(SHIPPED, "coastal", request, events.append), events
 
 
-def asked(ears: RealEars, *questions: RouterOsQuery) -> Mapping[str, Answer]:
+def asked(ears: RealTransport, *questions: RouterOsQuery) -> Mapping[str, Answer]:
     async def run() -> dict[str, Answer]:
         hosts = list(dict.fromkeys(one.host for one in questions))
         work = [
@@ -46,7 +46,7 @@ def asked(ears: RealEars, *questions: RouterOsQuery) -> Mapping[str, Answer]:
     return asyncio.run(run())
 
 
-def test_a_router_is_asked_in_one_session_of_five_round_trips(ears: tuple[RealEars, list[Event]]) -> None:
+def test_a_router_is_asked_in_one_session_of_five_round_trips(ears: tuple[RealTransport, list[Event]]) -> None:
     questions = [RouterOsQuery(f"q{number}", ROUTER, Query("/system/identity", "print")) for number in range(20)]
     questions += [
         RouterOsQuery("ports", ROUTER, Query("/interface", "print", proplist=("name", "type"))),
@@ -65,7 +65,7 @@ def test_a_router_is_asked_in_one_session_of_five_round_trips(ears: tuple[RealEa
     assert spent.startswith("read in 5 round trips, ")
 
 
-def test_a_device_that_is_not_there_answers_so(ears: tuple[RealEars, list[Event]]) -> None:
+def test_a_device_that_is_not_there_answers_so(ears: tuple[RealTransport, list[Event]]) -> None:
     identity = Query("/system/identity", "print")
     found = dict(
         asked(

@@ -13,9 +13,9 @@ import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, CommandResult, Place, ProbeResult, RouterOsQuery
 from atlantis_netcfg.checklist.probes.wifi import steps
-from atlantis_netcfg.checklist.runner import RealEars
-from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, TwinSpec
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.checklist.runner import RealTransport
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterLink, RunningSite
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Cpe, PtpProtocol, RadioMenus, WifiEndpoint
 from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.operations.common.request import Request, Target
@@ -40,7 +40,7 @@ class Bridge:
     """Both ends, and who asks."""
 
     twins: RunningSite
-    declaration: Declaration
+    declaration: Inventory
     menu: str
     folder: Path
 
@@ -65,7 +65,7 @@ class Bridge:
         ready = self.twins.ready[POINT]
         target = Target(host=ready["host"], port=port or ready["api_ssl"], pin=ready["pin"])
         request = Request(state=self.folder / "state", rehearsed=True, targets={POINT: target})
-        ears = RealEars(declaration, "coastal", request)
+        ears = RealTransport(declaration, "coastal", request)
         heard = asyncio.run(ears.ask(Place.ROUTER, POINT, asked, lambda *_: None))
         return step.probe.judge({**heard, "ping": PINGED})
 
@@ -77,14 +77,14 @@ def bridge(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bridge]:
     declaration = SHIPPED if family == "wireless" else _newer(SHIPPED)
     hosts = [declaration.hosts[name] for name in (POINT, STATION)]
     spec = site_spec(declaration, hosts)
-    twins = tuple(_configured(declaration, twin, family) for twin in spec.twins)
+    twins = tuple(_configured(declaration, twin, family) for twin in spec.emulators)
     folder = tmp_path / "twins"
     folder.mkdir()
-    with RunningSite(spec.model_copy(update={"twins": twins}), folder) as running:
+    with RunningSite(spec.model_copy(update={"emulators": twins}), folder) as running:
         yield Bridge(running, declaration, f"/interface/{family}", tmp_path)
 
 
-def _newer(declaration: Declaration) -> Declaration:
+def _newer(declaration: Inventory) -> Inventory:
     changed = {}
     for name in (POINT, STATION):
         host = declaration.hosts[name]
@@ -95,7 +95,7 @@ def _newer(declaration: Declaration) -> Declaration:
     return replace(declaration, hosts={**declaration.hosts, **changed})
 
 
-def _configured(declaration: Declaration, twin: TwinSpec, family: str) -> TwinSpec:
+def _configured(declaration: Inventory, twin: EmulatorSpec, family: str) -> EmulatorSpec:
     """As a run leaves it."""
     seed = cpe(declaration, declaration.hosts[twin.router.name], family)
     return twin.model_copy(update={"link": RouterLink(), "router": twin.router.model_copy(update={"seed": seed})})

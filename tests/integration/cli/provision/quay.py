@@ -65,9 +65,9 @@ class Quay:
 
     def replace(self, name: str, **box: Any) -> None:  # noqa: ANN401 (fields of RouterSpec)
         """Put another box in the router's place: fresh from `provision adopt`, with a certificate of its own."""
-        (twin,) = self.spec.twins
+        (twin,) = self.spec.emulators
         router = twin.router.model_copy(update={"name": name, "serial_number": name.upper(), **box})
-        spec = SiteSpec(name=self.spec.name, twins=(twin.model_copy(update={"router": router}),))
+        spec = SiteSpec(name=self.spec.name, emulators=(twin.model_copy(update={"router": router}),))
         self.twins = self.stack.enter_context(preforked.spawn(spec, self.inventory.parent / name))
         self.twin = name
         self.door.port = self.twins.ready[name]["api_ssl"]
@@ -196,12 +196,12 @@ def quay(folder: Path, *others: User, seed: str = "") -> Iterator[Quay]:
     root = _inventory(folder)
     declaration = load(root, decrypt=_opened)
     spec = site_spec(declaration, [declaration.hosts[ROUTER]])
-    (twin,) = spec.twins
+    (twin,) = spec.emulators
     users = (*twin.router.users, *others)
     router = twin.router.model_copy(
         update={"unroll_delay_s": 0.05, "silent_timeout_s": 2.0, "users": users, "seed": seed}
     )
-    spec = spec.model_copy(update={"twins": (twin.model_copy(update={"router": router}),)})
+    spec = spec.model_copy(update={"emulators": (twin.model_copy(update={"router": router}),)})
     with ExitStack() as stack:
         stack.enter_context(_namespace())
         twins = stack.enter_context(preforked.spawn(spec, folder / "twins"))

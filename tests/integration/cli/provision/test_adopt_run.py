@@ -82,7 +82,7 @@ def bench(folder: Path) -> Iterator[Bench]:
     declaration = load(root, decrypt=lambda text: str(_VAULT.decrypt(text.encode()).decode()))
     spec = factory_spec(declaration, declaration.hosts[ROUTER], serial=True)
     router = spec.router.model_copy(update={"unroll_delay_s": 0.05, "silent_timeout_s": 2.0})
-    site = SiteSpec(name="scc", twins=(spec.model_copy(update={"router": router}),))
+    site = SiteSpec(name="scc", emulators=(spec.model_copy(update={"router": router}),))
     with ExitStack() as stack:
         stack.enter_context(_namespace())
         for address in (MANAGEMENT, FACTORY):

@@ -183,8 +183,8 @@ def boxes(root: Path, folder: Path, **changed: Any) -> Iterator[SpawnedSite]:  #
     """Both ends as other boxes than declared."""
     declaration = load(root)
     spec = site_spec(declaration, [declaration.hosts[name] for name in ENDS])
-    twins = tuple(twin.model_copy(update={"router": twin.router.model_copy(update=changed)}) for twin in spec.twins)
-    with preforked.spawn(spec.model_copy(update={"twins": twins, "pairs": ()}), folder) as spawned:
+    twins = tuple(twin.model_copy(update={"router": twin.router.model_copy(update=changed)}) for twin in spec.emulators)
+    with preforked.spawn(spec.model_copy(update={"emulators": twins, "pairs": ()}), folder) as spawned:
         yield spawned
 
 

@@ -7,14 +7,14 @@ from typing import Any
 import pytest
 from quay import ROUTER, Quay, fresh_quay
 
-from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
+from atlantis_netcfg.routeros.estimate import LinkMetrics, beforehand
 from atlantis_netcfg.runs import CostRecord, Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 HERE = ("site=coastal", f"only={ROUTER}")
 DEAR = (*HERE, "via=satellite")
-SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, is_metered=True)
+SATELLITE = LinkMetrics("satellite", 0.7, 352_000, 704_000, is_metered=True)
 at = pytest.fixture(fresh_quay)
 
 

@@ -14,7 +14,7 @@ from quay import CHECKOUT, ROUTER, Quay, quay
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.runs import Store
-from atlantis_netcfg.vpn.enrolment_package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_package
 
 pytestmark = pytest.mark.slow
 WRITTEN = CHECKOUT / "tests" / "data" / "written-by-102db09" / "state.tar.gz"
@@ -140,7 +140,7 @@ def test_the_authority_is_listed_audited_and_goes_on(older: Path, tmp_path: Path
 def test_a_hand_out_is_opened(name: str, device: str, older: Path) -> None:
     (member,) = json.loads((older / f"onboard-{device}.json").read_text(encoding="utf-8"))["members"]
     sealed = (older / "vpn/authority/handouts" / name / f"{name}.tar.age").read_bytes()
-    opened = open_handout(sealed, Secret(member["passphrase"]))
+    opened = open_package(sealed, Secret(member["passphrase"]))
     assert any(path.endswith(".ovpn") for path in opened), opened
 
 

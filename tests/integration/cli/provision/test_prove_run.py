@@ -34,7 +34,7 @@ STRANGER = "10.99.3.3"
 def at(tmp_path: Path) -> Iterator[Quay]:
     """The quay with a router beyond whose satellite the stranger does answer, configured."""
     with quay(tmp_path) as opened:
-        (twin,) = opened.spec.twins
+        (twin,) = opened.spec.emulators
         opened.replace("beyond", neighbours=(*twin.router.neighbours, STRANGER))
         opened.adopt()
         opened.configure()

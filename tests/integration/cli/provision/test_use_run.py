@@ -9,7 +9,7 @@ from hints_said import advised, said
 from quay import ROUTER, Quay, quay
 
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.links.policy import active_bearer
+from atlantis_netcfg.links.policy import active_link
 from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 
@@ -37,7 +37,7 @@ class Technician:
         declaration = load(self.at.inventory, decrypt=lambda _text: "a secret that is long enough")
         answer = self.at.do("console", words=["/ip/route/print"])
         rows = [dict(word[1:].partition("=")[::2] for word in words) for kind, *words in answer if kind == "!re"]
-        return active_bearer(rows, ways_of(declaration, declaration.hosts[ROUTER]))
+        return active_link(rows, ways_of(declaration, declaration.hosts[ROUTER]))
 
     def wait(self, seconds: float) -> None:
         """Let time pass for the router."""

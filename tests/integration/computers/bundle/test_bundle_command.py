@@ -26,7 +26,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.lab.stubs import publish
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Gateway, ImageLayout
-from atlantis_netcfg.operations.bundle import from_image, wish_of
+from atlantis_netcfg.operations.bundle import from_image, host_requirements
 from atlantis_netcfg.operations.common.request import Request
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -75,7 +75,7 @@ def sealed(found: re.Match[str]) -> str:
 def mirror(tmp_path: Path, inventory: Path) -> Iterator[str]:
     """Of Ubuntu 20.04, with whatever the declaration wants of a gateway, and `archive.gpg` that signs it."""
     declaration = load(inventory)
-    wanted = wish_of(declaration, declaration.hosts[HOST], Request()).packages
+    wanted = host_requirements(declaration, declaration.hosts[HOST], Request()).packages
     packages = tuple(arm64(each.name, "1.0") for each in wanted) or (arm64("nothing"),)
     place = tmp_path / "mirror"
     keys = b""

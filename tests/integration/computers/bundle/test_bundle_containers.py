@@ -11,7 +11,7 @@ from atlantis_netcfg.computers.bundle.open import open_bundle
 from atlantis_netcfg.computers.bundle.requirements import BundleError, ContainerArchive, HostRequirements
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import HostedService, Ros1Bridge, ServerComputer
-from atlantis_netcfg.operations.bundle import wish_of
+from atlantis_netcfg.operations.bundle import host_requirements
 from atlantis_netcfg.operations.common.request import Request
 
 
@@ -68,7 +68,7 @@ def test_what_is_declared_is_wished(request: pytest.FixtureRequest) -> None:
     service = HostedService.model_validate({"name": "backend", "container": {**image, "budget_mb": 5}})
     bridge = Ros1Bridge.model_validate({**image, "archive": "bridge.tar", "master_uri": "http://192.0.2.1:11311"})
     device = host.device.model_copy(update={"services": (service,), "ros1_bridge": bridge})
-    wish = wish_of(shipped, replace(host, device=device), Request())
+    wish = host_requirements(shipped, replace(host, device=device), Request())
     assert wish.archives == tuple(
         ContainerArchive(shipped.root / "images" / name, "a" * 64) for name in ("backend.tar", "bridge.tar")
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from bundle_stand import HOST, KEYRING, Laptop, arm64, status
 
-from atlantis_netcfg.computers.bundle.manifest import signed_by
+from atlantis_netcfg.computers.bundle.manifest import find_signer
 from atlantis_netcfg.computers.bundle.open import bytes_to_carry, open_bundle
 from atlantis_netcfg.computers.bundle.requirements import BundleError, RequirementKey
 from atlantis_netcfg.emulator.lab.stubs import publish
@@ -80,21 +80,21 @@ def test_its_repository_is_signed_by_the_key_of_the_manifest(laptop: Laptop) -> 
     assert "Filename: ./pool/chrony_3.5_arm64.deb\n" in listed
     assert "trusted" not in (repository / "InRelease").read_text()
     signature = (laptop.place / "manifest.json.asc").read_bytes()
-    assert signed_by((laptop.place / "manifest.json").read_bytes(), signature, public) == manifest.key
+    assert find_signer((laptop.place / "manifest.json").read_bytes(), signature, public) == manifest.key
 
 
 def test_the_same_contents_have_the_same_signature_on_a_slow_computer(
     laptop: Laptop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     signer = laptop.keys.signer()
-    quick = signer.in_clear("text\n")
+    quick = signer.sign_inline("text\n")
     slow = laptop.folder / "slow"
     slow.mkdir()
     gpg = slow / "gpg"
     gpg.write_text(f'#!/bin/sh\n(sleep 1.1; cat) | {shutil.which("gpg")} "$@"\n')
     gpg.chmod(0o755)
     monkeypatch.setenv("PATH", f"{slow}:{os.environ['PATH']}")
-    assert signer.in_clear("text\n") == quick
+    assert signer.sign_inline("text\n") == quick
 
 
 def test_the_size_is_told_before_and_what_is_there_is_not_fetched_again(laptop: Laptop) -> None:

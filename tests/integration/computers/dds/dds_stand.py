@@ -23,7 +23,7 @@ from matrix_papers import host
 from matrix_stand import Vpn, vpn
 from waiting import wait_until
 
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 
 GATEWAY, ROUTER, CENTRE = "gateway", "router", "centre"
 DEFAULT_DOMAIN = 12
@@ -114,7 +114,7 @@ _HOSTS = {GATEWAY: "coastal-gateway", CENTRE: "scc-control"}
 
 
 @contextmanager
-def tunnelled(declaration: Declaration, folder: Path) -> Iterator[Tunnelled]:
+def tunnelled(declaration: Inventory, folder: Path) -> Iterator[Tunnelled]:
     """The two computers as members of a real OpenVPN, with every file as the product writes it."""
     wishes = [host(declaration, name) for name in _HOSTS.values()]
     with ExitStack() as stack:

@@ -31,7 +31,7 @@ from waiting import HANG_S, wait_until
 from atlantis_netcfg.computers import base
 from atlantis_netcfg.computers.dds import TUNING, profile_in_use, profile_views, profiles
 from atlantis_netcfg.computers.dds_link import SERVICE, dds_link
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Dds, Pace, RosDistribution, RosMiddleware
 from atlantis_netcfg.routeros import rsc
 from atlantis_netcfg.routeros.render import RouterView, router, router_view
@@ -79,13 +79,13 @@ class Quay:
         return subprocess.run(words, capture_output=True, check=False).returncode == 0
 
 
-def pilot() -> Declaration:
+def pilot() -> Inventory:
     declaration = load(SHIPPED)
     dds = Dds(distribution=RosDistribution.HUMBLE, middleware=RosMiddleware.CYCLONE_DDS)
     return replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
 
 
-def file_of(declaration: Declaration, path: str) -> str:
+def file_of(declaration: Inventory, path: str) -> str:
     files = base.gateway_base(declaration, declaration.hosts[GATEWAY]).configuration.files
     return next(file.content for file in files if file.path == path)
 
@@ -116,7 +116,7 @@ def _wire(made: Vpn, near: str, name: str, address: str, far: str, other: str, f
 
 
 @contextmanager
-def quay(folder: Path, declaration: Declaration) -> Iterator[Quay]:
+def quay(folder: Path, declaration: Inventory) -> Iterator[Quay]:
     """The VPN is up over the Wi-Fi bridge, both firewalls are loaded, and the gateway's unit runs."""
     device = declaration.hosts["coastal-router"]
     view, text = router_view(declaration, device), router(declaration, device)
@@ -133,7 +133,7 @@ def quay(folder: Path, declaration: Declaration) -> Iterator[Quay]:
 
 
 @contextmanager
-def unit(made: Vpn, declaration: Declaration) -> Iterator[None]:
+def unit(made: Vpn, declaration: Inventory) -> Iterator[None]:
     """Run the command of the gateway's unit as systemd reads it (systemd.service(5), Command lines)."""
     text = file_of(declaration, f"/etc/systemd/system/{SERVICE}").replace("\\\n", " ")
     command = next(line for line in text.splitlines() if line.startswith("ExecStart=")).removeprefix("ExecStart=")
@@ -153,9 +153,9 @@ def unit(made: Vpn, declaration: Declaration) -> Iterator[None]:
 
 def speaker(made: Vpn, name: str, folder: Path) -> Participant:
     """A participant with the computer's own profile, in the dialect of Cyclone DDS 11."""
-    used = profile_in_use(made.declaration, made.declaration.hosts[name]).bearer
+    used = profile_in_use(made.declaration, made.declaration.hosts[name]).link
     views = profile_views(made.declaration, made.declaration.hosts[name], "pypi")
-    view = next(each for each in views if each.bearer == used)
+    view = next(each for each in views if each.link == used)
     path = folder / f"{name}.xml"
     path.write_text(profiles(view)[f"{used}/cyclonedds.xml"], encoding="utf-8")
     process = made.start(name, sys.executable, str(PROGRAM), name[:7], "0", environment={"CYCLONEDDS_URI": str(path)})

@@ -20,7 +20,7 @@ import pytest
 from dds_stand import CENTRE, DEFAULT_DOMAIN, GATEWAY, Participant, Stand, Tunnelled, routed, speak, tunnelled
 
 from atlantis_netcfg.computers.dds import GAP_S, ProfileView, profile_views, profiles
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Dds, DdsPath, RosDistribution
 
 PROGRAMS = Path(__file__).with_name("programs")
@@ -78,22 +78,22 @@ class Told:
         return all(one.wait(partial(self._heard, one), end) for one in self.both)
 
 
-def declared(over: DdsPath) -> Declaration:
+def declared(over: DdsPath) -> Inventory:
     declaration = load(SHIPPED)
     dds = Dds(distribution=RosDistribution.HUMBLE, over=over)
     return replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
 
 
-def view(declaration: Declaration, who: str, release: str = "humble") -> ProfileView:
+def view(declaration: Inventory, who: str, release: str = "humble") -> ProfileView:
     host, bearer = HOSTS[who]
-    return next(one for one in profile_views(declaration, declaration.hosts[host], release) if one.bearer == bearer)
+    return next(one for one in profile_views(declaration, declaration.hosts[host], release) if one.link == bearer)
 
 
-def written(declaration: Declaration, who: str, kind: Kind, folder: Path) -> Path:
+def written(declaration: Inventory, who: str, kind: Kind, folder: Path) -> Path:
     """The computer's profile for an implementation, as `provision dds` writes it."""
     one = view(declaration, who, kind.release)
     path = folder / f"{who}-{kind.release}-{kind.file}"
-    path.write_text(profiles(one)[f"{one.bearer}/{kind.file}"], encoding="utf-8")
+    path.write_text(profiles(one)[f"{one.link}/{kind.file}"], encoding="utf-8")
     return path
 
 
@@ -144,7 +144,7 @@ def outage(
 
 
 def _pairs(
-    stand: Stand, declaration: Declaration, programs: Mapping[str, Sequence[str]], folder: Path
+    stand: Stand, declaration: Inventory, programs: Mapping[str, Sequence[str]], folder: Path
 ) -> Iterator[tuple[str, Told]]:
     for domain, (name, kind) in enumerate(KINDS.items(), start=1):
         files = {who: written(declaration, who, kind, folder) for who in HOSTS}

@@ -24,7 +24,7 @@ from slow_link import DELAY_S, DOWN_BPS, UP_BPS
 from waiting import HANG_S
 
 from atlantis_netcfg.computers.dds import TUNING, ProfileView, profile_in_use, profile_views, profiles
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
 from atlantis_netcfg.links.standing_traffic import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, topic_flow
@@ -95,7 +95,7 @@ def count(made: Vpn, seconds: float) -> Counted:
     return Counted(read(made, "up") - up, read(made, "down") - down, time.monotonic() - begun)
 
 
-def pilot(*links: str) -> Declaration:
+def pilot(*links: str) -> Inventory:
     """The shipped pilot with Cyclone DDS, and one vehicle that publishes what `python_peer.py` does.
 
     DDS crosses these links of the coastal site.
@@ -135,7 +135,7 @@ def reliable(made: Vpn, name: str, role: str, folder: Path) -> Participant:
 
 
 def started(made: Vpn, name: str, path: Path, view: ProfileView, *program: object) -> Participant:
-    path.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
+    path.write_text(profiles(view)[f"{view.link}/cyclonedds.xml"], encoding="utf-8")
     command = (sys.executable, *map(str, program))
     return Participant(name, made.start(name, *command, environment={"CYCLONEDDS_URI": str(path)}))
 

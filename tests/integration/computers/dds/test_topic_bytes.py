@@ -22,7 +22,7 @@ from slow_link import DELAY_S, UP_BPS
 from waiting import wait_until
 
 from atlantis_netcfg.computers.dds import SIZES, profile_views, profiles
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Dds, DdsPath, RosDistribution, RosMiddleware
 from atlantis_netcfg.links.standing_traffic import NO_VPN, DdsMessages, LinkPace, SteadyTopic
 
@@ -96,18 +96,18 @@ def domains(topics: Sequence[SteadyTopic], *kinds: Kind) -> list[Domain]:
     return [Domain(number, kind, topic) for number, (kind, topic) in enumerate(cases, start=_FIRST_DOMAIN)]
 
 
-def declared(over: DdsPath, topics: Sequence[SteadyTopic]) -> Declaration:
+def declared(over: DdsPath, topics: Sequence[SteadyTopic]) -> Inventory:
     """As many participants as a process has: what they announce at first must not fill the satellite's queue."""
     declaration = load(SHIPPED)
     dds = Dds(distribution=RosDistribution.HUMBLE, over=over, participants=len(topics))
     return replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
 
 
-def environment(declaration: Declaration, who: str, kind: Kind, folder: Path) -> Mapping[str, str]:
+def environment(declaration: Inventory, who: str, kind: Kind, folder: Path) -> Mapping[str, str]:
     """The computer's own profile, with its announcements far apart."""
     host, bearer = HOSTS[who]
     views = profile_views(declaration, declaration.hosts[host], kind.release)
-    view = next(each for each in views if each.bearer == bearer)
+    view = next(each for each in views if each.link == bearer)
     assert (view.tuning.message_bytes, view.tuning.fragment_bytes) == (1200, 1100)
     quiet = replace(view, tuning=replace(view.tuning, announce_s=_QUIET_S))
     path = folder / f"{who}-{kind.file}"
@@ -168,7 +168,7 @@ def counted(
 
 
 def talk(
-    stand: Stand, declaration: Declaration, of: Sequence[Domain], programs: Mapping[Kind, Sequence[str]], folder: Path
+    stand: Stand, declaration: Inventory, of: Sequence[Domain], programs: Mapping[Kind, Sequence[str]], folder: Path
 ) -> list[Participant]:
     """The gateway writes, the control centre reads; the readers."""
     readers = []

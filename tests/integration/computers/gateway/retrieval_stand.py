@@ -13,7 +13,7 @@ from waiting import wait_until
 
 from atlantis_netcfg.computers.retrieval import PROGRAM, SERVICE, retrieval
 from atlantis_netcfg.emulator.lab import Lab, Machine
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory.model import Retrieval, ServerComputer
 
 GATEWAY, CENTRE = "coastal-gateway", "scc-control"
@@ -25,7 +25,7 @@ QUICK_S = 4
 MB = 1_000_000
 
 
-def declared(host_keys: dict[str, str], **values: Any) -> Declaration:  # noqa: ANN401 - of the model
+def declared(host_keys: dict[str, str], **values: Any) -> Inventory:  # noqa: ANN401 - of the model
     """The shipped pilot with a retrieval and these host keys."""
     hosts = dict(SHIPPED.hosts)
     for name, key in host_keys.items():
@@ -44,7 +44,7 @@ class Ends:
     lab: Lab
     gateway: Machine
     centre: Machine
-    declaration: Declaration
+    declaration: Inventory
     robot: Machine | None = None
     source: str = GATEWAY
 

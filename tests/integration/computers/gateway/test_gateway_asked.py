@@ -20,7 +20,7 @@ from atlantis_netcfg.checklist.probes import (
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.checklist.runner import RealTransport
 from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.operations.common.request import Request, Target
 
@@ -37,7 +37,7 @@ MOST_BYTES = 22_000
 
 
 @pytest.fixture
-def ears(machine: Start, technician: Key, tmp_path: Path) -> RealEars:  # noqa: F811 - fixtures
+def ears(machine: Start, technician: Key, tmp_path: Path) -> RealTransport:  # noqa: F811 - fixtures
     gateway = machine(NAME)
     gateway.run(f'python3 -c "{HOLDS}" </dev/null >/dev/null 2>&1')
     (tmp_path / "known").write_text(f"{NAME} {gateway.host_key}\n")
@@ -46,15 +46,15 @@ def ears(machine: Start, technician: Key, tmp_path: Path) -> RealEars:  # noqa: 
         f"Host {NAME}\n HostName 127.0.0.1\n Port {gateway.port}\n User root\n IdentityFile {technician.file}\n"
         f" IdentitiesOnly yes\n UserKnownHostsFile {tmp_path / 'known'}\n"
     )
-    return RealEars(SHIPPED, "coastal", Request(state=tmp_path / "state"), ssh_config=str(config))
+    return RealTransport(SHIPPED, "coastal", Request(state=tmp_path / "state"), ssh_config=str(config))
 
 
-def asked(ears: RealEars, *questions: Listen | RunProgram | DhcpDiscoverRequest) -> Mapping[str, Answer]:
+def asked(ears: RealTransport, *questions: Listen | RunProgram | DhcpDiscoverRequest) -> Mapping[str, Answer]:
     return asyncio.run(ears.ask(Place.GATEWAY, None, [(one.name, one) for one in questions], lambda *_: None))
 
 
 def test_a_gateway_is_asked_in_one_command(
-    ears: RealEars,
+    ears: RealTransport,
     ground: Lab,  # noqa: F811 - as above
     technician: Key,  # noqa: F811
     tmp_path: Path,
@@ -99,7 +99,7 @@ def test_a_gateway_is_asked_in_one_command(
 
     target = Target(host="127.0.0.1", port=gateway.port, known_hosts=known, identity=str(technician.file))
     rehearsed = Request(state=tmp_path / "state", rehearsed=True, targets={NAME: target})
-    assert asked(RealEars(SHIPPED, "coastal", rehearsed), run("who", "id", "-u"))["who"].trouble is None
+    assert asked(RealTransport(SHIPPED, "coastal", rehearsed), run("who", "id", "-u"))["who"].trouble is None
 
     Path(known).write_text(f"{NAME} {OTHER_KEY}\n")
     changed = asked(ears, run("who", "id", "-u"))["who"]

@@ -18,7 +18,7 @@ from test_gateway_voyage import Voyage, served
 from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.emulator.lab.stubs import StubArchive
 from atlantis_netcfg.emulator.lab.stubs.interop import GitServer
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.operations.common.request import Request
 from bench.declared import Declared
 
@@ -38,7 +38,7 @@ class Typed(Voyage):
         return Request(state=self.folder / "state")
 
     @property
-    def declaration(self) -> Declaration:
+    def declaration(self) -> Inventory:
         return load(self.inventory, decrypt=lambda _sealed: TOKEN)
 
     def provision(self, ground: Lab, *words: str) -> dict[str, Any]:  # noqa: F811 - not the fixture

@@ -22,8 +22,8 @@ from atlantis_netcfg.computers.bundle.open import open_bundle
 from atlantis_netcfg.computers.bundle.requirements import read_target
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
 from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, GitServer, make_interop, serve_git
-from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.operations.bundle import wish_of
+from atlantis_netcfg.inventory import Inventory, load
+from atlantis_netcfg.operations.bundle import host_requirements
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.vpn.rehearsal import identities
 from bench.proxy import Count, Shape
@@ -79,13 +79,13 @@ class Voyage(Stand):
         return command
 
     @property
-    def declaration(self) -> Declaration:
+    def declaration(self) -> Inventory:
         return load(self.inventory)
 
     def pack(self) -> Manifest:
         """What the laptop does ashore."""
         declaration = self.declaration
-        wish = wish_of(declaration, declaration.hosts[NAME], self.request, tokens=True)
+        wish = host_requirements(declaration, declaration.hosts[NAME], self.request, tokens=True)
         status = (gateway_tree() / "var/lib/dpkg/status").read_bytes()
         target = replace(read_target(status, "tree"), distribution="ubuntu", codename="focal")
         order = BundleOrder(

@@ -15,7 +15,7 @@ from atlantis_netcfg.operations import retrieve_rehearsal
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
 
 pytestmark = [
     pytest.mark.slow,
@@ -44,7 +44,7 @@ def test_from_the_shipped_inventory_an_example_survives_a_gap(capsys: pytest.Cap
 def test_a_robot_is_collected_first_and_a_spoilt_copy_is_not_green(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    declared: Declaration = with_retrieval(robots=[ROBOT], sources=[{"host": GATEWAY}])
+    declared: Inventory = with_retrieval(robots=[ROBOT], sources=[{"host": GATEWAY}])
     monkeypatch.setattr("atlantis_netcfg.inventory.load", lambda *_, **__: declared)
     monkeypatch.setattr(retrieve_rehearsal, "_MOST_BYTES", 400_000)
     kept: list[dict[str, str]] = []

@@ -22,7 +22,7 @@ from image_made import ROOT_AT, disk, run
 from ports import held_port
 from waiting import HANG_S
 
-from atlantis_netcfg.computers.image.blocks import admit
+from atlantis_netcfg.computers.image.blocks import require_writable_disk
 from atlantis_netcfg.computers.image.ext4 import LAYOUTS, Ext4
 from atlantis_netcfg.computers.image.facts import ImageRequest, StaticNetwork
 from atlantis_netcfg.computers.image.plan import customise
@@ -176,7 +176,7 @@ def test_the_card_boots_with_the_declared_name_and_keys_and_without_the_password
     with loop(tmp_path / "behind", CARD) as behind:
         tree = Tree(tmp_path / "tree")
         tree.disk(behind.number, size=CARD).serial("S1")
-        card = Card(behind.device, admit(tree.blocks, behind.device), tree.blocks)
+        card = Card(behind.device, require_writable_disk(tree.blocks, behind.device), tree.blocks)
         written = write(expanded.path, segments(expanded.path, expanded.size), card, lambda _progress: None)
         assert written.compared == expanded.size
         with held_port() as port, booted(machine, behind.device, debian, port) as guest:

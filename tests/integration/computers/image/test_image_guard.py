@@ -7,7 +7,13 @@ from pathlib import Path
 import pytest
 from blocks_fake import DOCK, LOOP, NVME, SATA, SLOT, USB, FakeDisk, Tree
 
-from atlantis_netcfg.computers.image.blocks import BlockTree, DeviceBus, admit, require_confirmation, same
+from atlantis_netcfg.computers.image.blocks import (
+    BlockTree,
+    DeviceBus,
+    require_confirmation,
+    require_same_disk,
+    require_writable_disk,
+)
 from atlantis_netcfg.computers.image.facts import BlockDeviceError
 from atlantis_netcfg.core.errors import ExitCode
 
@@ -72,7 +78,7 @@ def test_refused(name: str, tmp_path: Path) -> None:
     make, said = CASES[name]
     make(tree)
     with pytest.raises(BlockDeviceError) as caught:
-        admit(tree.blocks, NODE, 10**9)
+        require_writable_disk(tree.blocks, NODE, 10**9)
     assert caught.value.exit is ExitCode.USAGE
     head, *why = str(caught.value).splitlines()
     assert head == "/dev/loop0 is refused, and nothing was written:"
@@ -85,7 +91,7 @@ def test_all_reasons_are_told_together(tmp_path: Path) -> None:
     disk.say(ro="1")
     tree.mount("7:0", "/", "/dev/root")
     with pytest.raises(BlockDeviceError) as caught:
-        admit(tree.blocks, NODE, 10**9)
+        require_writable_disk(tree.blocks, NODE, 10**9)
     assert len(str(caught.value).splitlines()) == 5
 
 
@@ -98,7 +104,7 @@ def test_a_card_is_admitted(bus: str, serial: str, kind: DeviceBus, tmp_path: Pa
     disk = tree.disk(bus=bus)
     if serial:
         disk.serial(serial)
-    found = admit(tree.blocks, NODE, 10**9)
+    found = require_writable_disk(tree.blocks, NODE, 10**9)
     assert (found.bus, found.serial, found.size, found.diskseq) == (kind, serial, 8 * 10**9, 7)
     assert found.proof == (serial or "sdb-8000000000")
     require_confirmation(found, f" {found.proof}\n")
@@ -108,7 +114,7 @@ def test_a_wrong_serial_is_refused(tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     usual(tree)
     with pytest.raises(BlockDeviceError, match="`yes` is not the serial of sdb, and nothing was written"):
-        require_confirmation(admit(tree.blocks, NODE), "yes")
+        require_confirmation(require_writable_disk(tree.blocks, NODE), "yes")
 
 
 def test_a_plain_file_and_a_missing_path_are_refused(tmp_path: Path) -> None:
@@ -116,16 +122,16 @@ def test_a_plain_file_and_a_missing_path_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "sdb"
     file.write_bytes(b"kept")
     with pytest.raises(BlockDeviceError, match="is not a block device"):
-        admit(tree.blocks, file)
+        require_writable_disk(tree.blocks, file)
     with pytest.raises(BlockDeviceError, match="there is no "):
-        admit(tree.blocks, tmp_path / "sdx")
+        require_writable_disk(tree.blocks, tmp_path / "sdx")
     assert file.read_bytes() == b"kept"
     assert not (tmp_path / "sdx").exists()
 
 
 def test_a_device_that_the_kernel_does_not_know_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BlockDeviceError, match="is gone, or cannot be read"):
-        admit(Tree(tmp_path).blocks, NODE)
+        require_writable_disk(Tree(tmp_path).blocks, NODE)
 
 
 @pytest.mark.parametrize(
@@ -140,11 +146,11 @@ def test_a_device_that_the_kernel_does_not_know_is_refused(tmp_path: Path) -> No
 def test_a_device_that_has_changed_is_refused(change: Callable[[FakeDisk], object], said: str, tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     disk = usual(tree)
-    shown = admit(tree.blocks, NODE)
-    same(tree.blocks, NODE, shown, 10**9)
+    shown = require_writable_disk(tree.blocks, NODE)
+    require_same_disk(tree.blocks, NODE, shown, 10**9)
     change(disk)
     with pytest.raises(BlockDeviceError) as caught:
-        same(tree.blocks, NODE, shown, 10**9)
+        require_same_disk(tree.blocks, NODE, shown, 10**9)
     assert said in str(caught.value)
     assert "nothing was written" in str(caught.value)
 
@@ -157,7 +163,7 @@ def test_the_disk_that_this_computer_runs_from_is_refused() -> None:
         node = Path("/dev") / path.name
         if node.is_block_device():
             try:
-                admitted.append(admit(BlockTree(), node).name)
+                admitted.append(require_writable_disk(BlockTree(), node).name)
             except BlockDeviceError:
                 continue
     uses = {name: BlockTree().disk(Path("/dev") / name).uses for name in admitted}

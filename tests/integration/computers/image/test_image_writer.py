@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from blocks_fake import LoopCard, Tree, loop
 
-from atlantis_netcfg.computers.image.blocks import admit
+from atlantis_netcfg.computers.image.blocks import require_writable_disk
 from atlantis_netcfg.computers.image.facts import BlockDeviceError, CardWriteError
 from atlantis_netcfg.computers.image.source import Segment, SourceKind, segments
 from atlantis_netcfg.computers.image.writer import Card, Progress, WriterStep, WrittenCard, write
@@ -43,7 +43,7 @@ def used(tmp_path: Path) -> Iterator[LoopCard]:
 def shown(tmp_path: Path, card: LoopCard, size: int = 32 * MIB) -> Card:
     tree = Tree(tmp_path / "tree")
     tree.disk(card.number, size=size).serial("S1")
-    return Card(card.device, admit(tree.blocks, card.device), tree.blocks)
+    return Card(card.device, require_writable_disk(tree.blocks, card.device), tree.blocks)
 
 
 def put(image: Path, card: Card, parts: tuple[Segment, ...] | None = None) -> tuple[WrittenCard, list[Progress]]:

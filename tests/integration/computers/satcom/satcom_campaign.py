@@ -191,7 +191,7 @@ def _dds_samples(made: Vpn, folder: Path, grid: Sequence[Cell], patience_s: floa
         views = profile_views(made.declaration, made.declaration.hosts[name], "pypi")
         view = max(views, key=lambda one: one.tuning.announce_s)
         path = folder / f"{name}.xml"
-        path.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
+        path.write_text(profiles(view)[f"{view.link}/cyclonedds.xml"], encoding="utf-8")
         command = (sys.executable, "-P", str(PROGRAMS / "dds_cells.py"), what, str(plan))
         both[what] = Participant(name, made.start(name, *command, environment={"CYCLONEDDS_URI": str(path)}))
     publisher, hearer = both["publish"], both["hear"]

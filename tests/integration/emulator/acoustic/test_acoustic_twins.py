@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist.probes import Answer, Cell, Listen, Place, Probe,
 from atlantis_netcfg.checklist.runner import OnAnswer, ask_here, examine
 from atlantis_netcfg.checklist.runner.results import Questions
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory.loader import load
 
 Twin = RunningEvologics | RunningSeatrac
@@ -111,7 +111,7 @@ def test_a_busy_beacon_pings_nobody(busy: bool, expected: int) -> None:  # noqa:
         assert len(twin.transmitted) == (expected == 0)
 
 
-def _probe(declaration: Declaration, row: str, column: str, step: str) -> Probe:
+def _probe(declaration: Inventory, row: str, column: str, step: str) -> Probe:
     steps_of = acoustic.steps if column == "acoustic" else usbl.steps
     steps = steps_of(Cell(declaration, "coastal", row, column))
     probe = next(one.probe for one in steps if one.name == step)

@@ -9,11 +9,11 @@ import paramiko
 from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import (
+    EmulatorSpec,
     RouterLink,
     RouterSpec,
     RunningSite,
     SiteSpec,
-    TwinSpec,
     User,
     WireBehaviour,
 )
@@ -58,8 +58,8 @@ def twin(
 ) -> Iterator[Twin]:
     users = (User(name="admin", password=PASSWORD), User(name="guest", password=PASSWORD, group="read"))
     router = RouterSpec.model_validate({"name": NAME, "users": users, **spec})
-    wire = TwinSpec(router=router, link=link or RouterLink(), knobs=knobs or WireBehaviour(boot_s=0.2))
-    with RunningSite(SiteSpec(name="site", twins=(wire,)), tmp_path) as site:
+    wire = EmulatorSpec(router=router, link=link or RouterLink(), knobs=knobs or WireBehaviour(boot_s=0.2))
+    with RunningSite(SiteSpec(name="site", emulators=(wire,)), tmp_path) as site:
         yield Twin(site)
 
 

@@ -7,14 +7,14 @@ import serial
 from shell_site import PASSWORD
 from waiting import HANG_S
 
-from atlantis_netcfg.emulator.routeros import RouterSpec, SiteSpec, TwinSpec, User, spawn
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterSpec, SiteSpec, User, spawn
 
 
 def test_a_process_of_its_own(tmp_path: Path) -> None:
     users = (User(name="admin", password=PASSWORD),)
-    spec = TwinSpec(router=RouterSpec(name="router", serial=True, users=users))
-    plain = TwinSpec(router=RouterSpec(name="plain", users=users))
-    with spawn(SiteSpec(name="site", twins=(spec, plain)), tmp_path) as site:
+    spec = EmulatorSpec(router=RouterSpec(name="router", serial=True, users=users))
+    plain = EmulatorSpec(router=RouterSpec(name="plain", users=users))
+    with spawn(SiteSpec(name="site", emulators=(spec, plain)), tmp_path) as site:
         told = site.ready["router"]
         assert site.do("router", "info") == told
         assert told["ports"]["22"] == told["ssh"]

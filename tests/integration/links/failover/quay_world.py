@@ -8,8 +8,8 @@ from pathlib import Path
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import DeviceMode
-from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.links.policy import BearerRoute, active_bearer
+from atlantis_netcfg.inventory import Inventory, load
+from atlantis_netcfg.links.policy import LinkRoute, active_link
 from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros.render import router
 
@@ -18,7 +18,7 @@ STEP_S = 1.0
 
 
 @cache
-def shipped() -> Declaration:
+def shipped() -> Inventory:
     return load(INVENTORY)
 
 
@@ -33,7 +33,7 @@ class World:
     site: str
     version: str = "7.18.2"
     device_mode: DeviceMode | None = None
-    declaration: Declaration = field(default_factory=shipped)
+    declaration: Inventory = field(default_factory=shipped)
     now: float = 1000.0
     device: Device = field(init=False)
     caller: Caller = field(init=False)
@@ -43,7 +43,7 @@ class World:
 
     def __post_init__(self) -> None:
         host = self.declaration.hosts[f"{self.site}-router"]
-        (twin,) = site_spec(self.declaration, [host]).twins
+        (twin,) = site_spec(self.declaration, [host]).emulators
         text = router(self.declaration, host)
         if self.version == "7.16":
             text = text.replace(NEWER, "")
@@ -60,9 +60,9 @@ class World:
         user = self.device.spec.users[0]
         self.caller = self.device.login(user.name, user.password, via="api", address="10.64.101.10")
 
-    def ways(self) -> tuple[BearerRoute, ...]:
+    def ways(self) -> tuple[LinkRoute, ...]:
         return tuple(
-            BearerRoute(
+            LinkRoute(
                 each.name,
                 str(each.gateway),
                 str(each.address),
@@ -78,10 +78,10 @@ class World:
         return [dict(word[1:].partition("=")[::2] for word in each.words) for each in answers if each.kind == "!re"]
 
     def active(self) -> str | None:
-        return active_bearer(self.rows("/ip/route"), self.ways())
+        return active_link(self.rows("/ip/route"), self.ways())
 
     def canaries(self, *names: str) -> tuple[str, ...]:
-        return tuple(canary for way in self.ways() if way.name in names for canary in way.canaries)
+        return tuple(canary for way in self.ways() if way.name in names for canary in way.probe_targets)
 
     def silence(self, addresses: Iterable[str]) -> None:
         self.device.silence(addresses)

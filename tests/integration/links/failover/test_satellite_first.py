@@ -141,7 +141,7 @@ def test_a_budget_in_euro_is_one_in_bytes_and_without_one_nobody_may_be_asked(
     declared["site"]["failover"] = {"hold_down_s": HOLD_DOWN_S, "fail_back_s": FAIL_BACK_S}
     path.write_text(yaml.safe_dump(declared), encoding="utf-8")
     if budget:
-        assert load(root).sites["coastal"].bearers[0].canary_pause_s == PAUSE_S
+        assert load(root).sites["coastal"].bearers[0].probe_target_pause_s == PAUSE_S
         return
     with pytest.raises(InventoryInvalid, match="pinging them would be billed day and night"):
         load(root)

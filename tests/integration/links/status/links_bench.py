@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, SiteSpec, TwinSpec
-from atlantis_netcfg.inventory import Declaration, Host, choose, load
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterLink, RunningSite, SiteSpec
+from atlantis_netcfg.inventory import Host, Inventory, choose, load
 from atlantis_netcfg.operations.apply import perform
-from atlantis_netcfg.operations.common.kinds import is_supported, is_unit
+from atlantis_netcfg.operations.common.kinds import is_other_lte_unit, is_supported
 from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.operations.common.request import Request, Target
 from atlantis_netcfg.operations.common.schedule import with_other_ends
-from atlantis_netcfg.operations.links.collect import LinksStatus, look
+from atlantis_netcfg.operations.links.collect import LinksStatus, collect_links
 from atlantis_netcfg.operations.lte.run import perform as perform_lte
 from atlantis_netcfg.operations.lte.units import emulated_units
 from atlantis_netcfg.runs.report.links import LinksReport
@@ -34,7 +34,7 @@ NOWHERE = 1
 class Bench:
     """A running site."""
 
-    declaration: Declaration
+    declaration: Inventory
     site: str
     twins: RunningSite
     request: Request
@@ -45,7 +45,7 @@ class Bench:
         """The operation."""
         hosts = choose(self.declaration, self.site, only)
         request = self.request.model_copy(update={"targets": self.request.targets | self.targets})
-        return asyncio.run(look(self.declaration, self.site, hosts, request, ignore, PATIENCE_S))
+        return asyncio.run(collect_links(self.declaration, self.site, hosts, request, ignore, PATIENCE_S))
 
     def report(self, *only: str) -> LinksReport:
         """What a person and a program get of it."""
@@ -125,7 +125,7 @@ def bench(
     site: str,
     *only: str,
     root: Path = INVENTORY,
-    spoil: Callable[[TwinSpec], TwinSpec] | None = None,
+    spoil: Callable[[EmulatorSpec], EmulatorSpec] | None = None,
     ends: Mapping[str, int] | None = None,
 ) -> Iterator[Bench]:
     """The twins of a site, or `only` some of them, all near by, configured.
@@ -135,7 +135,9 @@ def bench(
     declaration = load(root)
     chosen = choose(declaration, site, only)
     with ExitStack() as stack:
-        units = stack.enter_context(emulated_units([host for host in chosen if is_unit(host)], _made(folder / "units")))
+        units = stack.enter_context(
+            emulated_units([host for host in chosen if is_other_lte_unit(host)], _made(folder / "units"))
+        )
         twins = stack.enter_context(RunningSite(_spec(declaration, chosen, spoil), _made(folder / "twins")))
         targets = {name: _target(ready) for name, ready in twins.ready.items()}
         targets |= {name: unit.target for name, unit in units.items()}
@@ -154,11 +156,13 @@ def _made(folder: Path) -> Path:
     return folder
 
 
-def _spec(declaration: Declaration, chosen: Sequence[Host], spoil: Callable[[TwinSpec], TwinSpec] | None) -> SiteSpec:
+def _spec(
+    declaration: Inventory, chosen: Sequence[Host], spoil: Callable[[EmulatorSpec], EmulatorSpec] | None
+) -> SiteSpec:
     hosts = with_other_ends(declaration, [host for host in chosen if is_supported(host)])
     spec = site_spec(declaration, hosts, along={host.name for host in hosts} - {host.name for host in chosen})
-    near = tuple(twin.model_copy(update={"link": RouterLink()}) for twin in spec.twins)
-    return spec.model_copy(update={"twins": tuple(map(spoil, near)) if spoil is not None else near})
+    near = tuple(twin.model_copy(update={"link": RouterLink()}) for twin in spec.emulators)
+    return spec.model_copy(update={"emulators": tuple(map(spoil, near)) if spoil is not None else near})
 
 
 def _target(ready: Mapping[str, Any]) -> Target:

@@ -17,7 +17,7 @@ from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory import choose
 from atlantis_netcfg.inventory.model import NumberMask
 from atlantis_netcfg.records.asbuilt.collect import SiteLook
-from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord, DeviceRecord, Link, Origin, ReadState, compare
+from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord, CableState, DeviceRecord, Origin, ReadState, compare
 from atlantis_netcfg.runs import utc_now
 
 pytestmark = pytest.mark.slow
@@ -120,7 +120,7 @@ def test_a_port_without_a_link_is_a_difference(coastal: Bench) -> None:
     assert [change.words for change in compare(now, before).changes] == [
         f"{ROUTER}: link of port ether5 changed from up to down"
     ]
-    assert next(port.link for port in device(now, ROUTER).ports if port.name == "ether5") is Link.DOWN
+    assert next(port.link for port in device(now, ROUTER).ports if port.name == "ether5") is CableState.DOWN
 
 
 def test_a_device_that_does_not_answer_is_not_green_and_keeps_what_was_known(coastal: Bench) -> None:

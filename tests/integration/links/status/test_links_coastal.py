@@ -12,7 +12,7 @@ from links_bench import Bench, bench, inventory, masked
 from waiting import wait_until
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.emulator.routeros import TwinSpec
+from atlantis_netcfg.emulator.routeros import EmulatorSpec
 from atlantis_netcfg.records.survey.radio import UnitRadio
 from atlantis_netcfg.runs import Store
 from atlantis_netcfg.runs.report.links import LinksReport
@@ -32,7 +32,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
         yield opened
 
 
-def with_larger_antennas(twin: TwinSpec) -> TwinSpec:
+def with_larger_antennas(twin: EmulatorSpec) -> EmulatorSpec:
     """Radios whose antennas are 3 dB better than declared, so that full power is too much for the other end."""
     radios = tuple(radio.model_copy(update={"gain_dbi": 19.0}) for radio in twin.router.radios)
     return twin.model_copy(update={"router": twin.router.model_copy(update={"radios": radios})})

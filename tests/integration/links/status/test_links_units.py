@@ -12,7 +12,7 @@ from links_bench import Bench, bench, block, inventory, masked
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator import modem, rutos
-from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec, TwinSpec
+from atlantis_netcfg.emulator.routeros import CellSpec, EmulatorSpec, ModemSpec, SimSpec
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.common.request import Target
 from atlantis_netcfg.operations.common.terminals import TriedPin
@@ -189,10 +189,10 @@ def _declared(folder: Path, text: str) -> Path:
     return root
 
 
-def with_modem(sick: ModemSpec) -> Callable[[TwinSpec], TwinSpec]:
+def with_modem(sick: ModemSpec) -> Callable[[EmulatorSpec], EmulatorSpec]:
     """Put another modem, card or network into the box."""
 
-    def spoil(twin: TwinSpec) -> TwinSpec:
+    def spoil(twin: EmulatorSpec) -> EmulatorSpec:
         return twin.model_copy(update={"router": twin.router.model_copy(update={"modem": sick})})
 
     return spoil

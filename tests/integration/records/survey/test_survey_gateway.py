@@ -17,7 +17,7 @@ from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.common.request import Target
 from atlantis_netcfg.records.survey.measure import SurveyPlan
 from atlantis_netcfg.records.survey.positions import GpsdSource, NoPosition, TrackPosition
-from atlantis_netcfg.records.survey.radio import surveyed_link
+from atlantis_netcfg.records.survey.radio import find_survey_link
 from atlantis_netcfg.records.survey.site import SiteSurvey
 from atlantis_netcfg.runs import Store
 
@@ -78,10 +78,10 @@ def heard(folder: Path, target: Target | None, gps: str | None) -> tuple[GpsdSou
     """The source that a survey has, and what it says once it says something."""
     targets = {} if target is None else {GATEWAY: target}
     request = Request(state=folder, mode=Mode.DRIFT, rehearsed=True, targets=targets)
-    link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(folder, is_rehearsal=True)
+    link, store = find_survey_link(DECLARATION, UNIT.site, None), Store(folder, is_rehearsal=True)
     site = SiteSurvey(DECLARATION, link, UNIT, request, store, SurveyPlan(), radio_only=True, gps=gps)
     with ExitStack() as stack:
-        survey = site.running(stack, lambda _sample: None, lambda _point: None)
+        survey = site.build_survey(stack, lambda _sample: None, lambda _point: None)
         assert isinstance(survey.positions, GpsdSource)
         positions = survey.positions
         wait_until(lambda: isinstance(positions.position(), TrackPosition) or positions.trouble, positions.position)

@@ -21,7 +21,7 @@ from atlantis_netcfg.operations.lte.units import emulated_units
 from atlantis_netcfg.operations.qualify.far_end import key_of
 from atlantis_netcfg.records.survey.measure import SurveyPlan
 from atlantis_netcfg.records.survey.positions import TrackPosition
-from atlantis_netcfg.records.survey.radio import surveyed_link
+from atlantis_netcfg.records.survey.radio import find_survey_link
 from atlantis_netcfg.records.survey.site import SiteSurvey, TypedPositions
 from atlantis_netcfg.runs import Store
 
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.records.survey.points import SurveyPoint
 
 
 @contextmanager
-def far_end() -> Iterator[Declaration]:
+def far_end() -> Iterator[Inventory]:
     """The reflector in a thread, and an inventory that names it."""
     assert DECLARATION.pilot.qualify is not None
     reflector = Reflector(key_of(DECLARATION.pilot.qualify))
@@ -74,10 +74,10 @@ def test_a_point_through_real_sockets(tmp_path: Path) -> None:
         twin = stack.enter_context(RunningGpsd(GnssSpec(every_s=0.1)))
         targets = {UNIT.name: units[UNIT.name].target}
         request = Request(state=tmp_path, mode=Mode.DRIFT, rehearsed=True, targets=targets)
-        link = surveyed_link(declaration, UNIT.site, None)
+        link = find_survey_link(declaration, UNIT.site, None)
         store, gps = Store(tmp_path, is_rehearsal=True), f"{twin.host}:{twin.port}"
         site = SiteSurvey(declaration, link, UNIT, request, store, SurveyPlan(max_seconds=0.6), gps=gps)
-        survey = site.running(stack, samples.append, points.append)
+        survey = site.build_survey(stack, samples.append, points.append)
         while not isinstance(survey.positions.position(), TrackPosition):
             survey.clock.wait(0.05)
         assert survey.run() == "done"
@@ -102,11 +102,11 @@ def test_a_computer_without_a_way_to_the_far_end_says_so(tmp_path: Path, monkeyp
         raise OSError(errno.ENETUNREACH, "Network is unreachable")
 
     monkeypatch.setattr("atlantis_netcfg.records.survey.site.UdpTransport", unreachable)
-    link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(tmp_path, is_rehearsal=True)
+    link, store = find_survey_link(DECLARATION, UNIT.site, None), Store(tmp_path, is_rehearsal=True)
     request = Request(state=tmp_path, mode=Mode.DRIFT)
     site = SiteSurvey(DECLARATION, link, UNIT, request, store, SurveyPlan())
     with ExitStack() as stack, pytest.raises(UsageError, match=r"no way to the far end .*: Network is unreachable"):
-        site.running(stack, lambda _sample: None, lambda _point: None)
+        site.build_survey(stack, lambda _sample: None, lambda _point: None)
 
 
 def test_a_point_where_a_person_says_where_it_is_and_nothing_is_sent(tmp_path: Path) -> None:
@@ -115,9 +115,9 @@ def test_a_point_where_a_person_says_where_it_is_and_nothing_is_sent(tmp_path: P
         units = stack.enter_context(emulated_units([UNIT], tmp_path))
         targets = {UNIT.name: units[UNIT.name].target}
         request = Request(state=tmp_path, mode=Mode.DRIFT, rehearsed=True, targets=targets)
-        link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(tmp_path, is_rehearsal=True)
+        link, store = find_survey_link(DECLARATION, UNIT.site, None), Store(tmp_path, is_rehearsal=True)
         site = SiteSurvey(DECLARATION, link, UNIT, request, store, SurveyPlan(), radio_only=True, clicks=True)
-        survey = site.running(stack, lambda _sample: None, points.append)
+        survey = site.build_survey(stack, lambda _sample: None, points.append)
         assert isinstance(survey.positions, TypedPositions)
         survey.begin()
         assert survey.positions.type("pier: 41.7, -8.9")

@@ -11,7 +11,7 @@ from typing import Any
 from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.operations.adopt import Adoption, AdoptionResult
 from atlantis_netcfg.operations.common.rehearsal import factory_spec, site_spec
 
@@ -23,14 +23,14 @@ QUICK = {"unroll_delay_s": 0.05, "silent_timeout_s": 2.0}
 
 
 @cache
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load(CHECKOUT / "inventory")
 
 
 def adopted_export() -> str:
     """What the twin of an adopted router exports."""
     declared = declaration()
-    (twin,) = site_spec(declared, [declared.hosts[ROUTER]]).twins
+    (twin,) = site_spec(declared, [declared.hosts[ROUTER]]).emulators
     return Device(twin.router, lambda: 0.0).export(header=False)
 
 
@@ -82,6 +82,6 @@ def carton(folder: Path, *, serial: bool = False, **changes: Any) -> Iterator[Ca
     declared = declaration()
     spec = factory_spec(declared, declared.hosts[ROUTER], serial=serial)
     router = RouterSpec.model_validate({**spec.router.model_dump(), **QUICK, **changes})
-    twins = SiteSpec(name="scc", twins=(spec.model_copy(update={"router": router}),))
+    twins = SiteSpec(name="scc", emulators=(spec.model_copy(update={"router": router}),))
     with RunningSite(twins, folder / "twins") as site:
         yield Carton(site, folder / "state", serial)

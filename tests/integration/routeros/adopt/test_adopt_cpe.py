@@ -56,7 +56,7 @@ def boxed(folder: Path, **changes: Any) -> Iterator[Box]:  # noqa: ANN401 - of R
     declared = declaration()
     spec = factory_spec(declared, declared.hosts[CPE])
     router = RouterSpec.model_validate({**spec.router.model_dump(), **QUICK, **changes})
-    twins = SiteSpec(name="coastal", twins=(spec.model_copy(update={"router": router}),))
+    twins = SiteSpec(name="coastal", emulators=(spec.model_copy(update={"router": router}),))
     with RunningSite(twins, folder / "twins") as site:
         yield Box(site, folder / "state")
 
@@ -64,7 +64,7 @@ def boxed(folder: Path, **changes: Any) -> Iterator[Box]:  # noqa: ANN401 - of R
 def adopted(**changes: Any) -> str:  # noqa: ANN401 - of RouterSpec
     """What the twin of an adopted CPE exports."""
     declared = declaration()
-    (twin,) = site_spec(declared, [declared.hosts[CPE]]).twins
+    (twin,) = site_spec(declared, [declared.hosts[CPE]]).emulators
     router = RouterSpec.model_validate({**twin.router.model_dump(), **changes})
     return Device(router, lambda: 0.0).export(header=False)
 

@@ -11,16 +11,16 @@ from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Observation
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.apply import Admission
-from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate, on_the_wire
-from atlantis_netcfg.routeros.observe import counting, looks, read_counts, seconds
+from atlantis_netcfg.routeros.estimate import Estimate, LinkMetrics, on_the_wire
+from atlantis_netcfg.routeros.observe import counter_reads, counting, read_counts, seconds
 
-SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, is_metered=True)
+SATELLITE = LinkMetrics("satellite", 0.7, 352_000, 704_000, is_metered=True)
 
 
 def twice(folder: Path, *counted: str) -> tuple[DeviceResult, DeviceResult]:
     async def act() -> tuple[DeviceResult, DeviceResult]:
         async with Bench(folder) as bench:
-            bench.router.relink(RouterLink(port="ether3"))
+            bench.router.set_link(RouterLink(port="ether3"))
             return await bench.converge(counted_ports=counted), await bench.converge(counted_ports=counted)
 
     return run(act())
@@ -63,7 +63,7 @@ def test_a_port_that_is_not_there_is_not_counted_as_nothing(tmp_path: Path) -> N
 def test_a_reboot_sets_the_counters_back(tmp_path: Path) -> None:
     async def act() -> tuple[DeviceResult, DeviceResult]:
         async with Bench(tmp_path) as bench:
-            bench.router.relink(RouterLink(port="ether3"))
+            bench.router.set_link(RouterLink(port="ether3"))
             before = await bench.converge(counted_ports=("ether3",))
             bench.router.reboot()
             return before, await bench.converge(counted_ports=("ether3",))
@@ -93,12 +93,12 @@ def test_a_run_that_is_too_dear_changes_nothing_and_says_why(tmp_path: Path) -> 
     async def act() -> tuple[str, DeviceResult, str, DeviceResult]:
         async with Bench(tmp_path) as bench:
             before = bench.export()
-            refused = await bench.converge(cost_policy=collector, bearer=SATELLITE)
+            refused = await bench.converge(cost_policy=collector, link=SATELLITE)
             sentences = [sentence[0] for each in bench.router.connections() for sentence in each.sentences]
             said.extend(word for word in sentences if word == "/execute")
             after = bench.export()
             await bench.converge()
-            return before, refused, after, await bench.converge(cost_policy=collector, bearer=SATELLITE)
+            return before, refused, after, await bench.converge(cost_policy=collector, link=SATELLITE)
 
     before, refused, after, idle = run(act())
     assert (refused.status, refused.message) == (Status.REFUSED, "refused, nothing was changed: too dear")
@@ -116,9 +116,9 @@ def test_a_run_that_is_too_dear_changes_nothing_and_says_why(tmp_path: Path) -> 
     [(1, 1, 1), (WINDOW - 2, 1, 1), (WINDOW - 1, 0, 1), (WINDOW, 0, 0), (WINDOW + 1, 1, 1), (2 * WINDOW, 0, 0)],
 )
 def test_looks_take_the_room_that_is_left(beside: int, first: int, last: int) -> None:
-    assert tuple(map(len, looks(("ether3",), beside, WINDOW))) == (first, last)
+    assert tuple(map(len, counter_reads(("ether3",), beside, WINDOW))) == (first, last)
     assert -(-(beside + first + last) // WINDOW) == -(-beside // WINDOW)
-    assert looks((), beside, WINDOW) == ([], [])
+    assert counter_reads((), beside, WINDOW) == ([], [])
 
 
 def test_one_command_asks_for_all_ports() -> None:

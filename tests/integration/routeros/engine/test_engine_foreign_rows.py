@@ -11,12 +11,12 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.commands import script_command
-from atlantis_netcfg.routeros.estimate import BearerProfile
+from atlantis_netcfg.routeros.estimate import LinkMetrics
 from bench.proxy import Count, Proxy, Shape
 
 OURS = "# atlantis:entire /ip firewall address-list\n" + TEXT
 LISTS = "/ip/firewall/address-list"
-SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, is_metered=True)
+SATELLITE = LinkMetrics("satellite", 0.7, 352_000, 704_000, is_metered=True)
 
 
 async def foreign(bench: Bench, number: int) -> None:
@@ -102,8 +102,8 @@ def test_a_thousand_over_the_satellite_are_estimated_by_rows(tmp_path: Path) -> 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
         await bench.converge()
         await foreign(bench, 1000)
-        planned = await bench.converge(JobMode.PLAN, bearer=SATELLITE)
-        return planned, await bench.converge(bearer=SATELLITE, remove_foreign=True)
+        planned = await bench.converge(JobMode.PLAN, link=SATELLITE)
+        return planned, await bench.converge(link=SATELLITE, remove_foreign=True)
 
     planned, done = on(Bench(tmp_path, text=OURS), act)
     assert (planned.planned_count, planned.rows, done.status) == (1, 1000, Status.CHANGED)
@@ -131,7 +131,7 @@ async def metered(bench: Bench, mode: JobMode, **changes: Any) -> tuple[DeviceRe
     async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), Shape(0.35)) as proxy:
         host, port = proxy.address
         endpoint = replace(bench.job().endpoint, host=host, port=port)
-        result = await bench.converge(mode, bearer=SATELLITE, endpoint=endpoint, **changes)
+        result = await bench.converge(mode, link=SATELLITE, endpoint=endpoint, **changes)
         return result, proxy.count
 
 
@@ -251,8 +251,8 @@ def test_thousands_come_and_go(tmp_path: Path, number: int) -> None:
         await bench.converge()
         await many(bench, number)
         planned, _ = await metered(bench, JobMode.PLAN)
-        done = await bench.converge(bearer=SATELLITE, remove_foreign=True, agreed_hash=planned.plan_hash)
-        return [planned, done, await bench.converge(bearer=SATELLITE)], left(bench)
+        done = await bench.converge(link=SATELLITE, remove_foreign=True, agreed_hash=planned.plan_hash)
+        return [planned, done, await bench.converge(link=SATELLITE)], left(bench)
 
     (planned, done, again), there = on(Bench(tmp_path, text=OURS), act)
     assert planned.message == f"1 action on {number} rows planned"

@@ -402,7 +402,7 @@ def test_a_fault_of_ours_while_we_find_out(tmp_path: Path, monkeypatch: pytest.M
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(_settle, "differing", broken)
+    monkeypatch.setattr(_settle, "differing_menus", broken)
     result, before, now = on(Bench(tmp_path, text=TEXT + LAST), tried)
     assert (result.status, result.exit) == (Status.UNKNOWN, ExitCode.UNKNOWN)
     assert "the device refused to set /ip ssh settings" in result.message

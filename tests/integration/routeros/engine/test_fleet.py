@@ -9,7 +9,7 @@ import pytest
 from engine_bench import TEXT, Bench, run
 
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink
-from atlantis_netcfg.operations.common.session_link import LAN, PATIENCE_S, patient
+from atlantis_netcfg.operations.common.session_link import LAN, PATIENCE_S, with_timeouts
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Patience, Status, fleet
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.apply import Channel
@@ -96,7 +96,7 @@ def test_silent_devices_on_a_cable_are_given_up_in_seconds(tmp_path: Path) -> No
                 work = [benches[each % 6].job(name=f"ship{each}") for each in range(48)]
                 dead = replace(benches[0].job().endpoint, port=port)
                 work += [benches[0].job(name=name, endpoint=dead) for name in ("dead1", "dead2")]
-                work = [replace(job, endpoint=patient(job.endpoint, LAN)) for job in work]
+                work = [replace(job, endpoint=with_timeouts(job.endpoint, LAN)) for job in work]
                 begun = clock()
                 return await fleet.run(work, mode=JobMode.PLAN), clock() - begun
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 MANY = 200
 
 
-def waiting(job: DeviceJob) -> fleet.Waiting:
-    return fleet.Waiting(job.name, partial(replace, job))
+def waiting(job: DeviceJob) -> fleet.PendingJob:
+    return fleet.PendingJob(job.name, partial(replace, job))
 
 
 @pytest.mark.slow
@@ -37,7 +37,7 @@ def test_results_of_many_come_before_those_of_the_slow_the_silent_and_the_dead(t
         async with ships(tmp_path, MANY) as benches:
             silent, slow = benches[:2]
             silent.router.arm(LinkFault(do=FaultKind.HANG, match="/login"))
-            slow.router.relink(RouterLink(delay_s=0.35))
+            slow.router.set_link(RouterLink(delay_s=0.35))
             work = jobs(benches)
             nowhere = Endpoint("127.0.0.1", 1, "provision", work[0].endpoint.password, "00" * 32)
             work.insert(2, benches[2].job(name="nowhere", endpoint=nowhere))
@@ -90,7 +90,7 @@ def test_rows_and_plans_of_devices_that_are_done_are_let_go(tmp_path: Path) -> N
 
     async def main() -> int:
         async with ships(tmp_path, number + 1) as benches:
-            first, *rest = [fleet.Waiting(f"ship{each}", bench.job) for each, bench in enumerate(benches)]
+            first, *rest = [fleet.PendingJob(f"ship{each}", bench.job) for each, bench in enumerate(benches)]
             await fleet.stream([first], lambda _: None, mode=JobMode.PLAN)
             tracemalloc.start()
             try:
@@ -114,7 +114,7 @@ def test_a_job_that_cannot_be_made_is_that_devices_result(tmp_path: Path) -> Non
     async def main() -> list[DeviceResult]:
         results: list[DeviceResult] = []
         async with ships(tmp_path, 1) as benches:
-            both = [fleet.Waiting("odd", refused), fleet.Waiting("ship", benches[0].job)]
+            both = [fleet.PendingJob("odd", refused), fleet.PendingJob("ship", benches[0].job)]
             await fleet.stream(both, results.append, mode=JobMode.PLAN)
         return results
 

@@ -14,7 +14,7 @@ import pytest
 from engine_bench import PASSWORD, TEXT, leases, without_header
 from waiting import wait_until
 
-from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterSpec, RunningSite, SiteSpec, User
 from atlantis_netcfg.runs import Run, Store
 
 CHILD = Path(__file__).with_name("child_run.py")
@@ -70,7 +70,7 @@ def quay(folder: Path, text: str = TEXT, **spec: Any) -> Iterator[Quay]:  # noqa
     users = (User(name="provision", password=PASSWORD), User(name="watch", password="w"))
     router = RouterSpec(name="router", users=users, unroll_delay_s=0.05, **spec)
     (folder / "twins").mkdir()
-    with RunningSite(SiteSpec(name="coastal", twins=(TwinSpec(router=router),)), folder / "twins") as site:
+    with RunningSite(SiteSpec(name="coastal", emulators=(EmulatorSpec(router=router),)), folder / "twins") as site:
         yield Quay(site, folder, text)
 
 

@@ -15,7 +15,7 @@ from test_sites import bench, declaration
 
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault
 from atlantis_netcfg.emulator.routeros.spec import DeviceMode, DeviceModeName
-from atlantis_netcfg.links.policy import BearerRoute, active_bearer
+from atlantis_netcfg.links.policy import LinkRoute, active_link
 from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.routeros import DeviceResult, Endpoint, JobMode, Status, desired
 from atlantis_netcfg.routeros.api import Command, Reply, Session, SessionLost, Unreachable
@@ -53,7 +53,7 @@ def exported(bench: Bench) -> str:
 
 
 @cache
-def ways() -> tuple[BearerRoute, ...]:
+def ways() -> tuple[LinkRoute, ...]:
     return ways_of(declaration(), declaration().hosts["coastal-router"])
 
 
@@ -63,7 +63,7 @@ async def rows(bench: Bench, menu: str, *queries: str) -> list[dict[str, str]]:
 
 
 async def active(bench: Bench) -> str | None:
-    return active_bearer(await rows(bench, "/ip/route"), ways())
+    return active_link(await rows(bench, "/ip/route"), ways())
 
 
 async def armed(bench: Bench) -> bool:

@@ -15,9 +15,9 @@ from atlantis_netcfg.emulator.routeros import (
     SimSpec,
     SiteSpec,
 )
-from atlantis_netcfg.emulator.routeros.control import obey
+from atlantis_netcfg.emulator.routeros.control import execute
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.lte import Registration
 from atlantis_netcfg.links.lte.judge import LteSubscription, judge
 from atlantis_netcfg.links.lte.routeros import log_query, queries, read
@@ -38,7 +38,7 @@ def box(tmp_path: Path, version: str = "7.18.2", *, sim: SimSpec | None = SimSpe
     return Bench(tmp_path, lte(DECLARATION, HOST), spec=spec)
 
 
-async def findings(bench: Bench) -> tuple[BearerFinding, ...]:
+async def findings(bench: Bench) -> tuple[LinkFinding, ...]:
     """Ask as whoever has a session asks, and judge."""
     told = []
     for query in (*queries("lte1"), log_query()):
@@ -135,15 +135,15 @@ def test_what_is_wrong_with_the_subscription_is_told_by_name(
 def test_a_running_twin_is_told_of_another_network(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await bench.converge()
-        site = EmulatedSite(SiteSpec(name="coastal", twins=()), tmp_path)
+        site = EmulatedSite(SiteSpec(name="coastal", emulators=()), tmp_path)
         site.routers = {"box": bench.router}
-        told = await obey(site, "box", "modem", {"cell": {"plmn": "20601"}})
+        told = await execute(site, "box", "modem", {"cell": {"plmn": "20601"}})
         assert told == {"phase": "registered", "tries_left": 3, "pins_entered": 0}
         assert {one.code for one in await findings(bench)} == {"roaming-not-allowed"}
         await bench.router.restart()
         assert {one.code for one in await findings(bench)} == {"roaming-not-allowed"}
         with pytest.raises(ControlError, match="colour"):
-            await obey(site, "box", "modem", {"colour": {}})
+            await execute(site, "box", "modem", {"colour": {}})
 
     on(box(tmp_path), act)
 

@@ -15,11 +15,11 @@ from atlantis_netcfg.routeros._types import Observation
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 from atlantis_netcfg.routeros.apply import Admission, Channel
 from atlantis_netcfg.routeros.apply._state import SAVING
-from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
+from atlantis_netcfg.routeros.estimate import Estimate, LinkMetrics
 
 RULE = 'add action=passthrough chain=forward comment="atlantis: one more"\n'
 MORE = TEXT.replace("/ip firewall nat\n", f"{RULE}/ip firewall nat\n")
-SATELLITE = BearerProfile("satellite", 0.7, 352e3, 704e3, is_metered=True)
+SATELLITE = LinkMetrics("satellite", 0.7, 352e3, 704e3, is_metered=True)
 
 
 def meddled(tmp_path: Path, words: Sequence[str], path: str = "/execute") -> tuple[DeviceResult, str, list[str]]:
@@ -96,7 +96,7 @@ def test_safe_mode_that_was_taken_for_a_refused_plan_is_released(tmp_path: Path,
     async def act(bench: Bench) -> tuple[DeviceResult, str, DeviceResult]:
         pool = ["/ip/pool/add", "=name=theirs", "=ranges=10.0.0.1"]
         meddler = Meddler("/safe-mode/take", lambda: bench.router.console(pool))
-        refused = await bench.converge(mode, connect=meddler.connect, cost_policy=Dear(), bearer=SATELLITE)
+        refused = await bench.converge(mode, connect=meddler.connect, cost_policy=Dear(), link=SATELLITE)
         assert meddler.count == 1
         return refused, bench.export(), await bench.converge()
 

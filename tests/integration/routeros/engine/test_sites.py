@@ -8,9 +8,9 @@ import pytest
 from engine_bench import PASSWORD, Bench, leases, on
 
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink, User
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.operations.common.rehearsal import site_spec
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.render import router
 
@@ -21,13 +21,13 @@ NEWER = " configuration.installation=outdoor"
 
 
 @cache
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load(Path(__file__).parents[4] / "inventory")
 
 
 def bench(tmp_path: Path, name: str, extra: str = "", **more: Any) -> Bench:  # noqa: ANN401 - fields of RouterSpec
     host = declaration().hosts[name]
-    (twin,) = site_spec(declaration(), [host]).twins
+    (twin,) = site_spec(declaration(), [host]).emulators
     spec = {**dict(twin.router), "users": (User(name="provision", password=PASSWORD),), **more}
     text = router(declaration(), host)
     if spec["version"] == "7.16":
@@ -60,7 +60,7 @@ def test_an_idle_run_over_iridium_is_five_round_trips_long(tmp_path: Path) -> No
 
     async def act(bench: Bench) -> DeviceResult:
         await bench.converge()
-        bench.router.relink(RouterLink(delay_s=RTT_S / 2))
+        bench.router.set_link(RouterLink(delay_s=RTT_S / 2))
         return await bench.converge()
 
     idle = on(bench(tmp_path, "coastal-router"), act)
@@ -70,10 +70,10 @@ def test_an_idle_run_over_iridium_is_five_round_trips_long(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", ROUTERS)
 def test_the_estimate_is_what_it_costs(tmp_path: Path, name: str) -> None:
-    bearer = bearer_of(declaration(), declaration().hosts[name])
+    bearer = site_link_of(declaration(), declaration().hosts[name])
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
-        return await bench.converge(bearer=bearer), await bench.converge(bearer=bearer)
+        return await bench.converge(link=bearer), await bench.converge(link=bearer)
 
     for result in on(bench(tmp_path, name), act):
         assert result.estimate is not None

@@ -6,7 +6,7 @@ from pathlib import Path
 from engine_bench import PASSWORD, Bench, on
 
 from atlantis_netcfg.emulator.routeros import User
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import TrafficClass
 from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
@@ -15,7 +15,7 @@ from atlantis_netcfg.routeros.render import router
 ROUTER = "coastal-router"
 
 
-def texts() -> tuple[Declaration, str, str]:
+def texts() -> tuple[Inventory, str, str]:
     """The shipped declaration, its router's text, and the text with a class for two robots."""
     declared = load(Path(__file__).parents[4] / "inventory")
     coastal = declared.sites["coastal"]
@@ -29,7 +29,7 @@ def texts() -> tuple[Declaration, str, str]:
 
 def test_classes_come_stay_and_go(tmp_path: Path) -> None:
     declared, plain, classed = texts()
-    (twin,) = site_spec(declared, [declared.hosts[ROUTER]]).twins
+    (twin,) = site_spec(declared, [declared.hosts[ROUTER]]).emulators
     spec = {**dict(twin.router), "users": (User(name="provision", password=PASSWORD),)}
 
     async def act(bench: Bench) -> list[DeviceResult]:

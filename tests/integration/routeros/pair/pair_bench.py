@@ -18,13 +18,13 @@ from atlantis_netcfg.emulator.routeros import (
     Air,
     EmulatedRouter,
     EmulatedSite,
+    EmulatorSpec,
     ManagementSpec,
     Radio,
     RadioLink,
     RadioPair,
     RouterSpec,
     SiteSpec,
-    TwinSpec,
     User,
 )
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, desired
@@ -110,7 +110,7 @@ class PairBench:
         radio = "wlan1" if self.family == "legacy" else "wifi1"
         pair = RadioPair(near="near", far="far", near_radio=radio, far_radio=radio, air=self.air)
         self.site = EmulatedSite(
-            SiteSpec(name="quay", twins=(self._twin("near", radio), self._twin("far", radio)), pairs=(pair,)),
+            SiteSpec(name="quay", emulators=(self._twin("near", radio), self._twin("far", radio)), pairs=(pair,)),
             self.tmp_path / "twins",
         )
 
@@ -118,7 +118,7 @@ class PairBench:
         other = {"bridge": "station-bridge", "station-bridge": "bridge"}
         return self.near_mode if name == "near" else other[self.near_mode]
 
-    def _twin(self, name: str, radio: str) -> TwinSpec:
+    def _twin(self, name: str, radio: str) -> EmulatorSpec:
         spec = {
             "name": name,
             "version": "7.18.2",
@@ -133,11 +133,11 @@ class PairBench:
             ),
             "seed": text(self.family, self.mode(name), self.words) + _ADDRESS,
         }
-        return TwinSpec(router=RouterSpec(**{**spec, **self.spec, **getattr(self, f"{name}_spec")}))
+        return EmulatorSpec(router=RouterSpec(**{**spec, **self.spec, **getattr(self, f"{name}_spec")}))
 
     async def __aenter__(self) -> Self:
         await self.site.start()
-        assert self.link.up, self.link.why
+        assert self.link.up, self.link.down_reason
         return self
 
     async def __aexit__(self, *_: object) -> None:

@@ -36,7 +36,7 @@ def test_changes(tmp_path: Path, family: str, near_mode: str, change: str) -> No
 
     async def act(bench: PairBench) -> tuple[tuple[DeviceResult, ...], tuple[DeviceResult, ...], bool, tuple[str, str]]:
         first = await bench.converge(words)
-        assert bench.link.up, bench.link.why
+        assert bench.link.up, bench.link.down_reason
         return first, await bench.converge(words), bench.far_first(), bench.exports()
 
     bench = PairBench(tmp_path, family=family, near_mode=near_mode)

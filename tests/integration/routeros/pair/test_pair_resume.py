@@ -19,7 +19,7 @@ async def far_alone(bench: PairBench) -> None:
     radio, name = {"legacy": ("wireless", "ssid"), "wifi": ("wifi", "configuration.ssid")}[bench.family]
     number = {"legacy": "wlan1", "wifi": "wifi1"}[bench.family]
     await bench.router("far").console([f"/interface/{radio}/set", f"=.id={number}", f"={name}=new name"])
-    assert bench.link.why == "the network names differ"
+    assert bench.link.down_reason == "the network names differ"
 
 
 @pytest.mark.parametrize("family", ["legacy", "wifi"])

@@ -95,7 +95,7 @@ def test_a_reboot_of_either_end_takes_the_link_away(tmp_path: Path) -> None:
         seconds = []
         for name in ("near", "far"):
             bench.router(name).reboot()
-            assert bench.link.why == "a radio is not there"
+            assert bench.link.down_reason == "a radio is not there"
             seconds.append(await outage(bench))
         return seconds
 

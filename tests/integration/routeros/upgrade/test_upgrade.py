@@ -13,7 +13,7 @@ from npk_files import write
 
 from atlantis_netcfg.core.errors import DeviceError, OutcomeUnknown
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User, WireBehaviour
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterSpec, RunningSite, SiteSpec, User, WireBehaviour
 from atlantis_netcfg.operations import upgrade as upgrade_module
 from atlantis_netcfg.operations.upgrade import SeenPackages, Upgrading, WaitingUpgrade
 from atlantis_netcfg.routeros.api import Endpoint
@@ -45,7 +45,7 @@ class Records(NoJournal):
 def router(tmp_path: Path, *, boot_s: float = 0.3, **spec: Any) -> Iterator[tuple[RunningSite, Upgrading]]:  # noqa: ANN401
     """A twin of RouterOS 7.18.2 on real sockets, and the upgrade of it to 7.21.5."""
     described = RouterSpec(name="router", users=(User(name="provision", password=PASSWORD),), **spec)
-    site = SiteSpec(name="quay", twins=(TwinSpec(router=described, knobs=WireBehaviour(boot_s=boot_s)),))
+    site = SiteSpec(name="quay", emulators=(EmulatorSpec(router=described, knobs=WireBehaviour(boot_s=boot_s)),))
     (tmp_path / "twins").mkdir()
     with RunningSite(site, tmp_path / "twins") as running:
         ready = running.ready["router"]

@@ -9,10 +9,10 @@ from npk_files import write
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.links.cost import CostRefusal
 from atlantis_netcfg.operations import Request
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.upgrade import PreparedUpgrade, _cost
 from atlantis_netcfg.routeros.packages import Upgrade, read_npk
@@ -22,7 +22,7 @@ ROUTER = "coastal-router"
 
 
 @pytest.fixture(scope="module")
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load(INVENTORY)
 
 
@@ -30,17 +30,17 @@ def request(tmp_path: Path, via: str, **more: Any) -> Request:  # noqa: ANN401 -
     return Request(state=tmp_path / "state", via={ROUTER: via}, command="provision upgrade", **more)
 
 
-def prepared(declaration: Declaration, tmp_path: Path, via: str, size: int) -> PreparedUpgrade:
+def prepared(declaration: Inventory, tmp_path: Path, via: str, size: int) -> PreparedUpgrade:
     """An upgrade as it is after the device was looked at; the rest of it is not asked for before the cost is."""
     package = read_npk(write(tmp_path, "routeros", "7.21.5", "arm64", payload=size))
     upgrade = Upgrade((package,), Version(7, 21, 5), ("routeros",))
-    bearer = bearer_of(declaration, declaration.hosts[ROUTER], via)
+    bearer = site_link_of(declaration, declaration.hosts[ROUTER], via)
     cost = _cost(upgrade, bearer, link_of(declaration, "coastal", via))
     nothing = cast("Any", None)
     return PreparedUpgrade(nothing, nothing, upgrade, bearer, cost, nothing)
 
 
-def test_the_device_is_not_even_looked_at_before_somebody_pays(declaration: Declaration, tmp_path: Path) -> None:
+def test_the_device_is_not_even_looked_at_before_somebody_pays(declaration: Inventory, tmp_path: Path) -> None:
     path = write(tmp_path, "routeros", "7.21.5", "arm64")
     with pytest.raises(CostRefusal, match="nothing was sent: over satellite of coastal") as refused:
         PreparedUpgrade.of(declaration, declaration.hosts[ROUTER], [path], request(tmp_path, "satellite"), ignore)
@@ -48,7 +48,7 @@ def test_the_device_is_not_even_looked_at_before_somebody_pays(declaration: Decl
     assert not (tmp_path / "state").exists()
 
 
-def test_files_beyond_the_cap_are_refused_whatever_anybody_accepts(declaration: Declaration, tmp_path: Path) -> None:
+def test_files_beyond_the_cap_are_refused_whatever_anybody_accepts(declaration: Inventory, tmp_path: Path) -> None:
     beyond = prepared(declaration, tmp_path, "satellite", 6_000_000)
     accepted = request(tmp_path, "satellite", accept_cost=True)
     with pytest.raises(CostRefusal, match=r"no action may send more than 5\.0 MB there") as refused:
@@ -61,7 +61,7 @@ def test_files_beyond_the_cap_are_refused_whatever_anybody_accepts(declaration: 
     prepared(declaration, tmp_path, "lan", 6_000_000).affordable(request(tmp_path, "lan"))
 
 
-def test_files_below_the_cap_are_sent_when_somebody_pays(declaration: Declaration, tmp_path: Path) -> None:
+def test_files_below_the_cap_are_sent_when_somebody_pays(declaration: Inventory, tmp_path: Path) -> None:
     dear = prepared(declaration, tmp_path, "satellite", 2_000_000)
     dear.affordable(request(tmp_path, "satellite"))
     assert dear.cost.bill.payload_bytes > 2_000_000 * 1.1

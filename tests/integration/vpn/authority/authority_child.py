@@ -24,7 +24,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.authority import Authority
-from atlantis_netcfg.vpn.authority.model import HandoutFile
+from atlantis_netcfg.vpn.authority.model import EnrolmentFile
 from atlantis_netcfg.vpn.authority.signer import Signer
 from atlantis_netcfg.vpn.identity import Identity
 
@@ -63,7 +63,7 @@ def _ca(work: Path) -> pki.Ca | None:
 
 
 def _sign(signer: Signer, folder: Path, command: str, names: list[str]) -> None:
-    def deliver(identity: Identity) -> HandoutFile:
+    def deliver(identity: Identity) -> EnrolmentFile:
         return handed_to(folder, identity)
 
     if command == "issue":

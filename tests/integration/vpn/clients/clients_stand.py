@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 from waiting import wait_until
 
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.vpn import pki, server
 from atlantis_netcfg.vpn.enrolment_package.profile import server_name
 from atlantis_netcfg.vpn.identity import (
@@ -69,7 +69,7 @@ class Wanted:
 class Office:
     """An authority in memory: issues, and knows what the server has to hold."""
 
-    declaration: Declaration
+    declaration: Inventory
     ca: pki.Ca = field(default_factory=lambda: pki.new_ca("Example CA", NOW))
     identities: dict[str, Identity] = field(default_factory=dict)
     wanted: dict[str, Wanted] = field(default_factory=dict)
@@ -224,7 +224,7 @@ def device_of(log: Path) -> str:
     return found[1]
 
 
-def declared() -> Declaration:
+def declared() -> Inventory:
     return load(Path(__file__).parents[4] / "inventory")
 
 

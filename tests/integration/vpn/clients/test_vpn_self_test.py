@@ -20,7 +20,7 @@ from clients_stand import (
     made_stand,
 )
 
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import Identity, KeyType, Wrap
@@ -106,7 +106,7 @@ def stand(office: Office, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield made
 
 
-def unpacked(declaration: Declaration, identity: Identity, folder: Path, user: int = 0) -> Path:
+def unpacked(declaration: Inventory, identity: Identity, folder: Path, user: int = 0) -> Path:
     """A hand-out as its owner has unpacked it."""
     folder.mkdir(mode=0o755, parents=True)
     for name, text in contents(declaration, identity, contact=CONTACT).items():

@@ -24,11 +24,11 @@ from local_link import LocalLink
 from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.vpn.authority.authority import Authority
-from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
+from atlantis_netcfg.vpn.authority.model import EnrolmentFile, EnrolmentRequest, ServerNames
 from atlantis_netcfg.vpn.authority.signer import Signer
 from atlantis_netcfg.vpn.identity import Identity, MemberKind, Wrap
 from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
@@ -50,7 +50,7 @@ _SIGSTOP = 19
 
 
 @cache
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     """The shipped pilot; its partners may use an echo on the server itself."""
     shipped = load(Path(__file__).parents[4] / "inventory")
     echo = VpnService(name="echo", host=NAME, transport=Transport.UDP, port=_ECHO)
@@ -79,9 +79,9 @@ class Record:
         with self.authority.unlock(lambda: _PASSPHRASE, "test") as signer:
             yield signer
 
-    def deliver(self, identity: Identity) -> HandoutFile:
+    def deliver(self, identity: Identity) -> EnrolmentFile:
         self.identities[identity.certificate.common_name] = identity
-        return HandoutFile("nowhere", "00" * 32)
+        return EnrolmentFile("nowhere", "00" * 32)
 
     def onboard(self, count: int = 1, *, wrap: Wrap = Wrap.TLS_CRYPT_V2) -> list[str]:
         """So many new members of a partner, by their names."""

@@ -20,7 +20,7 @@ from vpn_desk import over_a_pipe
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
-from atlantis_netcfg.vpn.enrolment_package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_package
 from atlantis_netcfg.vpn.pki import key_pem
 
 pytestmark = pytest.mark.namespace
@@ -107,7 +107,7 @@ def keys(scene: Scene) -> dict[str, str]:
     for path in scene.authority.glob("handouts/*/*.age"):
         for one in [str(KEY), *passphrases(scene)]:
             try:
-                files = open_handout(path.read_bytes(), Secret(one))
+                files = open_package(path.read_bytes(), Secret(one))
             except Exception:  # noqa: BLE001, S112 - sealed for somebody else
                 continue
             texts[path.name] = next(iter(files.values()))

@@ -21,7 +21,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.guests import members_of
 from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.vpn.authority.authority import Authority
-from atlantis_netcfg.vpn.enrolment_package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_package
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 from atlantis_netcfg.vpn.server import FOLDER
 
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.namespace
 
 _MEMBER, _GUEST = "iqua-sparus2", "udg-lauv"
 LAUV = ("name=lauv", "title=LAUV", "partner=udg", "kind=auv", "site=coastal", "cells=gps,wifi")
-READ = _common.load_declaration
+READ = _common.load_inventory
 """Before anything stands in its place."""
 NAT = """\
 table ip nat {
@@ -72,7 +72,7 @@ SEALED = (*onboarding("iqua", "sparus2", "robot")[:-1], f"recipient={KEY.to_publ
 def opened(row: dict[str, Any]) -> str:
     """The profile, as the partner gets it: with the passphrase that was told by telephone, or with a key."""
     data = Path(row["copy"] or row["file"]).read_bytes()
-    return open_handout(data, Secret(row["passphrase"] or str(KEY)))[f"{_MEMBER}.ovpn"]
+    return open_package(data, Secret(row["passphrase"] or str(KEY)))[f"{_MEMBER}.ovpn"]
 
 
 def use(client: Client, profile: str) -> None:
@@ -127,11 +127,11 @@ def test_a_guest_comes_in_is_ended_and_refused_and_nothing_is_left(
 ) -> None:
     shutil.copytree(checkout() / "inventory", desk.folder / "inventory")
     before = desk.files()
-    monkeypatch.setattr(_common, "load_declaration", READ)
+    monkeypatch.setattr(_common, "load_inventory", READ)
     day = datetime.now(UTC).date() + timedelta(days=20)
     typed(desk, "guest", "add", *LAUV, f"until={day}", SEALED[-1])
     (sealed,) = desk.authority.glob("handouts/*/*.age")
-    profile = open_handout(sealed.read_bytes(), Secret(str(KEY)))[f"{_GUEST}.ovpn"]
+    profile = open_package(sealed.read_bytes(), Secret(str(KEY)))[f"{_GUEST}.ovpn"]
     client = Client(server.stack, server, read_identity(profile))
     use(client, profile)
     assert server.names() == [_GUEST]

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory.model import Gateway, VpnServer
 from atlantis_netcfg.vpn.authority.authority import Authority
-from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
+from atlantis_netcfg.vpn.authority.model import EnrolmentFile, EnrolmentRequest, ServerNames
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, profile
 from atlantis_netcfg.vpn.identity import Identity, MemberKind
@@ -16,7 +16,7 @@ from atlantis_netcfg.vpn.identity import Identity, MemberKind
 _PASSPHRASE = Secret("a long passphrase of this test alone")
 
 
-def issued(declaration: Declaration, wishes: Sequence[EnrolmentRequest], folder: Path) -> Authority:
+def issued(declaration: Inventory, wishes: Sequence[EnrolmentRequest], folder: Path) -> Authority:
     """An authority with these members; each one's configuration is `NAME.ovpn` of the folder."""
     pilot, server = declaration.pilot.vpn, declaration.hosts[declaration.pilot.vpn.server]
     assert isinstance(server.device, VpnServer)
@@ -27,7 +27,7 @@ def issued(declaration: Declaration, wishes: Sequence[EnrolmentRequest], folder:
     return authority
 
 
-def _deliver(declaration: Declaration, folder: Path, identity: Identity) -> HandoutFile:
+def _deliver(declaration: Inventory, folder: Path, identity: Identity) -> EnrolmentFile:
     """A gateway's own configuration, everybody else's profile."""
     name = identity.member.name
     path, declared = folder / f"{name}.ovpn", declaration.hosts.get(name)
@@ -38,7 +38,7 @@ def _deliver(declaration: Declaration, folder: Path, identity: Identity) -> Hand
         write(path, next(one.content for one in files if one.path == CONF).replace(IDENTITY, str(key)))
     else:
         write(path, profile(declaration, identity).reveal())
-    return HandoutFile(str(path), hashlib.sha256(path.read_bytes()).hexdigest())
+    return EnrolmentFile(str(path), hashlib.sha256(path.read_bytes()).hexdigest())
 
 
 def write(path: Path, text: str) -> None:
@@ -47,7 +47,7 @@ def write(path: Path, text: str) -> None:
     path.chmod(0o600)
 
 
-def host(declaration: Declaration, name: str) -> EnrolmentRequest:
+def host(declaration: Inventory, name: str) -> EnrolmentRequest:
     """A declared host, with its declared address."""
     device = declaration.hosts[name].device
     client = getattr(device, "vpn_client", None)
@@ -58,7 +58,7 @@ def host(declaration: Declaration, name: str) -> EnrolmentRequest:
 
 
 def guest(
-    declaration: Declaration, partner: str, device: str, kind: MemberKind, vehicle: str | None = None
+    declaration: Inventory, partner: str, device: str, kind: MemberKind, vehicle: str | None = None
 ) -> EnrolmentRequest:
     """A partner's device, with the next address of its pool."""
     pool = declaration.partners[partner].vpn_pool

@@ -24,7 +24,7 @@ from slow_link import SATELLITE, Link, open_in
 from waiting import HANG_S
 
 from atlantis_netcfg.emulator.udp_link import LinkShape
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.vpn import server as product
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
@@ -42,7 +42,7 @@ class Vpn:
     """The namespaces, and whoever has an address in them."""
 
     prefix: str
-    declaration: Declaration
+    declaration: Inventory
     authority: Authority
     folder: Path
     stack: ExitStack
@@ -88,7 +88,7 @@ class Vpn:
         said = self.run(SERVER, "nft", "list", "counter", "inet", "p_atlantis_vpn", name)
         return int(said.partition("packets ")[2].split()[0])
 
-    def load(self, membership: MembershipList | None = None, declaration: Declaration | None = None) -> None:
+    def load(self, membership: MembershipList | None = None, declaration: Inventory | None = None) -> None:
         """Write what is live at the server, and load its firewall, as a push does."""
         membership = membership or self.authority.membership()
         for file in product.live_files(declaration or self.declaration, membership, self.authority.crl()):
@@ -112,7 +112,7 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 @contextmanager
 def vpn(  # noqa: PLR0913 - each is a choice of a test's
-    declaration: Declaration,
+    declaration: Inventory,
     wishes: Sequence[EnrolmentRequest],
     folder: Path,
     slow: Sequence[str] = (),

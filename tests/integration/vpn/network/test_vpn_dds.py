@@ -108,4 +108,4 @@ def _profile(made: Vpn, name: str) -> str:
     pilot = made.declaration.pilot.model_copy(update={"dds": dds.model_copy(update={"peers": robots})})
     declaration = replace(made.declaration, pilot=pilot)
     view = profile_views(declaration, declaration.hosts[name], "pypi")[0]
-    return profiles(view)[f"{view.bearer}/cyclonedds.xml"]
+    return profiles(view)[f"{view.link}/cyclonedds.xml"]

@@ -17,9 +17,9 @@ from robot_computer import Robot, three_commands
 from waiting import HANG_S
 
 from atlantis_netcfg.computers.dds import profile_views, profiles
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import RosDistribution
-from atlantis_netcfg.vpn.enrolment_package import HandOut, OneTimePassphrase, contents, handout
+from atlantis_netcfg.vpn.enrolment_package import EnrolmentPackage, OneTimePassphrase, build_package, contents
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 from atlantis_netcfg.vpn.identity import Identity, MemberKind
 
@@ -29,7 +29,7 @@ PROGRAMS = Path(__file__).parents[2] / "computers" / "dds" / "programs"
 ROBOT, CONTACT = "iqua-sparus", "Example Person, +00 000"
 
 
-def declared() -> Declaration:
+def declared() -> Inventory:
     """The shipped pilot, in which `sparus` has Humble."""
     shipped = load(SHIPPED)
     sparus = shipped.vehicles["sparus"].model_copy(update={"distribution": RosDistribution.HUMBLE})
@@ -63,10 +63,10 @@ def peers(tmp_path_factory: pytest.TempPathFactory) -> tuple[Peer, Peer]:
     )
 
 
-def received(made: Vpn, robot: Robot) -> tuple[HandOut, list[str]]:
+def received(made: Vpn, robot: Robot) -> tuple[EnrolmentPackage, list[str]]:
     """The file lies in the robot's home folder; and what its page says."""
     identity = issued(made)
-    sent = handout(made.declaration, identity, OneTimePassphrase(), contact=CONTACT)
+    sent = build_package(made.declaration, identity, OneTimePassphrase(), contact=CONTACT)
     (robot.home / sent.file_name).write_bytes(sent.data)
     page = contents(made.declaration, identity, contact=CONTACT)["README.txt"]
     commands = three_commands(page)
@@ -129,7 +129,7 @@ def _meet(made: Vpn, robot: Robot, run: str, peer: Peer) -> None:
     """The robot's program and one at the control centre's place, with the profile of `provision dds`."""
     view = profile_views(made.declaration, made.declaration.hosts[CENTRE], "humble")[0]
     file = made.folder / peer.file
-    file.write_text(profiles(view)[f"{view.bearer}/{peer.file}"], encoding="utf-8")
+    file.write_text(profiles(view)[f"{view.link}/{peer.file}"], encoding="utf-8")
     environment = {peer.variable: f"{peer.scheme}{file}"}
     centre = made.start(CENTRE, str(peer.program), "centre", "0", environment=environment)
     program = robot.start(run.replace("YOUR_PROGRAM", f"exec {peer.program} robot 0"))

@@ -46,11 +46,11 @@ class Stand:
 @contextmanager
 def router(tmp_path: Path, version: str = "7.18.2", **more: Any) -> Iterator[Stand]:  # noqa: ANN401 - fields of RouterSpec
     spec = site_spec(SHIPPED, [HOST])
-    (twin,) = spec.twins
+    (twin,) = spec.emulators
     changed = {"router": twin.router.model_copy(update={"version": version, "certificates": ("atlantis-api",), **more})}
     quick = twin.model_copy(update={**changed, "link": RouterLink()})
     (tmp_path / "twins").mkdir()
-    with RunningSite(spec.model_copy(update={"twins": (quick,)}), tmp_path / "twins") as running:
+    with RunningSite(spec.model_copy(update={"emulators": (quick,)}), tmp_path / "twins") as running:
         ready = running.ready[HOST.name]
         target = Target(
             host=ready["host"], port=ready["api_ssl"], pin=ready["pin"], ssh=ready["ssh"], host_key=ready["host_key"]

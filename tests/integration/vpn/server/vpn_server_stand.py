@@ -21,12 +21,12 @@ from waiting import wait_until
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
-from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, join
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.emulator.lab.hosts import add_namespace, connect_veth, delete_namespace
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
-from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
+from atlantis_netcfg.vpn.authority.model import EnrolmentFile, EnrolmentRequest
 from atlantis_netcfg.vpn.enrolment_package.profile import profile
 from atlantis_netcfg.vpn.identity import Identity, MemberKind, MemberLink
 from atlantis_netcfg.vpn.members import server_names
@@ -117,7 +117,7 @@ class Stand:
     clients: int = 0
 
     @property
-    def declaration(self) -> Declaration:
+    def declaration(self) -> Inventory:
         return load(self.inventory, decrypt=lambda _sealed: "a-real-word-long-enough")
 
     @property
@@ -135,19 +135,19 @@ class Stand:
         return (self.folder / "said").read_text()
 
     def issue(self, *wishes: EnrolmentRequest) -> None:
-        def deliver(identity: Identity) -> HandoutFile:
+        def deliver(identity: Identity) -> EnrolmentFile:
             return self._keep(identity)
 
         with self.authority._signing(self.ca, "tester") as signer:
             signer.issue(wishes, deliver)
 
-    def _keep(self, identity: Identity) -> HandoutFile:
+    def _keep(self, identity: Identity) -> EnrolmentFile:
         text = profile(self.declaration, identity).reveal()
         self.profiles[identity.certificate.common_name] = text
         self.secrets |= _lines(identity.key.reveal()) | _lines(identity.wrap_key.reveal())
         path = self.folder / f"{identity.certificate.common_name}.ovpn"
         write_atomically(path, text.encode())
-        return HandoutFile(str(path), hashlib.sha256(text.encode()).hexdigest())
+        return EnrolmentFile(str(path), hashlib.sha256(text.encode()).hexdigest())
 
     def laptop(self, device: str, partner: str = "inesc", link: MemberLink = MemberLink.FIBRE) -> str:
         """A device of a partner; gives its name."""
@@ -167,7 +167,7 @@ class Stand:
         add_namespace(namespace)
         self.stack.callback(delete_namespace, namespace)
         port = f"{self.ground.name.rpartition('-')[2]}c{self.clients}"
-        join(self.ground.name, port, namespace, "eth0", bytes([2, 0, 0, 0, 7, self.clients]).hex(":"))
+        connect_veth(self.ground.name, port, namespace, "eth0", bytes([2, 0, 0, 0, 7, self.clients]).hex(":"))
         for words in (
             ("-n", namespace, "address", "add", f"10.64.0.{200 + self.clients}/24", "dev", "eth0"),
             ("-n", namespace, "link", "set", "eth0", "up"),

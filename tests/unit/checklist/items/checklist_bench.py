@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from atlantis_netcfg.checklist import Book, BookHead, Checklist, Confirmation, PlanEntry, Scope
+from atlantis_netcfg.checklist import BookHead, Checklist, ChecklistSession, Confirmation, PlanEntry, Scope
 from atlantis_netcfg.checklist.probes import Answer, Cell, Consent, ProbeResult, Question, Step
 from atlantis_netcfg.checklist.report import Document, Drawing, Item, ItemKind, Phase, Row
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 
 NAME = "A. Technician"
 WIFI, FAILSAFE, PING, USBL, DHCP, SKIPPED = EVERY = (
@@ -50,7 +50,7 @@ def entry(name: str) -> PlanEntry:
     kind, phase = _KINDS.get(name, (ItemKind.PERSON, Phase.BENCH))
     unless = "no satellite here" if name == SKIPPED else ""
     vehicle = None if row == "coastal" else row
-    cell = Cell(Declaration.__new__(Declaration), "coastal", vehicle, endpoint)
+    cell = Cell(Inventory.__new__(Inventory), "coastal", vehicle, endpoint)
     made = Step(
         name=step,
         title=f"{name} is well",
@@ -107,8 +107,8 @@ class Desk:
 
     def open(
         self, names: Sequence[str] = EVERY, head: BookHead = HEAD, *, scope: Scope | None = None, anew: bool = False
-    ) -> Book:
-        return Book.open(self.folder, checklist(names, scope), head, now=self.now, anew=anew)
+    ) -> ChecklistSession:
+        return ChecklistSession.open(self.folder, checklist(names, scope), head, now=self.now, anew=anew)
 
     def signed(
         self, verdicts: Mapping[str, Verdict] | None = None, names: Sequence[str] = EVERY, *, scope: Scope | None = None
@@ -120,12 +120,12 @@ class Desk:
             return book.folder
 
 
-def open_items(book: Book, phase: Phase | None = None) -> list[Item]:
+def open_items(book: ChecklistSession, phase: Phase | None = None) -> list[Item]:
     """What nobody has settled or overridden, of a phase or of all."""
     return [item for item in book.items if item.open and item.override is None and phase in {None, item.phase}]
 
 
-def answer(book: Book, verdicts: Mapping[str, Verdict] | None = None) -> None:
+def answer(book: ChecklistSession, verdicts: Mapping[str, Verdict] | None = None) -> None:
     for item in open_items(book):
         verdict = (verdicts or {}).get(item.id, Verdict.PASS)
         if item.kind is ItemKind.PERSON:

@@ -11,8 +11,8 @@ from checklist_bench import HEAD, Clock, open_items, pages
 from atlantis_netcfg.checklist import (
     Answers,
     AnswersInvalid,
-    Book,
     Checklist,
+    ChecklistSession,
     ChecklistUsageError,
     Confirmation,
     Scope,
@@ -25,7 +25,7 @@ from atlantis_netcfg.checklist.probes.items import ExpectedLine
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import ChecklistSettings, Role, VehicleChecklist
 
 ROOT = Path(__file__).parents[4]
@@ -36,18 +36,18 @@ ONLY_ITEMS = ("items",)
 
 
 @pytest.fixture(scope="module")
-def shipped() -> Declaration:
+def shipped() -> Inventory:
     return load(ROOT / "inventory")
 
 
-def _settings(declaration: Declaration, **changes: object) -> Declaration:
+def _settings(declaration: Inventory, **changes: object) -> Inventory:
     site = declaration.sites["coastal"]
     settings = ChecklistSettings.model_validate({**site.checklist.model_dump(), **changes})
     sites = {**declaration.sites, "coastal": site.model_copy(update={"checklist": settings})}
     return replace(declaration, sites=sites)
 
 
-def _mares(declaration: Declaration, *items: Mapping[str, object]) -> Declaration:
+def _mares(declaration: Inventory, *items: Mapping[str, object]) -> Inventory:
     """With these items in place of those that are shipped."""
     rows = [{"text": "It is well", "look_for": "it is so", "phase": "bench", **item} for item in items]
     own = VehicleChecklist.model_validate({"items": rows})
@@ -55,15 +55,15 @@ def _mares(declaration: Declaration, *items: Mapping[str, object]) -> Declaratio
     return replace(declaration, vehicles={**declaration.vehicles, "mares": vehicle})
 
 
-def _ids(declaration: Declaration, **scope: object) -> list[str]:
+def _ids(declaration: Inventory, **scope: object) -> list[str]:
     return [entry.item.id for entry in plan(declaration, "coastal", Scope(**scope)).entries]  # type: ignore[arg-type]
 
 
-def _book(checklist: Checklist, folder: Path) -> Book:
-    return Book.open(folder / "real" / "coastal" / "checks", checklist, HEAD, now=Clock())
+def _book(checklist: Checklist, folder: Path) -> ChecklistSession:
+    return ChecklistSession.open(folder / "real" / "coastal" / "checks", checklist, HEAD, now=Clock())
 
 
-def test_they_stand_in_their_order_behind_the_columns_of_their_row(shipped: Declaration) -> None:
+def test_they_stand_in_their_order_behind_the_columns_of_their_row(shipped: Inventory) -> None:
     assert _ids(shipped, endpoints=ONLY_ITEMS) == [BATTERY, PLUG, SWITCH, ANTENNAS]
     of_mares = _ids(shipped, vehicles=("mares",))
     assert of_mares[-3:] == [BATTERY, PLUG, SWITCH]
@@ -72,14 +72,14 @@ def test_they_stand_in_their_order_behind_the_columns_of_their_row(shipped: Decl
     assert _ids(other, vehicles=("mares",), endpoints=ONLY_ITEMS) == ["mares/items/b", "mares/items/a"]
 
 
-def test_an_item_of_a_site_may_be_of_a_vehicle(shipped: Declaration) -> None:
+def test_an_item_of_a_site_may_be_of_a_vehicle(shipped: Inventory) -> None:
     rows = [{"id": "hmi", "vehicle": "eca-rov", "text": "Its screen is on", "look_for": "it is", "phase": "quay"}]
     assert _ids(_settings(shipped, items=rows), vehicles=("eca-rov",), endpoints=ONLY_ITEMS) == ["eca-rov/items/hmi"]
     assert _ids(shipped, mission="inspection", vehicles=("eca-rov",))[-1] == "eca-rov/items/tether"
     assert "eca-rov/items/tether" not in _ids(shipped)
 
 
-def test_a_mission_adds_its_items_and_narrows_nothing(shipped: Declaration) -> None:
+def test_a_mission_adds_its_items_and_narrows_nothing(shipped: Inventory) -> None:
     without, listed = plan(shipped, "coastal"), plan(shipped, "coastal", Scope(mission="night"))
     more = {entry.item.id for entry in listed.entries} - {entry.item.id for entry in without.entries}
     assert more == {LIGHTS, LOGGED}
@@ -92,7 +92,7 @@ def test_a_mission_adds_its_items_and_narrows_nothing(shipped: Declaration) -> N
         plan(shipped, "coastal", Scope(mission="nigth"))
 
 
-def test_recovery_is_a_list_of_its_own(shipped: Declaration) -> None:
+def test_recovery_is_a_list_of_its_own(shipped: Inventory) -> None:
     first, after = plan(shipped, "coastal"), plan(shipped, "coastal", Scope(phases=(Phase.RECOVERY,)))
     assert RINSED not in {entry.item.id for entry in first.entries}
     assert RINSED in first.beyond
@@ -106,7 +106,7 @@ def test_recovery_is_a_list_of_its_own(shipped: Declaration) -> None:
     assert [(row.key, row.table3, row.beside) for row in after.rows] == [("mares", (), ("items",))]
 
 
-def test_recovery_is_not_mixed_with_what_comes_before(shipped: Declaration) -> None:
+def test_recovery_is_not_mixed_with_what_comes_before(shipped: Inventory) -> None:
     with pytest.raises(UsageError, match="a checklist of their own") as error:
         plan(shipped, "coastal", Scope(phases=(Phase.QUAY, Phase.RECOVERY)))
     assert error.value.hint == "`provision check site=coastal phase=recovery` alone, when the vehicles are back"
@@ -114,9 +114,7 @@ def test_recovery_is_not_mixed_with_what_comes_before(shipped: Declaration) -> N
         plan(shipped, "coastal", Scope(vehicles=("sparus",), phases=(Phase.RECOVERY,)))
 
 
-def test_the_list_before_is_signed_without_recovery_and_recovery_by_itself(
-    shipped: Declaration, tmp_path: Path
-) -> None:
+def test_the_list_before_is_signed_without_recovery_and_recovery_by_itself(shipped: Inventory, tmp_path: Path) -> None:
     with _book(plan(shipped, "coastal", Scope(vehicles=("mares",), endpoints=ONLY_ITEMS)), tmp_path) as book:
         book.confirm(BATTERY, Confirmation(Verdict.PASS, NAME, value=16.1))
         book.confirm(PLUG, Confirmation(Verdict.PASS, NAME))
@@ -132,7 +130,7 @@ def test_the_list_before_is_signed_without_recovery_and_recovery_by_itself(
     assert [(int(document.exit), document.signed is not None) for document in (before, after)] == [(0, True)] * 2
 
 
-def test_another_mission_is_another_list(shipped: Declaration, tmp_path: Path) -> None:
+def test_another_mission_is_another_list(shipped: Inventory, tmp_path: Path) -> None:
     with _book(plan(shipped, "coastal", Scope(endpoints=ONLY_ITEMS)), tmp_path) as book:
         first = book.run
         book.confirm(PLUG, Confirmation(Verdict.PASS, NAME))
@@ -160,7 +158,7 @@ def test_another_mission_is_another_list(shipped: Declaration, tmp_path: Path) -
     ],
 )
 def test_a_number_passes_in_its_range_alone(
-    shipped: Declaration, tmp_path: Path, value: float | None, verdict: Verdict, refused: str | None
+    shipped: Inventory, tmp_path: Path, value: float | None, verdict: Verdict, refused: str | None
 ) -> None:
     note = "" if verdict is Verdict.PASS else "seen so"
     with _book(plan(shipped, "coastal", Scope(vehicles=("mares",))), tmp_path) as book:
@@ -180,7 +178,7 @@ def test_a_number_passes_in_its_range_alone(
     assert item.evidence[1].value == "a number in V, 14.8 to 16.8"
 
 
-def test_another_number_replaces_the_first_and_both_stand_in_the_report(shipped: Declaration, tmp_path: Path) -> None:
+def test_another_number_replaces_the_first_and_both_stand_in_the_report(shipped: Inventory, tmp_path: Path) -> None:
     with _book(plan(shipped, "coastal", Scope(vehicles=("mares",))), tmp_path) as book:
         for value in (15.0, 16.0):
             item = book.confirm(BATTERY, Confirmation(Verdict.PASS, NAME, value=value))
@@ -189,7 +187,7 @@ def test_another_number_replaces_the_first_and_both_stand_in_the_report(shipped:
 
 @pytest.mark.parametrize(("low", "high", "words"), [(3, None, "3 at least"), (None, 4.5, "4.5 at most")])
 def test_a_range_with_one_end(
-    shipped: Declaration, tmp_path: Path, low: float | None, high: float | None, words: str
+    shipped: Inventory, tmp_path: Path, low: float | None, high: float | None, words: str
 ) -> None:
     number = {"id": "bar", "evidence": "number", "unit": "bar", "min": low, "max": high}
     listed = plan(_mares(shipped, number), "coastal", Scope(vehicles=("mares",)))
@@ -203,7 +201,7 @@ def test_a_range_with_one_end(
                 assert book.confirm("mares/items/bar", Confirmation(Verdict.PASS, NAME, value=value)).verdict == "PASS"
 
 
-def test_text_and_photo_are_needed_where_they_are_asked_for(shipped: Declaration, tmp_path: Path) -> None:
+def test_text_and_photo_are_needed_where_they_are_asked_for(shipped: Inventory, tmp_path: Path) -> None:
     (tmp_path / "list.txt").write_text("no picture")
     (tmp_path / "photo.png").write_bytes((ROOT / "tests" / "data" / "answers" / "failsafe.png").read_bytes())
     two = _mares(shipped, {"id": "serial", "evidence": "text"}, {"id": "ring", "evidence": "photo"})
@@ -218,7 +216,7 @@ def test_text_and_photo_are_needed_where_they_are_asked_for(shipped: Declaration
     assert [each.what for each in item.evidence if each.file is not None] == ["photo.png"]
 
 
-def test_a_number_where_none_is_asked_for_is_refused(shipped: Declaration, tmp_path: Path) -> None:
+def test_a_number_where_none_is_asked_for_is_refused(shipped: Inventory, tmp_path: Path) -> None:
     with (
         _book(plan(shipped, "coastal", Scope(vehicles=("mares",))), tmp_path) as book,
         pytest.raises(ChecklistUsageError, match="no number is asked for here"),
@@ -227,7 +225,7 @@ def test_a_number_where_none_is_asked_for_is_refused(shipped: Declaration, tmp_p
 
 
 @pytest.fixture
-def restricted(shipped: Declaration) -> Checklist:
+def restricted(shipped: Inventory) -> Checklist:
     """Two may answer, one by a role; the safety officer alone signs."""
     roles = (Role(name="pilots", people=("B. Pilot",)), Role(name="safety", people=("C. Officer",)))
     pilot = shipped.pilot.model_copy(update={"roles": roles})
@@ -278,7 +276,7 @@ def test_a_file_of_answers_names_the_wrong_people_with_their_lines(restricted: C
     ]
 
 
-def test_a_file_of_answers_gives_what_is_asked_for(shipped: Declaration, tmp_path: Path) -> None:
+def test_a_file_of_answers_gives_what_is_asked_for(shipped: Inventory, tmp_path: Path) -> None:
     listed = plan(shipped, "coastal", Scope(endpoints=ONLY_ITEMS))
     file = tmp_path / "answers.yml"
     file.write_text(
@@ -336,7 +334,7 @@ def test_the_nearest_line_is_shown_but_never_one_of_a_file() -> None:
         assert len(file.judge({"output": _ran(out)}).evidence) == 1
 
 
-def test_they_stand_on_every_page_and_in_the_counts(shipped: Declaration, tmp_path: Path) -> None:
+def test_they_stand_on_every_page_and_in_the_counts(shipped: Inventory, tmp_path: Path) -> None:
     (tmp_path / "photo.png").write_bytes((ROOT / "tests" / "data" / "answers" / "failsafe.png").read_bytes())
     with _book(plan(shipped, "coastal", Scope(endpoints=ONLY_ITEMS, mission="night")), tmp_path) as book:
         book.confirm(BATTERY, Confirmation(Verdict.PASS, NAME, value=16.1))
@@ -359,7 +357,7 @@ def test_they_stand_on_every_page_and_in_the_counts(shipped: Declaration, tmp_pa
     assert made["report.pdf"].startswith(b"%PDF-")
 
 
-def test_the_page_of_recovery_has_its_items_and_no_table(shipped: Declaration, tmp_path: Path) -> None:
+def test_the_page_of_recovery_has_its_items_and_no_table(shipped: Inventory, tmp_path: Path) -> None:
     with _book(plan(shipped, "coastal", Scope(phases=(Phase.RECOVERY,))), tmp_path) as book:
         book.confirm(RINSED, Confirmation(Verdict.PASS, NAME))
         document = book.document()

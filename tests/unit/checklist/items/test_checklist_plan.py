@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import registry
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import ExitCode, NoMatchError
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory.model import Column, Endpoints
 
 ROOT = Path(__file__).parents[4]
@@ -45,7 +45,7 @@ def _written(path: Path) -> Cells:
 
 
 def test_a_drawn_vehicle_has_its_own_items_and_the_vpn_those_of_the_site(
-    declaration: Declaration, coastal: Checklist
+    declaration: Inventory, coastal: Checklist
 ) -> None:
     drawn = drawing(declaration, coastal)
     items = {node.key: set(node.items) for node in drawn.nodes if node.kind == "vehicle"}
@@ -59,7 +59,7 @@ def test_a_drawn_vehicle_has_its_own_items_and_the_vpn_those_of_the_site(
 
 
 @pytest.fixture(scope="module")
-def coastal(declaration: Declaration) -> Checklist:
+def coastal(declaration: Inventory) -> Checklist:
     return plan(declaration, "coastal")
 
 
@@ -70,7 +70,7 @@ def _planned(listed: Checklist) -> Cells:
     return {row.name: {column: (row.key, column) in found for column in listed.columns} for row in vehicles}
 
 
-def test_the_grid_is_the_reports_cell_by_cell(declaration: Declaration) -> None:
+def test_the_grid_is_the_reports_cell_by_cell(declaration: Inventory) -> None:
     table = _written(COPY)
     assert sum(sum(row.values()) for row in table.values()) == 20
     for site in ("coastal", "te4sea"):
@@ -94,7 +94,7 @@ def test_what_is_beside_the_table_is_not_of_it(coastal: Checklist) -> None:
     assert [row.key for row in coastal.rows if "items" in row.beside] == ["mares", "coastal"]
 
 
-def test_a_locations_row_is_what_the_pilot_declares(declaration: Declaration) -> None:
+def test_a_locations_row_is_what_the_pilot_declares(declaration: Inventory) -> None:
     site = declaration.sites["coastal"]
     marked = site.location.model_copy(update={"table3": (Column.SATELLITE, Column.GPS)})
     sites = {**declaration.sites, "coastal": site.model_copy(update={"location": marked})}
@@ -103,7 +103,7 @@ def test_a_locations_row_is_what_the_pilot_declares(declaration: Declaration) ->
     assert {item.endpoint for item in items if item.table3} == {"satellite", "gps"}
 
 
-def _partners(declaration: Declaration, **partners: str | None) -> Declaration:
+def _partners(declaration: Inventory, **partners: str | None) -> Inventory:
     changed = {
         key: vehicle.model_copy(update={"partner": partners[key]})
         for key, vehicle in declaration.vehicles.items()
@@ -124,7 +124,7 @@ def _partners(declaration: Declaration, **partners: str | None) -> Declaration:
     ],
 )
 def test_the_list_says_which_robots_of_a_lan_nothing_keeps_apart(
-    declaration: Declaration, partners: dict[str, str | None], told: str
+    declaration: Inventory, partners: dict[str, str | None], told: str
 ) -> None:
     notes = plan(_partners(declaration, **partners), "coastal", Scope(endpoints=("site",))).notes
     found = [note for note in notes if "neighbours in the LAN of coastal reach each other" in note]
@@ -132,13 +132,13 @@ def test_the_list_says_which_robots_of_a_lan_nothing_keeps_apart(
     assert all(f" {told}." in note for note in found)
 
 
-def test_a_lan_without_robots_needs_no_such_note(declaration: Declaration) -> None:
+def test_a_lan_without_robots_needs_no_such_note(declaration: Inventory) -> None:
     """A robot with an address in another LAN is nobody's neighbour here."""
     assert not plan(declaration, "scc").notes
     assert plan(declaration, "coastal").notes
 
 
-def test_each_item_that_a_program_looks_at_says_how_it_could_be_fooled(declaration: Declaration) -> None:
+def test_each_item_that_a_program_looks_at_says_how_it_could_be_fooled(declaration: Inventory) -> None:
     """The rows of docs/probes.md and the probes that the pilot's lists hold are the same; no row is without words."""
     entries = [
         one for site in declaration.sites for one in plan(declaration, site).entries if one.step.probe is not None
@@ -167,7 +167,7 @@ def test_ids_are_unlike_each_other(coastal: Checklist) -> None:
             assert one.step.look_for
 
 
-def _thinned(declaration: Declaration, gone: dict[str, set[str]]) -> Declaration:
+def _thinned(declaration: Inventory, gone: dict[str, set[str]]) -> Inventory:
     thin = {}
     for key, vehicle in declaration.vehicles.items():
         nothing = dict.fromkeys(gone.get(key, set()))
@@ -185,7 +185,7 @@ VEHICLES = ("girona500", "sparus", "zarco", "stork", "mares", "eca-rov")
     silent_site=st.booleans(),
 )
 def test_no_x_drops_out_whatever_is_declared(
-    declaration: Declaration, gone: dict[str, set[str]], mute: set[str], *, silent_site: bool
+    declaration: Inventory, gone: dict[str, set[str]], mute: set[str], *, silent_site: bool
 ) -> None:
     """Endpoints that are not declared, columns that have nothing to say: a person is left."""
     said = registry._STEPS
@@ -217,7 +217,7 @@ ROBOT = ("vpn", "discovered", "control-centre", "telemetry", "pose", "rates")
     ids=["cell", "vehicle"],
 )
 def test_a_scope_narrows_and_says_what_it_leaves_out(
-    declaration: Declaration, coastal: Checklist, scope: Scope, ids: set[str], beyond: str
+    declaration: Inventory, coastal: Checklist, scope: Scope, ids: set[str], beyond: str
 ) -> None:
     listed = plan(declaration, "coastal", scope)
     assert {one.item.id for one in listed.entries} == ids
@@ -229,7 +229,7 @@ def test_a_scope_narrows_and_says_what_it_leaves_out(
     assert coastal.left_out == ()
 
 
-def test_phases_are_the_whole_together(declaration: Declaration, coastal: Checklist) -> None:
+def test_phases_are_the_whole_together(declaration: Inventory, coastal: Checklist) -> None:
     parts = [plan(declaration, "coastal", Scope(phases=(phase,))) for phase in Phase if not phase.is_alone]
     together = [one.item.id for part in parts for one in part.entries]
     assert sorted(together) == sorted(one.item.id for one in coastal.entries)
@@ -250,7 +250,7 @@ def test_phases_are_the_whole_together(declaration: Declaration, coastal: Checkl
         ("coastal", Scope(vehicles=("stork",), endpoints=("usbl",)), "nothing is left of the checklist", "leave out"),
     ],
 )
-def test_words_that_name_nothing(declaration: Declaration, site: str, scope: Scope, message: str, hint: str) -> None:
+def test_words_that_name_nothing(declaration: Inventory, site: str, scope: Scope, message: str, hint: str) -> None:
     with pytest.raises(NoMatchError) as error:
         plan(declaration, site, scope)
     assert str(error.value) == message
@@ -292,7 +292,7 @@ _DECLARED: Mapping[str, tuple[dict[str, object], ...]] = {
 @pytest.mark.parametrize("bare", [False, True], ids=["as shipped", "no reservation and no gateway"])
 @pytest.mark.parametrize("name", _DECLARED)
 def test_whatever_is_declared_the_list_is_whole_and_can_be_asked(
-    declaration: Declaration, name: str, *, bare: bool
+    declaration: Inventory, name: str, *, bare: bool
 ) -> None:
     """Of vehicles and of the location alike; what misses an address is an item as well."""
     for one in _DECLARED[name]:

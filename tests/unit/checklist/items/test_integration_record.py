@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from checklist_bench import HEAD, NAME, Clock
 
-from atlantis_netcfg.checklist import Book, Checklist, ChecklistUsageError, Confirmation, Scope, books, plan
+from atlantis_netcfg.checklist import Checklist, ChecklistSession, ChecklistUsageError, Confirmation, Scope, books, plan
 from atlantis_netcfg.checklist.report import Document, ItemKind, Phase, lines, pages
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import VehicleChecklist
 
 ROOT = Path(__file__).parents[4]
@@ -22,7 +22,7 @@ PROBED = ("vpn", "discovery", "booleans", "numbers", "pose", "gps", "images")
 PEOPLE = ("ros1-bridge", "bag-record", "bag-replay", "plan", "commands")
 
 
-def record_of(declaration: Declaration, vehicle: str) -> Checklist:
+def record_of(declaration: Inventory, vehicle: str) -> Checklist:
     return plan(declaration, "coastal", Scope(vehicles=(vehicle,), phases=(Phase.INTEGRATION,)))
 
 
@@ -31,7 +31,7 @@ def names(listed: Checklist, kind: ItemKind | None = None) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def sparus(declaration: Declaration) -> Checklist:
+def sparus(declaration: Inventory) -> Checklist:
     return record_of(declaration, "sparus")
 
 
@@ -44,13 +44,13 @@ def test_it_holds_what_the_report_has_tested_and_nothing_of_table_3(sparus: Chec
     assert not [entry for entry in sparus.entries if entry.item.table3]
 
 
-def test_a_kind_that_the_file_does_not_name_is_left_out(declaration: Declaration) -> None:
+def test_a_kind_that_the_file_does_not_name_is_left_out(declaration: Inventory) -> None:
     rov = record_of(declaration, "eca-rov")
     assert names(rov, ItemKind.AUTOMATIC) == ["vpn", "discovery", "booleans", "numbers"]
     assert names(rov, ItemKind.PERSON) == ["pose", "video", *PEOPLE], "its pose goes through the library"
 
 
-def test_the_list_before_a_test_has_nothing_of_it(declaration: Declaration) -> None:
+def test_the_list_before_a_test_has_nothing_of_it(declaration: Inventory) -> None:
     listed = plan(declaration, "coastal")
     assert not [entry for entry in listed.entries if entry.item.endpoint == "integration"]
     assert not [row for row in listed.rows if "integration" in row.beside]
@@ -69,14 +69,14 @@ def test_the_list_before_a_test_has_nothing_of_it(declaration: Declaration) -> N
         (Scope(phases=(Phase.QUAY, Phase.RECOVERY)), "the items of recovery are a checklist of their own"),
     ],
 )
-def test_it_is_asked_for_alone_and_of_one_robot(declaration: Declaration, scope: Scope, message: str) -> None:
+def test_it_is_asked_for_alone_and_of_one_robot(declaration: Inventory, scope: Scope, message: str) -> None:
     with pytest.raises(UsageError) as error:
         plan(declaration, "coastal", scope)
     assert str(error.value) == message
     assert error.value.hint
 
 
-def test_a_robot_without_a_file_has_none(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_robot_without_a_file_has_none(declaration: Inventory, tmp_path: Path) -> None:
     inventory = Path(shutil.copytree(ROOT / "inventory", tmp_path / "inventory"))
     (inventory / "robots" / "sparus.yml").unlink()
     with pytest.raises(NoMatchError) as error:
@@ -94,7 +94,7 @@ def test_a_file_with_errors_is_one_item_that_is_not_green(tmp_path: Path) -> Non
     assert entry.step.probe.judge({}).verdict is Verdict.INCONCLUSIVE
 
 
-def test_items_of_the_pilots_own_stand_in_it(declaration: Declaration) -> None:
+def test_items_of_the_pilots_own_stand_in_it(declaration: Inventory) -> None:
     row = {"id": "label", "text": "Its label is on", "look_for": "it is", "phase": "integration"}
     own = VehicleChecklist.model_validate({"items": [row]})
     vehicle = declaration.vehicles["sparus"].model_copy(update={"checklist": own})
@@ -148,7 +148,7 @@ def made(document: Document) -> Mapping[str, bytes]:
 
 def test_it_is_signed_by_itself_and_has_a_page_of_its_own(sparus: Checklist, tmp_path: Path) -> None:
     folder = tmp_path / "real" / "coastal" / "checks"
-    with Book.open(folder, sparus, HEAD, now=Clock()) as book:
+    with ChecklistSession.open(folder, sparus, HEAD, now=Clock()) as book:
         for entry in sparus.entries:
             if entry.item.kind is ItemKind.AUTOMATIC:
                 book.settle(entry.item.model_copy(update={"verdict": Verdict.PASS, "message": "heard"}))

@@ -16,14 +16,14 @@ from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.report import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
 from atlantis_netcfg.checklist.report._shapes import ASCII, DARK, SYMBOLS, TINTS, Badge, DrawnBox, ShownState, Tint
 from atlantis_netcfg.checklist.report._svg import describe_drawing, layout
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 
 INVENTORY = Path(__file__).parents[4] / "inventory"
 SVG = "{http://www.w3.org/2000/svg}"
 
 
 @cache
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load(INVENTORY)
 
 

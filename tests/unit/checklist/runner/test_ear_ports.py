@@ -182,7 +182,7 @@ def test_a_port_of_which_nobody_can_tell_who_has_it(pair: tuple[int, str], monke
     ],
 )
 def test_what_is_no_serial_port(path: str, baud: int, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(streams, "_refuse_held", lambda *_: None)  # everybody has /dev/null open
+    monkeypatch.setattr(streams, "_require_free_port", lambda *_: None)  # everybody has /dev/null open
     told = heard_by(serial(path, baud=baud))
     assert (told.trouble, told.words) == (Trouble.MISSING, words)
 

@@ -35,12 +35,12 @@ from atlantis_netcfg.checklist.runner import OnAnswer, Questions, _run, examine,
 from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
 
 DECLARATION = load(Path(__file__).parents[4] / "inventory")
 NOW = datetime(2026, 5, 4, 10, 30, tzinfo=UTC)
-GOOD = BearerFinding(Verdict.PASS, "good", "all is well")
+GOOD = LinkFinding(Verdict.PASS, "good", "all is well")
 ROUTES = Query("/ip/route", "print")
 DISCOVER = RunProgram("run", Place.GATEWAY, ("ip", "-j", "addr"))
 HERE = RunProgram("here", Place.LAPTOP, ("ip", "-j", "addr"))
@@ -51,7 +51,7 @@ LOOKS = LinkStatusRequest("look", "satellite")
 @dataclass
 class Fake:
     questions: tuple[Question, ...] = (DISCOVER,)
-    findings: tuple[BearerFinding, ...] = (GOOD,)
+    findings: tuple[LinkFinding, ...] = (GOOD,)
     fault: str = ""
     heard: dict[str, Answer] = field(default_factory=dict)
 
@@ -129,8 +129,8 @@ def examined(
 
 
 def test_an_item_has_the_words_of_its_worst_finding(tmp_path: Path) -> None:
-    first = BearerFinding(Verdict.WARN, "near", "it is near", "move it")
-    second = BearerFinding(Verdict.WARN, "slow", "it is slow", "speed it up")
+    first = LinkFinding(Verdict.WARN, "near", "it is near", "move it")
+    second = LinkFinding(Verdict.WARN, "slow", "it is slow", "speed it up")
     (item,) = examined([entry("a", Fake(findings=(GOOD, first, second)))], Ears(), tmp_path)
     assert (item.verdict, item.message, item.hint) == (Verdict.WARN, "it is near", "move it")
     assert [(one.verdict, one.code, one.message, one.hint) for one in item.findings] == [
@@ -365,7 +365,7 @@ def test_what_is_declared_may_be_asked(tmp_path: Path) -> None:
 def test_progress_is_told_item_by_item(tmp_path: Path) -> None:
     events: list[Event] = []
     kept: list[Item] = []
-    entries = [entry("a", Fake()), entry("b", Fake(findings=(BearerFinding(Verdict.FAIL, "bad", "it is bad"),)))]
+    entries = [entry("a", Fake()), entry("b", Fake(findings=(LinkFinding(Verdict.FAIL, "bad", "it is bad"),)))]
     examined(entries, Ears(), tmp_path, telling(events.append, 2, kept.append))
     assert [(one.device, one.stage, one.message, one.done_count, one.total) for one in events] == [
         ("coastal/site/a", Stage.DONE, "PASS: all is well", 1, 2),

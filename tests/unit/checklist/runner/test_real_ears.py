@@ -13,15 +13,15 @@ import pytest
 from waiting import wait_until
 
 from atlantis_netcfg.checklist import plan, probes
-from atlantis_netcfg.checklist.runner import GatewayUnreachable, RealEars, _gateway_access, _real, ask_here, way_in
+from atlantis_netcfg.checklist.runner import GatewayUnreachable, RealTransport, _gateway_access, _real, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.events import Event, Verdict
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.operations.allow_list_test.prove import Proof
 from atlantis_netcfg.operations.common.request import Request
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.operations.links.collect import LinksStatus as LooksBack
 
 INVENTORY = Path(__file__).parents[4] / "inventory"
@@ -45,7 +45,7 @@ class Stand:
         self.told: list[tuple[str, probes.Answer]] = []
         self.events: list[Event] = []
         asked = Request(state=folder / "state", command="provision check", **request)
-        self.ears = RealEars(SHIPPED, "coastal", asked, self.events.append, ssh_config=str(folder / "ssh_config"))
+        self.ears = RealTransport(SHIPPED, "coastal", asked, self.events.append, ssh_config=str(folder / "ssh_config"))
 
     def behaves(self, does: str) -> None:
         """What ssh does."""
@@ -214,7 +214,7 @@ def test_example_values_and_what_is_not_emulated_are_no_place(tmp_path: Path) ->
         way_in(SHIPPED, GATEWAY, Request(rehearsed=True))
     with pytest.raises(GatewayUnreachable, match="coastal has no such bearer"):
         way_in(SHIPPED, GATEWAY, Request(via={"coastal-gateway": "rope"}), "config")
-    ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path))
+    ears = RealTransport(SHIPPED, "coastal", Request(state=tmp_path))
     for place, host in ((probes.Place.ROUTER, None), (probes.Place.ROUTER, "coastal-router")):
         found = asyncio.run(ears.ask(place, host, [("it", probes.LinkStatusRequest("it", "satellite"))], print))["it"]
         assert found.trouble is probes.Trouble.NO_PLACE
@@ -253,7 +253,7 @@ def test_a_stream_is_cut_where_its_estimate_ends() -> None:
     ((_, cut),) = _bill.within_budget([("it", chatty)])
     assert isinstance(cut, probes.Listen)
     assert cut.max_bytes == 34_096
-    carrier = bearer_of(SHIPPED, GATEWAY, "satellite")
+    carrier = site_link_of(SHIPPED, GATEWAY, "satellite")
     assert _bill.estimate(SHIPPED, "coastal", carrier, [("it", cut)]).bill.payload_bytes == pytest.approx(65_400, 0.03)
 
 
@@ -297,8 +297,8 @@ def test_links_are_looked_at_once_for_all_who_ask(tmp_path: Path, monkeypatch: p
         def as_dict() -> dict[str, dict[str, str]]:
             return {"satellite": {"state": "up"}, "4g": {"state": "down"}}
 
-    monkeypatch.setattr(_real, "look", look)
-    ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, rehearsed=True))
+    monkeypatch.setattr(_real, "collect_links", look)
+    ears = RealTransport(SHIPPED, "coastal", Request(state=tmp_path, rehearsed=True))
     questions = [(name, probes.LinkStatusRequest(name, name)) for name in ("satellite", "4g", "rope")]
     heard: list[str] = []
     found = asyncio.run(ears.ask(probes.Place.ROUTER, None, questions, lambda key, _: heard.append(key)))
@@ -310,10 +310,10 @@ def test_links_are_looked_at_once_for_all_who_ask(tmp_path: Path, monkeypatch: p
 
 
 def proof() -> Proof:
-    seen = BearerFinding(Verdict.PASS, "reached", "the VPN is reached")
+    seen = LinkFinding(Verdict.PASS, "reached", "the VPN is reached")
     return Proof(
         site="coastal",
-        bearer="satellite",
+        link="satellite",
         active=True,
         results=((None, seen),),  # type: ignore[arg-type]
         findings=(),
@@ -329,7 +329,7 @@ def proof() -> Proof:
 def test_a_proof_is_made_when_somebody_pays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, accepted: bool) -> None:
     monkeypatch.setattr(_real, "try_out", lambda *_: proof())
     monkeypatch.setattr("atlantis_netcfg.checklist.runner._real.refuse_examples", lambda *_, **__: None)
-    ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, accept_cost=accepted, command="provision check"))
+    ears = RealTransport(SHIPPED, "coastal", Request(state=tmp_path, accept_cost=accepted, command="provision check"))
     found = asyncio.run(
         ears.ask(probes.Place.ROUTER, None, [("it", probes.AllowListTestRequest("it", "satellite"))], lambda *_: None)
     )["it"]

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
-from atlantis_netcfg.checklist import Book, BookHead, Checklist, PlanEntry, Scope
+from atlantis_netcfg.checklist import BookHead, Checklist, ChecklistSession, PlanEntry, Scope
 from atlantis_netcfg.checklist.probes import (
     Answer,
     Cell,
@@ -24,14 +24,14 @@ from atlantis_netcfg.checklist.runner import OnAnswer
 from atlantis_netcfg.cli.checklist.workflow import CheckWorkflow, Listening, Price, Prompt, render_item
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.inventory import Inventory, load
+from atlantis_netcfg.links import LinkFinding
 
 NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
 
 
 @cache
-def pilot() -> Declaration:
+def pilot() -> Inventory:
     return load(checkout() / "inventory")
 
 
@@ -48,7 +48,7 @@ class Heartbeat(Probe):
         answer = heard["words"]
         assert isinstance(answer, Transcript)
         verdict, _, message = answer.data.decode().partition(" ")
-        return ProbeResult((BearerFinding(Verdict(verdict), "heard", message, f"hint of {message}"),))
+        return ProbeResult((LinkFinding(Verdict(verdict), "heard", message, f"hint of {message}"),))
 
 
 @dataclass
@@ -145,16 +145,16 @@ class Sitting:
         self.said.append(f"{question}{answer}")
         return answer
 
-    def book(self) -> Book:
+    def book(self) -> ChecklistSession:
         head = BookHead(
             is_rehearsal=self.folder.parent.name != "real",
             tool="0",
             inventory="0" * 64,
             drawing=Drawing(nodes=(), links=()),
         )
-        return Book.open(self.folder / "checks", checklist(*self.entries), head, now=lambda: NOON)
+        return ChecklistSession.open(self.folder / "checks", checklist(*self.entries), head, now=lambda: NOON)
 
-    def turn(self, book: Book) -> CheckWorkflow:
+    def turn(self, book: ChecklistSession) -> CheckWorkflow:
         ears = Listening(self.ears, self.ears)
         return CheckWorkflow(
             book, self.entries, ears, lambda item: self.desk.say(render_item(item)), self.price, self.at_once

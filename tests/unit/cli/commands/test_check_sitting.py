@@ -229,7 +229,7 @@ def test_a_proof_over_the_satellite_has_its_price_in_money() -> None:
     ]
     for words, rehearsed, due in rows:
         opened = SimpleNamespace(
-            declaration=pilot(), site="coastal", is_rehearsal=rehearsed, arguments=parse(CHECK, words)
+            inventory=pilot(), site="coastal", is_rehearsal=rehearsed, arguments=parse(CHECK, words)
         )
         price = price_of(cast("CommandSession", opened), entry)
         assert price is not None

@@ -6,8 +6,8 @@ import pytest
 
 from atlantis_netcfg.cli.base.consent import (
     ConsentRefusal,
-    pays,
-    removes,
+    confirm_cost,
+    confirm_removal,
     require_agreement,
     shown_word,
     whole_word,
@@ -145,15 +145,15 @@ def test_devices_change_by_the_whole_word_alone(terminal: Callable[[str], None])
 
 def test_money_and_rows_have_words_of_their_own(terminal: Callable[[str], None]) -> None:
     terminal("pay")
-    pays(["over satellite: 1 EUR"], ask=True)
+    confirm_cost(["over satellite: 1 EUR"], ask=True)
     with pytest.raises(ConsentRefusal):
-        removes(["3 rows of others"], ask=True)
+        confirm_removal(["3 rows of others"], ask=True)
     terminal("remove")
-    removes(["3 rows of others"], ask=True)
+    confirm_removal(["3 rows of others"], ask=True)
     for typed, ask in (("remove", True), ("pay", False)):
         terminal(typed)
         with pytest.raises(CostRefusal):
-            pays(["over satellite: 1 EUR"], ask=ask)
+            confirm_cost(["over satellite: 1 EUR"], ask=ask)
 
 
 def test_ctrl_c_at_a_question_stops_before_anything_is_changed(

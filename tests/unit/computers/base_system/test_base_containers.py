@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.computers.base import GatewayBase, gateway_base
-from atlantis_netcfg.computers.containers import PACKAGES, within_budget
+from atlantis_netcfg.computers.containers import PACKAGES, folder_budget_check
 from atlantis_netcfg.computers.dds import gateway_dds
 from atlantis_netcfg.computers.services import BRIDGE
 from atlantis_netcfg.inventory import load
@@ -116,7 +116,7 @@ def test_a_rehearsal_pins_its_own_archive() -> None:
 
 def test_a_folder_is_measured_against_its_budget(tmp_path: Path) -> None:
     def over(folder: Path) -> bool:
-        return subprocess.run(within_budget("x", str(folder), 2).run, check=False).returncode != 0
+        return subprocess.run(folder_budget_check("x", str(folder), 2).run, check=False).returncode != 0
 
     assert not over(tmp_path / "missing")
     (tmp_path / "small").write_bytes(bytes(1_000_000))

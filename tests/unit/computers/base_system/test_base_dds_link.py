@@ -7,21 +7,21 @@ import pytest
 
 from atlantis_netcfg.computers.base import GatewayBase, gateway_base
 from atlantis_netcfg.computers.dds_link import SERVICE, links_without_dds
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import DdsPath
 
 SHIPPED = load(Path(__file__).parents[4] / "inventory")
 UNIT = f"/etc/systemd/system/{SERVICE}"
 
 
-def changed(*, dds: bool | None) -> Declaration:
+def changed(*, dds: bool | None) -> Inventory:
     """The shipped one, with another word on DDS at every link of the coastal site."""
     coastal = SHIPPED.sites["coastal"]
     bearers = tuple(bearer.model_copy(update={"dds": dds}) for bearer in coastal.bearers)
     return replace(SHIPPED, sites={**SHIPPED.sites, "coastal": coastal.model_copy(update={"bearers": bearers})})
 
 
-def part(declaration: Declaration, name: str = "coastal-gateway") -> GatewayBase:
+def part(declaration: Inventory, name: str = "coastal-gateway") -> GatewayBase:
     return gateway_base(declaration, declaration.hosts[name])
 
 

@@ -21,7 +21,7 @@ from atlantis_netcfg.computers.reflector import (
     QUALIFY_SECRET,
     QUALIFY_SERVICE,
     SERVICE,
-    far_end,
+    link_reflector,
     reflector,
 )
 from atlantis_netcfg.inventory import load
@@ -84,7 +84,7 @@ def test_the_far_end_at_the_control_centre_is_open_to_every_site() -> None:
 def test_a_high_port_needs_no_capability() -> None:
     assert SHIPPED.pilot.qualify is not None
     qualify = SHIPPED.pilot.qualify.model_copy(update={"port": 8862})
-    high = far_end("scc-control", SHIPPED.pilot.model_copy(update={"qualify": qualify}))
+    high = link_reflector("scc-control", SHIPPED.pilot.model_copy(update={"qualify": qualify}))
     (unit,) = [file.content for file in high.files if file.path.endswith(QUALIFY_SERVICE)]
     assert "CapabilityBoundingSet=\n" in unit
     assert "CAP_NET_BIND_SERVICE" not in unit
@@ -102,7 +102,7 @@ def test_where_it_is_not_the_far_end_it_is_taken_away(name: str) -> None:
 
 def test_the_far_end_starts_from_its_folder_and_reads_its_key_from_standard_input(tmp_path: Path) -> None:
     """As the unit starts it, but for systemd."""
-    for file in far_end("scc-control", SHIPPED.pilot).files:
+    for file in link_reflector("scc-control", SHIPPED.pilot).files:
         if file.path.startswith(f"{QUALIFY_FOLDER}/"):
             path = tmp_path / file.path.removeprefix(f"{QUALIFY_FOLDER}/")
             path.parent.mkdir(exist_ok=True)

@@ -17,7 +17,7 @@ from atlantis_netcfg.computers.base import gateway_base
 from atlantis_netcfg.computers.parts import Configuration
 from atlantis_netcfg.computers.services import LIST, services
 from atlantis_netcfg.emulator.lab.stubs import service_program
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import HostedService, ServerComputer, VpnService
 
 SHIPPED = load(Path(__file__).parents[4] / "inventory")
@@ -26,7 +26,7 @@ LAN, POOL = "10.64.0.0/24", "10.80.0.0/24"
 _OPEN = re.compile(r"ip saddr \{ (.*) \} (tcp|udp) dport (\d+) accept comment \"(.*)\"")
 
 
-def with_services(*declared: dict[str, Any], host: str = CENTRE) -> Declaration:
+def with_services(*declared: dict[str, Any], host: str = CENTRE) -> Inventory:
     """The shipped pilot, in which `host` has these services and no partner's page is offered."""
     box = SHIPPED.hosts[host]
     assert isinstance(box.device, ServerComputer)
@@ -39,7 +39,7 @@ def with_services(*declared: dict[str, Any], host: str = CENTRE) -> Declaration:
 _OURS = {"SSH", "checklists of other sites", "measurements"}
 
 
-def opened(declaration: Declaration, host: str = CENTRE) -> dict[str, tuple[str, int, list[str]]]:
+def opened(declaration: Inventory, host: str = CENTRE) -> dict[str, tuple[str, int, list[str]]]:
     """Name -> transport, port and sources of every rule of the firewall that opens a port to networks by a set."""
     configuration = gateway_base(declaration, declaration.hosts[host]).configuration
     (text,) = (file.content for file in configuration.files if file.path == "/etc/nftables.conf")

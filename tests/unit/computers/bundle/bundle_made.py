@@ -88,4 +88,4 @@ def manifest(signer: BundleSigner) -> Manifest:
 
 def sign(folder: Path, told: Manifest, signer: BundleSigner) -> None:
     (folder / "manifest.json").write_bytes(told.encode())
-    (folder / "manifest.json.asc").write_bytes(signer.beside(told.encode()))
+    (folder / "manifest.json.asc").write_bytes(signer.sign_detached(told.encode()))

@@ -131,7 +131,7 @@ def test_a_signed_manifest_is_still_looked_at(
 ) -> None:
     data = json.dumps(manifest(signer).model_dump(mode="json") | change).encode()
     (folder / "manifest.json").write_bytes(data)
-    (folder / "manifest.json.asc").write_bytes(signer.beside(data))
+    (folder / "manifest.json.asc").write_bytes(signer.sign_detached(data))
     assert words in refusal(folder, keys)[0][0]
 
 

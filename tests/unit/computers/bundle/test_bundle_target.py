@@ -111,5 +111,5 @@ def test_the_key_stays_and_its_signatures_hold_for_a_clock_in_the_past(tmp_path:
     keys = Keys.of(tmp_path)
     assert keys.signer().fingerprint == keys.signer().fingerprint
     assert (tmp_path / "bundle" / "signing-key.asc").stat().st_mode & 0o777 == 0o600
-    assert keys.signer().in_clear("Date: x\n") == keys.signer().in_clear("Date: x\n")
+    assert keys.signer().sign_inline("Date: x\n") == keys.signer().sign_inline("Date: x\n")
     assert "signing" not in repr(keys.signer())

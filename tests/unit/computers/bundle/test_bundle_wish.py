@@ -9,8 +9,8 @@ import pytest
 
 from atlantis_netcfg.computers.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
 from atlantis_netcfg.core.errors import NoMatchError
-from atlantis_netcfg.inventory import Declaration
-from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, wish_of
+from atlantis_netcfg.inventory import Inventory
+from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, host_requirements
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers.parts import PARTS, Part
 
@@ -24,7 +24,7 @@ PIN = {"path": "/etc/apt/preferences.d/ros", "content": "Package: *\n"}
 KEY = {"path": "/usr/share/keyrings/ros.gpg", "content_base64": base64.b64encode(b"key").decode(), "fingerprint": "0"}
 
 
-def test_the_parts_are_added_up(declaration: Declaration, tmp_path: Path) -> None:
+def test_the_parts_are_added_up(declaration: Inventory, tmp_path: Path) -> None:
     host = declaration.hosts["coastal-gateway"]
     parts = {
         "gateway_base": part({"packages": {"packages": [{"name": "chrony", "version": None}, {"name": "locales"}]}}),
@@ -41,7 +41,7 @@ def test_the_parts_are_added_up(declaration: Declaration, tmp_path: Path) -> Non
         ),
         "gateway_interop": part({"packages": None, "build": None}),
     }
-    wish = wish_of(declaration, host, Request(state=tmp_path), parts=parts)
+    wish = host_requirements(declaration, host, Request(state=tmp_path), parts=parts)
     assert wish.packages == (
         PackageRequirement("chrony", None),
         PackageRequirement("locales", None),
@@ -52,39 +52,37 @@ def test_the_parts_are_added_up(declaration: Declaration, tmp_path: Path) -> Non
     assert (wish.distribution, wish.codename) == ("ubuntu", "focal")
 
 
-def test_the_library_and_its_examples_are_wished_for(declaration: Declaration, tmp_path: Path) -> None:
+def test_the_library_and_its_examples_are_wished_for(declaration: Inventory, tmp_path: Path) -> None:
     interop = declaration.pilot.gateways.interop
     assert interop is not None
     assert interop.examples is not None
     assert has_tokens(declaration)
     host = declaration.hosts["coastal-gateway"]
-    sealed = wish_of(declaration, host, Request(state=tmp_path), parts={}).libraries
+    sealed = host_requirements(declaration, host, Request(state=tmp_path), parts={}).libraries
     assert sealed == tuple(Library(one.url, one.revision) for one in (interop.library, interop.examples))
-    opened = wish_of(declaration, host, Request(state=tmp_path), parts={}, tokens=True).libraries
+    opened = host_requirements(declaration, host, Request(state=tmp_path), parts={}, tokens=True).libraries
     assert [one.token for one in opened] == ["EXAMPLE-interop-token"] * 2
     assert "token" not in repr(opened)
 
 
-def test_what_is_declared_can_be_wished_for(declaration: Declaration, tmp_path: Path) -> None:
+def test_what_is_declared_can_be_wished_for(declaration: Inventory, tmp_path: Path) -> None:
     # The one needs the archive's key, the other is no part of a gateway.
     others = {name: each for name, each in PARTS.items() if name not in {"gateway_ros2", "openvpn_server"}}
     request = Request(state=tmp_path)
     for host in bundle_hosts(declaration, "all"):
-        wish = wish_of(declaration, host, request, parts=others)
+        wish = host_requirements(declaration, host, request, parts=others)
         told = [each(declaration, host, request).get("packages") or {} for each in others.values()]
         assert {one.name for one in wish.packages} == {row["name"] for one in told for row in one.get("packages", ())}
 
 
-def test_a_control_centre_has_a_bundle_without_what_is_not_built_there(
-    declaration: Declaration, tmp_path: Path
-) -> None:
+def test_a_control_centre_has_a_bundle_without_what_is_not_built_there(declaration: Inventory, tmp_path: Path) -> None:
     (host,) = bundle_hosts(declaration, "scc")
-    wish = wish_of(declaration, host, Request(state=tmp_path))
+    wish = host_requirements(declaration, host, Request(state=tmp_path))
     assert {"chrony", "nftables", "openvpn"} <= {package.name for package in wish.packages}
     assert not any(package.name.startswith("ros-") for package in wish.packages)
     assert (wish.libraries, wish.sources, wish.codename) == ((), (), None)
 
 
-def test_a_choice_without_computers_has_no_bundle(declaration: Declaration) -> None:
+def test_a_choice_without_computers_has_no_bundle(declaration: Inventory) -> None:
     with pytest.raises(NoMatchError, match="`scc-router`: bundles are for gateways, control centres and operator"):
         bundle_hosts(declaration, "scc", ["scc-router"])

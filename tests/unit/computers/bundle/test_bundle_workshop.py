@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.computers.bundle.build import workshop
+from atlantis_netcfg.computers.bundle.build import open_staging
 from atlantis_netcfg.computers.bundle.requirements import BundleError
 from atlantis_netcfg.core.errors import UsageError
 
@@ -14,7 +14,7 @@ def test_no_link_is_followed_to_where_a_bundle_is_made(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.mkdir()
     (tmp_path / ".bundle.part").symlink_to(victim)
-    with pytest.raises(BundleError, match="cannot be made"), workshop(tmp_path / "bundle"):
+    with pytest.raises(BundleError, match="cannot be made"), open_staging(tmp_path / "bundle"):
         pass
     assert [*victim.iterdir()] == []
 
@@ -23,6 +23,6 @@ def test_no_link_is_followed_to_where_a_bundle_is_made(tmp_path: Path) -> None:
 def test_no_bundle_is_made_in_a_folder_of_somebody_else(tmp_path: Path) -> None:
     (tmp_path / ".bundle.part").mkdir()
     os.chown(tmp_path / ".bundle.part", 65534, 65534)
-    with pytest.raises(UsageError, match="belongs to nobody"), workshop(tmp_path / "bundle"):
+    with pytest.raises(UsageError, match="belongs to nobody"), open_staging(tmp_path / "bundle"):
         pass
     assert [*(tmp_path / ".bundle.part").iterdir()] == []

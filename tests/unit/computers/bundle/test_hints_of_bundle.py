@@ -59,7 +59,7 @@ def at(  # noqa: PLR0913, PLR0917 - fixtures
 
     monkeypatch.setenv("ATLANTIS_STATE", str(place.state))
     monkeypatch.setattr(bundling, "make_bundle", made)
-    monkeypatch.setattr(bundling, "wish_of", lambda *_, **__: WISH)
+    monkeypatch.setattr(bundling, "host_requirements", lambda *_, **__: WISH)
     monkeypatch.setattr(Keys, "of", lambda _state: keys)
     return place
 
@@ -71,7 +71,7 @@ def damaged(at: Place) -> str:
 
 def lacking(at: Place) -> str:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bundling, "wish_of", lambda *_, **__: replace(WISH, codename="jammy"))
+        patch.setattr(bundling, "host_requirements", lambda *_, **__: replace(WISH, codename="jammy"))
         return at.checked(code=3)
 
 
@@ -93,7 +93,7 @@ def too_dear(_at: Place) -> str:
 
 
 def no_name(_at: Place) -> str:
-    found = apt_messages.of_install("E: Temporary failure resolving 'archive.example.org'\n", ["chrony"])
+    found = apt_messages.explain_install_failure("E: Temporary failure resolving 'archive.example.org'\n", ["chrony"])
     return told(str(found.hint))
 
 

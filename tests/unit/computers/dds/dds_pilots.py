@@ -5,13 +5,13 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from atlantis_netcfg.computers.dds import ProfileView, profile_views, profiles
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Dds
 
 SHIPPED = Path(__file__).parents[4] / "inventory"
 
 
-def pilot(dds: Dds | None = None) -> Declaration:
+def pilot(dds: Dds | None = None) -> Inventory:
     """The shipped declaration, with another `dds` in place of its own."""
     declaration = load(SHIPPED)
     if dds is None:
@@ -22,12 +22,12 @@ def pilot(dds: Dds | None = None) -> Declaration:
 def view(host: str, bearer: str, release: str | None = None, dds: Dds | None = None) -> ProfileView:
     declaration = pilot(dds)
     views = profile_views(declaration, declaration.hosts[host], release)
-    return next(one for one in views if one.bearer == bearer)
+    return next(one for one in views if one.link == bearer)
 
 
 def leaves(one: ProfileView, name: str) -> list[tuple[str, str]]:
     """Path and value of every leaf and attribute of a profile, in order; paths without namespaces."""
-    text = profiles(one)[f"{one.bearer}/{name}"]
+    text = profiles(one)[f"{one.link}/{name}"]
     return list(_leaves(ET.fromstring(text), ""))  # noqa: S314 - our own text
 
 

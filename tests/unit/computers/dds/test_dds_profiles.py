@@ -8,8 +8,8 @@ from dds_pilots import leaves, pilot, view
 
 from atlantis_netcfg.computers.dds import GAP_S, RELEASES, TUNING, profile_views, profiles
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.inventory import Declaration
-from atlantis_netcfg.inventory.model import BearerKind, Dds, DdsPath, DdsPeer, Pace, RosDistribution, RosMiddleware
+from atlantis_netcfg.inventory import Inventory
+from atlantis_netcfg.inventory.model import Dds, DdsPath, DdsPeer, LinkKind, Pace, RosDistribution, RosMiddleware
 
 CYCLONE = "CycloneDDS/Domain"
 """The elements below are those of the schema `etc/cyclonedds.xsd` of 0.7, 0.10.5 and 11.0.1."""
@@ -112,14 +112,14 @@ def test_the_environment(release: str, kept_open: str) -> None:
     ]
 
 
-@pytest.mark.parametrize("kind", BearerKind)
+@pytest.mark.parametrize("kind", LinkKind)
 @pytest.mark.parametrize("lease_s", [120, 180])
-def test_every_lease_outlives_the_gap_with_an_announcement_lost(kind: BearerKind, lease_s: int) -> None:
+def test_every_lease_outlives_the_gap_with_an_announcement_lost(kind: LinkKind, lease_s: int) -> None:
     assert Dds(distribution=RosDistribution.FOXY).lease_s <= lease_s
     assert GAP_S + 2 * TUNING[kind.traits.pace].announce_s < lease_s
 
 
-def everywhere() -> Declaration:
+def everywhere() -> Inventory:
     """The shipped pilot, and DDS crosses every link."""
     declaration = pilot()
     return replace(

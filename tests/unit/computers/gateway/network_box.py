@@ -88,7 +88,7 @@ class Box:
             network_guard.apply(self.computer)
         if self.timer:
             self.timer = False
-            network_guard.back(self.computer)
+            network_guard.roll_back(self.computer)
 
     def power_cut(self) -> None:
         """Cut and given again: systemd has forgotten its timers; the boot unit runs, then the network starts."""
@@ -225,8 +225,8 @@ def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
     (tmp_path / "tmp").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))  # who is killed leaves what he has there
     monkeypatch.setattr("os.fsync", lambda _handle: made.step())
-    monkeypatch.setattr(DesiredNetwork, "_knock", lambda _self: None)
-    monkeypatch.setattr(network_change, "began_s", network_guard.boot_time)
+    monkeypatch.setattr(DesiredNetwork, "_trigger_arp", lambda _self: None)
+    monkeypatch.setattr(network_change, "ssh_server_start_s", network_guard.boot_time)
     monkeypatch.setattr("time.sleep", lambda _s: made.time_passes())
     monkeypatch.setattr(network_change, "_SETTLED_S", 0.0)
     monkeypatch.setattr(network_guard, "_COME_BACK_S", 0.0)

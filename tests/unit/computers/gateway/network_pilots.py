@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from atlantis_netcfg.inventory import Declaration, Host, load
+from atlantis_netcfg.inventory import Host, Inventory, load
 from atlantis_netcfg.inventory.model import AddressBy, ComputerNetwork, Gateway, NetworkTool
 
 SHIPPED = Path(__file__).parents[4] / "inventory"
@@ -12,11 +12,11 @@ HOST = "coastal-gateway"
 
 
 @cache
-def shipped() -> Declaration:
+def shipped() -> Inventory:
     return load(SHIPPED)
 
 
-def coast(by: str | None, address_by: str = "static", **network: object) -> tuple[Declaration, Host]:
+def coast(by: str | None, address_by: str = "static", **network: object) -> tuple[Inventory, Host]:
     """`by`: None declares no network."""
     declaration = shipped()
     host = declaration.hosts[HOST]

@@ -9,9 +9,9 @@ from pathlib import Path
 from row_subtests import for_each_row
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_messages import (
-    of_install,
-    of_update,
-    others,
+    explain_install_failure,
+    explain_update_failure,
+    other_source_notes,
 )
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 
@@ -28,7 +28,9 @@ def test_what_apt_says_is_told(case: Path) -> None:
     asked, _, rest = case.read_text().partition("\n")
     said, _, words = rest.partition("# in words\n")
     _, kind, *of, _, code = asked.split()
-    why = of_update(said, int(code), of, "amd64") if kind == "update" else of_install(said, of)
+    why = (
+        explain_update_failure(said, int(code), of, "amd64") if kind == "update" else explain_install_failure(said, of)
+    )
     assert told(why) == words
 
 
@@ -41,8 +43,8 @@ def test_every_way_that_apt_fails_has_its_words() -> None:
 def test_an_architecture_that_the_computer_does_not_have_may_be_missing() -> None:
     said = f"N: Skipping acquire of configured file 'x' as repository '{RELEASE}' doesn't support architecture '{{}}'"
     url = ["https://archive.example.org/ros/"]
-    assert of_update(said.format("armhf"), 0, url, "arm64") is None
-    assert of_update(said.format("arm64"), 0, url, "arm64") is not None
+    assert explain_update_failure(said.format("armhf"), 0, url, "arm64") is None
+    assert explain_update_failure(said.format("arm64"), 0, url, "arm64") is not None
 
 
 def test_other_sources_hinder_nothing_and_are_told_once() -> None:
@@ -52,6 +54,8 @@ def test_other_sources_hinder_nothing_and_are_told_once() -> None:
         "W: Some index files failed to download. They have been ignored, or old ones used instead.\n"
     )
     ours = ["https://archive.example.org/ros"]
-    assert of_update(said, 0, ours, "arm64") is None
-    assert others(said, ours) == ["the lists of deb.example.org could not be updated, those from before are used"]
-    assert others("Reading package lists...\n", ours) == []
+    assert explain_update_failure(said, 0, ours, "arm64") is None
+    assert other_source_notes(said, ours) == [
+        "the lists of deb.example.org could not be updated, those from before are used"
+    ]
+    assert other_source_notes("Reading package lists...\n", ours) == []

@@ -9,7 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure, keep
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import (
+    Git,
+    configure,
+    store_token,
+)
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.emulator.lab.stubs import interop
@@ -50,7 +54,7 @@ class Board:
             old.unlink()
         configure(str(home), self.offline, [self.url])
         if token is not None:
-            keep(str(home), "library", self.url, token)
+            store_token(str(home), "library", self.url, token)
         repository = Repository(self.url, revision)
         git = Git(
             repository,

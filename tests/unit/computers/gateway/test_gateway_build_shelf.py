@@ -17,7 +17,7 @@ PLAN = build_plan.BuildPlan(
 )
 
 
-def made(shelf: build_plan.Shelf, key: str) -> str:
+def made(shelf: build_plan.BuildStore, key: str) -> str:
     install = Path(shelf.at(key), "library", "install")
     install.mkdir(parents=True)
     (install / "setup.sh").touch()
@@ -48,7 +48,7 @@ def test_a_commit_is_the_same_on_every_server() -> None:
 
 
 def test_the_build_in_use_and_the_one_before_it_are_kept(tmp_path: Path) -> None:
-    shelf = build_plan.Shelf(str(tmp_path))
+    shelf = build_plan.BuildStore(str(tmp_path))
     for key in ("one", "two", "three"):
         shelf.use(made(shelf, key))
     assert (shelf.link_target("current"), shelf.link_target("previous")) == ("three", "two")
@@ -63,7 +63,7 @@ def test_the_build_in_use_and_the_one_before_it_are_kept(tmp_path: Path) -> None
 
 
 def test_a_build_without_its_marker_is_none(tmp_path: Path) -> None:
-    shelf = build_plan.Shelf(str(tmp_path))
+    shelf = build_plan.BuildStore(str(tmp_path))
     made(shelf, "one")
     marker = tmp_path / "builds/one/build.json"
     whole = marker.read_text()
@@ -77,7 +77,7 @@ def test_a_build_without_its_marker_is_none(tmp_path: Path) -> None:
 
 
 def test_a_cut_between_the_links_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shelf = build_plan.Shelf(str(tmp_path))
+    shelf = build_plan.BuildStore(str(tmp_path))
     shelf.use(made(shelf, "one"))
     made(shelf, "two")
     link = shelf._link
@@ -97,7 +97,7 @@ def test_a_cut_between_the_links_loses_nothing(tmp_path: Path, monkeypatch: pyte
 
 
 def test_half_a_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shelf = build_plan.Shelf(str(tmp_path))
+    shelf = build_plan.BuildStore(str(tmp_path))
     made(shelf, "one")
 
     def cut(*_: object) -> None:
@@ -114,14 +114,14 @@ def test_half_a_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_a_folder_in_the_place_of_a_link_is_left_alone(tmp_path: Path) -> None:
-    shelf = build_plan.Shelf(str(tmp_path))
+    shelf = build_plan.BuildStore(str(tmp_path))
     (tmp_path / "current").mkdir()
     with pytest.raises(ModuleError, match="has to be a link"):
         shelf.use(made(shelf, "one"))
 
 
 def test_tags_are_kept_and_damage_to_them_is_survived(tmp_path: Path) -> None:
-    shelf = build_plan.Shelf(str(tmp_path))
+    shelf = build_plan.BuildStore(str(tmp_path))
     shelf.note_tags(PLAN, {"library": "a" * 40, "examples": COMMIT})
     assert shelf.tags() == {PLAN.library.url: {"v1.0.0": "a" * 40}}
     (tmp_path / "tags.json").write_text("{")

@@ -31,8 +31,8 @@ class Gateway:
         return BuildFolders(*(str(self.folder / name) for name in ("prefix", "memory", "logs")))
 
     @property
-    def shelf(self) -> build_plan.Shelf:
-        return build_plan.Shelf(self.places.prefix)
+    def shelf(self) -> build_plan.BuildStore:
+        return build_plan.BuildStore(self.places.prefix)
 
     def run(self, argv: list[str]) -> ProgramResult:
         self.commands.append(argv)

@@ -8,7 +8,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bu
     CardFull,
     about_building,
     about_git,
-    last_words,
+    error_lines,
     trouble,
 )
 
@@ -74,8 +74,8 @@ def test_the_last_words_are_those_that_mean_something() -> None:
     said = (
         "[ 50%] Building\nx.cpp:2: error: no\nmake[1]: *** [x.o] Error 1\nFailed   <<< pkg [1s, exited with code 2]\n"
     )
-    assert last_words(said) == "x.cpp:2: error: no"
-    assert last_words("one\n\ntwo\n") == "one\ntwo"
+    assert error_lines(said) == "x.cpp:2: error: no"
+    assert error_lines("one\n\ntwo\n") == "one\ntwo"
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from atlantis_netcfg.computers.dds import LOGIN, GatewayDds, gateway_dds
 from atlantis_netcfg.computers.services import ENVIRONMENT
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Dds, RosDistribution
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers.parts import PARTS
@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[4]
 HOST = "coastal-gateway"
 
 
-def pilot(dds: Dds | None) -> Declaration:
+def pilot(dds: Dds | None) -> Inventory:
     declaration = load(ROOT / "inventory")
     return replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
 

@@ -12,7 +12,7 @@ import pytest
 
 from atlantis_netcfg.computers.dds import gateway_dds
 from atlantis_netcfg.computers.interop import SERVICE, gateway_interop
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import InteropService
 
 ROOT = Path(__file__).parents[4]
@@ -21,7 +21,7 @@ UNIT = f"/etc/systemd/system/{SERVICE}"
 COMMAND = "/usr/local/lib/atlantis/data-gateway"
 
 
-def pilot(**change: Any) -> Declaration:  # noqa: ANN401 - fields of the model
+def pilot(**change: Any) -> Inventory:  # noqa: ANN401 - fields of the model
     declaration = load(ROOT / "inventory")
     interop = declaration.pilot.gateways.interop
     assert interop is not None
@@ -29,7 +29,7 @@ def pilot(**change: Any) -> Declaration:  # noqa: ANN401 - fields of the model
     return replace(declaration, pilot=declaration.pilot.model_copy(update={"gateways": gateways}))
 
 
-def told(declaration: Declaration) -> dict[str, Any]:
+def told(declaration: Inventory) -> dict[str, Any]:
     made = gateway_interop(declaration, declaration.hosts[HOST]).as_dict()
     assert json.loads(json.dumps(made)) == made
     return made

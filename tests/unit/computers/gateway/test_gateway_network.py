@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 from network_pilots import coast
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import OURS, same
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import (
+    OURS,
+    has_same_settings,
+)
 from atlantis_netcfg.computers.base import gateway_base
 from atlantis_netcfg.computers.image.facts import ImageFacts, ImageFile
 from atlantis_netcfg.computers.image.plan import plan
@@ -50,10 +53,10 @@ def test_a_fresh_card_is_as_declared(by: str, address_by: str) -> None:
     edits = plan(ImageFacts(FILES, frozenset({PROGRAMS[by], zone})), wish_of(declaration, host, "x.img"))
     card = {edit.path: edit for edit in edits if isinstance(edit, ImageFile)}
     assert part is not None
-    assert same(card[part.path].content.decode(), part.content)
+    assert has_same_settings(card[part.path].content.decode(), part.content)
     assert card[part.path].mode == int(part.mode, 8)
     resolver = card.get("/etc/resolv.conf")
-    assert same(None if resolver is None else resolver.content.decode(), part.resolver)
+    assert has_same_settings(None if resolver is None else resolver.content.decode(), part.resolver)
 
 
 def test_it_is_data_for_the_module() -> None:

@@ -18,7 +18,7 @@ from atlantis_netcfg.computers.dds import gateway_dds
 from atlantis_netcfg.computers.recording import SERVICE, packages, recording
 from atlantis_netcfg.computers.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.emulator.lab.stubs import publish, ros_packages
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Gateway, Recording
 
 ROOT = Path(__file__).parents[4]
@@ -28,7 +28,7 @@ HOST = "coastal-gateway"
 DECLARED = Recording.model_validate({"topics": ["/girona500/pose", "/girona500/config"], "budget_mb": 80})
 
 
-def with_recording() -> Declaration:
+def with_recording() -> Inventory:
     box = SHIPPED.hosts[HOST]
     assert isinstance(box.device, Gateway)
     device = box.device.model_copy(update={"recording": DECLARED})

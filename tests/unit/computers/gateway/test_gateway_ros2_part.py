@@ -11,7 +11,7 @@ import pytest
 from atlantis_netcfg.computers.ros2 import RELEASES, ArchiveKey, GatewayRos2, StandIn, archive_key, gateway_ros2
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, publish
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Dds, Gateways, Ros2, RosDistribution, RosMiddleware, RosOrigin
 
 ROOT = Path(__file__).parents[4]
@@ -34,7 +34,7 @@ def inventory(tmp_path: Path, archive: StubArchive) -> Path:
     return tmp_path / "inventory"
 
 
-def pilot(inventory: Path, ros2: dict[str, Any] | None, dds: Dds | None = FOXY) -> Declaration:
+def pilot(inventory: Path, ros2: dict[str, Any] | None, dds: Dds | None = FOXY) -> Inventory:
     declaration = load(inventory)
     gateways = Gateways(ros2=None if ros2 is None else Ros2.model_validate(ros2))
     changed = declaration.pilot.model_copy(update={"gateways": gateways, "dds": dds})

@@ -91,11 +91,11 @@ def test_a_session_that_is_older_than_the_change_proves_nothing(box: Box, monkey
     change = made(box, "networkd")
     name = change.stage()
     assert name is not None
-    monkeypatch.setattr(network_change, "began_s", network_guard.boot_time().__float__)
+    monkeypatch.setattr(network_change, "ssh_server_start_s", network_guard.boot_time().__float__)
     box.queued = False
     network_guard.apply(box.computer)
     assert change.confirm(name)["again"] is True
-    monkeypatch.setattr(network_change, "began_s", network_guard.boot_time)
+    monkeypatch.setattr(network_change, "ssh_server_start_s", network_guard.boot_time)
     assert change.confirm(name)["state"] == "confirmed"
 
 
@@ -316,6 +316,6 @@ def test_a_disk_that_fills_in_the_window_keeps_the_way_in(box: Box, by: str, mon
             box.time_passes()
         assert (box.held, box.routes) == (before["held"], before["routes"])
         assert change.look(name, 0.0)["state"] == "pending"
-    network_guard.back(box.computer)
+    network_guard.roll_back(box.computer)
     assert box.state() == before
     assert change.look(name, 0.0)["state"] == "rolled back"

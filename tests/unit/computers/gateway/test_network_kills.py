@@ -122,7 +122,7 @@ def test_a_kill_while_it_is_taken_back(box: Box, by: str, end: str) -> None:
     def prepare() -> Callable[[], Any]:
         staged(box, by)
         network_guard.apply(box.computer)
-        return lambda: network_guard.back(box.computer)
+        return lambda: network_guard.roll_back(box.computer)
 
     def after() -> None:
         box.timer = True  # systemd starts a failed service anew

@@ -12,9 +12,9 @@ from atlantis_netcfg.computers.dds import gateway_dds
 from atlantis_netcfg.computers.ros1_bridge import SERVICE, packages, ros1_bridge
 from atlantis_netcfg.computers.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.emulator.lab.stubs import publish, ros_packages
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Gateway, Ros1Bridge, Ros2
-from atlantis_netcfg.operations.bundle import wish_of
+from atlantis_netcfg.operations.bundle import host_requirements
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers.parts import PARTS
 
@@ -35,7 +35,7 @@ def inventory(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return own
 
 
-def pilot(inventory: Path, bridge: dict[str, Any] | None, **ros2: str) -> Declaration:
+def pilot(inventory: Path, bridge: dict[str, Any] | None, **ros2: str) -> Inventory:
     declaration = load(inventory)
     host = declaration.hosts[HOST]
     assert isinstance(host.device, Gateway)
@@ -50,7 +50,7 @@ def pilot(inventory: Path, bridge: dict[str, Any] | None, **ros2: str) -> Declar
     )
 
 
-def part(declaration: Declaration, stand_in: StandIn | None = None) -> dict[str, Any]:
+def part(declaration: Inventory, stand_in: StandIn | None = None) -> dict[str, Any]:
     told: dict[str, Any] = gateway_ros2(declaration, declaration.hosts[HOST], stand_in).as_dict()
     return told
 
@@ -107,7 +107,7 @@ def test_one_archive_of_stand_ins_takes_the_place_of_both(inventory: Path, tmp_p
 def test_a_bundle_brings_what_is_in_both_archives(inventory: Path, tmp_path: Path) -> None:
     declaration = pilot(inventory, {})
     parts = {"gateway_ros2": PARTS["gateway_ros2"]}
-    wish = wish_of(declaration, declaration.hosts[HOST], Request(state=tmp_path), parts=parts)
+    wish = host_requirements(declaration, declaration.hosts[HOST], Request(state=tmp_path), parts=parts)
     assert [each.path for each in wish.sources] == ["/etc/apt/sources.list.d/ros2.sources", ROS1]
     assert {*packages("foxy")} <= {each.name for each in wish.packages}
     assert wish.archives == ()

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Retrieval, ServerComputer
 
 ROOT = Path(__file__).parents[4]
@@ -36,7 +36,7 @@ def program(name: str) -> ModuleType:
     return made
 
 
-def with_retrieval(**values: Any) -> Declaration:  # noqa: ANN401 - of the model
+def with_retrieval(**values: Any) -> Inventory:  # noqa: ANN401 - of the model
     """From the coastal gateway to the control centre; both have the same host key here."""
     own = {} if "robots" in values else {"sources": [{"host": GATEWAY}]}
     declared = {"to": CENTRE, "budget_mb": 1000} | own | values

@@ -106,7 +106,7 @@ def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest
 
 def in_use(desk: Desk, *names: str) -> None:
     """What the router says of its links."""
-    status = SimpleNamespace(bearers=[SimpleNamespace(name=name, active=True) for name in names])
+    status = SimpleNamespace(links=[SimpleNamespace(name=name, active=True) for name in names])
     desk.monkeypatch.setattr(links, "read_links", lambda _opened: status)
 
 

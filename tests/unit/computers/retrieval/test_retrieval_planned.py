@@ -43,7 +43,7 @@ def status(over: str = "satellite", **told: Any) -> retrieve.RetrievalStatus:  #
 @pytest.mark.parametrize("priority", list(RetrievalPriority))
 def test_the_rate_is_the_share_of_the_declared_upward_rate(priority: RetrievalPriority) -> None:
     made = planned("satellite", priority.value)
-    assert made.rate_bps == round(retrieve.SHARES[priority] * made.bearer.rate.up_kbps * 1000)
+    assert made.rate_bps == round(retrieve.SHARES[priority] * made.site_link.rate.up_kbps * 1000)
     assert made.seconds >= 8 * made.wire_bytes / made.rate_bps
 
 
@@ -61,9 +61,9 @@ def test_what_is_told_of_the_cost_is_that_of_the_wire_and_the_job_is_bound_by_it
 def test_over_a_free_link_answers_as_slow_as_those_of_a_dear_one_stop_it() -> None:
     free, dear = planned("wifi-ptp"), planned("satellite")
     assert free.cap_bytes is None
-    slowest = dear.bearer.rate.rtt_ms / 1000
+    slowest = dear.site_link.rate.rtt_ms / 1000
     assert free.rtt_max_s is not None
-    assert free.bearer.rate.rtt_ms / 1000 < free.rtt_max_s < slowest
+    assert free.site_link.rate.rtt_ms / 1000 < free.rtt_max_s < slowest
     assert dear.rtt_max_s is None, "nothing is dearer and slower than a satellite"
 
 

@@ -8,14 +8,14 @@ from atlantis_netcfg.emulator.routeros import ControlError, RunningSite
 from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.environment import move
+from atlantis_netcfg.emulator.routeros.environment import update_surroundings
 from atlantis_netcfg.emulator.routeros.spec import (
     DiscoveryNeighbour,
+    EmulatorSpec,
     Environment,
     Load,
     RouterSpec,
     SiteSpec,
-    TwinSpec,
     User,
     Validity,
 )
@@ -190,16 +190,16 @@ def test_dates_of_a_certificate() -> None:
 
 def test_the_place_changes_under_a_router_at_work() -> None:
     box = Box(loads={"ether1": Load()}, tunnels={"ovpn-scc": "10.80.0.11/16"})
-    assert move(box.device.core, {"tunnels": {}})["tunnels"] == {}
+    assert update_surroundings(box.device.core, {"tunnels": {}})["tunnels"] == {}
     assert box.rows("/interface/ovpn-client/print")[0]["running"] == "false"
     assert box.poe("ether1")[0]["poe-out-status"] == "powered-on"
     for nonsense in ({"moods": 1}, {"tunnels": {"ovpn-scc": "nowhere"}}):
         with pytest.raises(ValueError, match="validation error"):
-            move(box.device.core, nonsense)
+            update_surroundings(box.device.core, nonsense)
 
 
 def test_the_control_knows_the_word(tmp_path: Path) -> None:
-    with RunningSite(SiteSpec(name="site", twins=(TwinSpec(router=RouterSpec(name="box")),)), tmp_path) as site:
+    with RunningSite(SiteSpec(name="site", emulators=(EmulatorSpec(router=RouterSpec(name="box")),)), tmp_path) as site:
         told = site.do("box", "around", leases={"10.64.1.23": "bound"})
         assert told["leases"] == {"10.64.1.23": "bound"}
         with pytest.raises(ControlError, match="Extra inputs are not permitted"):

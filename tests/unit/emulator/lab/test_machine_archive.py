@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.computers.bundle.manifest import Keys, signed_by
+from atlantis_netcfg.computers.bundle.manifest import Keys, find_signer
 from atlantis_netcfg.emulator.lab.stubs.archive import publish
 
 GPG = """\
@@ -51,4 +51,4 @@ def test_the_key_of_an_archive_is_never_younger_than_its_signature(tmp_path: Pat
 @pytest.mark.usefixtures("_clock_runs")
 def test_the_key_of_bundles_is_never_younger_than_its_signature(tmp_path: Path) -> None:
     signer = Keys.of(tmp_path).signer()
-    assert signed_by(b"data", signer.beside(b"data"), signer.public) == signer.fingerprint
+    assert find_signer(b"data", signer.sign_detached(b"data"), signer.public) == signer.fingerprint

@@ -9,7 +9,7 @@ from contextlib import closing
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.emulator.lab.relay import Relay, RelayTraffic, RelayWay
+from atlantis_netcfg.emulator.lab.relay import Relay, RelayLink, RelayTraffic
 from atlantis_netcfg.emulator.udp_link import LinkShape
 
 
@@ -83,7 +83,7 @@ def test_a_machine_that_refuses_resets(server: socket.socket, relay: Relay) -> N
 
 
 def test_a_connection_and_a_question_cost_two_round_trips(server: socket.socket, relay: Relay) -> None:
-    relay.set(RelayWay(delay_s=0.05))
+    relay.set(RelayLink(delay_s=0.05))
     begin = time.monotonic()
     with closing(Both(relay, server)) as both:
         both.client.sendall(b"?")
@@ -95,7 +95,7 @@ def test_a_connection_and_a_question_cost_two_round_trips(server: socket.socket,
 
 def test_a_shape_takes_the_place_of_delay_and_rates(server: socket.socket, relay: Relay) -> None:
     up = LinkShape(delay_s=0.05, gaps_s=((0.0, 0.15),))
-    relay.set(RelayWay(delay_s=100, shapes=(up, LinkShape(delay_s=0.02))))
+    relay.set(RelayLink(delay_s=100, shapes=(up, LinkShape(delay_s=0.02))))
     with closing(Both(relay, server)) as both:
         begin = time.monotonic()
         both.client.sendall(b"?")
@@ -104,7 +104,7 @@ def test_a_shape_takes_the_place_of_delay_and_rates(server: socket.socket, relay
 
 
 def test_a_rate_is_shared_by_all_connections(server: socket.socket, relay: Relay) -> None:
-    relay.set(RelayWay(rate_down_bps=800_000))
+    relay.set(RelayLink(rate_down_bps=800_000))
     begin = time.monotonic()
     with closing(Both(relay, server)) as one, closing(Both(relay, server)) as other:
         for both in (one, other):
@@ -115,36 +115,36 @@ def test_a_rate_is_shared_by_all_connections(server: socket.socket, relay: Relay
 
 
 def test_the_other_direction_is_not_slowed_down(both: Both, relay: Relay) -> None:
-    relay.set(RelayWay(rate_down_bps=1))
+    relay.set(RelayLink(rate_down_bps=1))
     both.client.sendall(b"x" * 10_000)
     both.client.close()
     assert len(_everything(both.machine)) == 10_000
 
 
 def test_a_dead_link_keeps_what_is_under_way(both: Both, relay: Relay) -> None:
-    relay.set(RelayWay(up=False))
+    relay.set(RelayLink(up=False))
     both.client.sendall(b"into the silence")
     both.client.shutdown(socket.SHUT_WR)
     while relay.traffic.up_bytes < len(b"into the silence"):
         pass
-    relay.set(RelayWay(up=False))  # whatever the relay would have done by now, it has done
+    relay.set(RelayLink(up=False))  # whatever the relay would have done by now, it has done
     both.machine.setblocking(False)
     with pytest.raises(BlockingIOError):
         both.machine.recv(1)
     both.machine.settimeout(HANG_S)
-    relay.set(RelayWay())
+    relay.set(RelayLink())
     assert _everything(both.machine) == b"into the silence"
 
 
 def test_a_connection_over_a_dead_link_waits_for_it(server: socket.socket, relay: Relay) -> None:
-    relay.set(RelayWay(up=False))
+    relay.set(RelayLink(up=False))
     with socket.create_connection(("127.0.0.1", relay.port), HANG_S) as client:
         client.sendall(b"patient")
         server.setblocking(False)
         with pytest.raises(BlockingIOError):
             server.accept()
         server.settimeout(HANG_S)
-        relay.set(RelayWay())
+        relay.set(RelayLink())
         machine, _ = server.accept()
         with machine:
             assert machine.recv(100) == b"patient"

@@ -3,7 +3,7 @@ import trees
 from lte_bench import Box
 
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.modem import refit
+from atlantis_netcfg.emulator.routeros.modem import update_modem
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 from atlantis_netcfg.links.lte import Registration
 
@@ -173,22 +173,26 @@ def test_since() -> None:
 def test_another_card_and_another_network_under_a_modem_at_work() -> None:
     box = Box()
     core = box.device.core
-    assert refit(core, {"cell": {"plmn": "20601"}}) == {"phase": "registered", "tries_left": 3, "pins_entered": 0}
+    assert update_modem(core, {"cell": {"plmn": "20601"}}) == {
+        "phase": "registered",
+        "tries_left": 3,
+        "pins_entered": 0,
+    }
     assert box.read().state is Registration.REGISTERED_ROAMING
-    assert refit(core, {"cell": {"plmn": "00101", "rsrp_dbm": -111}})["phase"] == "connected"
+    assert update_modem(core, {"cell": {"plmn": "00101", "rsrp_dbm": -111}})["phase"] == "connected"
     assert box.read().rsrp_dbm == -111.0
-    assert refit(core, {"sim": {"pin": "73951846"}})["phase"] == "pin"
+    assert update_modem(core, {"sim": {"pin": "73951846"}})["phase"] == "pin"
     box.set("pin=99887766")
-    assert refit(core, {}) == {"phase": "pin", "tries_left": 2, "pins_entered": 1}
-    assert refit(core, {"sim": {"pin": "73951846", "tries": 1}})["phase"] == "puk"
-    assert refit(core, {"sim": None})["phase"] == "no_sim"
-    assert refit(core, {"cell": None, "sim": {}})["phase"] == "searching"
+    assert update_modem(core, {}) == {"phase": "pin", "tries_left": 2, "pins_entered": 1}
+    assert update_modem(core, {"sim": {"pin": "73951846", "tries": 1}})["phase"] == "puk"
+    assert update_modem(core, {"sim": None})["phase"] == "no_sim"
+    assert update_modem(core, {"cell": None, "sim": {}})["phase"] == "searching"
     with pytest.raises(ValueError, match="cell"):
-        refit(core, {"cell": {"colour": "blue"}})
+        update_modem(core, {"cell": {"colour": "blue"}})
     with pytest.raises(ValueError, match="colour"):
-        refit(core, {"colour": {}})
+        update_modem(core, {"colour": {}})
     with pytest.raises(LookupError, match="router has no modem"):
-        refit(Device(RouterSpec(name="router"), lambda: 0.0).core, {})
+        update_modem(Device(RouterSpec(name="router"), lambda: 0.0).core, {})
 
 
 def test_on_the_console_as_the_manual_shows_it() -> None:

@@ -8,7 +8,7 @@ from row_subtests import for_each_row
 
 from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.emulator.routeros.radio import Driver, RadioSettings, why_not
-from atlantis_netcfg.emulator.routeros.radio._law import free_space_loss_db, signal_dbm, span, within
+from atlantis_netcfg.emulator.routeros.radio._law import find_rule, free_space_loss_db, signal_dbm, span
 
 AP = RadioSettings(
     driver=Driver.WIRELESS,
@@ -132,6 +132,6 @@ def test_span_of_a_channel(width: str, edges: tuple[int, int]) -> None:
 
 
 def test_wide_channels_need_room_in_the_range() -> None:
-    assert within("portugal", 5500, "20/40mhz-Ce", outdoor=True) is not None
-    assert within("portugal", 5500, "20/40mhz-eC", outdoor=True) is None
-    assert within("portugal", 5720, "20/40mhz-Ce", outdoor=True) is None
+    assert find_rule("portugal", 5500, "20/40mhz-Ce", outdoor=True) is not None
+    assert find_rule("portugal", 5500, "20/40mhz-eC", outdoor=True) is None
+    assert find_rule("portugal", 5720, "20/40mhz-Ce", outdoor=True) is None

@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "emulator" / "routeros"))
 
 from twin_bench import Bench, make
 
-from atlantis_netcfg.emulator.routeros import RadioPair, RouterSpec, SiteSpec, TwinSpec
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RadioPair, RouterSpec, SiteSpec
 from atlantis_netcfg.emulator.routeros.radio import RadioSettings, settings_of
 
 WIRELESS = {"packages": ("routeros", "wireless"), "radios": ({"name": "wlan1"},)}
@@ -107,8 +107,8 @@ def test_monitor_once() -> None:
 
 
 def test_a_pair_needs_two_radios_that_are_there() -> None:
-    twins = tuple(TwinSpec(router=RouterSpec(name=name)) for name in ("near", "far"))
+    twins = tuple(EmulatorSpec(router=RouterSpec(name=name)) for name in ("near", "far"))
     with pytest.raises(ValueError, match="there is no radio wlan1 on a twin called near"):
-        SiteSpec(name="quay", twins=twins, pairs=(RadioPair(near="near", far="far"),))
+        SiteSpec(name="quay", emulators=twins, pairs=(RadioPair(near="near", far="far"),))
     with pytest.raises(ValueError, match="cannot be both ends"):
         RadioPair(near="one", far="one")

@@ -9,13 +9,13 @@ import pytest
 from librouteros.exceptions import FatalError, TrapError
 from wire_helpers import PASSWORD, router_spec, trusting
 
-from atlantis_netcfg.emulator.routeros import ControlError, RunningSite, SiteSpec, TwinSpec
+from atlantis_netcfg.emulator.routeros import ControlError, EmulatorSpec, RunningSite, SiteSpec
 
 
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[RunningSite]:
     old = router_spec(version="7.16").model_copy(update={"name": "old"})
-    spec = SiteSpec(name="coastal", twins=(TwinSpec(router=router_spec()), TwinSpec(router=old)))
+    spec = SiteSpec(name="coastal", emulators=(EmulatorSpec(router=router_spec()), EmulatorSpec(router=old)))
     with RunningSite(spec, tmp_path) as running:
         yield running
 

@@ -3,30 +3,30 @@ import asyncio
 import pytest
 from wire_helpers import run
 
-from atlantis_netcfg.emulator.routeros.wire.link import SEGMENT, Chunk, DelayLine, Direction, RouterLink, WireBearer
+from atlantis_netcfg.emulator.routeros.wire.link import SEGMENT, Chunk, DelayLine, Direction, RouterLink, WireLink
 from atlantis_netcfg.emulator.udp_link import LinkShape
 
 
 def test_delay_is_one_way_and_does_not_add_up() -> None:
-    bearer = WireBearer(RouterLink(delay_s=0.35))
+    bearer = WireLink(RouterLink(delay_s=0.35))
     assert [bearer.arrival(Direction.UP, 500, 10.0) for _ in range(16)] == [pytest.approx(10.35)] * 16
 
 
 def test_rate_spreads_bytes_and_idle_time_is_not_saved_up() -> None:
-    bearer = WireBearer(RouterLink(rate_up_bps=8000))
+    bearer = WireLink(RouterLink(rate_up_bps=8000))
     assert bearer.arrival(Direction.UP, 1000, 0.0) == pytest.approx(1.0)
     assert bearer.arrival(Direction.UP, 1000, 0.0) == pytest.approx(2.0)
     assert bearer.arrival(Direction.UP, 1000, 100.0) == pytest.approx(101.0)
 
 
 def test_each_direction_has_its_rate() -> None:
-    bearer = WireBearer(RouterLink(rate_up_bps=8000, rate_down_bps=16000))
+    bearer = WireLink(RouterLink(rate_up_bps=8000, rate_down_bps=16000))
     assert bearer.arrival(Direction.UP, 1000, 0.0) == pytest.approx(1.0)
     assert bearer.arrival(Direction.DOWN, 1000, 0.0) == pytest.approx(0.5)
 
 
 def test_every_nth_segment_is_lost_once() -> None:
-    bearer = WireBearer(RouterLink(stall_every=3, stall_s=2.0))
+    bearer = WireLink(RouterLink(stall_every=3, stall_s=2.0))
     assert [bearer.arrival(Direction.UP, 10, 0.0) for _ in range(6)] == [0, 0, 2, 0, 0, 2]
 
 
@@ -41,7 +41,7 @@ async def _arrivals(link: RouterLink, chunks: list[bytes], *, gap: tuple[float, 
     loop = asyncio.get_running_loop()
     start, seen, air = loop.time(), list[float](), asyncio.Event()
     air.set()
-    line = DelayLine(WireBearer(link), Direction.UP, air, lambda _: seen.append(round(loop.time() - start, 3)))
+    line = DelayLine(WireLink(link), Direction.UP, air, lambda _: seen.append(round(loop.time() - start, 3)))
     if gap is not None:
         loop.call_later(gap[0], air.clear)
         loop.call_later(gap[1], air.set)
@@ -62,7 +62,7 @@ def test_what_waits_behind_a_lost_segment_comes_after_it() -> None:
 
 
 def test_a_shape_takes_the_place_of_delay_and_rate() -> None:
-    bearer = WireBearer(RouterLink(delay_s=9, up=LinkShape(rate_bps=8000, delay_s=0.3), down=LinkShape(delay_s=0.2)))
+    bearer = WireLink(RouterLink(delay_s=9, up=LinkShape(rate_bps=8000, delay_s=0.3), down=LinkShape(delay_s=0.2)))
     assert bearer.arrival(Direction.UP, 1000, 5.0) == pytest.approx(6.3)
     assert bearer.arrival(Direction.DOWN, 1000, 5.0) == pytest.approx(5.2)
     assert bearer.connect_s == pytest.approx(0.5)

@@ -13,9 +13,9 @@ from pydantic import ValidationError
 from waiting import HANG_S
 from wire_helpers import PASSWORD, router_spec
 
-from atlantis_netcfg.emulator.routeros import ControlError, EmulatorError, SiteSpec, TwinSpec, spawn
+from atlantis_netcfg.emulator.routeros import ControlError, EmulatorError, EmulatorSpec, SiteSpec, spawn
 
-SITE = SiteSpec(name="coastal", twins=(TwinSpec(router=router_spec()),))
+SITE = SiteSpec(name="coastal", emulators=(EmulatorSpec(router=router_spec()),))
 RENAME = ["/system/identity/set", "=name=renamed"]
 
 
@@ -66,7 +66,7 @@ def test_a_killed_process_has_saved_what_it_confirmed(tmp_path: Path) -> None:
 
 
 def test_a_specification_with_an_error_ends_with_three(tmp_path: Path) -> None:
-    (tmp_path / "site.json").write_text('{"name": "x", "twins": [{"rooter": {}}]}')
+    (tmp_path / "site.json").write_text('{"name": "x", "emulators": [{"rooter": {}}]}')
     ended = subprocess.run(
         [sys.executable, "-m", "atlantis_netcfg.emulator.routeros", "site.json", "--state", "state"],
         cwd=tmp_path,
@@ -80,14 +80,14 @@ def test_a_specification_with_an_error_ends_with_three(tmp_path: Path) -> None:
 
 
 def test_twins_that_cannot_start_say_why(tmp_path: Path) -> None:
-    spec = SiteSpec(name="coastal", twins=(TwinSpec(router=router_spec(seed="/ip nonsense\nadd x=y")),))
+    spec = SiteSpec(name="coastal", emulators=(EmulatorSpec(router=router_spec(seed="/ip nonsense\nadd x=y")),))
     with pytest.raises(EmulatorError, match="twins of coastal do not start: SeedError: "):
         spawn(spec, tmp_path)
 
 
 def test_two_twins_with_one_name_are_refused() -> None:
     with pytest.raises(ValidationError, match="two twins are called router"):
-        SiteSpec(name="x", twins=SITE.twins * 2)
+        SiteSpec(name="x", emulators=SITE.emulators * 2)
 
 
 def test_spawned_twins_serve_and_obey(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from librouteros.protocol import encode_word
 from wire_helpers import PASSWORD, Client, router, row, run
 
 import atlantis_netcfg.emulator.routeros as package
-from atlantis_netcfg.emulator.routeros import RouterLink, RouterSpec, SiteSpec, TwinSpec, WireBehaviour
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterLink, RouterSpec, SiteSpec, WireBehaviour
 
 pytestmark = pytest.mark.coroutine(run=run)
 PRINT = "/system/identity/print"
@@ -211,15 +211,15 @@ def test_the_public_surface_is_what_it_says() -> None:
         *("DeviceMode", "Environment", "Execute", "LinkFault", "FaultKind", "RouterLink", "Load"),
         *("ManagementSpec", "DeviceModeName", "ModemSpec", "Radio", "RadioLink", "RadioPair", "EmulatedRouter"),
         *("RouterSpec", "RunningSite", "Service", "SimSpec", "EmulatedSite", "SiteSpec", "SpawnedSite"),
-        *("TrafficCounters", "ControlError", "TwinSpec", "EmulatorError", "User", "Validity"),
+        *("TrafficCounters", "ControlError", "EmulatorSpec", "EmulatorError", "User", "Validity"),
         *("WireBehaviour", "spawn"),
     }
     assert all(hasattr(package, name) for name in package.__all__)
 
 
 def test_a_site_survives_json() -> None:
-    twin = TwinSpec(
+    twin = EmulatorSpec(
         router=RouterSpec(name="router"), link=RouterLink(delay_s=0.35, rate_up_bps=176_000), ports={8729: 18729}
     )
-    site = SiteSpec(name="coastal", twins=(twin,))
+    site = SiteSpec(name="coastal", emulators=(twin,))
     assert SiteSpec.model_validate_json(site.model_dump_json()) == site

@@ -15,7 +15,7 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers, LteAnswers, PilotAnswers, SiteAnswers
-from atlantis_netcfg.inventory.new_inventory.questions import Interview, Question, wrong
+from atlantis_netcfg.inventory.new_inventory.questions import Interview, Question, validation_error
 from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, VaultSecret, document
 from atlantis_netcfg.operations.common.vault import Vault
 
@@ -227,7 +227,7 @@ class TestInterview:
         interview, _, _ = self.interview(["60 20000 10000", "10.0.0.1, 10.0.0.2", "0.5"])
         given = [interview.answer(LteAnswers, Question(key, key)) for key in ("rate", "canaries", "price_per_mb")]
         assert given == [{"rtt_ms": 60, "up_kbps": 20000, "down_kbps": 10000}, ["10.0.0.1", "10.0.0.2"], 0.5]
-        assert wrong(LteAnswers, "rate", "60 fast") is not None
+        assert validation_error(LteAnswers, "rate", "60 fast") is not None
 
 
 def test_what_was_typed_is_kept_when_it_is_no_valid_inventory(

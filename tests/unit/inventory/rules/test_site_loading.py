@@ -15,7 +15,7 @@ import pytest
 import atlantis_netcfg.inventory
 from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import Declaration, InventoryInvalid, choose, load, report, rules, validate
+from atlantis_netcfg.inventory import Inventory, InventoryInvalid, choose, load, report, rules, validate
 from atlantis_netcfg.inventory.model import Cpe, Router
 from atlantis_netcfg.inventory.rules import management
 from atlantis_netcfg.routeros.render import router
@@ -44,7 +44,7 @@ def vault_password(inventory: Path, digits: str = "3063") -> None:
     edit(inventory / ROUTER, "password: EXAMPLE-vpn-coastal # EXAMPLE", sealed)
 
 
-def vpn_password(declaration: Declaration) -> Secret:
+def vpn_password(declaration: Inventory) -> Secret:
     device = declaration.hosts["coastal-router"].device
     assert isinstance(device, Router)
     assert device.vpn_client is not None
@@ -309,7 +309,7 @@ def test_the_work_grows_with_the_sites_and_not_with_their_square(tmp_path: Path)
 
 def test_public_surface() -> None:
     assert sorted(atlantis_netcfg.inventory.__all__) == [
-        *("ALL", "Declaration", "Finding", "Host", "InventoryInvalid", "Mark", "choose", "load"),
+        *("ALL", "Finding", "Host", "Inventory", "InventoryInvalid", "Mark", "choose", "load"),
         *("report", "validate"),
     ]
     assert all(hasattr(atlantis_netcfg.inventory, name) for name in atlantis_netcfg.inventory.__all__)

@@ -19,10 +19,10 @@ from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import AllowedTarget
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.satellite import Attempt, ExpectedOutcome, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.operations.allow_list_test.plan import read
-from atlantis_netcfg.operations.common.terminals import look
+from atlantis_netcfg.operations.common.terminals import judge_terminal
 from atlantis_netcfg.operations.upgrade import _configuration
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.api._tls import check_pin
@@ -88,7 +88,7 @@ def evidence(at: Laptop, **changes: Any) -> str:  # noqa: ANN401 - fields of the
     device: Any = host.device
     seen = {"firmware": "1", "allow_list": True, "by": "A", "seen_on": "2026-11-01", "sim_address": None}
     found = SimpleNamespace(**{**seen, "backup_file": None, "backup_sha256": None, **changes})
-    looked = look(
+    looked = judge_terminal(
         declaration,
         SimpleNamespace(
             name=host.name, site=host.site, device=device.model_construct(**{**dict(device), "evidence": found})
@@ -105,8 +105,8 @@ def leak(_at: Laptop) -> str:
 
 
 def not_tried(_at: Laptop) -> str:
-    tried = BearerFinding(Verdict.PASS, "reached", "weather was reached")
-    untried = BearerFinding(Verdict.INCONCLUSIVE, "not-tried", "the VPN could not be tried")
+    tried = LinkFinding(Verdict.PASS, "reached", "weather was reached")
+    untried = LinkFinding(Verdict.INCONCLUSIVE, "not-tried", "the VPN could not be tried")
     judged = AllowListProbe("satellite", "coastal").judge(
         {"prove": AllowListTestResult(None, findings=(tried, untried))}
     )

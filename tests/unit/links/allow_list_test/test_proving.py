@@ -11,8 +11,8 @@ from proving_router import Fake
 from atlantis_netcfg.core.errors import DeviceError, ExitCode, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.inventory.model import AllowedTarget, Bearer
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.inventory.model import AllowedTarget, Link
+from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.satellite import ExpectedOutcome, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, NothingToProve, resolve, tasks
 from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
@@ -33,17 +33,17 @@ async def no_wait(_seconds: float) -> None:
     """The seconds are counted, not spent."""
 
 
-def bearer() -> Bearer:
+def bearer() -> Link:
     """The satellite of coastal with one host that a person has added."""
     added = AllowedTarget.model_validate({"name": "weather", "address": ADDED})
-    return SATELLITE.bearer.model_copy(update={"allow": (added,)})
+    return SATELLITE.link.model_copy(update={"allow": (added,)})
 
 
 def proving(
-    *, open_filter: bool = False, try_all: bool = False, link: Bearer | None = None, window_s: float = 90.0
+    *, open_filter: bool = False, try_all: bool = False, link: Link | None = None, window_s: float = 90.0
 ) -> Proving:
     made = SATELLITE.proving(DECLARED, open_filter=open_filter, try_all=try_all, is_rehearsal=True)
-    made.bearer = link or bearer()
+    made.link = link or bearer()
     made.pace = ProofPace(window_s=window_s, sleep=no_wait)
     return made
 
@@ -81,7 +81,7 @@ def test_what_cannot_be_tried_is_told_as_that() -> None:
 
 
 def test_a_proof_of_every_target_is_done() -> None:
-    only = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
+    only = SATELLITE.link.model_copy(update={"refused_probes": ()})
     router = Fake(active=True, counts_after=3, tells_time=True, tells_both=True)
     proof = prove(router, proving(try_all=True, link=only))
     assert {verdict for _, verdict in told(proof).values()} == {"PASS"}
@@ -92,10 +92,10 @@ def test_a_proof_of_every_target_is_done() -> None:
     ("verdict", "code"), [(Verdict.WARN, 0), (Verdict.INCONCLUSIVE, 6), (Verdict.FAIL, 6), (Verdict.ERROR, 6)]
 )
 def test_what_is_found_beside_the_targets_counts_as_well(verdict: Verdict, code: int) -> None:
-    only = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
+    only = SATELLITE.link.model_copy(update={"refused_probes": ()})
     router = Fake(active=True, counts_after=3, tells_time=True, tells_both=True)
     proof = prove(router, proving(try_all=True, link=only))
-    assert replace(proof, findings=(BearerFinding(verdict, "allow-list-name", "it has moved"),)).exit == code
+    assert replace(proof, findings=(LinkFinding(verdict, "allow-list-name", "it has moved"),)).exit == code
 
 
 def test_an_allowed_host_that_stays_silent_for_the_window_fails() -> None:
@@ -158,7 +158,7 @@ def test_a_filter_that_may_still_be_open_is_never_called_closed() -> None:
 
 
 def test_over_a_link_that_answers_nowhere_nothing_is_called_refused_beyond() -> None:
-    plain = proving(open_filter=True, link=SATELLITE.bearer)
+    plain = proving(open_filter=True, link=SATELLITE.link)
     assert told(prove(Fake(), plain))[f"{STRANGER} open"] == ("silent", "INCONCLUSIVE")
 
 
@@ -236,12 +236,12 @@ def test_a_port_that_the_router_does_not_ask_on_is_not_called_free(monkeypatch: 
     assert [(finding.verdict, finding.code) for finding in proof.findings] == [(Verdict.INCONCLUSIVE, "box-not-asked")]
 
 
-def over_tcp() -> Bearer:
+def over_tcp() -> Link:
     """The satellite of coastal with a web page that a person has added, and one that must be refused."""
     words = {"address": ADDED, "port": 443, "transport": "tcp"}
     added = AllowedTarget.model_validate({"name": "weather", **words})
     refused = AllowedTarget.model_validate({"name": "ours", **words, "address": STRANGER})
-    return SATELLITE.bearer.model_copy(update={"allow": (added,), "refused_probes": (refused,)})
+    return SATELLITE.link.model_copy(update={"allow": (added,), "refused_probes": (refused,)})
 
 
 @pytest.mark.parametrize(("connects", "seen"), [(True, ("answered", "PASS")), (False, ("silent", "FAIL"))])
@@ -301,7 +301,7 @@ def test_without_a_word_no_row_is_added() -> None:
 
 
 def test_nothing_is_concluded_from_nothing() -> None:
-    alone = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
+    alone = SATELLITE.link.model_copy(update={"refused_probes": ()})
     proof = prove(Fake(), proving(link=alone))
     assert {finding.verdict for _, finding in proof.results} == {Verdict.INCONCLUSIVE}
     assert proof.exit is ExitCode.NOTHING
@@ -309,7 +309,7 @@ def test_nothing_is_concluded_from_nothing() -> None:
 
 def test_the_vpns_address_is_not_pinged_over_a_link_that_it_does_not_take() -> None:
     whole = AllowedTarget.model_validate({"name": "VPN host", "address": "203.0.113.2"})
-    link = SATELLITE.bearer.model_copy(update={"allow": (whole,)})
+    link = SATELLITE.link.model_copy(update={"allow": (whole,)})
     by_activity = {
         active: next(task for task in tasks(DECLARED.pilot, link, active=active) if task.name == "VPN host")
         for active in (False, True)
@@ -320,7 +320,7 @@ def test_the_vpns_address_is_not_pinged_over_a_link_that_it_does_not_take() -> N
 
 def test_every_target_of_the_shipped_sites_is_planned_once() -> None:
     for site, refused in (("coastal", 2), ("te4sea", 0)):
-        planned = tasks(DECLARED.pilot, satellite_of(DECLARED, site, None).bearer, active=True)
+        planned = tasks(DECLARED.pilot, satellite_of(DECLARED, site, None).link, active=True)
         assert [task.expectation for task in planned] == [ExpectedOutcome.REACHED] * 3 + [
             ExpectedOutcome.REFUSED
         ] * refused

@@ -148,7 +148,7 @@ def test_it_is_in_the_price_and_within_the_budget() -> None:
 
 
 def trial(folder: Path, twins: object = None) -> vpn.VpnQuestion | NetcfgError:
-    with vpn.vpn_trial(DECLARED, ROUTER, SATELLITE.bearer, Request(state=folder), cast("Any", twins)) as made:
+    with vpn.vpn_trial(DECLARED, ROUTER, SATELLITE.link, Request(state=folder), cast("Any", twins)) as made:
         return made
 
 

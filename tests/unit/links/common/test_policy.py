@@ -2,11 +2,11 @@
 
 from row_subtests import for_each_row
 
-from atlantis_netcfg.links.policy import BearerRoute, active_bearer, active_bearers, probe_commands
+from atlantis_netcfg.links.policy import LinkRoute, active_link, active_links, probe_commands
 
-PTP = BearerRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp")
-LTE = BearerRoute("4g", "10.10.1.1", "10.10.1.2", ("198.51.100.21", "198.51.100.22"), "ether2", "lte", is_metered=True)
-SAT = BearerRoute("satellite", "10.10.2.1", "10.10.2.2", (), "ether3", "satellite", is_metered=True)
+PTP = LinkRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp")
+LTE = LinkRoute("4g", "10.10.1.1", "10.10.1.2", ("198.51.100.21", "198.51.100.22"), "ether2", "lte", is_metered=True)
+SAT = LinkRoute("satellite", "10.10.2.1", "10.10.2.2", (), "ether3", "satellite", is_metered=True)
 BEARERS = (PTP, LTE, SAT)
 Row = dict[str, str]
 
@@ -49,29 +49,29 @@ CASES: dict[str, tuple[list[Row], str | None]] = {
 @for_each_row("case", CASES)
 def test_active(case: str) -> None:
     rows, expected = CASES[case]
-    assert active_bearer(rows, BEARERS) == expected
-    assert active_bearer(rows[::-1], BEARERS) == expected
+    assert active_link(rows, BEARERS) == expected
+    assert active_link(rows[::-1], BEARERS) == expected
 
 
 def test_several_are_told_in_order_of_preference() -> None:
     rows = [route("10.10.2.1"), route("198.51.100.21"), route("198.51.100.11")]
-    assert active_bearers(rows, BEARERS) == ("wifi-ptp", "4g", "satellite")
-    assert active_bearers([route("192.0.2.77")], BEARERS) == ()
+    assert active_links(rows, BEARERS) == ("wifi-ptp", "4g", "satellite")
+    assert active_links([route("192.0.2.77")], BEARERS) == ()
 
 
 def test_probes_leave_by_their_own_link_and_spare_the_satellite() -> None:
-    watched = BearerRoute(
+    watched = LinkRoute(
         "satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.31",), "ether3", "satellite", is_metered=True
     )
     probes = probe_commands((PTP, LTE, watched), count=2)
-    assert [(probe.bearer, probe.target) for probe in probes] == [
+    assert [(probe.link, probe.target) for probe in probes] == [
         ("wifi-ptp", "198.51.100.11"),
         ("wifi-ptp", "198.51.100.12"),
         ("4g", "198.51.100.21"),
         ("4g", "198.51.100.22"),
     ]
     own = {"wifi-ptp": "10.10.0.2", "4g": "10.10.1.2"}
-    assert all(dict(probe.arguments)["src-address"] == own[probe.bearer] for probe in probes)
+    assert all(dict(probe.arguments)["src-address"] == own[probe.link] for probe in probes)
     assert {(probe.path, dict(probe.arguments)["count"], probe.wire_bytes) for probe in probes} == {
         ("/tool/ping", "2", 336)
     }

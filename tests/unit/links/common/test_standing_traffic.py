@@ -11,22 +11,22 @@ CYCLONE = standing_traffic.DdsSizes(
     380, has_repeat=False, sample_head=84, reliability=standing_traffic.CycloneHeartbeats()
 )
 FAST = standing_traffic.DdsSizes(
-    484, has_repeat=True, sample_head=160, reliability=standing_traffic.HeartbeatsNowAndThen()
+    484, has_repeat=True, sample_head=160, reliability=standing_traffic.PeriodicHeartbeats()
 )
 CABLE = standing_traffic.LinkPace(rtt_s=0.0, up_bps=1e9)
 UDP = standing_traffic.VpnHeaders.of("udp")
 
 
 def test_canaries_answer() -> None:
-    assert standing_traffic.canaries(2, 10) == standing_traffic.StandingFlow(
+    assert standing_traffic.probe_targets(2, 10) == standing_traffic.StandingFlow(
         standing_traffic.TrafficSource.CANARIES, 8640 * 2 * 84, 8640 * 2 * 84, always=True
     )
-    assert standing_traffic.canaries(0, 10).both == 0
-    assert standing_traffic.canaries(2, 30).both * 3 == standing_traffic.canaries(2, 10).both
+    assert standing_traffic.probe_targets(0, 10).both == 0
+    assert standing_traffic.probe_targets(2, 30).both * 3 == standing_traffic.probe_targets(2, 10).both
 
 
 def test_questions_for_the_time() -> None:
-    assert standing_traffic.time_questions(2, 1024).both == pytest.approx(2 * 2 * 76 * standing_traffic.DAY_S / 1024)
+    assert standing_traffic.ntp_traffic(2, 1024).both == pytest.approx(2 * 2 * 76 * standing_traffic.DAY_S / 1024)
 
 
 @pytest.mark.parametrize(("ping_s", "mb_a_day"), [(10, 1.17), (60, 0.20)])
@@ -57,7 +57,7 @@ def test_whoever_sends_often_sends_no_pings() -> None:
 def test_announcements_and_what_closed_ports_answer(
     sizes: standing_traffic.DdsSizes, processes: int, sent: int, refused: int
 ) -> None:
-    announcing = standing_traffic.Announcing(processes, ports=10, every_s=20, sizes=sizes)
+    announcing = standing_traffic.DdsAnnouncements(processes, ports=10, every_s=20, sizes=sizes)
     assert announcing.announcement_bytes(1, UDP) == pytest.approx(sent * 4320)
     assert announcing.announcement_bytes(3, UDP) == pytest.approx(3 * sent * 4320)
     assert announcing.refusal_bytes(1, UDP) == pytest.approx(refused * 4320)
@@ -65,7 +65,9 @@ def test_announcements_and_what_closed_ports_answer(
 
 def test_a_kernel_refuses_once_a_second_at_most() -> None:
     assert (
-        standing_traffic.Announcing(5, ports=50, every_s=5, sizes=CYCLONE).refusal_bytes(1, standing_traffic.NO_VPN)
+        standing_traffic.DdsAnnouncements(5, ports=50, every_s=5, sizes=CYCLONE).refusal_bytes(
+            1, standing_traffic.NO_VPN
+        )
         == standing_traffic.DAY_S * 408
     )
 
@@ -97,7 +99,7 @@ def test_telemetry_goes_to_each_subscriber() -> None:
 
 def test_what_is_always_there_is_told_apart() -> None:
     asked, said = (
-        standing_traffic.canaries(2, 30),
+        standing_traffic.probe_targets(2, 30),
         standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 1_000_000, 2_000_000),
     )
     traffic = standing_traffic.StandingTraffic(MeteredLink("4g", "quay", is_metered=True), (asked, said))
@@ -135,12 +137,12 @@ def test_a_free_link_has_no_price() -> None:
 def test_flows_of_one_source_are_added_up() -> None:
     flows = [
         standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 1, 2),
-        standing_traffic.canaries(1, 10),
+        standing_traffic.probe_targets(1, 10),
         standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 3, 4),
         standing_traffic.StandingFlow(standing_traffic.TrafficSource.TIME, 0, 0),
     ]
-    assert standing_traffic.added_up(flows) == (
-        standing_traffic.canaries(1, 10),
+    assert standing_traffic.sum_by_source(flows) == (
+        standing_traffic.probe_targets(1, 10),
         standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 4, 6),
     )
     assert standing_traffic.StandingFlow(

@@ -18,7 +18,7 @@ from atlantis_netcfg.links.lte.rutos_settings import (
     batch,
     changes,
     parse_show,
-    pin_held,
+    why_pin_blocks,
 )
 from atlantis_netcfg.routeros.console.ssh import open_commands
 from atlantis_netcfg.routeros.console.types import ConsoleLoginError, HostKeyMismatch, UnknownHostKey
@@ -93,13 +93,13 @@ def test_a_pin_is_set_only_while_the_card_asks_for_one() -> None:
     ],
 )
 def test_when_nothing_may_be_set(reading: LteReading, pin: Secret | None, tried: str, why: str | None) -> None:
-    held = pin_held(reading, LteSettings(pin=pin), parse_show(SHOWN), pin_refusal=tried)
+    held = why_pin_blocks(reading, LteSettings(pin=pin), parse_show(SHOWN), pin_refusal=tried)
     assert held is None if why is None else why in str(held)
 
 
 def test_a_saved_pin_that_did_not_help_is_wrong() -> None:
     sections = parse_show(SHOWN + "simcard.@sim[0].pincode='1234'\n")
-    assert "has the declared PIN saved" in str(pin_held(LOCKED, LteSettings(pin=PIN), sections, pin_refusal=""))
+    assert "has the declared PIN saved" in str(why_pin_blocks(LOCKED, LteSettings(pin=PIN), sections, pin_refusal=""))
 
 
 @pytest.mark.parametrize(

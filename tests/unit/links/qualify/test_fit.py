@@ -11,13 +11,13 @@ from example_runs import BEGUN, idle_text, measured_run, put_run, samples_text
 
 from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import KEY_OCTETS, LinkThresholds, Qualify, TelemetryTopic, ThresholdsName
 from atlantis_netcfg.links.qualify.archive import folder_of
 from atlantis_netcfg.links.qualify.judgement import QualifyProfile, profiles
 from atlantis_netcfg.links.qualify.reflector.stamp import MIN_KEY_SIZE, PORT
 from atlantis_netcfg.operations.common.traffic_budget import standing_traffic
-from atlantis_netcfg.operations.fit import LinkFit, VehicleFit, fits_nowhere, vehicle_fit
+from atlantis_netcfg.operations.fit import LinkFit, VehicleFit, unfit_vehicles, vehicle_fit
 from atlantis_netcfg.operations.fit.link_capacity import USABLE
 from atlantis_netcfg.runs import NoSuchRun, Store
 
@@ -29,7 +29,7 @@ SONAR = {"topic": "/sonar", "data": "point_clouds", "rate_hz": 0.5, "size_bytes"
 
 
 @pytest.fixture(scope="module")
-def shipped() -> Declaration:
+def shipped() -> Inventory:
     """DDS crosses every link of the coastal site, and nobody publishes anything yet."""
     declaration = load(SHIPPED)
     coastal = declaration.sites["coastal"]
@@ -49,21 +49,21 @@ def test_a_link_that_dds_may_not_cross_is_told(tmp_path: Path) -> None:
     only = declaration.sites["coastal"].model_copy(update={"bearers": (slow,)})
     alone = publishing(replace(declaration, sites={**declaration.sites, "coastal": only}), POSE)
     told = "no link of coastal that DDS may cross carries what `sparus` publishes, also at the lowest useful rates"
-    assert told in [found.message for found in fits_nowhere(alone, NOW)]
+    assert told in [found.message for found in unfit_vehicles(alone, NOW)]
 
 
-def publishing(declaration: Declaration, *topics: dict[str, Any]) -> Declaration:
+def publishing(declaration: Inventory, *topics: dict[str, Any]) -> Inventory:
     telemetry = tuple(TelemetryTopic.model_validate(topic) for topic in topics)
     sparus = declaration.vehicles["sparus"].model_copy(update={"telemetry": telemetry})
     return replace(declaration, vehicles={**declaration.vehicles, "sparus": sparus})
 
 
-def fit(declaration: Declaration, state: Path, *topics: dict[str, Any], **more: Any) -> VehicleFit:  # noqa: ANN401
+def fit(declaration: Inventory, state: Path, *topics: dict[str, Any], **more: Any) -> VehicleFit:  # noqa: ANN401
     stores = [Store(state), Store(state, is_rehearsal=True)]
     return vehicle_fit(publishing(declaration, *topics), stores, "coastal", "sparus", NOW, **more)
 
 
-def satellite(declaration: Declaration, state: Path, *topics: dict[str, Any], **more: Any) -> LinkFit:  # noqa: ANN401
+def satellite(declaration: Inventory, state: Path, *topics: dict[str, Any], **more: Any) -> LinkFit:  # noqa: ANN401
     (link,) = fit(declaration, state, *topics, link="satellite", **more).links
     return link
 
@@ -74,7 +74,7 @@ def kept(state: Path, *, text: str | None = None, rehearsed: bool = False, **cha
     return run.id
 
 
-def test_a_declared_rate_proves_nothing(shipped: Declaration, tmp_path: Path) -> None:
+def test_a_declared_rate_proves_nothing(shipped: Inventory, tmp_path: Path) -> None:
     found = fit(shipped, tmp_path, POSE)
     assert [link.link.name for link in found.links] == ["wifi-ptp", "4g", "satellite"]
     assert {(link.verdict, link.word) for link in found.links} == {(Verdict.INCONCLUSIVE, "fits")}
@@ -82,7 +82,7 @@ def test_a_declared_rate_proves_nothing(shipped: Declaration, tmp_path: Path) ->
     assert found.exit is ExitCode.CHECKS_FAILED
 
 
-def test_the_bytes_are_those_of_the_standing_traffic(shipped: Declaration, tmp_path: Path) -> None:
+def test_the_bytes_are_those_of_the_standing_traffic(shipped: Inventory, tmp_path: Path) -> None:
     """One arithmetic for both: `provision links` and `provision fit` agree to the byte."""
     topics = (POSE, CAMERA, {**SONAR, "reliable": True})
     (traffic,) = (each for each in standing_traffic(publishing(shipped, *topics), "coastal") if each.link.name == "4g")
@@ -92,7 +92,7 @@ def test_the_bytes_are_those_of_the_standing_traffic(shipped: Declaration, tmp_p
     assert link.costs(86_400).payload_bytes == pytest.approx(traffic.day_bytes, abs=2)
 
 
-def test_a_way_that_was_not_measured_is_said(shipped: Declaration, tmp_path: Path) -> None:
+def test_a_way_that_was_not_measured_is_said(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path)
     link = satellite(shipped, tmp_path, POSE)
     assert link.capacity.source == "measured up, declared down"
@@ -114,7 +114,7 @@ def both_ways() -> str:
     return "".join([*lines, *(line.replace('"load up"', '"load down"') for line in lines if '"load up"' in line)])
 
 
-def test_all_that_a_word_of_success_needs(shipped: Declaration, tmp_path: Path) -> None:
+def test_all_that_a_word_of_success_needs(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path, text=both_ways())
     found = fit(shipped, tmp_path, POSE, link="satellite")
     (link,) = found.links
@@ -135,15 +135,13 @@ def test_all_that_a_word_of_success_needs(shipped: Declaration, tmp_path: Path) 
         ),
     ],
 )
-def test_a_doubtful_run_proves_nothing(
-    shipped: Declaration, tmp_path: Path, changes: dict[str, Any], doubt: str
-) -> None:
+def test_a_doubtful_run_proves_nothing(shipped: Inventory, tmp_path: Path, changes: dict[str, Any], doubt: str) -> None:
     kept(tmp_path, text=both_ways(), **changes)
     link = satellite(shipped, tmp_path, POSE)
     assert (link.verdict, link.reason) == (Verdict.INCONCLUSIVE, doubt)
 
 
-def test_an_emulated_run_counts_only_by_its_name(shipped: Declaration, tmp_path: Path) -> None:
+def test_an_emulated_run_counts_only_by_its_name(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path, text=both_ways(), rehearsed=True, emulated=True)
     assert satellite(shipped, tmp_path, POSE).capacity.run is None
     named = satellite(shipped, tmp_path, POSE, run=run)
@@ -154,7 +152,7 @@ def test_an_emulated_run_counts_only_by_its_name(shipped: Declaration, tmp_path:
     )
 
 
-def test_the_newest_run_that_has_filled_the_link_is_taken(shipped: Declaration, tmp_path: Path) -> None:
+def test_the_newest_run_that_has_filled_the_link_is_taken(shipped: Inventory, tmp_path: Path) -> None:
     full = kept(tmp_path, text=both_ways())
     kept(tmp_path, text=idle_text(loss=0.02), id="satellite-20261120T110000Z", begun=BEGUN + timedelta(hours=2))
     assert satellite(shipped, tmp_path, POSE).capacity.run == full
@@ -162,7 +160,7 @@ def test_the_newest_run_that_has_filled_the_link_is_taken(shipped: Declaration, 
     assert satellite(shipped, tmp_path, POSE).capacity.run == "satellite-20261120T120000Z"
 
 
-def test_loss_counts_for_each_fragment(shipped: Declaration, tmp_path: Path) -> None:
+def test_loss_counts_for_each_fragment(shipped: Inventory, tmp_path: Path) -> None:
     """1 - (1 - p)^n; a reliable topic is not warned of: it goes again."""
     kept(tmp_path, text=idle_text(loss=0.04))
     small = {**CAMERA, "size_bytes": 6000, "rate_hz": 0.5}
@@ -179,7 +177,7 @@ def test_loss_counts_for_each_fragment(shipped: Declaration, tmp_path: Path) -> 
     assert any("/again takes 22 packets, because it is reliable" in words for words in link.warnings)
 
 
-def test_clouds_are_thinned_before_images_and_these_before_numbers(shipped: Declaration, tmp_path: Path) -> None:
+def test_clouds_are_thinned_before_images_and_these_before_numbers(shipped: Inventory, tmp_path: Path) -> None:
     """To rates that fit, as high as they may be."""
     link = satellite(shipped, tmp_path, POSE, CAMERA, SONAR)
     assert (link.verdict, link.word) == (Verdict.FAIL, "fits when thinned")
@@ -192,7 +190,7 @@ def test_clouds_are_thinned_before_images_and_these_before_numbers(shipped: Decl
     assert f"{CAMERA['topic']} at {camera.rate_hz:g} Hz is below the report's guideline" in link.warnings[0]
 
 
-def test_only_clouds_are_thinned_where_that_is_enough(shipped: Declaration, tmp_path: Path) -> None:
+def test_only_clouds_are_thinned_where_that_is_enough(shipped: Inventory, tmp_path: Path) -> None:
     link = satellite(shipped, tmp_path, POSE, {**CAMERA, "rate_hz": 0.5}, {**SONAR, "rate_hz": 0.9})
     rates = [topic.rate_hz for topic in link.topics]
     assert rates[:2] == [2.0, 0.5]
@@ -200,7 +198,7 @@ def test_only_clouds_are_thinned_where_that_is_enough(shipped: Declaration, tmp_
     assert rates[2] == float(f"{rates[2]:.2g}")
 
 
-def test_what_is_of_no_use_below_a_rate_does_not_fit(shipped: Declaration, tmp_path: Path) -> None:
+def test_what_is_of_no_use_below_a_rate_does_not_fit(shipped: Inventory, tmp_path: Path) -> None:
     link = satellite(shipped, tmp_path, POSE, {**CAMERA, "least_hz": 3.0})
     assert (link.verdict, link.word) == (Verdict.FAIL, "does not fit")
     camera = link.topics[1]
@@ -210,7 +208,7 @@ def test_what_is_of_no_use_below_a_rate_does_not_fit(shipped: Declaration, tmp_p
     assert camera.most_hz < 3.0
 
 
-def test_reliable_topics_that_fit_nowhere_else_are_thinned_too(shipped: Declaration, tmp_path: Path) -> None:
+def test_reliable_topics_that_fit_nowhere_else_are_thinned_too(shipped: Inventory, tmp_path: Path) -> None:
     """Their cost depends on the rate: what comes out still fits."""
     image = {**CAMERA, "size_bytes": 3000, "rate_hz": 5.0, "reliable": True}
     link = satellite(shipped, tmp_path, POSE, image)
@@ -219,7 +217,7 @@ def test_reliable_topics_that_fit_nowhere_else_are_thinned_too(shipped: Declarat
     assert link.down_bps > link.other_down_bps
 
 
-def test_what_a_link_carried_through_the_vpn_counts_with_its_octets(shipped: Declaration, tmp_path: Path) -> None:
+def test_what_a_link_carried_through_the_vpn_counts_with_its_octets(shipped: Inventory, tmp_path: Path) -> None:
     kept(tmp_path / "beside", text=both_ways())
     kept(tmp_path / "vpn", text=both_ways(), far_end=measured_run().far_end.model_copy(update={"over_vpn": True}))
     beside, through = (satellite(shipped, tmp_path / name, POSE).capacity for name in ("beside", "vpn"))
@@ -227,21 +225,21 @@ def test_what_a_link_carried_through_the_vpn_counts_with_its_octets(shipped: Dec
     assert 1.04 < through.down_bps / beside.down_bps < 1.07
 
 
-def test_guidelines_are_warnings(shipped: Declaration, tmp_path: Path) -> None:
+def test_guidelines_are_warnings(shipped: Inventory, tmp_path: Path) -> None:
     kept(tmp_path, text=both_ways())
     link = satellite(shipped, tmp_path, {**POSE, "rate_hz": 5.0})
     assert link.verdict is Verdict.WARN
     assert link.warnings == ("/pose at 5 Hz is above the report's guideline (numbers and poses: 1 to 4 Hz)",)
 
 
-def test_a_message_that_holds_up_the_others(shipped: Declaration, tmp_path: Path) -> None:
+def test_a_message_that_holds_up_the_others(shipped: Inventory, tmp_path: Path) -> None:
     (link,) = fit(shipped, tmp_path, {**SONAR, "rate_hz": 0.1, "size_bytes": 100_000}, link="satellite").links
     assert link.fits
     assert link.topics[0].seconds == pytest.approx(100_000 * 8 / 352_000, rel=0.25)
     assert "what comes behind it waits" in link.warnings[-1]
 
 
-def test_money_by_the_hour_and_by_the_day(shipped: Declaration, tmp_path: Path) -> None:
+def test_money_by_the_hour_and_by_the_day(shipped: Inventory, tmp_path: Path) -> None:
     link = satellite(shipped, tmp_path, POSE)
     hour, day = link.costs(3600), link.costs(86_400)
     assert hour.payload_bytes == round((link.up_bps + link.down_bps) * 3600 / 8)
@@ -260,20 +258,20 @@ def test_money_by_the_hour_and_by_the_day(shipped: Declaration, tmp_path: Path) 
     ],
 )
 def test_what_is_not_there_is_named(
-    shipped: Declaration, tmp_path: Path, more: dict[str, str], error: type[Exception], words: str
+    shipped: Inventory, tmp_path: Path, more: dict[str, str], error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=words):
         fit(shipped, tmp_path, POSE, **more)
 
 
-def test_a_run_is_of_one_link(shipped: Declaration, tmp_path: Path) -> None:
+def test_a_run_is_of_one_link(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path)
     with pytest.raises(UsageError, match="has measured satellite, not 4g"):
         fit(shipped, tmp_path, POSE, run=run, link="4g")
     assert [link.link.name for link in fit(shipped, tmp_path, POSE, run=run).links] == ["satellite"]
 
 
-def test_a_vehicle_without_telemetry_is_no_green_nothing(shipped: Declaration, tmp_path: Path) -> None:
+def test_a_vehicle_without_telemetry_is_no_green_nothing(shipped: Inventory, tmp_path: Path) -> None:
     with pytest.raises(NoMatchError, match="has no `telemetry:`"):
         fit(shipped, tmp_path)
 

@@ -23,7 +23,7 @@ from atlantis_netcfg.links.qualify.samples import read
 from atlantis_netcfg.records.qualify import write_pages
 from atlantis_netcfg.records.qualify.pages import html, pdf, rows
 from atlantis_netcfg.records.qualify.plots import WIDTH, Plot, plots
-from atlantis_netcfg.records.qualify.sections import EMULATED_NOTICE, seconds, sections
+from atlantis_netcfg.records.qualify.sections import EMULATED_NOTICE, format_seconds, sections
 from atlantis_netcfg.records.qualify.several import comparison_rows
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -348,4 +348,4 @@ def test_nothing_is_said_of_the_other_kind_of_runs_but_that_they_are_there(
     ("value", "words"), [(0.0008, "0.8 ms"), (0.0104, "10 ms"), (0.596, "596 ms"), (9.0, "9000 ms"), (70.1, "70.1 s")]
 )
 def test_times_in_words(value: float, words: str) -> None:
-    assert seconds(value) == words
+    assert format_seconds(value) == words

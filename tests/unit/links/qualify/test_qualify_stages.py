@@ -17,7 +17,7 @@ from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.inventory.model import Bearer, LinkThresholds, Transport
+from atlantis_netcfg.inventory.model import Link, LinkThresholds, Transport
 from atlantis_netcfg.links.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
 from atlantis_netcfg.links.qualify.grids import train_bytes
 from atlantis_netcfg.links.qualify.judgement import profile
@@ -48,7 +48,7 @@ BEARERS = {bearer.name: bearer for bearer in DECLARED.sites["coastal"].bearers}
 
 
 def measurement(
-    bearer: Bearer, selection: Selection, budget: Budget | None = None, net: SimulatedNetwork | None = None
+    bearer: Link, selection: Selection, budget: Budget | None = None, net: SimulatedNetwork | None = None
 ) -> tuple[Measurement, SimulatedNetwork]:
     net = network(*link_shapes(bearer)) if net is None else net
     kept: list[Sample] = []

@@ -16,13 +16,13 @@ from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.qualify.archive import (
     RECORD_FILE,
+    find_run,
     folder_of,
     keep_record,
-    kept_run,
-    kept_runs,
     record_json,
     record_of,
     samples_of,
+    stored_runs,
 )
 from atlantis_netcfg.links.qualify.grids import SHAPE_UNKNOWN
 from atlantis_netcfg.links.qualify.judgement import profile
@@ -202,25 +202,25 @@ def test_runs_are_found_where_they_are_kept(tmp_path: Path) -> None:
     store = Store(tmp_path)
     folder = folder_of(store, "coastal")
     assert folder == tmp_path / "real" / "coastal" / "qualify"
-    assert kept_runs(store, "coastal") == []
+    assert stored_runs(store, "coastal") == []
     later = measured_run(id="4g-20261121T093000Z", link="4g", begun=BEGUN + timedelta(days=1))
     for each in (later, measured_run()):
         put_run(folder, each, "")
     (folder / "left-by-a-kill").mkdir()
-    assert [item.run.link for item in kept_runs(store, "coastal")] == ["satellite", "4g"]
-    assert [item.run.id for item in kept_runs(store, "coastal", "4g")] == [later.id]
-    assert kept_run(store, "coastal", later.id).run == later
+    assert [item.run.link for item in stored_runs(store, "coastal")] == ["satellite", "4g"]
+    assert [item.run.id for item in stored_runs(store, "coastal", "4g")] == [later.id]
+    assert find_run(store, "coastal", later.id).run == later
     with pytest.raises(NoSuchRun) as caught:
-        kept_run(store, "coastal", "4g-20261121T093000")
+        find_run(store, "coastal", "4g-20261121T093000")
     assert "did you mean `4g-20261121T093000Z`?" in (caught.value.hint or "")
     (folder / later.id / RUN_FILE).write_text("{}")
     with pytest.raises(DamagedStateError):
-        kept_runs(store, "coastal")
+        stored_runs(store, "coastal")
 
 
 def test_kept_figures_are_believed_only_where_they_are_of_these_samples(tmp_path: Path) -> None:
     place = put_run(tmp_path / "real" / "coastal" / "qualify")
-    kept = kept_run(Store(tmp_path), "coastal", place.name)
+    kept = find_run(Store(tmp_path), "coastal", place.name)
     record = record_of(kept)
     keep_record(place, record.model_copy(update={"mb_per_hour": 99.0}))
     assert record_of(kept).mb_per_hour == 99.0, "they are read, not made again"

@@ -17,8 +17,8 @@ from atlantis_netcfg.cli.qualify import _cap_limits, _preview
 from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
-from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.inventory.model import Bearer
+from atlantis_netcfg.inventory import Inventory, load
+from atlantis_netcfg.inventory.model import Link
 from atlantis_netcfg.links.cost import Tariff, bill
 from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.links.qualify.judgement import profile
@@ -54,7 +54,7 @@ class Stand:
     used: dict[str, tuple[int, float]] = field(default_factory=dict)
     """Octets by the interface, and seconds, of each link."""
 
-    def measure(self, bearer: Bearer, limits: BudgetLimits) -> QualifyResult:
+    def measure(self, bearer: Link, limits: BudgetLimits) -> QualifyResult:
         net = self._network(bearer)
         bounds = [each for each in (limits.max_bytes, self.caps.get(bearer.name)) if each is not None]
         price, tariff = (limits.max_price, TARIFF) if bearer.metered else (None, None)
@@ -84,7 +84,7 @@ class Stand:
         )
         return QualifyResult(make_record(run, measured.samples), Path("/nowhere"), self.failures.get(bearer.name))
 
-    def _network(self, bearer: Bearer) -> SimulatedNetwork:
+    def _network(self, bearer: Link) -> SimulatedNetwork:
         if bearer.name in self.dead:
             return network(DEAD, DEAD)
         if self.lossy:
@@ -92,7 +92,7 @@ class Stand:
         return network(*link_shapes(bearer))
 
 
-def together(stand: Stand, links: Sequence[Bearer] = BEARERS, **limits: object) -> SeveralResults:
+def together(stand: Stand, links: Sequence[Link] = BEARERS, **limits: object) -> SeveralResults:
     return measure_each(links, BudgetLimits.model_validate(limits), stand.measure)
 
 
@@ -198,14 +198,14 @@ def test_a_limit_in_eur_needs_a_tariff_in_eur_of_each_link_that_costs_money() ->
 
 def test_a_limit_in_eur_is_none_of_a_link_that_costs_nothing_and_the_cap_holds_beside_it() -> None:
     limits = BudgetLimits(max_price=Decimal(1), max_bytes=9_000_000)
-    opened = cast("CommandSession", SimpleNamespace(declaration=DECLARED, site="coastal"))
+    opened = cast("CommandSession", SimpleNamespace(inventory=DECLARED, site="coastal"))
     assert _cap_limits(opened, WIFI, limits) == BudgetLimits(max_bytes=9_000_000)
     assert _cap_limits(opened, SATELLITE, limits) == BudgetLimits(max_price=Decimal(1), max_bytes=5_000_000)
 
 
-def preview(bearer: Bearer, limits: BudgetLimits, declaration: Declaration) -> str:
+def preview(bearer: Link, limits: BudgetLimits, declaration: Inventory) -> str:
     opened = SimpleNamespace(
-        declaration=declaration,
+        inventory=declaration,
         site="coastal",
         is_rehearsal=True,
         arguments=SimpleNamespace(optional=lambda _word: None),

@@ -10,18 +10,18 @@ import yaml
 from row_subtests import for_each_row
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState
-from atlantis_netcfg.links.policy import BearerRoute
+from atlantis_netcfg.links import LinkFinding, LinkState, LinkStatus
+from atlantis_netcfg.links.policy import LinkRoute
 from atlantis_netcfg.operations.links.session import Echo, RouterReading, SeenNeighbour, SessionPort
-from atlantis_netcfg.operations.links.status import BoxesStatus, SeenLinks, Silent, bearer_status, rank, twice
+from atlantis_netcfg.operations.links.status import BoxesStatus, SeenLinks, Silent, link_status, rank, twice
 
 CASES = yaml.safe_load(Path(__file__).with_name("bearer_cases.yml").read_text(encoding="utf-8"))
 SILENT = Silent("box", "nobody answers", "has it power?")
 
 
-def finding(text: str) -> BearerFinding:
+def finding(text: str) -> LinkFinding:
     verdict, _, code = text.partition(" ")
-    return BearerFinding(Verdict(verdict), code, f"about {code}", "do something")
+    return LinkFinding(Verdict(verdict), code, f"about {code}", "do something")
 
 
 def reading(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> RouterReading:
@@ -43,7 +43,7 @@ def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> S
     own = case.get("own", {})
     router = {"silent": SILENT, "unasked": None}.get(case.get("router", ""), reading(case, name, port))
     return SeenLinks(
-        route=BearerRoute(name, "10.10.2.1", "10.10.2.2", (), port, "lte"),
+        route=LinkRoute(name, "10.10.2.1", "10.10.2.2", (), port, "lte"),
         router=router,
         boxes_status=BoxesStatus(
             state=LinkState(own["state"]) if "state" in own else None,
@@ -59,15 +59,15 @@ def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> S
 
 @for_each_row("name", CASES)
 def test_what_is_told(name: str) -> None:
-    status = bearer_status(seen(CASES[name]))
+    status = link_status(seen(CASES[name]))
     shown = {"state": status.state.value, "findings": [f"{one.verdict.value} {one.code}" for one in status.findings]}
     assert shown == CASES[name]["told"]
 
 
 def test_quality_has_the_port_and_the_pings() -> None:
     case = {"echoes": [["a", 3, 2], ["b", 3, 3]]}
-    assert bearer_status(seen(case)).quality == {"port": "ether3", "port_link": "up", "rtt_ms": 4.0, "loss_percent": 17}
-    silent = bearer_status(seen({"router": "unasked"})).quality
+    assert link_status(seen(case)).quality == {"port": "ether3", "port_link": "up", "rtt_ms": 4.0, "loss_percent": 17}
+    silent = link_status(seen({"router": "unasked"})).quality
     assert silent == {"port": "ether3", "port_link": None, "rtt_ms": None, "loss_percent": None}
 
 
@@ -80,8 +80,8 @@ def test_one_address_on_two_ports_is_named_on_both_links() -> None:
     assert twice(both[:1]) == ()
 
 
-def status(name: str, state: str, *, active: bool | None) -> BearerStatus:
-    return BearerStatus(name, "lte", LinkState(state), active, name == "4g", {}, None)
+def status(name: str, state: str, *, active: bool | None) -> LinkStatus:
+    return LinkStatus(name, "lte", LinkState(state), active, name == "4g", {}, None)
 
 
 @pytest.mark.parametrize(

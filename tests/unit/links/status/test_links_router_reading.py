@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 import yaml
 
-from atlantis_netcfg.links.policy import BearerRoute
+from atlantis_netcfg.links.policy import LinkRoute
 from atlantis_netcfg.operations.links.session import Echo, SeenNeighbour, SessionPort, questions, read
 from atlantis_netcfg.routeros.api import Reply, Trap
 
 CASES = yaml.safe_load(Path(__file__).with_name("router_reading_cases.yml").read_text(encoding="utf-8"))
 WAYS = (
-    BearerRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp"),
-    BearerRoute("satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.91",), "ether3", "satellite", is_metered=True),
+    LinkRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp"),
+    LinkRoute("satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.91",), "ether3", "satellite", is_metered=True),
 )
 MENUS = ("resource", "interface", "route", "arp", "filter", "scheduler")
 

@@ -3,13 +3,13 @@ from dataclasses import replace
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.operations.common.schedule import bridges
 
 BOTH = ["coastal-cpe", "scc-cpe"]
 
 
-def ptp(declaration: Declaration) -> str:
+def ptp(declaration: Inventory) -> str:
     """The name of the bearer that the bridge is."""
     return next(
         bearer.name for site in declaration.sites.values() for bearer in site.bearers if bearer.kind == "wifi_ptp"
@@ -17,20 +17,20 @@ def ptp(declaration: Declaration) -> str:
 
 
 @pytest.mark.parametrize(("far", "near"), [("scc-cpe", "coastal-cpe"), ("coastal-cpe", "scc-cpe")])
-def test_the_end_that_is_reached_over_the_bridge_is_far(declaration: Declaration, far: str, near: str) -> None:
+def test_the_end_that_is_reached_over_the_bridge_is_far(declaration: Inventory, far: str, near: str) -> None:
     (bridge,) = bridges(declaration, BOTH, via={far: ptp(declaration)})
     assert (bridge.near.name, bridge.far.name) == (near, far)
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_where_both_are_on_cables_the_site_decides(declaration: Declaration, name: str) -> None:
+def test_where_both_are_on_cables_the_site_decides(declaration: Inventory, name: str) -> None:
     site = declaration.hosts[name].site
     (bridge,) = bridges(declaration, [name], near_site=site)
     assert bridge.near.name == name
     assert {bridge.near.name, bridge.far.name} == set(BOTH)
 
 
-def test_who_stands_nowhere_is_asked(declaration: Declaration) -> None:
+def test_who_stands_nowhere_is_asked(declaration: Inventory) -> None:
     with pytest.raises(UsageError, match="either may be the near one") as refused:
         bridges(declaration, BOTH)
     assert "coastal" in (refused.value.hint or "")
@@ -38,7 +38,7 @@ def test_who_stands_nowhere_is_asked(declaration: Declaration) -> None:
         bridges(declaration, BOTH, via=dict.fromkeys(BOTH, ptp(declaration)))
 
 
-def test_hosts_that_are_no_ends_have_no_bridge(declaration: Declaration) -> None:
+def test_hosts_that_are_no_ends_have_no_bridge(declaration: Inventory) -> None:
     assert bridges(declaration, ["coastal-router"]) == ()
     alone = replace(declaration, hosts={"coastal-cpe": declaration.hosts["coastal-cpe"]})
     assert bridges(alone, ["coastal-cpe"]) == ()

@@ -15,12 +15,12 @@ from atlantis_netcfg.cli.base.syntax import ACCEPT_COST
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory import load as load_inventory
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.cost import CostRefusal
 from atlantis_netcfg.operations import Mode, Request, Target, apply
-from atlantis_netcfg.operations.common.costs import Costs, Meter, beforehand, gate, ports_of, ways_of
+from atlantis_netcfg.operations.common.costs import Costs, Meter, ports_of, preview_costs, require_consent, ways_of
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.request import ACCEPT_COST as ACCEPT
@@ -52,11 +52,11 @@ HUGE = Estimate("satellite", 10, 30_000, 9_000_000, 20.0, sessions=2)
 
 
 @pytest.fixture(scope="module")
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load_inventory(INVENTORY)
 
 
-def capped(declaration: Declaration, cap_mb: float) -> Declaration:
+def capped(declaration: Inventory, cap_mb: float) -> Inventory:
     """The declaration with another cap on coastal's satellite."""
     there = declaration.sites["coastal"]
     bearers = tuple(
@@ -83,81 +83,81 @@ def routes(*bearers: str) -> Observation:
 
 @pytest.mark.parametrize("mode", list(Mode))
 def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(
-    declaration: Declaration, tmp_path: Path, mode: Mode
+    declaration: Inventory, tmp_path: Path, mode: Mode
 ) -> None:
     with pytest.raises(CostRefusal, match=r"nothing was sent: over satellite of coastal, .* [0-9.]+ EUR$") as refused:
-        gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode))
+        require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode))
     assert refused.value.exit is ExitCode.FAILED
     assert "`--accept-cost`" in (refused.value.hint or "")
-    gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode, accept_cost=True))
+    require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode, accept_cost=True))
 
 
-def test_a_gateway_spends_nothing_unasked_either(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_gateway_spends_nothing_unasked_either(declaration: Inventory, tmp_path: Path) -> None:
     gateway = declaration.hosts["coastal-gateway"]
     over = {"via": {gateway.name: "satellite"}, "command": "provision site=coastal"}
     for mode in (Mode.PLAN, Mode.APPLY, Mode.DRIFT):
         asked = Request(state=tmp_path, mode=mode, **over)
         with pytest.raises(CostRefusal, match="nothing was sent: over satellite of coastal"):
-            gate(declaration, [gateway], asked)
-        gate(declaration, [gateway], asked.model_copy(update={"accept_cost": True}))
-    (look,) = beforehand(declaration, [gateway], Request(state=tmp_path, mode=Mode.PLAN, **over))
-    (work,) = beforehand(declaration, [gateway], Request(state=tmp_path, **over))
+            require_consent(declaration, [gateway], asked)
+        require_consent(declaration, [gateway], asked.model_copy(update={"accept_cost": True}))
+    (look,) = preview_costs(declaration, [gateway], Request(state=tmp_path, mode=Mode.PLAN, **over))
+    (work,) = preview_costs(declaration, [gateway], Request(state=tmp_path, **over))
     assert (look.at_most, work.at_most) == (False, True)
     assert look.bill.payload_bytes < work.bill.payload_bytes < 200_000
     assert look.bill.seconds < work.bill.seconds
-    both = beforehand(declaration, [gateway, declaration.hosts[ROUTER]], request(tmp_path))
-    assert both == beforehand(declaration, [declaration.hosts[ROUTER]], request(tmp_path)), "each by its own way"
-    gate(declaration, [gateway], Request(state=tmp_path, mode=Mode.BACKUP, **over))
+    both = preview_costs(declaration, [gateway, declaration.hosts[ROUTER]], request(tmp_path))
+    assert both == preview_costs(declaration, [declaration.hosts[ROUTER]], request(tmp_path)), "each by its own way"
+    require_consent(declaration, [gateway], Request(state=tmp_path, mode=Mode.BACKUP, **over))
     with pytest.raises(CostRefusal, match="no action may send more than"):
-        gate(capped(declaration, 0.05), [gateway], Request(state=tmp_path, accept_cost=True, **over))
+        require_consent(capped(declaration, 0.05), [gateway], Request(state=tmp_path, accept_cost=True, **over))
 
 
-def test_a_playbook_is_told_its_own_word(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_playbook_is_told_its_own_word(declaration: Inventory, tmp_path: Path) -> None:
     plain = Request(state=tmp_path, via={ROUTER: "satellite"})
     with pytest.raises(CostRefusal) as refused:
-        gate(declaration, [declaration.hosts[ROUTER]], plain)
+        require_consent(declaration, [declaration.hosts[ROUTER]], plain)
     assert "`-e atlantis_accept_cost=true`" in (refused.value.hint or "")
 
 
-def test_a_link_that_costs_nothing_asks_nothing(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_link_that_costs_nothing_asks_nothing(declaration: Inventory, tmp_path: Path) -> None:
     for via in (None, "lan", "wifi-ptp"):
-        gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, via))
+        require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, via))
 
 
-def test_a_rehearsal_costs_nothing(declaration: Declaration, tmp_path: Path) -> None:
-    gate(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, rehearsed=True))
+def test_a_rehearsal_costs_nothing(declaration: Inventory, tmp_path: Path) -> None:
+    require_consent(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, rehearsed=True))
 
 
-def test_a_link_that_the_site_lacks_is_refused_everywhere(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_link_that_the_site_lacks_is_refused_everywhere(declaration: Inventory, tmp_path: Path) -> None:
     for more in ({"rehearsed": True}, {"accept_cost": True}, {}):
         with pytest.raises(UsageError, match="coastal has no such bearer"):
-            gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, "uplink", **more))
+            require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, "uplink", **more))
 
 
-def test_no_consent_lifts_the_cap(declaration: Declaration, tmp_path: Path) -> None:
+def test_no_consent_lifts_the_cap(declaration: Inventory, tmp_path: Path) -> None:
     with pytest.raises(CostRefusal, match=r"no action may send more than 1\.0 kB there") as refused:
-        gate(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, accept_cost=True))
+        require_consent(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, accept_cost=True))
     assert "`cap_mb` of bearer `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
 
 
-def test_the_declared_link_is_asked_for_without_any_word(declaration: Declaration, tmp_path: Path) -> None:
+def test_the_declared_link_is_asked_for_without_any_word(declaration: Inventory, tmp_path: Path) -> None:
     asked = Request(state=tmp_path, mode=Mode.PLAN)
-    (found,) = beforehand(declaration, [declaration.hosts["te4sea-router"], declaration.hosts[ROUTER]], asked)
+    (found,) = preview_costs(declaration, [declaration.hosts["te4sea-router"], declaration.hosts[ROUTER]], asked)
     assert (found.link.site, found.link.name) == ("te4sea", "satellite")
 
 
-def test_a_unit_without_a_way_of_its_own_is_reached_as_its_router_is(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_unit_without_a_way_of_its_own_is_reached_as_its_router_is(declaration: Inventory, tmp_path: Path) -> None:
     unit = declaration.hosts["te4sea-4g"]
     assert isinstance(unit.device, LteRouter)
     assert unit.device.driver is LteDriver.RUTOS
-    (declared,) = beforehand(declaration, [unit], Request(state=tmp_path))
+    (declared,) = preview_costs(declaration, [unit], Request(state=tmp_path))
     assert declared.link.name == "satellite"
-    (named,) = beforehand(declaration, [unit], Request(state=tmp_path, via={unit.name: "4g"}))
+    (named,) = preview_costs(declaration, [unit], Request(state=tmp_path, via={unit.name: "4g"}))
     assert named.link.name == "4g"
-    assert beforehand(declaration, [unit], Request(state=tmp_path, via={"te4sea-router": "lan"})) == ()
-    assert beforehand(declaration, [declaration.hosts["te4sea-sat"]], Request(state=tmp_path)) == ()
+    assert preview_costs(declaration, [unit], Request(state=tmp_path, via={"te4sea-router": "lan"})) == ()
+    assert preview_costs(declaration, [declaration.hosts["te4sea-sat"]], Request(state=tmp_path)) == ()
     with pytest.raises(CostRefusal, match="nobody has agreed to pay"):
-        gate(declaration, [unit], Request(state=tmp_path, mode=Mode.PLAN))
+        require_consent(declaration, [unit], Request(state=tmp_path, mode=Mode.PLAN))
 
 
 @pytest.mark.parametrize(
@@ -176,20 +176,20 @@ def test_what_ansible_is_told_of_costs_is_never_guessed(said: object) -> None:
             of_variables({name: said})
 
 
-def test_devices_on_one_link_are_added_up_and_reading_costs_less(declaration: Declaration, tmp_path: Path) -> None:
+def test_devices_on_one_link_are_added_up_and_reading_costs_less(declaration: Inventory, tmp_path: Path) -> None:
     router = declaration.hosts[ROUTER]
-    (one,) = beforehand(declaration, [router], request(tmp_path, mode=Mode.DRIFT))
-    (two,) = beforehand(declaration, [router, router], request(tmp_path, mode=Mode.DRIFT))
-    (planned,) = beforehand(declaration, [router], request(tmp_path, mode=Mode.PLAN))
-    (saved,) = beforehand(declaration, [router], request(tmp_path, mode=Mode.BACKUP))
-    (written,) = beforehand(declaration, [router], request(tmp_path))
+    (one,) = preview_costs(declaration, [router], request(tmp_path, mode=Mode.DRIFT))
+    (two,) = preview_costs(declaration, [router, router], request(tmp_path, mode=Mode.DRIFT))
+    (planned,) = preview_costs(declaration, [router], request(tmp_path, mode=Mode.PLAN))
+    (saved,) = preview_costs(declaration, [router], request(tmp_path, mode=Mode.BACKUP))
+    (written,) = preview_costs(declaration, [router], request(tmp_path))
     assert two.bill.payload_bytes == 2 * one.bill.payload_bytes
     assert saved.bill.payload_bytes < one.bill.payload_bytes < planned.bill.payload_bytes < written.bill.payload_bytes
     assert ": about " in one.words
     assert ": up to " in planned.words, "its parser may have to be shown a whole text"
 
 
-def test_the_bound_before_reading_is_above_every_text_of_the_pilot(declaration: Declaration, tmp_path: Path) -> None:
+def test_the_bound_before_reading_is_above_every_text_of_the_pilot(declaration: Inventory, tmp_path: Path) -> None:
     texts = [
         text
         for host in declaration.hosts.values()
@@ -198,19 +198,21 @@ def test_the_bound_before_reading_is_above_every_text_of_the_pilot(declaration: 
     ]
     longest = max(len(text.text.encode()) for text in texts)
     assert longest < MOST_TEXT < 2 * longest
-    (found,) = beforehand(declaration, [declaration.hosts[ROUTER]], request(tmp_path))
+    (found,) = preview_costs(declaration, [declaration.hosts[ROUTER]], request(tmp_path))
     assert ": up to " in found.words
     assert (
         found.bill.payload_bytes
         > 2 * longest
         + 2
-        * beforehand(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=Mode.DRIFT))[0].bill.payload_bytes
+        * preview_costs(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=Mode.DRIFT))[
+            0
+        ].bill.payload_bytes
     )
 
 
-def test_the_plain_door_is_guarded(declaration: Declaration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_plain_door_is_guarded(declaration: Inventory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = replace(declaration, pilot=declaration.pilot.model_copy(update={"example_values": False}))
-    monkeypatch.setattr(apply, "declaration_of", lambda *_, **__: real)
+    monkeypatch.setattr(apply, "open_inventory", lambda *_, **__: real)
     for plan_only in (True, False):
         with pytest.raises(CostRefusal, match="nobody has agreed to pay"):
             apply.perform(INVENTORY, ["te4sea-router"], {"state": str(tmp_path)}, plan_only=plan_only, decrypt=str)
@@ -243,7 +245,7 @@ def test_every_command_whose_session_may_go_over_a_link_can_be_told_to_pay() -> 
 # --- beside the run ----------------------------------------------------------------------------------------------
 
 
-def test_without_a_route_the_declared_link_is_what_carries_it(declaration: Declaration, tmp_path: Path) -> None:
+def test_without_a_route_the_declared_link_is_what_carries_it(declaration: Inventory, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
     admission = meter.judge(routes(), SMALL, spends=True, is_plan=False)
     assert (admission.notes, admission.refusal) == ((), None)
@@ -251,7 +253,7 @@ def test_without_a_route_the_declared_link_is_what_carries_it(declaration: Decla
 
 
 def test_a_run_that_goes_over_a_dear_link_because_the_better_one_is_down_says_so_and_stops(
-    declaration: Declaration, tmp_path: Path
+    declaration: Inventory, tmp_path: Path
 ) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, "wifi-ptp"))
     refused = meter.judge(routes("4g"), SMALL, spends=True, is_plan=False)
@@ -271,7 +273,7 @@ def test_a_run_that_goes_over_a_dear_link_because_the_better_one_is_down_says_so
 
 
 def test_a_better_link_than_the_declared_one_is_said_without_calling_anything_down(
-    declaration: Declaration, tmp_path: Path
+    declaration: Inventory, tmp_path: Path
 ) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
     admission = meter.judge(routes("wifi-ptp"), SMALL, spends=True, is_plan=False)
@@ -280,7 +282,7 @@ def test_a_better_link_than_the_declared_one_is_said_without_calling_anything_do
     assert not meter.link.is_metered
 
 
-def test_over_the_cable_no_bearer_carries_the_session(declaration: Declaration, tmp_path: Path) -> None:
+def test_over_the_cable_no_bearer_carries_the_session(declaration: Inventory, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, None))
     admission = meter.judge(routes("satellite"), HUGE, spends=True, is_plan=False)
     assert (admission.notes, admission.refusal, meter.link.name) == ((), None, "lan")
@@ -288,7 +290,7 @@ def test_over_the_cable_no_bearer_carries_the_session(declaration: Declaration, 
 
 @pytest.mark.parametrize("planned", [True, False])
 def test_a_plan_beyond_the_cap_is_refused_whatever_anybody_accepts(
-    declaration: Declaration, tmp_path: Path, *, planned: bool
+    declaration: Inventory, tmp_path: Path, *, planned: bool
 ) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
     refused = meter.judge(routes(), HUGE, spends=True, is_plan=planned)
@@ -296,7 +298,7 @@ def test_a_plan_beyond_the_cap_is_refused_whatever_anybody_accepts(
     assert meter.judge(routes(), HUGE, spends=False, is_plan=planned).refusal is None
 
 
-def test_a_rehearsal_goes_on_and_says_what_a_real_run_would_be_told(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_rehearsal_goes_on_and_says_what_a_real_run_would_be_told(declaration: Inventory, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, rehearsed=True))
     admission = meter.judge(routes("wifi-ptp"), HUGE, spends=True, is_plan=False)
     assert admission.refusal is None
@@ -329,7 +331,7 @@ def ended(**more: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceResult
     )
 
 
-def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Declaration, tmp_path: Path) -> None:
+def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Inventory, tmp_path: Path) -> None:
     costs, journal, store = Costs(declaration, request(tmp_path, accept_cost=True)), Journal(), Store(tmp_path)
     costs._meter(ROUTER).judge(routes(), SMALL, spends=True, is_plan=False)
     told = costs.report(ended(counts=(counts(1000, 1000), counts(41_000, 31_000))), journal, store)
@@ -359,7 +361,7 @@ def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Declarati
 
 
 def test_a_run_over_the_cable_is_not_billed_and_still_counts_for_the_month(
-    declaration: Declaration, tmp_path: Path
+    declaration: Inventory, tmp_path: Path
 ) -> None:
     costs, journal, store = Costs(declaration, request(tmp_path, None)), Journal(), Store(tmp_path)
     told = costs.report(ended(counts=(counts(1, 1), counts(2, 2))), journal, store)
@@ -370,7 +372,7 @@ def test_a_run_over_the_cable_is_not_billed_and_still_counts_for_the_month(
     assert store.usage("coastal").month("satellite", later).bytes == 498
 
 
-def test_what_the_router_did_not_count_is_not_called_nothing(declaration: Declaration, tmp_path: Path) -> None:
+def test_what_the_router_did_not_count_is_not_called_nothing(declaration: Inventory, tmp_path: Path) -> None:
     for looks in ((), (counts(9000, 9000), counts(10, 10))):
         costs = Costs(declaration, request(tmp_path, accept_cost=True))
         cost = costs.report(ended(counts=looks), Journal(), Store(tmp_path))["cost"]
@@ -378,7 +380,7 @@ def test_what_the_router_did_not_count_is_not_called_nothing(declaration: Declar
         assert cost["bill_words"].endswith("; not counted by the router")
 
 
-def test_a_month_that_cannot_be_written_is_said_and_nothing_is_lost(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_month_that_cannot_be_written_is_said_and_nothing_is_lost(declaration: Inventory, tmp_path: Path) -> None:
     path = tmp_path / "real" / "coastal" / "usage.json"
     path.parent.mkdir(parents=True)
     path.write_text("torn")
@@ -389,7 +391,7 @@ def test_a_month_that_cannot_be_written_is_said_and_nothing_is_lost(declaration:
     assert told["cost"]["router"]["bytes"] == 2
 
 
-def test_the_declared_links_and_ports_of_a_router(declaration: Declaration) -> None:
+def test_the_declared_links_and_ports_of_a_router(declaration: Inventory) -> None:
     router, terminal = declaration.hosts[ROUTER], declaration.hosts["coastal-sat"]
     assert dict(ports_of(router)) == {"ether1": "wifi-ptp", "ether2": "4g", "ether3": "satellite"}
     assert [(way.name, way.port, way.is_metered) for way in ways_of(declaration, router)] == [
@@ -404,10 +406,10 @@ def test_the_declared_links_and_ports_of_a_router(declaration: Declaration) -> N
     assert links["satellite"].tariff is not None
 
 
-def test_a_job_is_given_its_ports_and_its_toll(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_job_is_given_its_ports_and_its_toll(declaration: Inventory, tmp_path: Path) -> None:
     target = Target(host="127.0.0.1", port=1, pin="00")
     asked = request(tmp_path, rehearsed=True, targets={ROUTER: target})
-    job = Costs(declaration, asked).beside(
+    job = Costs(declaration, asked).with_meter(
         device_job(declaration, declaration.hosts[ROUTER], asked, NoJournal(), ignore)
     )
     assert job.counted_ports == ("ether1", "ether2", "ether3")

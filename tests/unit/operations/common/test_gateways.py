@@ -16,7 +16,7 @@ from atlantis_netcfg.operations.apply import RunName, SiteRun
 from atlantis_netcfg.operations.common.request import Mode, Request, StandIns, Target
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._watch import Watch
-from atlantis_netcfg.operations.computers.desired_state import fetching, narrow, perform
+from atlantis_netcfg.operations.computers.desired_state import narrow, package_sources, perform
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.runs import SiteBusy, Store
 from atlantis_netcfg.runs.report.drift import drift_lines
@@ -246,18 +246,18 @@ def test_over_a_link_that_is_paid_by_the_byte_nothing_is_fetched_unasked(tmp_pat
     declaration = load(SHIPPED)
     vessel, testbed = declaration.hosts["te4sea-gateway"], declaration.hosts[HOST]
     asked = Request(state=tmp_path)
-    assert fetching(declaration, testbed, asked, None) == {}
-    dear = fetching(declaration, vessel, asked, None)
+    assert package_sources(declaration, testbed, asked, None) == {}
+    dear = package_sources(declaration, vessel, asked, None)
     assert dear == {"limit_bytes": 0, "limit_words": "over 4g of te4sea, which is paid by the byte"}
-    paid = fetching(declaration, vessel, asked.model_copy(update={"accept_cost": True}), None)
+    paid = package_sources(declaration, vessel, asked.model_copy(update={"accept_cost": True}), None)
     assert paid["limit_bytes"] == 5_000_000
-    assert fetching(declaration, vessel, asked.model_copy(update={"rehearsed": True}), None) == {}
+    assert package_sources(declaration, vessel, asked.model_copy(update={"rehearsed": True}), None) == {}
 
 
 def test_with_a_bundle_everything_comes_from_it(tmp_path: Path) -> None:
     declaration = load(SHIPPED)
     asked = Request(state=tmp_path)
-    how = fetching(declaration, declaration.hosts["te4sea-gateway"], asked, "b1")
+    how = package_sources(declaration, declaration.hosts["te4sea-gateway"], asked, "b1")
     wanted = narrow({"packages": {"packages": []}, "build": {"prefix": "/opt"}, "configure": {}}, how, "b1")
     assert wanted["packages"] == {"packages": [], "offline": "/var/lib/atlantis/bundle/b1/repository"}
     assert wanted["build"] == {"prefix": "/opt", "offline": "/var/lib/atlantis/bundle/b1/sources"}

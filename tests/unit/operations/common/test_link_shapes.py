@@ -7,7 +7,7 @@ import pytest
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.udp_link import DrawnGap, LinkShape
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.inventory.model import Bearer, LinkGap
+from atlantis_netcfg.inventory.model import Link, LinkGap
 from atlantis_netcfg.links.qualify.profile import DirectionProfile, LinkProfile, ProfileGap, write_profile
 from atlantis_netcfg.operations.common.link_shapes import Replay, link_shapes, open_replay, shapes_to
 from atlantis_netcfg.operations.common.rehearsal import link, site_spec
@@ -16,7 +16,7 @@ DECLARED = load(Path(__file__).parents[4] / "inventory")
 ROUTER = DECLARED.hosts["coastal-router"]
 
 
-def _bearer(name: str = "satellite") -> Bearer:
+def _bearer(name: str = "satellite") -> Link:
     return next(bearer for bearer in DECLARED.sites["coastal"].bearers if bearer.name == name)
 
 
@@ -73,7 +73,7 @@ def test_twins_hang_on_the_replayed_link() -> None:
     replay = Replay(_profile(), "it")
     up, down = link_shapes(_bearer(), replay)
     spec = site_spec(DECLARED, [ROUTER], "satellite", replay=replay)
-    assert (spec.twins[0].link.up, spec.twins[0].link.down) == (up, down)
+    assert (spec.emulators[0].link.up, spec.emulators[0].link.down) == (up, down)
     sent = type(spec).model_validate_json(spec.model_dump_json())
     assert sent == spec, "as it reaches the twin's process"
     assert link(DECLARED, ROUTER, "satellite", replay).up == up

@@ -53,7 +53,7 @@ def test_units_of_other_makes_are_not_the_engine_s(driver: LteDriver) -> None:
 
 def test_its_twin_has_the_declared_sim() -> None:
     sim = Sim.model_validate({"apn": "umts", "pin": "4321", "bands": [20, 31]})
-    (twin,) = site_spec(DECLARATION, [box(sim=sim)]).twins
+    (twin,) = site_spec(DECLARATION, [box(sim=sim)]).emulators
     modem = twin.router.modem
     assert modem is not None
     assert modem.sim is not None

@@ -8,12 +8,12 @@ import pytest
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory.model import Cpe, SignalBounds
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.common.rehearsal import site_spec
-from atlantis_netcfg.operations.common.schedule import far_bearer, members_of, pair_of, with_other_ends
-from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.schedule import far_link, members_of, pair_of, with_other_ends
+from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, fleet
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Signal
@@ -21,13 +21,13 @@ from atlantis_netcfg.routeros.pair import Signal
 BOTH = ("coastal-cpe", "scc-cpe")
 
 
-def named(declaration: Declaration, *names: str, **said: object) -> dict[tuple[str, ...], tuple[str, ...]]:
+def named(declaration: Inventory, *names: str, **said: object) -> dict[tuple[str, ...], tuple[str, ...]]:
     request = Request.model_validate({"state": Path("/nowhere"), **said})
     found = members_of(declaration, names, request)
     return {tuple(host.name for host in member.hosts): member.after for member in found}
 
 
-def test_the_other_end_comes_along_and_both_wait_for_the_routers_of_the_run(declaration: Declaration) -> None:
+def test_the_other_end_comes_along_and_both_wait_for_the_routers_of_the_run(declaration: Inventory) -> None:
     assert named(declaration, "coastal-cpe", "coastal-router") == {BOTH: ("coastal-router",), ("coastal-router",): ()}
     assert named(declaration, "scc-cpe") == {BOTH[::-1]: ()}
     every = named(declaration, *declaration.hosts)
@@ -35,28 +35,28 @@ def test_the_other_end_comes_along_and_both_wait_for_the_routers_of_the_run(decl
 
 
 @pytest.mark.parametrize("mode", [Mode.PLAN, Mode.DRIFT])
-def test_who_only_reads_waits_for_nobody(declaration: Declaration, mode: Mode) -> None:
+def test_who_only_reads_waits_for_nobody(declaration: Inventory, mode: Mode) -> None:
     assert named(declaration, "coastal-router", "coastal-cpe", mode=mode) == {("coastal-router",): (), BOTH: ()}
 
 
-def test_a_replacement_gets_its_state_alone(declaration: Declaration) -> None:
+def test_a_replacement_gets_its_state_alone(declaration: Inventory) -> None:
     assert named(declaration, "coastal-cpe", restore="20260101T000000Z") == {("coastal-cpe",): ()}
 
 
 def test_an_end_that_a_run_has_not_saved_is_not_taken_back_with_the_other(
-    declaration: Declaration, tmp_path: Path
+    declaration: Inventory, tmp_path: Path
 ) -> None:
     assert named(declaration, "coastal-cpe", state=tmp_path, back_to="20260101T000000Z") == {("coastal-cpe",): ()}
 
 
-def test_other_ends_are_added_once(declaration: Declaration) -> None:
+def test_other_ends_are_added_once(declaration: Inventory) -> None:
     hosts = [declaration.hosts[name] for name in ("coastal-router", *BOTH)]
     assert with_other_ends(declaration, hosts) == tuple(hosts)
     assert [host.name for host in with_other_ends(declaration, hosts[:2])] == ["coastal-router", *BOTH]
     assert with_other_ends(declaration, hosts[:1]) == (hosts[0],)
 
 
-def test_bounds_and_patience_of_a_pair_are_the_stricter_of_both_ends(declaration: Declaration) -> None:
+def test_bounds_and_patience_of_a_pair_are_the_stricter_of_both_ends(declaration: Inventory) -> None:
     (member,) = members_of(declaration, ["coastal-cpe"], Request(state=Path("/nowhere")))
     assert member.bridge is not None
     near, far = (end.device for end in member.bridge.ends)
@@ -73,12 +73,12 @@ def test_bounds_and_patience_of_a_pair_are_the_stricter_of_both_ends(declaration
 
 @pytest.mark.parametrize(("over", "name"), [("lan", "wifi-ptp"), ("satellite", "satellite")])
 def test_a_session_to_the_far_end_is_as_slow_as_the_slower_part_of_its_way(
-    declaration: Declaration, over: str, name: str
+    declaration: Inventory, over: str, name: str
 ) -> None:
     (member,) = members_of(declaration, ["coastal-cpe"], Request(state=Path("/nowhere")))
     assert member.bridge is not None
-    near = replace(job("near"), bearer=bearer_of(declaration, member.bridge.near, over))
-    bearer = far_bearer(declaration, member.bridge, near)
+    near = replace(job("near"), link=site_link_of(declaration, member.bridge.near, over))
+    bearer = far_link(declaration, member.bridge, near)
     assert bearer is not None
     assert bearer.name == name
 
@@ -93,7 +93,7 @@ def test_a_session_to_the_far_end_is_as_slow_as_the_slower_part_of_its_way(
     ],
 )
 def test_the_emulated_bridge_is_entered_where_the_run_enters_it(
-    declaration: Declaration, asked: str, via: str | None, near: str | None
+    declaration: Inventory, asked: str, via: str | None, near: str | None
 ) -> None:
     hosts = with_other_ends(declaration, [declaration.hosts[asked]])
     spec = site_spec(declaration, hosts, via, {host.name for host in hosts} - {asked})
@@ -125,8 +125,8 @@ def test_a_device_begins_when_the_one_before_it_has_ended(monkeypatch: pytest.Mo
         raise NetcfgError("somebody works there")
 
     monkeypatch.setattr("atlantis_netcfg.routeros.apply.converge", converge)
-    first = fleet.Waiting("router", (lambda: job("router")) if how == "ends" else refuse)
-    waiting = [fleet.Waiting("radio", lambda: job("radio"), after=("router", "of another run")), first]
+    first = fleet.PendingJob("router", (lambda: job("router")) if how == "ends" else refuse)
+    waiting = [fleet.PendingJob("radio", lambda: job("radio"), after=("router", "of another run")), first]
     told: list[str] = []
     asyncio.run(fleet.stream(waiting, lambda result: told.append(result.name)))
     assert order.index("router ends") < order.index("radio begins")

@@ -30,7 +30,7 @@ def test_a_fault_of_ours_goes_to_a_log_file_and_to_whoever_listens(
     def broken(*_: object, **__: object) -> NoReturn:
         raise ZeroDivisionError("the password is swordfish")
 
-    monkeypatch.setattr(apply, "declaration_of", broken)
+    monkeypatch.setattr(apply, "open_inventory", broken)
     reader, writer = os.pipe()
     request = {"state": str(tmp_path), "events_fd": writer, "command": "provision site=coastal"}
     with pytest.raises(InternalError, match=r"^provision itself failed \(ZeroDivisionError\)") as caught:
@@ -61,14 +61,14 @@ def test_the_bearer_in_use_is_the_declared_one_or_the_one_named(
     host: str, via: str | None, name: str, rtt_s: float
 ) -> None:
     declaration = load(INVENTORY)
-    bearer = session_link.bearer_of(declaration, declaration.hosts[host], via)
+    bearer = session_link.site_link_of(declaration, declaration.hosts[host], via)
     assert (bearer.name, bearer.rtt_s) == (name, rtt_s)
 
 
 def test_a_bearer_that_the_site_lacks_is_refused_with_those_it_has() -> None:
     declaration = load(INVENTORY)
     with pytest.raises(UsageError, match="coastal has no such bearer") as caught:
-        session_link.bearer_of(declaration, declaration.hosts["coastal-router"], "uplink")
+        session_link.site_link_of(declaration, declaration.hosts["coastal-router"], "uplink")
     assert caught.value.hint == "it has: lan, wifi-ptp, 4g, satellite"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.errors import NoMatchError
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.operations.common.saved_states import before_resuming, before_rollback, hosts_of_run, saved_run
 from atlantis_netcfg.operations.restore import confirmed_state
 from atlantis_netcfg.runs import ActionConfirmation, NoSuchRun, Run, RunStart, Store
@@ -112,7 +112,7 @@ def test_a_run_that_there_is_not_lists_those_of_the_real_site(laptop: Laptop) ->
     assert str(refused.value.hint) == f"its latest runs: {real.id}"
 
 
-def test_what_was_read_back_last_stands_for_the_device(laptop: Laptop, declaration: Declaration) -> None:
+def test_what_was_read_back_last_stands_for_the_device(laptop: Laptop, declaration: Inventory) -> None:
     hosts = [declaration.hosts[ROUTER]]
     run = laptop.run(saves="a", confirms="b")
     (start,) = before_rollback(laptop.state, hosts, run)
@@ -124,7 +124,7 @@ def test_what_was_read_back_last_stands_for_the_device(laptop: Laptop, declarati
     assert start.gap == f"what has changed on {ROUTER} since run {later.id} read it back"
 
 
-def test_what_an_emulated_device_was_stands_for_no_real_one(laptop: Laptop, declaration: Declaration) -> None:
+def test_what_an_emulated_device_was_stands_for_no_real_one(laptop: Laptop, declaration: Inventory) -> None:
     hosts = [declaration.hosts[ROUTER]]
     emulated = laptop.run(rehearsed=True, saves="a", confirms="b")
     real = laptop.run(saves="a")
@@ -135,7 +135,7 @@ def test_what_an_emulated_device_was_stands_for_no_real_one(laptop: Laptop, decl
     assert start.restore == emulated.id
 
 
-def test_the_state_of_a_named_rehearsal_is_found_beside_real_ones(laptop: Laptop, declaration: Declaration) -> None:
+def test_the_state_of_a_named_rehearsal_is_found_beside_real_ones(laptop: Laptop, declaration: Inventory) -> None:
     emulated = laptop.run("20261121T093000Z", rehearsed=True, confirms="emulated")
     laptop.run("20261122T093000Z", confirms="real")
     host = declaration.hosts[ROUTER]
@@ -145,7 +145,7 @@ def test_the_state_of_a_named_rehearsal_is_found_beside_real_ones(laptop: Laptop
         confirmed_state(laptop.state, host, "1999", is_rehearsal=True)
 
 
-def test_a_broken_run_begins_with_the_state_before_it(laptop: Laptop, declaration: Declaration) -> None:
+def test_a_broken_run_begins_with_the_state_before_it(laptop: Laptop, declaration: Inventory) -> None:
     hosts = [declaration.hosts[ROUTER]]
     earlier = laptop.run(confirms="a")
     broken = laptop.run(saves="b", actions=7)
@@ -157,13 +157,13 @@ def test_a_broken_run_begins_with_the_state_before_it(laptop: Laptop, declaratio
     assert (start.back_to, start.restore) == (None, earlier.id)
 
 
-def test_a_device_of_which_nothing_was_saved_stays_as_adopted(laptop: Laptop, declaration: Declaration) -> None:
+def test_a_device_of_which_nothing_was_saved_stays_as_adopted(laptop: Laptop, declaration: Inventory) -> None:
     (start,) = before_resuming(laptop.state, [declaration.hosts[ROUTER]], laptop.run())
     assert (start.back_to, start.restore, start.is_ready) == (None, None, True)
     assert "as after its adoption" in start.words
 
 
-def test_a_computer_is_a_fresh_one(laptop: Laptop, declaration: Declaration) -> None:
+def test_a_computer_is_a_fresh_one(laptop: Laptop, declaration: Inventory) -> None:
     broken = laptop.run(saves="a")
     gateway, router = before_resuming(
         laptop.state, [declaration.hosts["coastal-gateway"], declaration.hosts[ROUTER]], broken
@@ -172,7 +172,7 @@ def test_a_computer_is_a_fresh_one(laptop: Laptop, declaration: Declaration) -> 
     assert gateway.gap == f"what run {broken.id} has left on coastal-gateway: a fresh one stands for it"
 
 
-def test_hosts_of_a_run(declaration: Declaration) -> None:
+def test_hosts_of_a_run(declaration: Inventory) -> None:
     hosts = [declaration.hosts[name] for name in (ROUTER, "coastal-cpe")]
     assert [host.name for host in hosts_of_run(hosts, ["coastal-cpe", "gone"])] == ["coastal-cpe"]
     with pytest.raises(NoMatchError, match="nothing to do for any device of that run"):

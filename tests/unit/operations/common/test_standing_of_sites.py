@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import (
     Billing,
     Dds,
@@ -30,18 +30,18 @@ _PINGS = 68 * DAY_S / 170
 
 
 @pytest.fixture(scope="module")
-def shipped() -> Declaration:
+def shipped() -> Inventory:
     return load(SHIPPED)
 
 
 @pytest.fixture(scope="module")
-def pilot(shipped: Declaration) -> Declaration:
+def pilot(shipped: Inventory) -> Inventory:
     """The shipped one without telemetry, and DDS crosses every link."""
     vehicles = {name: each.model_copy(update={"telemetry": ()}) for name, each in shipped.vehicles.items()}
     return crossing(replace(shipped, vehicles=vehicles), "wifi-ptp", "4g", "satellite")
 
 
-def crossing(pilot: Declaration, *links: str) -> Declaration:
+def crossing(pilot: Inventory, *links: str) -> Inventory:
     """DDS crosses these links of the two sites, and no other."""
     sites = {
         name: site.model_copy(
@@ -56,17 +56,17 @@ def crossing(pilot: Declaration, *links: str) -> Declaration:
     return replace(pilot, sites=sites)
 
 
-def with_dds(pilot: Declaration, **more: object) -> Declaration:
+def with_dds(pilot: Inventory, **more: object) -> Inventory:
     dds = Dds.model_validate({"distribution": RosDistribution.HUMBLE, **more})
     return replace(pilot, pilot=pilot.pilot.model_copy(update={"dds": dds}))
 
 
-def flows(pilot: Declaration, site: str, bearer: str) -> dict[TrafficSource, StandingFlow]:
+def flows(pilot: Inventory, site: str, bearer: str) -> dict[TrafficSource, StandingFlow]:
     (traffic,) = (one for one in standing_traffic(pilot, site) if one.link.name == bearer)
     return {flow.source: flow for flow in traffic.flows}
 
 
-def test_what_goes_over_a_satellite(pilot: Declaration) -> None:
+def test_what_goes_over_a_satellite(pilot: Inventory) -> None:
     found = flows(pilot, "coastal", "satellite")
     assert list(found) == [TrafficSource.TIME, TrafficSource.VPN, TrafficSource.DDS]
     assert found[TrafficSource.DDS].up == found[TrafficSource.DDS].down == pytest.approx(_SENT + _REFUSED)
@@ -75,7 +75,7 @@ def test_what_goes_over_a_satellite(pilot: Declaration) -> None:
     assert found[TrafficSource.TIME].both == pytest.approx(2 * 2 * 2 * 76 * DAY_S / 1024)
 
 
-def test_dds_is_kept_off_a_satellite(shipped: Declaration) -> None:
+def test_dds_is_kept_off_a_satellite(shipped: Inventory) -> None:
     """By itself, because it is metered. Its tunnels send pings, and nothing of a vehicle crosses it either."""
     topic = TelemetryTopic(topic="/pose", data=TelemetryData.NUMBERS, rate_hz=2.0, size_bytes=120)
     sparus = shipped.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
@@ -86,7 +86,7 @@ def test_dds_is_kept_off_a_satellite(shipped: Declaration) -> None:
     assert TrafficSource.TELEMETRY in flows(declared, "coastal", "wifi-ptp")
 
 
-def test_a_centre_hears_whom_it_does_not_name(pilot: Declaration) -> None:
+def test_a_centre_hears_whom_it_does_not_name(pilot: Inventory) -> None:
     """Over a link that DDS may cross, of a site that has another one: what it sends finds a listener each time."""
     heard = 536 * DAY_S / 20
     found = flows(crossing(pilot, "wifi-ptp"), "coastal", "wifi-ptp")[TrafficSource.DDS]
@@ -95,7 +95,7 @@ def test_a_centre_hears_whom_it_does_not_name(pilot: Declaration) -> None:
     assert (there.up, there.down) == pytest.approx((2 * (heard + _REFUSED), 2 * _SENT))
 
 
-def test_a_tunnel_that_is_not_ours_crosses_every_link(shipped: Declaration) -> None:
+def test_a_tunnel_that_is_not_ours_crosses_every_link(shipped: Inventory) -> None:
     """A robot's own computer announces itself to the centre and to the gateway, whose answers are kept off."""
     peers = (DdsPeer(name="sparus-onboard", address=IPv4Address("10.80.17.5"), site="coastal"),)
     pair = _SENT + _REFUSED
@@ -105,34 +105,34 @@ def test_a_tunnel_that_is_not_ours_crosses_every_link(shipped: Declaration) -> N
     assert over_lan.up == pytest.approx(pair)
 
 
-def test_canaries_are_asked_over_every_link_that_has_them(pilot: Declaration) -> None:
+def test_canaries_are_asked_over_every_link_that_has_them(pilot: Inventory) -> None:
     """docs/failover.md has the same figures: 8.7 MB a day, and 0.97."""
     found = {one.link.name: one.idle_day_bytes for one in standing_traffic(pilot, "coastal")}
     assert found == {"wifi-ptp": 8_709_120, "4g": 967_680, "satellite": 0}
 
 
-def test_the_profile_of_the_slowest_link_is_kept_on_every_link(pilot: Declaration) -> None:
+def test_the_profile_of_the_slowest_link_is_kept_on_every_link(pilot: Inventory) -> None:
     assert (
         flows(pilot, "coastal", "wifi-ptp")[TrafficSource.DDS]
         == flows(pilot, "coastal", "satellite")[TrafficSource.DDS]
     )
 
 
-def test_without_dds_every_tunnel_sends_pings(pilot: Declaration) -> None:
+def test_without_dds_every_tunnel_sends_pings(pilot: Inventory) -> None:
     bare = replace(pilot, pilot=pilot.pilot.model_copy(update={"dds": None}))
     found = flows(bare, "coastal", "satellite")
     assert list(found) == [TrafficSource.TIME, TrafficSource.VPN]
     assert found[TrafficSource.VPN].up == pytest.approx(2 * _PINGS + _HOURLY + _DAILY)
 
 
-def test_the_site_of_the_server_carries_what_all_others_say(pilot: Declaration) -> None:
+def test_the_site_of_the_server_carries_what_all_others_say(pilot: Inventory) -> None:
     found = flows(pilot, "scc", "uplink")
     there = [flows(pilot, site, "satellite")[TrafficSource.DDS] for site in ("coastal", "te4sea")]
     assert found[TrafficSource.DDS].down == pytest.approx(sum(flow.up for flow in there))
     assert TrafficSource.CANARIES not in found
 
 
-def test_computers_of_one_site_meet_at_the_server(pilot: Declaration) -> None:
+def test_computers_of_one_site_meet_at_the_server(pilot: Inventory) -> None:
     """A robot's own computer: to the centre and back, and with the gateway both ways twice; it has its own tunnel."""
     peers = (DdsPeer(name="sparus-onboard", address=IPv4Address("10.80.17.5"), site="coastal"),)
     alone, together = with_dds(pilot), with_dds(pilot, peers=peers)
@@ -143,7 +143,7 @@ def test_computers_of_one_site_meet_at_the_server(pilot: Declaration) -> None:
     assert after[TrafficSource.VPN].up - before[TrafficSource.VPN].up == pytest.approx(_DAILY)
 
 
-def test_over_the_lan_the_routers_tunnel_is_busy(pilot: Declaration) -> None:
+def test_over_the_lan_the_routers_tunnel_is_busy(pilot: Inventory) -> None:
     found = flows(with_dds(pilot, over=DdsPath.LAN), "coastal", "satellite")
     assert found[TrafficSource.DDS].up == pytest.approx(_SENT + _REFUSED)
     assert found[TrafficSource.VPN].up == pytest.approx(
@@ -151,12 +151,12 @@ def test_over_the_lan_the_routers_tunnel_is_busy(pilot: Declaration) -> None:
     )  # now it is the gateway's that is quiet
 
 
-def test_processes_announce_themselves_to_each_other(pilot: Declaration) -> None:
+def test_processes_announce_themselves_to_each_other(pilot: Inventory) -> None:
     found = flows(with_dds(pilot, processes=10), "coastal", "satellite")[TrafficSource.DDS]
     assert found.up == pytest.approx(10 * 20 * 536 * DAY_S / 20)
 
 
-def test_telemetry_of_the_vehicles_that_are_tested_here(pilot: Declaration) -> None:
+def test_telemetry_of_the_vehicles_that_are_tested_here(pilot: Inventory) -> None:
     topic = TelemetryTopic(topic="/pose", data=TelemetryData.NUMBERS, rate_hz=2.0, size_bytes=120)
     sparus = pilot.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
     declared = replace(pilot, vehicles={**pilot.vehicles, "sparus": sparus})
@@ -168,7 +168,7 @@ def test_telemetry_of_the_vehicles_that_are_tested_here(pilot: Declaration) -> N
     assert TrafficSource.TELEMETRY not in flows(elsewhere, "coastal", "satellite")
 
 
-def test_a_metered_link_needs_a_budget(pilot: Declaration) -> None:
+def test_a_metered_link_needs_a_budget(pilot: Inventory) -> None:
     satellite = pilot.sites["coastal"].bearers[2].model_copy(update={"standing_budget_eur": None})
     found = over_budget(satellite, standing_traffic(pilot, "coastal")[2])
     assert found is not None
@@ -179,7 +179,7 @@ def test_a_metered_link_needs_a_budget(pilot: Declaration) -> None:
     assert over_budget(pilot.sites["coastal"].bearers[0], standing_traffic(pilot, "coastal")[0]) is None
 
 
-def test_the_shipped_links_keep_to_their_budgets(shipped: Declaration, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_shipped_links_keep_to_their_budgets(shipped: Inventory, monkeypatch: pytest.MonkeyPatch) -> None:
     """The routers' own tunnels are the dear part: nobody knows how often RouterOS renews its keys."""
     assert inventory_warnings(shipped) == ()
 
@@ -201,7 +201,7 @@ def test_the_shipped_links_keep_to_their_budgets(shipped: Declaration, monkeypat
         ({"standing_budget_eur": 136.0}, "136 EUR (`standing_budget_eur`)"),
     ],
 )
-def test_a_budget_is_kept_or_not(pilot: Declaration, budget: dict[str, float], words: str | None) -> None:
+def test_a_budget_is_kept_or_not(pilot: Inventory, budget: dict[str, float], words: str | None) -> None:
     coastal = pilot.sites["coastal"]
     bearers = [
         *coastal.bearers[:2],

@@ -12,7 +12,7 @@ import pytest
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.common.request import Mode, Request
-from atlantis_netcfg.operations.common.terminals import is_terminal, look, perform
+from atlantis_netcfg.operations.common.terminals import is_terminal, judge_terminal, perform
 from atlantis_netcfg.runs import DamagedStateError, Store
 
 SHIPPED = Path(__file__).parents[4] / "inventory"
@@ -44,7 +44,7 @@ def keep(inventory: Path, data: bytes) -> None:
 
 def codes(inventory: Path, state: Path, backup: Path | None = None) -> list[str]:
     declaration = load(inventory)
-    found = look(declaration, declaration.hosts["coastal-sat"], Store(state), today=TODAY, backup=backup)
+    found = judge_terminal(declaration, declaration.hosts["coastal-sat"], Store(state), today=TODAY, backup=backup)
     return [finding.code for finding in found.findings]
 
 
@@ -61,7 +61,7 @@ def test_the_shipped_terminals_were_looked_at_by_nobody(tmp_path: Path) -> None:
     terminals = [host for host in declaration.hosts.values() if is_terminal(host)]
     assert [host.name for host in terminals] == ["coastal-sat", "te4sea-sat"]
     for host in terminals:
-        found = look(declaration, host, Store(tmp_path), today=TODAY)
+        found = judge_terminal(declaration, host, Store(tmp_path), today=TODAY)
         assert [finding.code for finding in found.findings] == ["terminal-not-looked-at"]
         assert (found.exit, found.as_dict()["planned"]) == (ExitCode.DONE, 0)
 

@@ -9,7 +9,7 @@ import pytest
 
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Gateway
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.computers._access import key_trouble
@@ -20,7 +20,7 @@ GATEWAY = "coastal-gateway"
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIP8Drwn6vGvGUsdb7vuANhLXoEo1vLPfZKpFqfBMlfd8"
 
 
-def declared(key: str | None) -> Declaration:
+def declared(key: str | None) -> Inventory:
     shipped = load(checkout() / "inventory")
     host = shipped.hosts[GATEWAY]
     assert isinstance(host.device, Gateway)
@@ -28,7 +28,7 @@ def declared(key: str | None) -> Declaration:
     return replace(shipped, hosts={**shipped.hosts, GATEWAY: replace(host, device=device)})
 
 
-def options(declaration: Declaration, state: Path) -> list[str]:
+def options(declaration: Inventory, state: Path) -> list[str]:
     access = PARTS[ACCESS](declaration, declaration.hosts[GATEWAY], Request(state=state))
     return [word for word in shlex.split(access["ssh_args"]) if word != "-o"]
 

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.operations import Mode, Request
-from atlantis_netcfg.operations.common.play_control import other_ends, without_result
+from atlantis_netcfg.operations.common.play_control import other_ends, results_from_journal
 from atlantis_netcfg.runs import ActionConfirmation, DeviceObservation, LayerSent, Outcome, RunResume, RunStart, Store
 from atlantis_netcfg.runs.records import Record
 
@@ -24,14 +24,16 @@ def ended(status: str, code: int, *, still_open: bool = False) -> Outcome:
     return Outcome(device=NAME, status=status, exit=code, message=f"it is {status}", open=still_open)
 
 
-def said(declaration: Declaration, state: Path, *records: Record, mode: Mode = Mode.APPLY) -> dict[str, Any]:
+def said(declaration: Inventory, state: Path, *records: Record, mode: Mode = Mode.APPLY) -> dict[str, Any]:
     """What is said of the router after a run that has written these."""
     started = RunStart(site="coastal", revision="", tool="", hosts=(NAME,), rehearsed=False, command="provision")
     with Store(state).start(started) as journal:
         for record in records:
             journal.write(record)
     request = Request(state=state, mode=mode, command="provision")
-    return without_result([NAME], [NAME], declaration, request, {"coastal": {"routers": journal.run}}, KILLED, "")[NAME]
+    return results_from_journal(
+        [NAME], [NAME], declaration, request, {"coastal": {"routers": journal.run}}, KILLED, ""
+    )[NAME]
 
 
 @pytest.mark.parametrize(
@@ -49,7 +51,7 @@ def said(declaration: Declaration, state: Path, *records: Record, mode: Mode = M
     ],
 )
 def test_what_the_journal_says_is_told_and_resume_is_advised_where_it_has_something_to_do(  # noqa: PLR0913, PLR0917
-    declaration: Declaration,
+    declaration: Inventory,
     tmp_path: Path,
     records: tuple[Record, ...],
     status: str,
@@ -65,21 +67,21 @@ def test_what_the_journal_says_is_told_and_resume_is_advised_where_it_has_someth
     assert (NAME in run.unsettled_devices) or not resumes, "resume has nothing to do"
 
 
-def test_what_was_confirmed_is_counted(declaration: Declaration, tmp_path: Path) -> None:
+def test_what_was_confirmed_is_counted(declaration: Inventory, tmp_path: Path) -> None:
     result = said(declaration, tmp_path, READ, SENT, KEPT, ended("changed", 0))
     assert result["confirmed"] == 2
     assert result["message"] == f"it is changed; then: {KILLED}"
 
 
-def test_of_a_journal_that_is_gone_nothing_is_known(declaration: Declaration, tmp_path: Path) -> None:
+def test_of_a_journal_that_is_gone_nothing_is_known(declaration: Inventory, tmp_path: Path) -> None:
     request = Request(state=tmp_path, command="provision")
-    result = without_result(
+    result = results_from_journal(
         [NAME], [NAME], declaration, request, {"coastal": {"routers": "20260101T000000Z"}}, KILLED, ""
     )[NAME]
     assert (result["status"], result["exit"]) == ("unknown", ExitCode.UNKNOWN)
 
 
-def test_a_4g_unit_has_a_run_of_its_own(declaration: Declaration, tmp_path: Path) -> None:
+def test_a_4g_unit_has_a_run_of_its_own(declaration: Inventory, tmp_path: Path) -> None:
     """Beside the routers of its site, whose run says nothing of it."""
     router, unit, request = "te4sea-router", "te4sea-4g", Request(state=tmp_path, command="provision")
     runs = {}
@@ -90,14 +92,14 @@ def test_a_4g_unit_has_a_run_of_its_own(declaration: Declaration, tmp_path: Path
             if host == unit:
                 journal.write(LayerSent(device=unit, layer="lte", actions=(1,)))
     asked = [router, unit]
-    result = without_result(asked, asked, declaration, request, {"te4sea": runs}, KILLED, "")
+    result = results_from_journal(asked, asked, declaration, request, {"te4sea": runs}, KILLED, "")
     assert (result[unit]["status"], result[unit]["exit"]) == ("unknown", ExitCode.UNKNOWN)
     assert result[unit]["hint"] == f"provision resume site=te4sea run={runs['4g']}"
     assert result[router]["status"] == "left-as-found"
 
 
 def test_the_far_end_of_a_bridge_is_resumed_from_the_site_that_was_asked_for(
-    declaration: Declaration, tmp_path: Path
+    declaration: Inventory, tmp_path: Path
 ) -> None:
     far, request = "scc-cpe", Request(state=tmp_path, command="provision")
     started = RunStart(site="scc", revision="", tool="", hosts=(far,), rehearsed=False, command="provision")
@@ -105,13 +107,13 @@ def test_the_far_end_of_a_bridge_is_resumed_from_the_site_that_was_asked_for(
         journal.write(LayerSent(device=far, layer="policy", actions=(1,)))
     runs = {site: {"routers": journal.run} for site in ("coastal", "scc")}
     for asked, site in (("coastal-cpe", "coastal"), (far, "scc")):
-        result = without_result([far], [asked], declaration, request, runs, KILLED, "")[far]
+        result = results_from_journal([far], [asked], declaration, request, runs, KILLED, "")[far]
         assert result["hint"].endswith(f"provision resume site={site} run={journal.run}")
 
 
-def test_both_ends_of_a_bridge_have_a_result(declaration: Declaration, tmp_path: Path) -> None:
+def test_both_ends_of_a_bridge_have_a_result(declaration: Inventory, tmp_path: Path) -> None:
     request = Request(state=tmp_path, command="provision")
     ends = other_ends([NAME, "coastal-cpe"], declaration, request)
     assert ends == {"coastal-cpe": "scc-cpe", "scc-cpe": "coastal-cpe"}
-    results = without_result(["scc-cpe"], ["coastal-cpe"], declaration, request, {}, KILLED, "")
+    results = results_from_journal(["scc-cpe"], ["coastal-cpe"], declaration, request, {}, KILLED, "")
     assert (results["scc-cpe"]["status"], results["scc-cpe"]["other_end"]) == ("left-as-found", "coastal-cpe")

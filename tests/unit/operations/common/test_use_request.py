@@ -11,9 +11,9 @@ import yaml
 from atlantis_netcfg.core.errors import TRUST, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState
+from atlantis_netcfg.links import LinkFinding, LinkState, LinkStatus
 from atlantis_netcfg.operations.common.kinds import is_supported
-from atlantis_netcfg.operations.common.site_links import bearer_named, link_of
+from atlantis_netcfg.operations.common.site_links import link_named, link_of
 from atlantis_netcfg.operations.links.collect import LinksStatus
 from atlantis_netcfg.operations.links.status import Silent
 from atlantis_netcfg.operations.use import LinkNotFit, NothingInUse, UseRequest, ended_order, router_of, span_s
@@ -24,9 +24,9 @@ NOW = datetime(2026, 11, 25, 20, 0, 31, tzinfo=UTC)
 
 
 def status(state: LinkState = LinkState.UP, uptime_s: float | None = 500.0, use: LinkUse | None = None) -> LinksStatus:
-    down = () if state is LinkState.UP else (BearerFinding(Verdict.FAIL, "silent", "no canary answers", "look"),)
+    down = () if state is LinkState.UP else (LinkFinding(Verdict.FAIL, "silent", "no canary answers", "look"),)
     bearers = tuple(
-        BearerStatus(
+        LinkStatus(
             name=bearer.name,
             kind=bearer.kind.value,
             state=state,
@@ -39,7 +39,7 @@ def status(state: LinkState = LinkState.UP, uptime_s: float | None = 500.0, use:
         for bearer in DECLARED.sites["coastal"].bearers
     )
     return LinksStatus(
-        bearers=bearers,
+        links=bearers,
         boxes={},
         months={},
         probe_bytes={},
@@ -55,7 +55,7 @@ def status(state: LinkState = LinkState.UP, uptime_s: float | None = 500.0, use:
 
 
 def wanted(link: str = "4g", for_s: int = 1800, *, unproved: bool = False) -> UseRequest:
-    return UseRequest("coastal", bearer_named(DECLARED, "coastal", link), for_s, unproved)
+    return UseRequest("coastal", link_named(DECLARED, "coastal", link), for_s, unproved)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_times_that_are_refused(text: str, words: str) -> None:
         (lambda: router_of(DECLARED, "all"), "a link is put in use at one site", "the sites are: "),
         (lambda: router_of(DECLARED, "costal"), "a link is put in use at one site", "did you mean `site=coastal`?"),
         (
-            lambda: bearer_named(DECLARED, "coastal", "satelite"),
+            lambda: link_named(DECLARED, "coastal", "satelite"),
             "has no link `satelite`",
             "did you mean `link=satellite`?",
         ),

@@ -12,7 +12,7 @@ from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.common.request import Mode, Request, Target
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.desired_state import perform
-from atlantis_netcfg.operations.computers.parts import PARTS, concerns, refuse_unfounded
+from atlantis_netcfg.operations.computers.parts import PARTS, concerns, require_authority
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import ServerNames
 
@@ -57,7 +57,7 @@ def test_without_an_authority_the_server_is_refused_and_gateways_are_not(tmp_pat
     assert refused.value.exit is ExitCode.USAGE
     assert "provision vpn init" in (refused.value.hint or "")
     gateways = [load(SHIPPED).hosts[GATEWAY]]
-    refuse_unfounded(gateways, Request(state=tmp_path, mode=Mode.DRIFT))
+    require_authority(gateways, Request(state=tmp_path, mode=Mode.DRIFT))
 
 
 def test_another_authority_may_be_meant(founded: Path) -> None:

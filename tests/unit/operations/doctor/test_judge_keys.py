@@ -11,7 +11,7 @@ from laptop_network import lines
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.operations.doctor import folders, keys
 from atlantis_netcfg.runs import Outcome, RunEnd, RunStart, Store
 
@@ -100,16 +100,16 @@ def test_password_files_are_those_of_ansible(home: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def shipped() -> Declaration:
+def shipped() -> Inventory:
     return load(checkout() / "inventory")
 
 
 @pytest.fixture(scope="module")
-def real(shipped: Declaration) -> Declaration:
+def real(shipped: Inventory) -> Inventory:
     return replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
 
 
-def test_example_values(shipped: Declaration, real: Declaration) -> None:
+def test_example_values(shipped: Inventory, real: Inventory) -> None:
     assert keys.examples_item(shipped).verdict == "WARN"
     assert keys.examples_item(real).verdict == "PASS"
 
@@ -117,7 +117,7 @@ def test_example_values(shipped: Declaration, real: Declaration) -> None:
 DEVICES = "coastal-router, coastal-cpe, coastal-4g, coastal-gateway"
 
 
-def test_known_devices(shipped: Declaration, real: Declaration, tmp_path: Path) -> None:
+def test_known_devices(shipped: Inventory, real: Inventory, tmp_path: Path) -> None:
     pins, hosts = Store(tmp_path).pins, real.site_hosts("coastal")
     assert keys.known_devices_item(shipped, hosts, pins, lambda _: True).verdict == "SKIP"
     assert lines(keys.known_devices_item(real, hosts, pins, lambda _: False)) == [

@@ -103,17 +103,17 @@ CASES = {
         route("10.64.101.1", "tun0", "10.80.0.1", "10.80.0.5"),
         (route("10.64.0.0/16", "tun0", "10.80.0.1"), HOME),
         (HOME,),
-        replace(PLACE, bearer="4g", is_metered=True),
+        replace(PLACE, link="4g", is_metered=True),
     ),
     "from far away, and only the default route leads there": Case(
-        (WIFI,), OVER_WIFI, (HOME,), (HOME,), replace(PLACE, bearer="4g", is_metered=True)
+        (WIFI,), OVER_WIFI, (HOME,), (HOME,), replace(PLACE, link="4g", is_metered=True)
     ),
-    "from far away, without any route": Case((WIFI,), place=replace(PLACE, bearer="4g", is_metered=True)),
+    "from far away, without any route": Case((WIFI,), place=replace(PLACE, link="4g", is_metered=True)),
     "from far away, with an address that is not admitted": Case(
         (Plug("tun0", kind="tun", addresses=("10.81.0.5/24",)),),
         route("10.64.101.1", "tun0", source="10.81.0.5"),
         (route("10.64.0.0/16", "tun0"),),
-        place=replace(PLACE, bearer="4g", is_metered=True),
+        place=replace(PLACE, link="4g", is_metered=True),
     ),
 }
 
@@ -163,7 +163,7 @@ def test_whom_network_manager_looks_after() -> None:
 def test_the_router_is_contacted_on_a_right_way_that_costs_nothing() -> None:
     good = judge_way(PLACE, network(READY, taken=HERE, matching=(CONNECTED,)))
     assert why_not_contacted(PLACE, good) is None
-    paid = replace(PLACE, is_metered=True, bearer="4g")
+    paid = replace(PLACE, is_metered=True, link="4g")
     assert why_not_contacted(paid, ()) == "not contacted: 4g is paid by the byte"
     bad = judge_way(PLACE, network(Plug("eth0")))
     assert why_not_contacted(PLACE, bad) == "not contacted: the way to it is not right yet"

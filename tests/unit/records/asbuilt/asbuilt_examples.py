@@ -6,9 +6,9 @@ from typing import Any
 from atlantis_netcfg.inventory.model import NumberMask
 from atlantis_netcfg.records.asbuilt.record import (
     AsBuiltRecord,
+    CableState,
     DeviceRecord,
     Fact,
-    Link,
     Origin,
     PortNeighbour,
     PortRecord,
@@ -25,7 +25,7 @@ def read(value: str) -> Fact:
 
 
 def port(name: str = "ether3", **more: Any) -> PortRecord:  # noqa: ANN401 - fields of PortRecord
-    found = {"mac": "02:00:5E:00:01:03", "link": Link.UP, "speed": "1Gbps", "belongs": "LAN of the site"}
+    found = {"mac": "02:00:5E:00:01:03", "link": CableState.UP, "speed": "1Gbps", "belongs": "LAN of the site"}
     return PortRecord.model_validate({"name": name, **found, **more})
 
 

@@ -14,7 +14,7 @@ from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.records.asbuilt import computer
 from atlantis_netcfg.records.asbuilt.collect import SiteLook
-from atlantis_netcfg.records.asbuilt.record import DeviceRecord, Link, Origin, ReadState
+from atlantis_netcfg.records.asbuilt.record import CableState, DeviceRecord, Origin, ReadState
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -102,11 +102,11 @@ def test_a_pc_says_it_by_its_firmware_and_a_place_holder_is_no_serial_number() -
 
 def test_its_cards_and_whom_it_has_heard() -> None:
     first, second = read().ports
-    assert (first.name, first.mac, first.link) == ("eth0", "02:00:5E:00:00:07", Link.UP)
+    assert (first.name, first.mac, first.link) == ("eth0", "02:00:5E:00:00:07", CableState.UP)
     assert [(item.mac, item.address, item.declared) for item in first.neighbours] == [
         ("02:00:5E:00:01:04", "10.64.1.1", "coastal-router")
     ]
-    assert (second.name, second.link, second.neighbours) == ("wlan0", Link.DOWN, ())
+    assert (second.name, second.link, second.neighbours) == ("wlan0", CableState.DOWN, ())
 
 
 def test_packages_are_those_that_dpkg_says_are_installed() -> None:

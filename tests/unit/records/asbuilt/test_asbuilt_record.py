@@ -11,9 +11,9 @@ from atlantis_netcfg.inventory.model import NumberMask
 from atlantis_netcfg.records.asbuilt.archive import FILE, keep, latest, new_folder, parse_record
 from atlantis_netcfg.records.asbuilt.record import (
     AsBuiltRecord,
+    CableState,
     DeviceRecord,
     Fact,
-    Link,
     Origin,
     ReadState,
     compare,
@@ -69,12 +69,12 @@ def test_what_is_plugged_in_and_what_is_gone_is_told() -> None:
 
 
 def test_link_speed_and_card_of_a_port_are_compared() -> None:
-    other = port(mac="02:00:5E:00:01:99", link=Link.UP, speed="100Mbps")
+    other = port(mac="02:00:5E:00:01:99", link=CableState.UP, speed="100Mbps")
     assert words(later(router("EXAMPLE1", other)), record()) == [
         "coastal-router: MAC of port ether3 changed from 02:00:5E:00:01:03 to 02:00:5E:00:01:99",
         "coastal-router: speed of port ether3 changed from 1Gbps to 100Mbps",
     ]
-    down = port(link=Link.DOWN, speed=None)
+    down = port(link=CableState.DOWN, speed=None)
     assert words(later(router("EXAMPLE1", down)), record()) == [
         "coastal-router: link of port ether3 changed from up to down"
     ]

@@ -9,7 +9,7 @@ from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import DiscoveryNeighbour, Environment, ModemSpec, RouterSpec, User
 from atlantis_netcfg.inventory.model import NumberMask
 from atlantis_netcfg.records.asbuilt import routeros
-from atlantis_netcfg.records.asbuilt.record import Link, Origin
+from atlantis_netcfg.records.asbuilt.record import CableState, Origin
 from atlantis_netcfg.routeros.api import Command, Reply, Trap
 
 PORTS = ("ether1", "ether2", "ether3", "ether4", "ether5")
@@ -79,8 +79,8 @@ def test_a_port_says_its_link_its_rate_and_its_card() -> None:
     box = Box()
     box.device.run(box.caller, ["/interface/ethernet/disable", "=numbers=ether3"])
     ports = {port.name: port for port in box.read().ports}
-    assert (ports["ether1"].link, ports["ether1"].speed) == (Link.UP, "1Gbps")
-    assert (ports["ether3"].link, ports["ether3"].speed) == (Link.DOWN, None)
+    assert (ports["ether1"].link, ports["ether1"].speed) == (CableState.UP, "1Gbps")
+    assert (ports["ether3"].link, ports["ether3"].speed) == (CableState.DOWN, None)
     assert len({port.mac for port in ports.values()}) == len(ports) == 8
 
 
@@ -116,7 +116,7 @@ def test_a_renamed_port_stays_known_by_its_factory_name() -> None:
     found = box.read()
     assert "ether2 is called EXAMPLE" in found.notes
     port = next(port for port in found.ports if port.name == "ether2")
-    assert (port.link, port.speed) == (Link.UP, None)
+    assert (port.link, port.speed) == (CableState.UP, None)
 
 
 @pytest.mark.parametrize("menu", ["/system/resource/print", "/interface/print"])

@@ -7,8 +7,14 @@ import pytest
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.gnss import encode_reports
-from atlantis_netcfg.records.survey.measure import hourly_bytes, steps
-from atlantis_netcfg.records.survey.positions import GpsdStream, NoPosition, TrackPosition, gpsd_address, typed_position
+from atlantis_netcfg.records.survey.measure import parse_hourly_budget, parse_steps
+from atlantis_netcfg.records.survey.positions import (
+    GpsdStream,
+    NoPosition,
+    TrackPosition,
+    parse_gpsd_address,
+    parse_position,
+)
 from atlantis_netcfg.records.survey.site import TypedPositions
 
 START = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)
@@ -116,30 +122,30 @@ def test_typed_positions() -> None:
 
 @pytest.mark.parametrize("text", ["91, 0", "0, 181", "41.6864", "north", "41,6864, -8,8388", "1e3, 2"])
 def test_what_is_no_position(text: str) -> None:
-    assert typed_position(text, {}) is None
+    assert parse_position(text, {}) is None
 
 
 def test_addresses_of_gpsd() -> None:
-    assert gpsd_address("192.0.2.7") == ("192.0.2.7", 2947)
-    assert gpsd_address("gps.example.org:2948") == ("gps.example.org", 2948)
-    assert gpsd_address("[2001:db8::7]:2948") == ("2001:db8::7", 2948)
+    assert parse_gpsd_address("192.0.2.7") == ("192.0.2.7", 2947)
+    assert parse_gpsd_address("gps.example.org:2948") == ("gps.example.org", 2948)
+    assert parse_gpsd_address("[2001:db8::7]:2948") == ("2001:db8::7", 2948)
     for text in ("", "a b", "192.0.2.7:0", "192.0.2.7:65536", "192.0.2.7:x"):
         with pytest.raises(UsageError, match="is no gpsd"):
-            gpsd_address(text)
+            parse_gpsd_address(text)
 
 
 def test_steps() -> None:
-    assert steps(None) == (50.0, 30.0)
-    assert steps("10s") == (None, 10.0)
-    assert steps("20m") == (20.0, 30.0)
-    assert steps("20m,5s") == (20.0, 5.0)
+    assert parse_steps(None) == (50.0, 30.0)
+    assert parse_steps("10s") == (None, 10.0)
+    assert parse_steps("20m") == (20.0, 30.0)
+    assert parse_steps("20m,5s") == (20.0, 5.0)
     for text in ("", "50", "50m,20m", "1s", "0.5m", "x"):
         with pytest.raises(UsageError, match=r"is no step|is too often"):
-            steps(text)
+            parse_steps(text)
 
 
 def test_hourly_budgets() -> None:
-    assert hourly_bytes("0.5") == 500_000
+    assert parse_hourly_budget("0.5") == 500_000
     for text in ("0", "-1", "2.1", "x", "1e-1"):
         with pytest.raises(UsageError, match="is no budget"):
-            hourly_bytes(text)
+            parse_hourly_budget(text)

@@ -11,9 +11,9 @@ from survey_examples import header, point, survey
 
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
-from atlantis_netcfg.records.survey.archive import export, kept_survey, outcome
-from atlantis_netcfg.records.survey.exports import COLUMNS, csv_table, geojson, named_coast, read_coast
-from atlantis_netcfg.records.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, html, layers
+from atlantis_netcfg.records.survey.archive import evaluate_survey, export, find_survey
+from atlantis_netcfg.records.survey.exports import COLUMNS, csv_table, find_coast, geojson, read_coast
+from atlantis_netcfg.records.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, layers, render_page
 from atlantis_netcfg.records.survey.points import (
     SURVEY_FILE,
     Survey,
@@ -56,7 +56,7 @@ def test_what_was_killed_is_whole_without_its_last_line(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-5])
     found = read_survey(path)
     assert ([item.number for item in found.points], found.end, found.reason) == ([1], None, "cut off")
-    assert b"its end is missing" in html(found)
+    assert b"its end is missing" in render_page(found)
 
 
 @pytest.mark.parametrize("line", ["{}", "x", '{"kind":"point","number":1,"more":2}', "[]"])
@@ -93,7 +93,7 @@ def test_csv_has_a_row_for_each_point_and_empty_cells_for_what_is_unknown() -> N
 
 
 def test_the_page_shows_each_value_with_its_shape_and_its_limits() -> None:
-    page = html(example()).decode()
+    page = render_page(example()).decode()
     assert page.count('type="radio"') == page.count('class="layer"') == len(SCALES) + len(KINDS) == 7
     assert "-115 to -105 dBm" in page
     assert "below -115 dBm" in page
@@ -120,7 +120,7 @@ def test_a_point_without_a_value_is_said_so_and_says_why() -> None:
 @pytest.mark.parametrize("scale", SCALES, ids=lambda scale: scale.name)
 def test_bands_and_their_words_agree(scale: BandScale) -> None:
     assert len(list(scale.words())) == len(scale.limits) + 1 <= len(SHAPES)
-    better = 0.01 if scale.falls else -0.01
+    better = 0.01 if scale.is_higher_better else -0.01
     assert [scale.band(limit + better) for limit in scale.limits] == list(range(len(scale.limits)))
     assert [scale.band(limit - better) for limit in scale.limits] == list(range(1, len(scale.limits) + 1))
 
@@ -128,9 +128,9 @@ def test_bands_and_their_words_agree(scale: BandScale) -> None:
 def test_north_is_up_and_a_kilometre_is_as_long_both_ways() -> None:
     degree = 1000 / 111_195.0
     frame = MapFrame.around([(41.6864, -8.8388), (41.7064, -8.8688)])
-    x, y = frame.place(41.69, -8.85)
-    north = frame.place(41.69 + degree, -8.85)
-    east = frame.place(41.69, -8.85 + degree / frame.narrowing)
+    x, y = frame.to_sheet(41.69, -8.85)
+    north = frame.to_sheet(41.69 + degree, -8.85)
+    east = frame.to_sheet(41.69, -8.85 + degree / frame.narrowing)
     assert y - north[1] == pytest.approx(east[0] - x, abs=0.2)
     assert (north[0], east[1]) == (x, y)
     assert frame.bar[1] == "500 m"
@@ -138,9 +138,9 @@ def test_north_is_up_and_a_kilometre_is_as_long_both_ways() -> None:
 
 
 def test_one_place_alone_can_be_drawn() -> None:
-    assert b"<svg" in html(survey(point(1, **HERE)))
-    assert b"No point has a position" in html(survey(point(1)))
-    assert b"No point has a position" in html(survey())
+    assert b"<svg" in render_page(survey(point(1, **HERE)))
+    assert b"No point has a position" in render_page(survey(point(1)))
+    assert b"No point has a position" in render_page(survey())
 
 
 def test_a_coast_is_drawn_where_it_crosses_the_sheet(tmp_path: Path) -> None:
@@ -151,21 +151,21 @@ def test_a_coast_is_drawn_where_it_crosses_the_sheet(tmp_path: Path) -> None:
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
     coast = read_coast(path)
     assert len(coast.lines) == 2
-    page = html(example(), coast).decode()
+    page = render_page(example(), coast).decode()
     drawn = re.search(r'class="coast" d="([^"]*)"', page)
     assert drawn is not None
     assert drawn[1].count("M") == 3, "what lies far away is left out"
     assert "coast.geojson" in page
-    assert 'class="coast"' not in html(example()).decode()
+    assert 'class="coast"' not in render_page(example()).decode()
 
 
 def test_the_shipped_coast_is_near_viana_and_says_how_coarse_it_is() -> None:
-    coast = named_coast("natural-earth")
+    coast = find_coast("natural-earth")
     places = [place for line in coast.lines for place in line]
     assert 80 < len(places) < 200
     assert min(distance_m(41.6864, -8.8388, latitude, longitude) for longitude, latitude in places) < 2000.0
     far = survey(point(1, latitude=41.6, longitude=-9.1), point(2, latitude=41.8, longitude=-8.8))
-    page = html(far, coast).decode()
+    page = render_page(far, coast).decode()
     assert 'class="coast"' in page
     assert "up to about 1 km off" in page
 
@@ -191,24 +191,24 @@ def test_exports_are_made_again_from_the_file(tmp_path: Path) -> None:
     kept = tmp_path / "20261120T101500Z"
     kept.mkdir()
     write(kept / SURVEY_FILE, example())
-    assert export(kept_survey(tmp_path, kept.name), to=tmp_path / "to" / "here") == example()
+    assert export(find_survey(tmp_path, kept.name), to=tmp_path / "to" / "here") == example()
     there = {path.name for path in (tmp_path / "to" / "here").iterdir()}
     assert there == {"survey.html", "survey.geojson", "survey.csv", "survey.jsonl"}
-    assert (kept / "survey.html").read_bytes() == html(example())
+    assert (kept / "survey.html").read_bytes() == render_page(example())
     with pytest.raises(NoMatchError, match="no survey") as refused:
-        kept_survey(tmp_path, "20261120T101501Z")
+        find_survey(tmp_path, "20261120T101501Z")
     assert kept.name in str(refused.value.hint)
 
 
 def test_what_was_measured_nowhere_is_no_green() -> None:
     whole = point(1, **HERE, **HEARD, **TESTED)
-    assert outcome(survey(whole)).exit is ExitCode.DONE
-    assert outcome(survey(point(1, **HERE, **HEARD), far_end=None)).exit is ExitCode.DONE
-    assert outcome(survey()).exit is ExitCode.NOTHING
+    assert evaluate_survey(survey(whole)).exit is ExitCode.DONE
+    assert evaluate_survey(survey(point(1, **HERE, **HEARD), far_end=None)).exit is ExitCode.DONE
+    assert evaluate_survey(survey()).exit is ExitCode.NOTHING
     for without, words in (
         ({"latitude": None, "no_position": "no fix"}, "no point has a position (no fix)"),
         ({"rsrp_dbm": None, "no_radio": "it is off"}, "the unit told no level (it is off)"),
         ({"rtt_median_s": None, "no_test": "nobody answers"}, "no test over the link was answered (nobody answers)"),
     ):
-        found = outcome(survey(whole.model_copy(update=without)))
+        found = evaluate_survey(survey(whole.model_copy(update=without)))
         assert (found.exit, found.words) == (ExitCode.CHECKS_FAILED, words)

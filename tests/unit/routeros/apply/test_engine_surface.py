@@ -6,7 +6,7 @@ from atlantis_netcfg.routeros import apply, desired, fleet
 
 def test_the_surface_of_the_engine() -> None:
     assert routeros.__all__ == [
-        *("BearerProfile", "DeviceJob", "DeviceResult", "Endpoint", "Estimate", "JobMode", "Patience"),
+        *("DeviceJob", "DeviceResult", "Endpoint", "Estimate", "JobMode", "LinkMetrics", "Patience"),
         *("Status", "converge", "desired", "fleet"),
     ]
     assert (routeros.desired, routeros.fleet) == (desired, fleet), "modules of it, which whoever uses them imports"

@@ -10,7 +10,7 @@ from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros._types import Observation
 from atlantis_netcfg.routeros.api import Command, CommandError, Endpoint, Reply, Trap
-from atlantis_netcfg.routeros.apply._work import look
+from atlantis_netcfg.routeros.apply._work import find_leftovers
 from atlantis_netcfg.routeros.observe import LATER, MenuMissing, complete_observation, observe
 
 ENDPOINT = Endpoint("192.0.2.1", 8729, "provision", Secret("x"), None)
@@ -53,9 +53,9 @@ def test_facts_of_device_and_session() -> None:
 
 def test_a_job_that_is_armed_is_read_beside_the_rest() -> None:
     row = {".id": "*3", "name": "atlantis-pair", "comment": "run 20261121T093000Z of provision"}
-    seen = look(read({"/system/scheduler/print": Reply((row,))}, "/ip/pool"))
+    seen = find_leftovers(read({"/system/scheduler/print": Reply((row,))}, "/ip/pool"))
     assert [(job.name, job.owner) for job in seen.jobs] == [("atlantis-pair", "run 20261121T093000Z of provision")]
-    assert not look(read({}, "/ip/pool"))
+    assert not find_leftovers(read({}, "/ip/pool"))
 
 
 def test_who_we_are_is_asked_later_and_once() -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from atlantis_netcfg.routeros._types import Action, Layer, Plan, Verb
 from atlantis_netcfg.routeros.apply._protection import Protection
-from atlantis_netcfg.routeros.apply._work import Stages, cut
+from atlantis_netcfg.routeros.apply._work import Stages, split_plan
 
 BUDGET = 10
 
@@ -48,12 +48,12 @@ def mixed(named: int, plain: int, naming: int) -> Plan:
     ],
 )
 def test_the_cheapest_cut(named: int, plain: int, naming: int, expected: tuple[int, list[int], int]) -> None:
-    assert sizes(cut(mixed(named, plain, naming), Protection.SAFE_MODE, BUDGET)) == expected
+    assert sizes(split_plan(mixed(named, plain, naming), Protection.SAFE_MODE, BUDGET)) == expected
 
 
 def test_every_action_is_sent_once_and_in_order() -> None:
     whole = mixed(7, 33, 12)
-    stages = cut(whole, Protection.SAFE_MODE, BUDGET)
+    stages = split_plan(whole, Protection.SAFE_MODE, BUDGET)
     sent = [*stages.prepare, *(each for piece in stages.pieces for each in piece), *stages.finish]
     assert sorted(each.number for each in sent) == [each.number for each in whole.actions]
     assert [each.number for piece in stages.pieces for each in piece] == sorted(
@@ -62,11 +62,11 @@ def test_every_action_is_sent_once_and_in_order() -> None:
 
 
 def test_one_action_over_too_many_rows_is_cut() -> None:
-    stages = cut(plan(action(1), action(2, rows=25), action(3)), Protection.SAFE_MODE, BUDGET)
+    stages = split_plan(plan(action(1), action(2, rows=25), action(3)), Protection.SAFE_MODE, BUDGET)
     assert sizes(stages) == (0, [1, 10, 10, 6], 0)
     rows = [row for piece in stages.pieces for each in piece for row in each.ids]
     assert rows == [f"*{each}" for each in range(25)]
 
 
 def test_without_protection_nothing_is_cut() -> None:
-    assert sizes(cut(mixed(0, 35, 0), Protection.NONE, BUDGET)) == (35, [], 0)
+    assert sizes(split_plan(mixed(0, 35, 0), Protection.NONE, BUDGET)) == (35, [], 0)

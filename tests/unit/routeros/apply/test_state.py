@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._items import RunTime
 from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observation, Plan, Row, Verb
-from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash, restoring
+from atlantis_netcfg.routeros.apply._state import differing_menus, digest, find_invalid_rows, plan_hash, restore_target
 from atlantis_netcfg.routeros.planner import plan, simulate
 
 FACTS = Facts(
@@ -37,23 +37,25 @@ def rule(chain: str, **values: str) -> Mapping[str, str]:
 def test_ids_defaults_and_dynamic_rows_are_no_difference() -> None:
     one = observed(pool=(pool("a"), pool("b", dynamic="true")))
     other = observed(pool=({**pool("a"), ".id": "*77", "comment": "", "next-pool": "none"},))
-    assert differing(one, other) == ()
+    assert differing_menus(one, other) == ()
     assert digest(one) == digest(other)
 
 
 def test_values_and_rows_are_a_difference() -> None:
     one = observed(pool=(pool("a"),))
-    assert differing(one, observed(pool=(pool("a", comment="x"),))) == ("/ip pool",)
-    assert differing(one, observed(pool=(pool("a"), pool("b")))) == ("/ip pool",)
-    assert differing(one, observed()) == ("/ip pool",)
+    assert differing_menus(one, observed(pool=(pool("a", comment="x"),))) == ("/ip pool",)
+    assert differing_menus(one, observed(pool=(pool("a"), pool("b")))) == ("/ip pool",)
+    assert differing_menus(one, observed()) == ("/ip pool",)
     assert digest(one) != digest(observed(pool=(pool("b"),)))
 
 
 def test_order_matters_only_where_the_first_match_decides() -> None:
-    assert differing(observed(pool=(pool("a"), pool("b"))), observed(pool=(pool("b"), pool("a")))) == ()
+    assert differing_menus(observed(pool=(pool("a"), pool("b"))), observed(pool=(pool("b"), pool("a")))) == ()
     first, second, other = rule("input"), rule("input", protocol="tcp"), rule("forward")
-    assert differing(observed(filter=(first, second)), observed(filter=(second, first))) == ("/ip firewall filter",)
-    assert differing(observed(filter=(first, other, second)), observed(filter=(other, first, second))) == ()
+    assert differing_menus(observed(filter=(first, second)), observed(filter=(second, first))) == (
+        "/ip firewall filter",
+    )
+    assert differing_menus(observed(filter=(first, other, second)), observed(filter=(other, first, second))) == ()
 
 
 def test_what_a_device_does_to_rows_of_ours_by_itself_is_no_difference_where_it_is_named() -> None:
@@ -63,15 +65,15 @@ def test_what_a_device_does_to_rows_of_ours_by_itself_is_no_difference_where_it_
     def route(distance: str, comment: str = "atlantis: 4g") -> Observation:
         return observed(route=({".id": "*1", "dst-address": "0.0.0.0/0", "distance": distance, "comment": comment},))
 
-    assert differing(route("10"), route("110"), moves) == differing(route("110"), route("10"), moves) == ()
-    assert differing(route("10"), route("110")) == ("/ip route",)
-    assert differing(route("10"), route("20"), moves) == ("/ip route",)
-    assert differing(route("10", "mine"), route("110", "mine"), moves) == ("/ip route",), "a row of somebody else"
+    assert differing_menus(route("10"), route("110"), moves) == differing_menus(route("110"), route("10"), moves) == ()
+    assert differing_menus(route("10"), route("110")) == ("/ip route",)
+    assert differing_menus(route("10"), route("20"), moves) == ("/ip route",)
+    assert differing_menus(route("10", "mine"), route("110", "mine"), moves) == ("/ip route",), "a row of somebody else"
 
 
 def test_secrets_are_compared_and_never_hashed() -> None:
     one, other = ({".id": "*1", "name": "vpn", "password": secret} for secret in ("hush", "shout"))
-    assert differing(observed(vpn=(one,)), observed(vpn=(other,))) == ("/interface ovpn-client",)
+    assert differing_menus(observed(vpn=(one,)), observed(vpn=(other,))) == ("/interface ovpn-client",)
     assert digest(observed(vpn=(one,))) == digest(observed(vpn=(other,)))
 
 
@@ -92,8 +94,8 @@ def test_rows_of_ours_that_the_device_does_not_use() -> None:
         rule("input", invalid="false", comment="atlantis: fine"),
         rule("input", comment="atlantis: off", **{".about": "inactivated, not allowed by device-mode"}),
     )
-    assert len(invalid(observed(filter=rows))) == 2
-    assert "inactivated, not allowed by device-mode" in invalid(observed(filter=rows))[1]
+    assert len(find_invalid_rows(observed(filter=rows))) == 2
+    assert "inactivated, not allowed by device-mode" in find_invalid_rows(observed(filter=rows))[1]
 
 
 def test_a_restored_state_is_the_state() -> None:
@@ -109,5 +111,5 @@ def test_a_restored_state_is_the_state() -> None:
         ethernet=({".id": "*1", "default-name": "ether1", "name": "wan", "comment": "atlantis: link"},),
         note=({"note": "hello"},),
     )
-    rows = simulate(now.rows, plan("router", restoring(before), now))
-    assert differing(before, Observation(FACTS, rows)) == ()
+    rows = simulate(now.rows, plan("router", restore_target(before), now))
+    assert differing_menus(before, Observation(FACTS, rows)) == ()

@@ -57,7 +57,7 @@ def routers() -> Iterator[RouterView]:
 def _variants(view: RouterView) -> Iterator[RouterView]:
     yield replace(view, tunnel=None)
     yield replace(view, remotes=(), forwards=(), served_links=(), uplinks=view.uplinks[:1])
-    yield replace(view, uplinks=tuple(replace(link, canaries=(), targets=()) for link in view.uplinks))
+    yield replace(view, uplinks=tuple(replace(link, probe_targets=(), targets=()) for link in view.uplinks))
     for menus in ("wifi", "wireless"):
         for isolated, power in ((True, 10), (False, None)):
             radio = RouterAccessPoint.model_validate(

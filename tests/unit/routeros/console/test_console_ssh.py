@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterSpec, RunningSite, SiteSpec, User
 from atlantis_netcfg.routeros.console.ssh import open_ssh, upload
 from atlantis_netcfg.routeros.console.types import (
     ConsoleLoginError,
@@ -26,7 +26,7 @@ WORD = Secret("pa$$ \"w\\ord'")
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[RunningSite]:
     spec = RouterSpec(name="box", users=(User(name="provision", password=WORD.reveal()),), unroll_delay_s=0.05)
-    with RunningSite(SiteSpec(name="quay", twins=(TwinSpec(router=spec),)), tmp_path) as running:
+    with RunningSite(SiteSpec(name="quay", emulators=(EmulatorSpec(router=spec),)), tmp_path) as running:
         yield running
 
 

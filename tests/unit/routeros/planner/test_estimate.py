@@ -9,14 +9,14 @@ from atlantis_netcfg.routeros import estimate as module
 from atlantis_netcfg.routeros._types import Observation, Plan
 from atlantis_netcfg.routeros.api._wire import encode
 from atlantis_netcfg.routeros.desired import read
-from atlantis_netcfg.routeros.estimate import TYPICAL_MENUS, BearerProfile, Estimate, estimate
+from atlantis_netcfg.routeros.estimate import TYPICAL_MENUS, Estimate, LinkMetrics, estimate
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.routeros.planner import plan, simulate
 from atlantis_netcfg.routeros.safe_mode import BUDGET
 
-LAN = BearerProfile("lan", 0.001, 100e6, 100e6, is_metered=False)
-IRIDIUM = BearerProfile("satellite", 0.7, 352e3, 704e3, is_metered=True)
+LAN = LinkMetrics("lan", 0.001, 100e6, 100e6, is_metered=False)
+IRIDIUM = LinkMetrics("satellite", 0.7, 352e3, 704e3, is_metered=True)
 NOTHING = Plan("r", (), "")
 CHECKPOINT = 7
 """Round trips: a session (four), release, take, and the next script."""

@@ -8,9 +8,9 @@ from plan_world import observed
 from atlantis_netcfg.routeros._types import FEW_FOREIGN, Observation, Row
 from atlantis_netcfg.routeros.apply._protection import Protection
 from atlantis_netcfg.routeros.apply._state import digest
-from atlantis_netcfg.routeros.apply._work import cut
+from atlantis_netcfg.routeros.apply._work import split_plan
 from atlantis_netcfg.routeros.desired import read
-from atlantis_netcfg.routeros.estimate import BearerProfile, estimate
+from atlantis_netcfg.routeros.estimate import LinkMetrics, estimate
 from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.planner import plan, simulate
@@ -78,7 +78,7 @@ def test_ten_thousand_rows_come_to_an_end(menu: str) -> None:
     found = there(menu, MANY)
     planned = plan("r", read(declared(menu), source="t"), found)
     assert (len(planned.actions), planned.weight, planned.foreign_rows) == (1, MANY, MANY)
-    pieces = cut(planned, Protection.SAFE_MODE).pieces
+    pieces = split_plan(planned, Protection.SAFE_MODE).pieces
     assert [sum(action.weight for action in piece) for piece in pieces] == [BUDGET] * (MANY // BUDGET)
     assert sorted(number for piece in pieces for action in piece for number in action.ids) == sorted(
         row[".id"] for row in found.rows[menu] if row[".id"].startswith("*A")
@@ -87,5 +87,5 @@ def test_ten_thousand_rows_come_to_an_end(menu: str) -> None:
     after = replace(found, rows=simulate(found.rows, planned))
     assert digest(after) != digest(found)
     assert plan("r", read(declared(menu), source="t"), after).actions == ()
-    cost = estimate(planned, BearerProfile("satellite", 0.7, 352_000, 704_000, is_metered=True), found)
+    cost = estimate(planned, LinkMetrics("satellite", 0.7, 352_000, 704_000, is_metered=True), found)
     assert cost.sessions == 1 + MANY // BUDGET - 1 + 1

@@ -12,7 +12,7 @@ from render_walk import Packet, Walk
 from row_subtests import for_each_row
 from test_render_text import parsed
 
-from atlantis_netcfg.inventory.model import AllowedTarget, BearerKind, Router
+from atlantis_netcfg.inventory.model import AllowedTarget, LinkKind, Router
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets as admitted
 from atlantis_netcfg.routeros.render import router_view
 
@@ -31,7 +31,7 @@ def link(site: str, name: str) -> str:
 
 
 def allowed(site: str) -> set[tuple[str, str, int | None]]:
-    satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is BearerKind.SATELLITE)
+    satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is LinkKind.SATELLITE)
     targets = admitted(DECLARED.pilot, satellite)
     assert len(targets) == 2 + len(DECLARED.pilot.time_servers), "the VPN, the far end of measurements, and the time"
     return {(str(target.address), target.transport.value, target.port) for target in targets}
@@ -108,7 +108,7 @@ def test_satellite_brings_in_answers_of_declared_targets_only(site: str) -> None
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
 def test_terminal_pages_are_for_the_technician(site: str) -> None:
-    satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is BearerKind.SATELLITE)
+    satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is LinkKind.SATELLITE)
     out = link(site, "satellite")
     technician = str(DECLARED.sites[site].management.technician)
     robot = str(DECLARED.sites[site].lan.network[21])
@@ -147,7 +147,7 @@ def test_an_address_that_left_the_list_is_closed(site: str) -> None:
 def test_answers_come_back_and_strays_do_not(site: str) -> None:
     robot = str(DECLARED.sites[site].lan.network[21])
     for bearer in DECLARED.sites[site].bearers:
-        arrives, limited = link(site, bearer.name), bearer.kind is BearerKind.SATELLITE
+        arrives, limited = link(site, bearer.name), bearer.kind is LinkKind.SATELLITE
         for state, passes in (("established", True), ("related", True), ("new", False), ("invalid", False)):
             to_router = Packet("192.0.2.123", str(bearer.address), arrives, "", "udp", 40000, state, src_port=123)
             to_robot = Packet("93.184.216.34", robot, arrives, "bridge-lan", "tcp", 50000, state, frozenset({"srcnat"}))
@@ -297,7 +297,7 @@ def test_lan_goes_out_by_its_cheap_links_and_comes_out_masqueraded(site: str) ->
     robot = str(DECLARED.sites[site].lan.network[21])
     for bearer in DECLARED.sites[site].bearers:
         packet = Packet(robot, "93.184.216.34", "bridge-lan", link(site, bearer.name), "tcp", 443)
-        assert WALKS[site].accepts("forward", packet) is (bearer.kind is not BearerKind.SATELLITE)
+        assert WALKS[site].accepts("forward", packet) is (bearer.kind is not LinkKind.SATELLITE)
         assert WALKS[site].translation("srcnat", packet) == ("masquerade", "")
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.inventory import Declaration, Host
+from atlantis_netcfg.inventory import Host, Inventory
 from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.common.saved_states import hosts_to_restore, saved_run
 from atlantis_netcfg.operations.restore import LATEST, confirmed_state
@@ -31,7 +31,7 @@ AT = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
 
 
 @pytest.fixture
-def hosts(declaration: Declaration) -> tuple[Host, ...]:
+def hosts(declaration: Inventory) -> tuple[Host, ...]:
     return tuple(host for host in declaration.site_hosts("coastal") if is_supported(host))
 
 

@@ -15,7 +15,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
-from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
+from atlantis_netcfg.vpn.authority.model import EnrolmentFile, EnrolmentRequest, ServerNames
 from atlantis_netcfg.vpn.authority.signer import Signer
 from atlantis_netcfg.vpn.identity import Identity, MemberKind
 from atlantis_netcfg.vpn.names import member_name
@@ -31,13 +31,13 @@ def wish(device: str, partner: str = "iqua", **fields: Any) -> EnrolmentRequest:
     return EnrolmentRequest(name=member_name(partner, device), partner=partner, device=device, **given)
 
 
-def handed_to(folder: Path, identity: Identity) -> HandoutFile:
+def handed_to(folder: Path, identity: Identity) -> EnrolmentFile:
     """Write what a member gets, as the hand-out does."""
     place = folder / "handouts" / identity.certificate.common_name
     place.mkdir(mode=0o700, exist_ok=True)
     data = f"{identity.cert}{identity.key.reveal()}{identity.wrap_key.reveal()}".encode()
     write_atomically(place / "member.txt", data)
-    return HandoutFile(str(place / "member.txt"), hashlib.sha256(data).hexdigest())
+    return EnrolmentFile(str(place / "member.txt"), hashlib.sha256(data).hexdigest())
 
 
 @dataclass
@@ -57,7 +57,7 @@ class Stand:
         """As `unlocked`, with the key that was unsealed once."""
         return self.authority._signing(self.ca, "tester", **options)
 
-    def deliver(self, identity: Identity) -> HandoutFile:
+    def deliver(self, identity: Identity) -> EnrolmentFile:
         self.identities.append(identity)
         return handed_to(self.folder, identity)
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
+from atlantis_netcfg.vpn.authority.model import EnrolmentFile, EnrolmentRequest
 from atlantis_netcfg.vpn.identity import Identity, MemberKind
 from atlantis_netcfg.vpn.names import InvalidNameError, check_name, member_name
 
@@ -64,7 +64,7 @@ def wishes(text: str) -> Iterator[EnrolmentRequest]:
     yield EnrolmentRequest(text, MemberKind.ROBOT, "iqua", "sparus2", pool=POOL)
 
 
-def never(_: Identity) -> HandoutFile:
+def never(_: Identity) -> EnrolmentFile:
     pytest.fail("a refused name was handed out")
 
 

@@ -15,8 +15,8 @@ from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.vpn.authority.model import (
     AddressTaken,
     AuthorityError,
+    EnrolmentFile,
     EnrolmentRequest,
-    HandoutFile,
     OtherMember,
     PoolFull,
 )
@@ -51,7 +51,7 @@ def test_a_member_and_what_it_proves_itself_with(tmp_path: Path) -> None:
 def test_it_is_recorded_before_it_is_handed_out(tmp_path: Path) -> None:
     made = stand(tmp_path)
 
-    def deliver(identity: Identity) -> HandoutFile:
+    def deliver(identity: Identity) -> EnrolmentFile:
         lines = [json.loads(line) for line in (made.folder / "ledger.jsonl").read_text().splitlines()]
         mine = next(line for line in lines if line.get("common_name") == identity.certificate.common_name)
         assert int(mine["serial"], 16) == identity.certificate.serial
@@ -129,7 +129,7 @@ def test_names_never_return(tmp_path: Path) -> None:
 
 
 def failing(made: Stand, name: str, error: Exception) -> None:
-    def deliver(identity: Identity) -> HandoutFile:
+    def deliver(identity: Identity) -> EnrolmentFile:
         delivered = made.deliver(identity)
         if identity.member.name == name:
             raise error
@@ -196,7 +196,7 @@ def test_a_batch_that_breaks_off_keeps_what_was_handed_out(tmp_path: Path) -> No
     made = stand(tmp_path)
     wishes = [wish(f"d{number}") for number in range(120)]
 
-    def deliver(identity: Identity) -> HandoutFile:
+    def deliver(identity: Identity) -> EnrolmentFile:
         if identity.member.device == "d110":
             raise OSError(28, "No space left on device")
         return made.deliver(identity)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority.model import HandoutFile, NoSuchMember, RenewalRequest, SessionObservation
+from atlantis_netcfg.vpn.authority.model import EnrolmentFile, NoSuchMember, RenewalRequest, SessionObservation
 from atlantis_netcfg.vpn.identity import CertificateStatus, KeyType, MemberKind, MemberLink, Wrap
 from atlantis_netcfg.vpn.ledger import LedgerEntry, LedgerState, records
 
@@ -82,7 +82,7 @@ def test_a_renewal_that_failed_changes_nothing(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
 
-    def fail(_: object) -> HandoutFile:
+    def fail(_: object) -> EnrolmentFile:
         raise OSError(28, "No space left on device")
 
     with made.signing() as signer, pytest.raises(Exception, match="No space left"):
@@ -201,13 +201,13 @@ def issued(name: str) -> records.IssueRecord:
 def test_a_file_that_is_handed_over_again_is_recorded(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    made.authority.record_delivery("iqua-a", HandoutFile("elsewhere", "00"))
-    last = made.authority.handed_out("iqua-a")
+    made.authority.record_delivery("iqua-a", EnrolmentFile("elsewhere", "00"))
+    last = made.authority.last_delivery("iqua-a")
     assert last is not None
     assert last.path == "elsewhere"
     with made.signing() as signer:
-        assert signer.issue([wish("a")], made.deliver)[0].file == HandoutFile("elsewhere", "00")
+        assert signer.issue([wish("a")], made.deliver)[0].file == EnrolmentFile("elsewhere", "00")
         signer.revoke(["iqua-a"], "lost")
     for name in ("iqua-a", "nobody"):
         with pytest.raises(UsageError, match=f"`{name}` is no certificate in use"):
-            made.authority.record_delivery(name, HandoutFile("x", "00"))
+            made.authority.record_delivery(name, EnrolmentFile("x", "00"))

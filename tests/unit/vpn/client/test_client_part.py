@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.inventory.model import BearerKind, Transport
+from atlantis_netcfg.inventory import Inventory, load
+from atlantis_netcfg.inventory.model import LinkKind, Transport
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, SERVICE, openvpn_client, site_link
 from atlantis_netcfg.vpn.identity import MemberLink
 
@@ -20,7 +20,7 @@ FILE = Path("/laptop/coastal-gateway.identity")
 DROP_IN = f"/etc/systemd/system/{SERVICE}.d/atlantis.conf"
 
 
-def told(declaration: Declaration = SHIPPED, identity: Path | None = FILE) -> dict[str, Any]:
+def told(declaration: Inventory = SHIPPED, identity: Path | None = FILE) -> dict[str, Any]:
     made = openvpn_client(declaration, declaration.hosts[HOST], identity).as_dict()
     assert json.loads(json.dumps(made)) == made
     return made
@@ -36,7 +36,7 @@ def options(made: dict[str, Any]) -> dict[str, str]:
     return {line.partition(" ")[0]: line.partition(" ")[2] for line in lines}
 
 
-def without(*kinds: BearerKind) -> Declaration:
+def without(*kinds: LinkKind) -> Inventory:
     """The pilot whose coastal site lacks some bearers."""
     site = SHIPPED.sites["coastal"]
     kept = tuple(bearer for bearer in site.bearers if bearer.kind not in kinds)
@@ -88,12 +88,12 @@ def test_outside_the_vpn_everything_of_it_is_taken_away() -> None:
     ("lacking", "link", "ping", "retry", "slow"),
     [
         ((), MemberLink.SATELLITE, ("170", "600"), "5 900", "slow"),
-        ((BearerKind.SATELLITE,), MemberLink.LTE, ("25", "120"), "5 300", ""),
-        ((BearerKind.SATELLITE, BearerKind.LTE), MemberLink.FIBRE, ("10", "60"), "5 300", ""),
+        ((LinkKind.SATELLITE,), MemberLink.LTE, ("25", "120"), "5 300", ""),
+        ((LinkKind.SATELLITE, LinkKind.LTE), MemberLink.FIBRE, ("10", "60"), "5 300", ""),
     ],
 )
 def test_timers_are_those_of_the_worst_link(
-    lacking: tuple[BearerKind, ...], link: MemberLink, ping: tuple[str, str], retry: str, slow: str
+    lacking: tuple[LinkKind, ...], link: MemberLink, ping: tuple[str, str], retry: str, slow: str
 ) -> None:
     declaration = without(*lacking)
     assert site_link(declaration, "coastal") is link
@@ -116,13 +116,13 @@ def test_at_the_servers_own_site_it_is_reached_in_the_lan_and_tcp_has_its_own_wo
 def test_a_refused_client_is_started_again_and_only_a_wrong_clock_is_waited_for() -> None:
     drop_in = text(told(), DROP_IN)
     assert "Restart=always\nRestartSec=300\n" in drop_in
-    assert "RestartSec=10\n" in text(told(without(BearerKind.SATELLITE, BearerKind.LTE)), DROP_IN)
+    assert "RestartSec=10\n" in text(told(without(LinkKind.SATELLITE, LinkKind.LTE)), DROP_IN)
     assert "StartLimitIntervalSec=0" in drop_in
     assert "-newermt now)\" || chronyc waitsync 30 0 0 2'\n" in drop_in
 
 
-@pytest.mark.parametrize("lacking", [(), (BearerKind.SATELLITE, BearerKind.LTE)])
-def test_the_real_openvpn_takes_every_word(lacking: tuple[BearerKind, ...], tmp_path: Path) -> None:
+@pytest.mark.parametrize("lacking", [(), (LinkKind.SATELLITE, LinkKind.LTE)])
+def test_the_real_openvpn_takes_every_word(lacking: tuple[LinkKind, ...], tmp_path: Path) -> None:
     conf, identity = tmp_path / "atlantis.conf", tmp_path / "atlantis.identity"
     identity.write_text("# no key yet\n")
     conf.write_text(text(told(without(*lacking))).replace(IDENTITY, str(identity)))

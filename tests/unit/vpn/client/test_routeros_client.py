@@ -10,7 +10,7 @@ import pytest
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.certificates import OvpnError, read_ovpn
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Transport
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.rehearsal import rehearsed_identity
@@ -77,7 +77,7 @@ def test_what_a_version_can(version: str, words: str | None) -> None:
     [("7.17", SHIPPED), ("7.18.2", TCP), ("7.21.5", SHIPPED)],
     ids=["7.17", "7.18.2-tcp", "7.21.5"],
 )
-def test_the_script_makes_a_member_and_leaves_no_key_in_a_file(version: str, pilot: Declaration) -> None:
+def test_the_script_makes_a_member_and_leaves_no_key_in_a_file(version: str, pilot: Inventory) -> None:
     theirs = Console.of(version)
     for _ in range(2):
         theirs.put(FILE, routeros.profile(pilot, IDENTITY).reveal())

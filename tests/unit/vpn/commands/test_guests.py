@@ -26,7 +26,7 @@ from atlantis_netcfg.operations.common import inventory_files
 from atlantis_netcfg.operations.vpn.server import DeployResult
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import RevocationResult
-from atlantis_netcfg.vpn.enrolment_package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_package
 from atlantis_netcfg.vpn.members import Onboarding
 
 UNTIL = (datetime.now(UTC).date() + timedelta(days=20)).isoformat()
@@ -102,7 +102,7 @@ def test_from_nothing_to_a_signed_checklist_and_away_again(quay: Quay) -> None:
     assert f"lauv: declared in group_vars/all/guests.yml, a guest until {UNTIL}" in printed
     (sealed,) = (quay.folder / "vpn").glob("handouts/*/*.age")
     (secret,) = [line.split()[1] for line in printed.splitlines() if line.startswith("  passphrase  ")]
-    handed = open_handout(sealed.read_bytes(), Secret(secret))
+    handed = open_package(sealed.read_bytes(), Secret(secret))
     assert {"udg-lauv.ovpn", "cyclonedds.xml", "fastdds.xml"} <= set(handed)
 
     answers = quay.folder / "lauv.yml"
@@ -227,7 +227,7 @@ def test_a_kill_between_declaring_and_issuing_is_completed_or_taken_back(
     assert quay.files() == before
 
 
-@pytest.mark.parametrize("step", ["write", "remove_handouts", "left_over"])
+@pytest.mark.parametrize("step", ["write", "remove_packages", "left_over"])
 def test_a_kill_while_it_ends_is_completed(quay: Quay, step: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before = quay.files()
     quay.add()
@@ -336,7 +336,7 @@ class Told:
     cuts: list[tuple[str, ...]] = field(default_factory=list)
     away: bool = False
 
-    def hold(self, authority: Authority, notify: Subscriber) -> None:
+    def require_current_record(self, authority: Authority, notify: Subscriber) -> None:
         """It knows nothing that the record does not."""
 
     def get_crl(self, notify: Subscriber) -> bytes:
@@ -345,7 +345,7 @@ class Told:
     def deploy(self, authority: Authority, notify: Subscriber) -> DeployResult:  # noqa: ARG002 - of the protocol
         return DeployResult(("the server has it",))
 
-    def cut(self, authority: Authority, revocation: RevocationResult, notify: Subscriber) -> DeployResult:  # noqa: ARG002
+    def disconnect(self, authority: Authority, revocation: RevocationResult, notify: Subscriber) -> DeployResult:  # noqa: ARG002
         self.cuts.append(revocation.common_names)
         if self.away:
             return DeployResult(errors=(OutcomeUnknown("the server does not answer"),), is_deployed=False)
@@ -373,7 +373,7 @@ def test_the_server_is_told_and_a_repeat_tells_it_again_until_it_answers(
 
 def test_what_is_left_is_named_and_is_not_green(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
     quay.add()
-    monkeypatch.setattr(guests, "remove_handouts", lambda *_: None)
+    monkeypatch.setattr(guests, "remove_packages", lambda *_: None)
     printed = quay.end(code=6)
     assert "something of lauv is left:" in printed
     assert "handouts/udg-lauv is still there" in printed

@@ -22,7 +22,7 @@ from atlantis_netcfg.cli.base.playbook import PlayOutcome
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.vpn import router
 from atlantis_netcfg.operations.vpn.server import DeployResult, NoPush
@@ -102,7 +102,7 @@ class Play:
         return PlayOutcome({name: dict(ComputerResult(name, request.mode).as_dict()) for name in names})
 
 
-def real() -> Declaration:
+def real() -> Inventory:
     """The shipped pilot as if none of its values were examples."""
     shipped = declared()
     return replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
@@ -112,7 +112,7 @@ def prepared(tmp_path: Path, base: Path, capsys: pytest.CaptureFixture[str], mon
     """A laptop with an authority, on which plays go to a stand-in and a person types the passphrase."""
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
     shutil.copytree(founded(base) / "vpn", tmp_path / "vpn")
-    monkeypatch.setattr(_common, "load_declaration", lambda _arguments: real())
+    monkeypatch.setattr(_common, "load_inventory", lambda _arguments: real())
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr(getpass, "getpass", lambda _question: PASSPHRASE)
     made = Laptop(tmp_path, capsys, monkeypatch)
@@ -173,7 +173,7 @@ def moved(at: Laptop) -> str:
     pilot = real().pilot
     vpn = pilot.vpn.model_copy(update={"endpoint_name": "tunnel.atlantis.internal"})
     changed = replace(real(), pilot=pilot.model_copy(update={"vpn": vpn}))
-    at.monkeypatch.setattr(_common, "load_declaration", lambda _arguments: changed)
+    at.monkeypatch.setattr(_common, "load_inventory", lambda _arguments: changed)
     return at.type("vpn", "init", code=3)
 
 
@@ -236,7 +236,7 @@ def with_vpn(at: Laptop, **values: object) -> None:
     pilot = real().pilot
     vpn = pilot.vpn.model_copy(update=values)
     changed = replace(real(), pilot=pilot.model_copy(update={"vpn": vpn}))
-    at.monkeypatch.setattr(_common, "load_declaration", lambda _arguments: changed)
+    at.monkeypatch.setattr(_common, "load_inventory", lambda _arguments: changed)
 
 
 def a_shared_key_that_ends(at: Laptop) -> str:

@@ -36,6 +36,6 @@ def test_who_stops_a_command_is_told_that_the_record_stands(
     def stopped(_arguments: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_common, "load_declaration", stopped)
+    monkeypatch.setattr(_common, "load_inventory", stopped)
     assert main(["vpn", "onboard", "host=coastal-gateway"]) == ExitCode.UNKNOWN
     assert "type the same again" in capsys.readouterr().err

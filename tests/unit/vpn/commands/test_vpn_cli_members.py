@@ -18,7 +18,7 @@ from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.vpn.server import DeployResult, NoPush
-from atlantis_netcfg.vpn.enrolment_package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_package
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 
 LAPTOP = (*onboarding("iqua", "laptop"), f"recipient={NOBODY}")
@@ -122,7 +122,7 @@ def test_the_one_time_passphrase_is_printed_once_and_opens_the_file(desk: Desk) 
     assert (code, err) == (0, "")
     (shown,) = [line.split()[1] for line in out.splitlines() if line.startswith("  passphrase  ")]
     (file,) = desk.authority.glob("handouts/*/*.age")
-    profile = open_handout(file.read_bytes(), Secret(shown))["iqua-sparus2.ovpn"]
+    profile = open_package(file.read_bytes(), Secret(shown))["iqua-sparus2.ovpn"]
     assert read_identity(profile).member.vehicle == "sparus"
     assert shown.encode() not in b"".join(desk.files().values())
     code, again, _ = desk.type(*onboarding("iqua", "sparus2", "robot"))
@@ -174,7 +174,7 @@ def test_a_list_of_devices(suffix: str, text: str, desk: Desk, tmp_path: Path) -
         ("inesc-007", "10.80.16.1", "fibre"),
     ]
     (sealed,) = desk.authority.glob("handouts/iqua-sparus2/*.age")
-    assert open_handout(sealed.read_bytes(), Secret(str(key)))
+    assert open_package(sealed.read_bytes(), Secret(str(key)))
     assert all(row["already"] for row in desk.told(*words)["members"])
 
 
@@ -284,7 +284,7 @@ def test_a_server_by_another_name_gets_a_certificate_once(
     assert not desk.told("sync", "--sign", passphrase=PASSPHRASE)["server_certificate"]
     assert (desk.authority / "server" / "server.crt").read_bytes() == before
 
-    monkeypatch.setattr(_common, "load_declaration", lambda _: moved)
+    monkeypatch.setattr(_common, "load_inventory", lambda _: moved)
     code, _, said = desk.type("init", passphrase=PASSPHRASE)
     assert (code, f"`provision vpn sync --sign authority={desk.authority}` makes a certificate for it" in said) == (
         3,

@@ -11,10 +11,10 @@ from vpn_desk import NOBODY, PASSPHRASE, Desk, declared, onboarding, seated
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory.model import OpenVpnVersion, RosDistribution
 from atlantis_netcfg.vpn import systems
-from atlantis_netcfg.vpn.enrolment_package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_package
 from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, MemberKind, Wrap
 
 
@@ -30,7 +30,7 @@ def desk(
 
 def pilot(
     vehicle: dict[str, Any], robot_openvpn: OpenVpnVersion | None = None, distribution: RosDistribution | None = None
-) -> Declaration:
+) -> Inventory:
     """The shipped pilot with other keys of the vehicle `sparus`, and other ones of the pilot."""
     shipped = declared()
     sparus = shipped.vehicles["sparus"].model_copy(update=vehicle)
@@ -90,7 +90,7 @@ def test_a_server_that_insists_on_a_cookie_gives_others_the_shared_key(
     shipped = declared()
     vpn = shipped.pilot.vpn.model_copy(update={"force_cookie": True})
     changed = replace(shipped, pilot=shipped.pilot.model_copy(update={"vpn": vpn}))
-    monkeypatch.setattr(_common, "load_declaration", lambda _arguments: changed)
+    monkeypatch.setattr(_common, "load_inventory", lambda _arguments: changed)
     assert wrap(desk, *onboarding("iqua", "laptop1")) == "tls-crypt"
     assert wrap(desk, *onboarding("iqua", "laptop2", "laptop", "openvpn=2.5")) == "tls-crypt"
     assert wrap(desk, *onboarding("iqua", "laptop3", "laptop", "openvpn=2.6")) == "tls-crypt-v2"
@@ -103,7 +103,7 @@ def test_a_server_that_insists_on_a_cookie_gives_others_the_shared_key(
 
 def test_a_word_that_the_vehicle_contradicts_is_refused(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     changed = pilot({"distribution": HUMBLE, "openvpn": NEW}, distribution=FOXY)
-    monkeypatch.setattr(_common, "load_declaration", lambda _arguments: changed)
+    monkeypatch.setattr(_common, "load_inventory", lambda _arguments: changed)
     words = onboarding("iqua", "sparus2", "robot", "distribution=foxy", "openvpn=2.4")
     told = desk.told(*words, passphrase=PASSPHRASE, code=3)
     said = [(error["message"], error["hint"]) for error in told["errors"]]
@@ -118,7 +118,7 @@ def test_a_renewal_gives_a_key_that_can_be_read(desk: Desk, monkeypatch: pytest.
     told = desk.told(*renew, "wrap=tls-crypt-v2", passphrase=PASSPHRASE, code=3)
     assert "the device's OpenVPN is 2.4, which cannot read such a profile" in told["errors"][0]["message"]
     assert wrap(desk, *renew) == "tls-crypt"
-    monkeypatch.setattr(_common, "load_declaration", lambda _arguments: pilot({"openvpn": NEW}, distribution=FOXY))
+    monkeypatch.setattr(_common, "load_inventory", lambda _arguments: pilot({"openvpn": NEW}, distribution=FOXY))
     assert wrap(desk, *renew) == "tls-crypt"  # as before, since it can be read
     assert wrap(desk, *renew, "wrap=tls-crypt-v2") == "tls-crypt-v2"
 
@@ -147,7 +147,7 @@ def test_the_system_is_kept_and_renewed(desk: Desk) -> None:
 
 
 def opened(row: dict[str, Any], key: pyrage.x25519.Identity) -> dict[str, str]:
-    return open_handout(Path(row["file"]).read_bytes(), Secret(str(key)))
+    return open_package(Path(row["file"]).read_bytes(), Secret(str(key)))
 
 
 def test_the_cover_note_lies_beside_the_file_and_goes_to_the_stick(desk: Desk, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ import pytest
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 
 PASSPHRASE = "mackerel-lantern-orbit-velvet"
 NOBODY = "age1ql3z7hjy54pw3hyww5ayyfg7zqgvc7w3j2elw8zmrj2kg5sfn9aqmcac8p"
@@ -100,11 +100,11 @@ def onboarding(partner: str, device: str, kind: str = "laptop", *more: str) -> S
 
 
 @cache
-def declared() -> Declaration:
+def declared() -> Inventory:
     """The shipped pilot, read once."""
     return load(checkout() / "inventory")
 
 
 def reading_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no command line read the inventory's files again."""
-    monkeypatch.setattr(_common, "load_declaration", lambda _arguments: declared())
+    monkeypatch.setattr(_common, "load_inventory", lambda _arguments: declared())

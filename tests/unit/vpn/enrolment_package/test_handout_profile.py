@@ -8,13 +8,13 @@ import pytest
 from handout_mint import Wanted, identity
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.vpn.enrolment_package.profile import NotAnIdentity, identity_file, profile, read_identity
 from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
 
 
 @pytest.fixture(scope="module")
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load(Path(__file__).parents[4] / "inventory")
 
 
@@ -27,7 +27,7 @@ def options(text: Secret) -> list[str]:
 """What a server may push in vain."""
 
 
-def test_a_laptop(declaration: Declaration) -> None:
+def test_a_laptop(declaration: Inventory) -> None:
     assert options(profile(declaration, identity())) == [
         "client",
         "proto udp4",
@@ -78,12 +78,12 @@ def test_a_laptop(declaration: Declaration) -> None:
     ],
     ids=["robot", "satellite", "client of 2.4", "gateway", "host of the server's site"],
 )
-def test_what_differs(declaration: Declaration, wanted: Wanted, added: set[str], gone: set[str]) -> None:
+def test_what_differs(declaration: Inventory, wanted: Wanted, added: set[str], gone: set[str]) -> None:
     plain, other = (set(options(profile(declaration, identity(one)))) for one in (Wanted(), wanted))
     assert (other - plain, plain - other) == (added, gone)
 
 
-def test_over_tcp(declaration: Declaration) -> None:
+def test_over_tcp(declaration: Inventory) -> None:
     vpn = declaration.pilot.vpn.model_copy(update={"transport": "tcp", "port": 443})
     other = replace(declaration, pilot=declaration.pilot.model_copy(update={"vpn": vpn}))
     assert {"proto tcp4-client", "remote 203.0.113.2 443"} <= set(options(profile(other, identity())))
@@ -98,7 +98,7 @@ EVERY = [
 
 
 @pytest.mark.parametrize("wanted", EVERY, ids=lambda wanted: wanted.name)
-def test_read_back(declaration: Declaration, wanted: Wanted) -> None:
+def test_read_back(declaration: Inventory, wanted: Wanted) -> None:
     """From the file of a host and from a profile, also one that Windows has had in its hands."""
     told = identity(wanted)
     for text in (identity_file(told), profile(declaration, told)):
@@ -107,7 +107,7 @@ def test_read_back(declaration: Declaration, wanted: Wanted) -> None:
 
 
 @pytest.mark.parametrize("wanted", EVERY, ids=lambda wanted: wanted.name)
-def test_no_line_is_too_long_for_2_4(declaration: Declaration, wanted: Wanted) -> None:
+def test_no_line_is_too_long_for_2_4(declaration: Inventory, wanted: Wanted) -> None:
     assert max(map(len, profile(declaration, identity(wanted)).reveal().splitlines())) < 255
 
 

@@ -17,18 +17,18 @@ from handout_mint import Wanted, identity
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.vpn import enrolment_package as handouts
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package import (
-    NotAHandOut,
+    InvalidPackage,
     OneTimePassphrase,
     Recipient,
     WrongKey,
     _as_made,
     accept,
-    handout,
-    open_handout,
+    build_package,
+    open_package,
     pack,
     unpack,
 )
@@ -41,7 +41,7 @@ GATEWAY = Wanted("coastal-gateway", MemberKind.HOST, None, "10.80.0.21", MemberL
 
 
 @pytest.fixture(scope="module")
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load(Path(__file__).parents[4] / "inventory")
 
 
@@ -50,22 +50,22 @@ def key() -> pyrage.x25519.Identity:
     return pyrage.x25519.Identity.generate()
 
 
-def sealed(declaration: Declaration, wanted: Wanted, key: pyrage.x25519.Identity) -> bytes:
-    return handout(declaration, identity(wanted), Recipient(str(key.to_public())), contact=CONTACT).data
+def sealed(declaration: Inventory, wanted: Wanted, key: pyrage.x25519.Identity) -> bytes:
+    return build_package(declaration, identity(wanted), Recipient(str(key.to_public())), contact=CONTACT).data
 
 
 class TestSealing:
-    def test_by_a_passphrase_that_is_told(self, declaration: Declaration) -> None:
+    def test_by_a_passphrase_that_is_told(self, declaration: Inventory) -> None:
         told = identity()
-        made = handout(declaration, told, OneTimePassphrase(), contact=CONTACT)
+        made = build_package(declaration, told, OneTimePassphrase(), contact=CONTACT)
         assert made.passphrase is not None
         digits = made.passphrase.reveal()
         assert re.fullmatch(r"\d{5}(-\d{5}){4}", digits)
         assert (made.file_name, made.sha256) == ("inesc-laptop1.tar.age", hashlib.sha256(made.data).hexdigest())
         assert digits not in repr(made)
-        assert read_identity(open_handout(made.data, Secret(digits.replace("-", " ")))["inesc-laptop1.ovpn"]) == told
+        assert read_identity(open_package(made.data, Secret(digits.replace("-", " ")))["inesc-laptop1.ovpn"]) == told
         with pytest.raises(WrongKey, match="this passphrase does not open the hand-out"):
-            open_handout(made.data, Secret("00000-00000-00000-00000-00000"))
+            open_package(made.data, Secret("00000-00000-00000-00000-00000"))
 
     @pytest.mark.parametrize(
         ("typed", "read"),
@@ -79,16 +79,18 @@ class TestSealing:
     def test_digits_as_people_type_them(self, typed: str, read: str) -> None:
         assert _as_made(Secret(typed)).reveal() == read
 
-    def test_for_a_key(self, declaration: Declaration, key: pyrage.x25519.Identity) -> None:
-        made = handout(declaration, identity(Wanted(generation=3)), Recipient(str(key.to_public())), contact=CONTACT)
+    def test_for_a_key(self, declaration: Inventory, key: pyrage.x25519.Identity) -> None:
+        made = build_package(
+            declaration, identity(Wanted(generation=3)), Recipient(str(key.to_public())), contact=CONTACT
+        )
         assert (made.passphrase, made.file_name) == (None, "inesc-laptop1.3.tar.age")
-        assert "inesc-laptop1.ovpn" in open_handout(made.data, Secret(str(key)))
+        assert "inesc-laptop1.ovpn" in open_package(made.data, Secret(str(key)))
         with pytest.raises(WrongKey, match="this key does not open the hand-out"):
-            open_handout(made.data, Secret(str(pyrage.x25519.Identity.generate())))
+            open_package(made.data, Secret(str(pyrage.x25519.Identity.generate())))
 
-    def test_for_a_key_that_is_none(self, declaration: Declaration) -> None:
+    def test_for_a_key_that_is_none(self, declaration: Inventory) -> None:
         with pytest.raises(pki.InvalidRecipientError):
-            handout(declaration, identity(), Recipient("age1nonsense"), contact=CONTACT)
+            build_package(declaration, identity(), Recipient("age1nonsense"), contact=CONTACT)
 
     @pytest.mark.parametrize(
         "spoil",
@@ -96,13 +98,13 @@ class TestSealing:
         ids=["cut", "empty", "another text", "changed"],
     )
     def test_damaged(
-        self, spoil: Callable[[bytes], bytes], declaration: Declaration, key: pyrage.x25519.Identity
+        self, spoil: Callable[[bytes], bytes], declaration: Inventory, key: pyrage.x25519.Identity
     ) -> None:
-        with pytest.raises(NotAHandOut, match="it is not sealed, or was damaged on its way"):
-            open_handout(spoil(sealed(declaration, Wanted(), key)), Secret(str(key)))
+        with pytest.raises(InvalidPackage, match="it is not sealed, or was damaged on its way"):
+            open_package(spoil(sealed(declaration, Wanted(), key)), Secret(str(key)))
 
     def test_age_and_tar_open_it_and_keep_it_private(
-        self, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path
+        self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
     ) -> None:
         """As docs/vpn-partner.md says it, for a key of age and for one of SSH."""
         ssh = tmp_path / "id_ed25519"
@@ -111,7 +113,7 @@ class TestSealing:
         own.write_text(str(key))
         publics = {own: str(key.to_public()), ssh: ssh.with_suffix(".pub").read_text().strip()}
         for secret, public in publics.items():
-            made = handout(declaration, identity(), Recipient(public), contact=CONTACT)
+            made = build_package(declaration, identity(), Recipient(public), contact=CONTACT)
             place = tmp_path / f"of-{secret.stem}"
             place.mkdir()
             command = 'umask 022; age --decrypt --identity "$0" | tar -xf -'
@@ -122,7 +124,7 @@ class TestSealing:
 
 
 class TestArchive:
-    def test_the_same_bytes_for_the_same_wish(self, declaration: Declaration) -> None:
+    def test_the_same_bytes_for_the_same_wish(self, declaration: Inventory) -> None:
         told = identity()
         first, second = (handouts.contents(declaration, told, contact=CONTACT) for _ in range(2))
         packed = pack("inesc-laptop1", first, 1793491200)
@@ -141,7 +143,7 @@ class TestArchive:
         packed = io.BytesIO()
         with tarfile.open(fileobj=packed, mode="w") as archive:
             archive.addfile(tarfile.TarInfo(name))
-        with pytest.raises(NotAHandOut, match="it contains"):
+        with pytest.raises(InvalidPackage, match="it contains"):
             unpack(packed.getvalue())
 
     @pytest.mark.parametrize(
@@ -152,7 +154,7 @@ class TestArchive:
         entry.type, entry.linkname = kind, "/etc/passwd"
         with tarfile.open(fileobj=packed, mode="w") as archive:
             archive.addfile(entry)
-        with pytest.raises(NotAHandOut, match="it contains 'a/b'"):
+        with pytest.raises(InvalidPackage, match="it contains 'a/b'"):
             unpack(packed.getvalue())
 
     @pytest.mark.parametrize(
@@ -167,20 +169,20 @@ class TestArchive:
         ids=["empty", "cut", "noise", "large", "many"],
     )
     def test_what_is_no_archive(self, packed: bytes, why: str) -> None:
-        with pytest.raises(NotAHandOut, match=f"^this is no hand-out of the VPN: {re.escape(why)}$"):
+        with pytest.raises(InvalidPackage, match=f"^this is no hand-out of the VPN: {re.escape(why)}$"):
             unpack(packed)
 
     def test_two_folders_and_one_name_twice(self) -> None:
         first, second = pack("a", {"b": "1"}, 0)[:1024], pack("c", {"d": "2"}, 0)
-        with pytest.raises(NotAHandOut, match="it contains more than one folder"):
+        with pytest.raises(InvalidPackage, match="it contains more than one folder"):
             unpack(first + second)
-        with pytest.raises(NotAHandOut, match="it contains 'a/b'"):
+        with pytest.raises(InvalidPackage, match="it contains 'a/b'"):
             unpack(first + pack("a", {"b": "2"}, 0))
 
 
 class TestAccept:
     def test_kept_for_its_owner_alone(
-        self, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path
+        self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
     ) -> None:
         data, folder = sealed(declaration, GATEWAY, key), tmp_path / "vpn"
         first, again = (accept(declaration, data, Secret(str(key)), folder, now=NOW) for _ in range(2))
@@ -191,7 +193,7 @@ class TestAccept:
         assert [one.name for one in first.path.parent.iterdir()] == ["coastal-gateway.identity"]
 
     def test_a_newer_one_takes_its_place_and_an_older_one_does_not(
-        self, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path
+        self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
     ) -> None:
         old = sealed(declaration, GATEWAY, key)
         later = GATEWAY.not_before + timedelta(days=300)
@@ -215,13 +217,13 @@ class TestAccept:
         ids=["a partner's", "another inventory's", "another address", "expired"],
     )
     def test_refused(
-        self, wanted: Wanted, why: str, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path
+        self, wanted: Wanted, why: str, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
     ) -> None:
         with pytest.raises((UsageError, NotAnIdentity), match=why):
             accept(declaration, sealed(declaration, wanted, key), Secret(str(key)), tmp_path / "vpn", now=NOW)
         assert not (tmp_path / "vpn").exists()
 
-    def test_a_router_of_ours(self, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path) -> None:
+    def test_a_router_of_ours(self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path) -> None:
         """Its identity takes the same way; the toolkit itself brings it to the device."""
         wanted = Wanted("coastal-router", MemberKind.ROUTER, None, "10.80.0.11", wrap=Wrap.TLS_CRYPT)
         device = declaration.hosts["coastal-router"].device

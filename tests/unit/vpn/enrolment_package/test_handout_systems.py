@@ -12,8 +12,8 @@ from handout_mint import identity
 from test_handout_page import CONTACT, KINDS
 
 from atlantis_netcfg.core import language
-from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.vpn.enrolment_package import OneTimePassphrase, Recipient, contents, handout, page
+from atlantis_netcfg.inventory import Inventory, load
+from atlantis_netcfg.vpn.enrolment_package import OneTimePassphrase, Recipient, build_package, contents, page
 
 NOTES = Path(__file__).with_name("cover_notes")
 KEY = "age1ql3z7hjy54pw3hyww5ayyfg7zqgvc7w3j2elw8zmrj2kg5sfn9aqmcac8p"
@@ -38,12 +38,12 @@ FILES = {
 
 
 @pytest.fixture(scope="module")
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load(Path(__file__).parents[4] / "inventory")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_files_of_each_system(kind: str, declaration: Declaration) -> None:
+def test_the_files_of_each_system(kind: str, declaration: Inventory) -> None:
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
     key_file = f"{KINDS[kind].name}.{'identity' if kind == 'host' else 'ovpn'}"
     assert set(told) == {key_file, *_PAGE, *FILES[kind]}
@@ -53,16 +53,16 @@ def test_the_files_of_each_system(kind: str, declaration: Declaration) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_nothing_is_a_picture(kind: str, declaration: Declaration) -> None:
+def test_nothing_is_a_picture(kind: str, declaration: Inventory) -> None:
     """A code to scan would be a key that everybody may photograph."""
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
     assert not any(re.search(r"<img|<svg|data:image|\u2588", text) for text in told.values())
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_cover_note(kind: str, declaration: Declaration) -> None:
+def test_the_cover_note(kind: str, declaration: Inventory) -> None:
     given = identity(KINDS[kind])
-    made = handout(declaration, given, Recipient(KEY), contact=CONTACT)
+    made = build_package(declaration, given, Recipient(KEY), contact=CONTACT)
     note = made.cover_note.replace(made.sha256, "SHA256")
     assert note == (NOTES / f"{kind}.txt").read_text()
     assert made.sha256 in made.cover_note
@@ -71,8 +71,8 @@ def test_the_cover_note(kind: str, declaration: Declaration) -> None:
     assert not any(secret in note for secret in secrets)
 
 
-def test_the_cover_note_of_a_file_with_a_passphrase_does_not_have_it(declaration: Declaration) -> None:
-    made = handout(declaration, identity(), OneTimePassphrase(), contact=CONTACT)
+def test_the_cover_note_of_a_file_with_a_passphrase_does_not_have_it(declaration: Inventory) -> None:
+    made = build_package(declaration, identity(), OneTimePassphrase(), contact=CONTACT)
     assert made.passphrase is not None
     assert "You need the passphrase of 25 digits." in made.cover_note
     assert "--identity" not in made.cover_note
@@ -85,7 +85,7 @@ DDS = [kind for kind, files in FILES.items() if "cyclonedds.xml" in files]
 
 
 @pytest.mark.parametrize("kind", DDS)
-def test_the_dds_profiles_are_of_the_member(kind: str, declaration: Declaration) -> None:
+def test_the_dds_profiles_are_of_the_member(kind: str, declaration: Inventory) -> None:
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
     cyclone, fast = (ET.fromstring(told[name]) for name in ("cyclonedds.xml", "fastdds.xml"))  # noqa: S314 - our own
     peers = [peer.attrib["Address"] for peer in cyclone.iter("{https://cdds.io/config}Peer")]
@@ -107,7 +107,7 @@ def test_the_dds_profiles_are_of_the_member(kind: str, declaration: Declaration)
         ("laptop", "Cyclone DDS 0.7", "NetworkInterfaceAddress"),
     ],
 )
-def test_the_dds_profile_is_of_the_release(kind: str, version: str, element: str, declaration: Declaration) -> None:
+def test_the_dds_profile_is_of_the_release(kind: str, version: str, element: str, declaration: Inventory) -> None:
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
     assert f"<{element}>" in told["cyclonedds.xml"]
     assert version in told["cyclonedds.xml"]
@@ -115,7 +115,7 @@ def test_the_dds_profile_is_of_the_release(kind: str, version: str, element: str
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_a_shell_reads_the_settings(shell: str, declaration: Declaration, tmp_path: Path) -> None:
+def test_a_shell_reads_the_settings(shell: str, declaration: Inventory, tmp_path: Path) -> None:
     """Beside the profiles by their folder; a shell that does not know where it reads from takes the installed ones."""
     folder = tmp_path / "with a blank"
     folder.mkdir()
@@ -134,7 +134,7 @@ def test_a_shell_reads_the_settings(shell: str, declaration: Declaration, tmp_pa
 
 
 @pytest.mark.parametrize("kind", ["robot", "robot-foxy"])
-def test_the_shell_reads_install_sh(kind: str, declaration: Declaration) -> None:
+def test_the_shell_reads_install_sh(kind: str, declaration: Inventory) -> None:
     """Its grammar; tests/integration/vpn/clients run it."""
     text = contents(declaration, identity(KINDS[kind]), contact=CONTACT)["install.sh"]
     for shell in ("sh", "bash"):
@@ -142,9 +142,7 @@ def test_the_shell_reads_install_sh(kind: str, declaration: Declaration) -> None
     assert ("2.4) stop" in text) == (kind == "robot")
 
 
-def test_the_language_of_the_page_is_said_to_browsers(
-    declaration: Declaration, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_language_of_the_page_is_said_to_browsers(declaration: Inventory, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(language, "_current_language", language.Language.PORTUGUESE)
     told = contents(declaration, identity(), contact=CONTACT)
     assert '<html lang="pt">' in told["README.html"]
@@ -153,7 +151,7 @@ def test_the_language_of_the_page_is_said_to_browsers(
 
 @pytest.mark.parametrize("kind", ["robot", "laptop-windows"])
 def test_all_but_what_is_typed_is_translated(
-    kind: str, declaration: Declaration, monkeypatch: pytest.MonkeyPatch
+    kind: str, declaration: Inventory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Block by block: a heading, a paragraph, an item of a list is one message, without line breaks."""
     messages: list[str] = []

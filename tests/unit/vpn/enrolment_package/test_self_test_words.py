@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from handout_mint import NOT_AFTER, NOT_BEFORE, Wanted, identity
 
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.routeros.render import template_folder
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import KeyType, Wrap
@@ -68,7 +68,7 @@ def program(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 @cache
-def declared() -> Declaration:
+def declared() -> Inventory:
     return load(Path(__file__).parents[4] / "inventory")
 
 

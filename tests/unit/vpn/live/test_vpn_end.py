@@ -11,14 +11,14 @@ import pytest
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_disconnect
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_disconnect import (
-    Ending,
-    Unheard,
+    ClientBlock,
+    SessionTermination,
     peer,
 )
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import (
     ConnectionEnd,
-    Down,
     ManagementBusy,
+    ServerDown,
 )
 
 if TYPE_CHECKING:
@@ -79,11 +79,11 @@ def session(cid: int, name: str, real: str = REAL, virtual: str = "10.80.17.1") 
     return {"cid": cid, "common_name": name, "real": real, "virtual": virtual, "since": 0, "received": 9, "sent": 9}
 
 
-def end(server: OpenVpn, *addresses: str) -> Ending:
-    ending = Ending(["iqua-d0"], addresses)
+def end(server: OpenVpn, *addresses: str) -> SessionTermination:
+    ending = SessionTermination(["iqua-d0"], addresses)
     ending.run(
         cast("ManagedServer", server),
-        Unheard(cast("ManagedServer", server), ()),
+        ClientBlock(cast("ManagedServer", server), ()),
         lambda: server.acts.append("meanwhile"),
     )
     return ending
@@ -103,13 +103,13 @@ def test_in_this_order() -> None:
 
 def test_what_is_kept_away_already_costs_nothing_more() -> None:
     server = OpenVpn([session(7, "iqua-d0")])
-    ending = Ending(["iqua-d0"])
-    unheard = Unheard(cast("ManagedServer", server), ending.look(cast("ManagedServer", server)))
+    ending = SessionTermination(["iqua-d0"])
+    unheard = ClientBlock(cast("ManagedServer", server), ending.look(cast("ManagedServer", server)))
     assert "ip saddr 192.0.2.7 meta l4proto { tcp, udp } th sport 40000 drop" in unheard.text
     unheard.holds = True
     ending.run(cast("ManagedServer", server), unheard)
     assert server.acts == ["halt 7", f"kill {REAL}", "heard again"]
-    assert Unheard(cast("ManagedServer", server), ()).text == ""
+    assert ClientBlock(cast("ManagedServer", server), ()).text == ""
 
 
 def test_an_address_counts_whatever_its_name() -> None:
@@ -145,7 +145,7 @@ def test_who_is_heard_still_is_not_killed(server: OpenVpn, told: list[str], monk
     assert ending.messages == told
 
 
-@pytest.mark.parametrize(("asking", "does"), [(ManagementBusy, "held"), (ConnectionEnd, "held"), (Down, "down")])
+@pytest.mark.parametrize(("asking", "does"), [(ManagementBusy, "held"), (ConnectionEnd, "held"), (ServerDown, "down")])
 def test_what_goes_on_meanwhile_is_done_in_any_case(asking: type[Exception], does: str) -> None:
     server = OpenVpn(asking=asking)
     ending = end(server)

@@ -12,10 +12,10 @@ import pytest
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_management
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import (
     ConnectionEnd,
-    Down,
     IncompleteStatus,
     ManagementBusy,
     ManagementSocket,
+    ServerDown,
     open_socket,
     parse_status_time,
     sessions,
@@ -114,9 +114,9 @@ def test_who_is_connected_and_not_served_hears_nothing(tmp_path: Path) -> None:
         server.listen(1)
         with open_socket(path, 0.05) as management, pytest.raises(ManagementBusy, match=r"silent for 0\.05 s"):
             management.wait_for_greeting()
-    with pytest.raises(Down, match="nobody listens"), open_socket(path, 0.05):
+    with pytest.raises(ServerDown, match="nobody listens"), open_socket(path, 0.05):
         pass
-    with pytest.raises(Down, match="nobody listens"), open_socket(str(tmp_path / "none"), 0.05):
+    with pytest.raises(ServerDown, match="nobody listens"), open_socket(str(tmp_path / "none"), 0.05):
         pass
 
 

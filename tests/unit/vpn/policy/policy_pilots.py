@@ -7,7 +7,7 @@ from functools import cache
 from ipaddress import IPv4Address
 from pathlib import Path
 
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Transport, VpnService
 from atlantis_netcfg.vpn.identity import (
     Certificate,
@@ -29,11 +29,11 @@ TIME = VpnService(name="time", host="coastal-gateway", transport=Transport.UDP, 
 
 
 @cache
-def shipped() -> Declaration:
+def shipped() -> Inventory:
     return load(SHIPPED)
 
 
-def pilot(sees: Mapping[str, tuple[str, ...]] | None = None, services: Iterable[VpnService] = ()) -> Declaration:
+def pilot(sees: Mapping[str, tuple[str, ...]] | None = None, services: Iterable[VpnService] = ()) -> Inventory:
     """`services` come on top of the shipped one."""
     declaration = shipped()
     partners = {name: declaration.partners[name] for name in ("inesc", "iqua")}

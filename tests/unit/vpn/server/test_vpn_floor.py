@@ -10,10 +10,14 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.minimum_version import Branch, Floor, hold
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.minimum_version import (
+    Branch,
+    MinimumVersion,
+    require_minimum_version,
+)
 from atlantis_netcfg.vpn.server import FLOOR, IS_CURRENT
 
-DECLARED = Floor(
+DECLARED = MinimumVersion(
     FLOOR["program"],
     FLOOR["package"],
     tuple(Branch(one["branch"], one["upstream"], tuple(one["packages"])) for one in FLOOR["branches"]),
@@ -34,7 +38,7 @@ def held(upstream: str, package: str = "", **how: bool) -> str:
             return ProgramResult(0, package) if package else ProgramResult(1, "no packages found")
         return ProgramResult(subprocess.run(words, check=False).returncode, "")
 
-    return hold(DECLARED, run=run, **how)
+    return require_minimum_version(DECLARED, run=run, **how)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.vpn.identity import (
     TIMERS,
     Certificate,
@@ -63,7 +63,7 @@ def authority(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def pilot(**vpn: Any) -> Declaration:  # noqa: ANN401 - of the VPN
+def pilot(**vpn: Any) -> Inventory:  # noqa: ANN401 - of the VPN
     changed = SHIPPED.pilot.vpn.model_copy(update=vpn)
     return replace(SHIPPED, pilot=SHIPPED.pilot.model_copy(update={"vpn": changed}))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 NOISE_BYTES, PAUSE_S = 100_000, 0.05
-"""2 MB/s."""
+"""Bytes of each message, and seconds between messages: 2 MB/s."""
 
 
 def run(package: str, program: str, *words: str) -> NoReturn:

@@ -11,7 +11,7 @@ from row_subtests import for_each_row
 from atlantis_netcfg.checklist.probes import Cell, Listen, Probe, Step, Transcript, acoustic, registry, usbl
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningSeatrac, SeatracSpec
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 
 HERE = Path(__file__).parent
 CASES: list[dict[str, Any]] = yaml.safe_load((HERE / "acoustic_cases.yml").read_text(encoding="utf-8"))
@@ -25,13 +25,13 @@ WELL = {
 }
 
 
-def the_step(declaration: Declaration, item: str) -> Step:
+def the_step(declaration: Inventory, item: str) -> Step:
     row, column, *name = item.split("/")
     steps = COLUMNS[column](Cell(declaration, SITE, row, column))
     return next(step for step in steps if step.name == "".join(name))
 
 
-def twins(declaration: Declaration, moods: dict[str, dict[str, Any]]) -> dict[str, Twin]:
+def twins(declaration: Inventory, moods: dict[str, dict[str, Any]]) -> dict[str, Twin]:
     """Twins at the addresses of the shipped declaration; text of a mood stands for its bytes."""
     reserved = {one.name: str(one.address) for one in declaration.sites[SITE].lan.reservations}
     made = {}
@@ -48,7 +48,7 @@ def _bytes(value: str | list[str]) -> bytes | list[bytes]:
 
 
 @for_each_row("case", CASES, ids=[f"{case['item']}: {case['case']}" for case in CASES])
-def test_what_is_found(declaration: Declaration, case: dict[str, Any]) -> None:
+def test_what_is_found(declaration: Inventory, case: dict[str, Any]) -> None:
     step = the_step(declaration, case["item"])
     assert step.probe is not None
     there = twins(declaration, case.get("moods", {}))
@@ -64,7 +64,7 @@ def test_what_is_found(declaration: Declaration, case: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("item", sorted({case["item"] for case in CASES}))
-def test_every_script_is_on_the_lists(declaration: Declaration, item: str) -> None:
+def test_every_script_is_on_the_lists(declaration: Inventory, item: str) -> None:
     step = the_step(declaration, item)
     assert step.probe is not None
     for question in step.probe.asks():
@@ -73,13 +73,13 @@ def test_every_script_is_on_the_lists(declaration: Declaration, item: str) -> No
         assert (registry.find_refusal(question, active=False) is not None) == (step.kind is ItemKind.ACTIVE)
 
 
-def test_one_modem_is_one_question(declaration: Declaration) -> None:
+def test_one_modem_is_one_question(declaration: Inventory) -> None:
     asked = [set(_probe(declaration, item).asks()) for item in ("sparus/acoustic", "sparus/usbl")]
     assert asked[0] == asked[1]
     assert asked[0] < set(_probe(declaration, "girona500/acoustic/fleet").asks())
 
 
-def test_only_the_first_row_has_the_fleet(declaration: Declaration) -> None:
+def test_only_the_first_row_has_the_fleet(declaration: Inventory) -> None:
     named = {
         row: [step.name for step in acoustic.steps(Cell(declaration, SITE, row, "acoustic"))]
         for row in declaration.vehicles
@@ -95,13 +95,13 @@ def test_only_the_first_row_has_the_fleet(declaration: Declaration) -> None:
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-def test_where_nothing_is_declared_a_person_looks_in_the_water(declaration: Declaration, column: str) -> None:
+def test_where_nothing_is_declared_a_person_looks_in_the_water(declaration: Inventory, column: str) -> None:
     (step,) = COLUMNS[column](Cell(declaration, SITE, "eca-rov", column))
     assert (step.kind, step.phase, bool(step.do), bool(step.look_for)) == (ItemKind.PERSON, "in water", True, True)
 
 
 @pytest.mark.parametrize("item", ["girona500/acoustic/message", "zarco/usbl/ping"])
-def test_what_transmits_asks_a_person_whether_it_is_in_the_water(declaration: Declaration, item: str) -> None:
+def test_what_transmits_asks_a_person_whether_it_is_in_the_water(declaration: Inventory, item: str) -> None:
     step = the_step(declaration, item)
     assert (step.kind, step.phase) == (ItemKind.ACTIVE, "in water")
     assert step.consent is not None
@@ -109,7 +109,7 @@ def test_what_transmits_asks_a_person_whether_it_is_in_the_water(declaration: De
     assert "nobody dives" in step.consent.question
 
 
-def _probe(declaration: Declaration, item: str) -> Probe:
+def _probe(declaration: Inventory, item: str) -> Probe:
     probe = the_step(declaration, item).probe
     assert probe is not None
     return probe

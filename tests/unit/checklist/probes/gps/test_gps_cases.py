@@ -16,7 +16,7 @@ from atlantis_netcfg.checklist.probes.gps import gpsd as gpsd_reader
 from atlantis_netcfg.checklist.probes.gps import nmea as nmea_reader
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import GpsDriver
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
 LISTED: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("gps_cases.yml").read_text(encoding="utf-8"))
 
@@ -29,7 +29,7 @@ def probe(case: Case) -> StreamGps:
     return StreamGps(replace(WANTED[case.driver], **case.wanted), Place.GATEWAY)
 
 
-def told(findings: tuple[BearerFinding, ...]) -> list[str]:
+def told(findings: tuple[LinkFinding, ...]) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in findings]
 
 

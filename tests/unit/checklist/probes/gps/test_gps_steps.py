@@ -10,11 +10,11 @@ from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, steps
 from atlantis_netcfg.checklist.probes.registry import find_refusal
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory.model import Endpoints
 
 
-def of(declaration: Declaration, vehicle: str, gps: dict[str, Any] | None = None, *, declared: bool = True) -> Step:
+def of(declaration: Inventory, vehicle: str, gps: dict[str, Any] | None = None, *, declared: bool = True) -> Step:
     if gps is not None or not declared:
         endpoints = Endpoints.model_validate({"gps": gps} if gps else {})
         one = declaration.vehicles[vehicle].model_copy(update={"endpoints": endpoints})
@@ -36,7 +36,7 @@ def stream(step: Step) -> StreamGps:
         ("stork", "10.64.1.24", 2947, True),
     ],
 )
-def test_a_stream_is_listened_to(declaration: Declaration, vehicle: str, address: str, port: int, three: bool) -> None:  # noqa: FBT001
+def test_a_stream_is_listened_to(declaration: Inventory, vehicle: str, address: str, port: int, three: bool) -> None:  # noqa: FBT001
     step = of(declaration, vehicle)
     probe = stream(step)
     assert (step.name, step.kind, step.phase, step.concerns) == (
@@ -51,14 +51,14 @@ def test_a_stream_is_listened_to(declaration: Declaration, vehicle: str, address
 
 
 @pytest.mark.parametrize("vehicle", ["sparus", "girona500"])
-def test_what_is_said_is_on_the_list_of_what_may_be(declaration: Declaration, vehicle: str) -> None:
+def test_what_is_said_is_on_the_list_of_what_may_be(declaration: Inventory, vehicle: str) -> None:
     (question,) = stream(of(declaration, vehicle)).asks()
     assert isinstance(question, Listen)
     assert find_refusal(question, active=False) is None
     assert bool(question.say) is (vehicle == "sparus")
 
 
-def test_a_serial_port_is_of_the_computer_that_listens(declaration: Declaration) -> None:
+def test_a_serial_port_is_of_the_computer_that_listens(declaration: Inventory) -> None:
     gps = {"driver": "nmea_serial", "device": "/dev/ttyUSB0", "baud": 4800, "seen_from": "laptop", "reports": 3}
     step = of(declaration, "sparus", gps)
     (question,) = stream(step).asks()
@@ -74,20 +74,20 @@ def test_a_serial_port_is_of_the_computer_that_listens(declaration: Declaration)
 
 
 @pytest.mark.parametrize(("gps", "host"), [({}, "coastal-router"), ({"seen_by": "coastal-cpe"}, "coastal-cpe")])
-def test_a_router_is_asked(declaration: Declaration, gps: dict[str, Any], host: str) -> None:
+def test_a_router_is_asked(declaration: Inventory, gps: dict[str, Any], host: str) -> None:
     step = of(declaration, "sparus", {"driver": "routeros", **gps})
     assert isinstance(step.probe, RouterosGps)
     assert (step.probe.host, step.concerns) == (host, (host,))
 
 
-def test_nothing_declared_is_a_persons_step(declaration: Declaration) -> None:
+def test_nothing_declared_is_a_persons_step(declaration: Inventory) -> None:
     step = of(declaration, "stork", declared=False)
     assert (step.name, step.kind, step.phase) == ("", ItemKind.PERSON, Phase.QUAY)
     assert "3D fix" in step.look_for
     assert "2D or 3D fix" in of(declaration, "sparus", declared=False).look_for
 
 
-def test_an_address_that_nobody_has_declared_is_told(declaration: Declaration) -> None:
+def test_an_address_that_nobody_has_declared_is_told(declaration: Inventory) -> None:
     site = declaration.sites["coastal"]
     lan = site.lan.model_copy(update={"reservations": ()})
     changed = replace(declaration, sites={**declaration.sites, "coastal": site.model_copy(update={"lan": lan})})

@@ -133,12 +133,12 @@ def garbage(question: Question, _answer: Answer) -> Answer:
     return (
         DhcpOffers(None)
         if isinstance(question, DhcpDiscoverRequest)
-        else LinkStatusResult(None, bearer={"state": "sideways"})
+        else LinkStatusResult(None, link={"state": "sideways"})
     )
 
 
 def wrong_shape(_question: Question, answer: Answer) -> Answer:
-    return LinkStatusResult(None, bearer=None) if not isinstance(answer, LinkStatusResult) else Rows(None, rows=())
+    return LinkStatusResult(None, link=None) if not isinstance(answer, LinkStatusResult) else Rows(None, rows=())
 
 
 def refused(question: Question, answer: Answer) -> Answer:

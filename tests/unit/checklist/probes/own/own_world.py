@@ -14,9 +14,9 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.environment import move
+from atlantis_netcfg.emulator.routeros.environment import update_surroundings
 from atlantis_netcfg.emulator.routeros.spec import Environment, Load, ManagementSpec, Radio, RouterSpec, User, Validity
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.routeros.render import router
 
 SITE = "coastal"
@@ -45,7 +45,7 @@ SAID: dict[probes.RouterOsQuery, probes.Rows] = {}
 
 
 @cache
-def declaration() -> Declaration:
+def declaration() -> Inventory:
     return load(Path(__file__).resolve().parents[5] / "inventory")
 
 
@@ -101,7 +101,7 @@ class World:
         around = Environment.model_validate(self.around)
         changed = self.clock != NOW or self.neighbours != NEIGHBOURS
         self.device = device(self.clock, self.neighbours) if changed else kept()
-        move(self.device.core, around.model_dump())
+        update_surroundings(self.device.core, around.model_dump())
         self.caller = self.device.login("provision", "", via="api-ssl", address="10.64.101.10")
         if self.script:
             assert self.device.run(self.caller, ["/safe-mode/take"])[-1].kind == "!done"
@@ -134,7 +134,7 @@ class World:
         if isinstance(question, probes.ReflectRequest):
             return self._reflected(question)
         assert isinstance(question, probes.LinkStatusRequest)
-        return probes.LinkStatusResult(None, "", self.looks[question.bearer])
+        return probes.LinkStatusResult(None, "", self.looks[question.link])
 
     def _of_segment(self, question: probes.DhcpDiscoverRequest | probes.RouterSolicitRequest) -> probes.Answer:
         if isinstance(question, probes.RouterSolicitRequest):

@@ -13,7 +13,7 @@ from atlantis_netcfg.checklist.runner.simulated._world import gateway_computer
 from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.emulator.linux import ComputerSpec, InterfaceSpec
 from atlantis_netcfg.emulator.linux._ip import iw
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.model import Gateway, GatewayAccessPoint, Router
 
 SHIPPED = load(Path(__file__).parents[5] / "inventory")
@@ -33,7 +33,7 @@ RADIO = GatewayAccessPoint.model_validate(
 VEHICLES = ("zarco", "stork", "mares")
 
 
-def declared() -> Declaration:
+def declared() -> Inventory:
     """The gateway opens a network, and the router none."""
     gateway, router = SHIPPED.hosts["coastal-gateway"], SHIPPED.hosts["coastal-router"]
     assert isinstance(gateway.device, Gateway)
@@ -45,7 +45,7 @@ def declared() -> Declaration:
     return replace(SHIPPED, hosts={**SHIPPED.hosts, **changed})
 
 
-def item(declaration: Declaration) -> Step | None:
+def item(declaration: Inventory) -> Step | None:
     made = steps(Cell(declaration, "coastal", None, "site"))
     return next((step for step in made if step.name == "access-point"), None)
 

@@ -9,20 +9,20 @@ from own_world import NETPLAN, SITE, World, computer, declaration, judged_here
 from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest, Step
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.computers.parts import computer_network
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory.model import AddressBy, ComputerNetwork, Gateway, NetworkTool, Poe, PoeMode, Router
 
 NETWORK = ComputerNetwork(by=NetworkTool.NETPLAN, interface="eth7")
 
 
-def with_gateway(**changes: Any) -> Declaration:  # noqa: ANN401 - fields of Gateway
+def with_gateway(**changes: Any) -> Inventory:  # noqa: ANN401 - fields of Gateway
     whole = declaration()
     host = whole.hosts[f"{SITE}-gateway"]
     device = host.device.model_copy(update=changes)
     return replace(whole, hosts={**whole.hosts, host.name: replace(host, device=device)})
 
 
-def own(whole: Declaration) -> tuple[Step, ...]:
+def own(whole: Inventory) -> tuple[Step, ...]:
     return judged_here(steps(Cell(whole, SITE, None, "site")))
 
 
@@ -100,7 +100,7 @@ def test_ports_that_feed_nobody_who_is_declared() -> None:
     assert of(world, "poe") == ["PASS no-fault: no port that feeds has a fault; no box is declared to be fed by one"]
 
 
-def certificates_of_scc(whole: Declaration) -> list[str]:
+def certificates_of_scc(whole: Inventory) -> list[str]:
     world = lines_of("/certificate", {"name": "atlantis-api", "invalid-after": "2036-11-18 10:00:00"})
     world.steps = tuple(one for one in steps(Cell(whole, "scc", None, "site")) if one.name == "certificates")
     return of(world, "certificates")

@@ -11,9 +11,9 @@ from hints_said import advised
 
 from atlantis_netcfg.checklist.probes import Answer, Cell, LinkRecordRequest, LinkRecordResult, Place, Step, Trouble
 from atlantis_netcfg.checklist.probes.site_checks import steps
-from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.checklist.runner import RealTransport
 from atlantis_netcfg.checklist.runner.simulated._world import healthy
-from atlantis_netcfg.checklist.runner.simulated.environment import RehearsedEars
+from atlantis_netcfg.checklist.runner.simulated.environment import RehearsedTransport
 from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.base.commands import COMMANDS, choose
@@ -21,8 +21,8 @@ from atlantis_netcfg.cli.base.commands import load as load_command
 from atlantis_netcfg.cli.base.syntax import parse
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.inventory.model import BearerKind
+from atlantis_netcfg.inventory import Inventory, load
+from atlantis_netcfg.inventory.model import LinkKind
 from atlantis_netcfg.links.qualify.archive import RECORD_FILE, folder_of, record_json
 from atlantis_netcfg.links.qualify.measured_run import SAMPLES_FILE, write_run
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
@@ -32,17 +32,17 @@ from atlantis_netcfg.runs import Store
 
 SHIPPED = load(Path(__file__).parents[5] / "inventory")
 NOW = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
-SATELLITE = MeasuredLink("satellite", BearerKind.SATELLITE)
+SATELLITE = MeasuredLink("satellite", LinkKind.SATELLITE)
 
 
-def declared(**settings: Any) -> Declaration:  # noqa: ANN401 - fields of the checklist's settings
+def declared(**settings: Any) -> Inventory:  # noqa: ANN401 - fields of the checklist's settings
     """The shipped pilot, with other settings of the checklist."""
     site = SHIPPED.sites["coastal"]
     site = site.model_copy(update={"checklist": site.checklist.model_copy(update=settings)})
     return replace(SHIPPED, sites={**SHIPPED.sites, "coastal": site})
 
 
-def item(declaration: Declaration, link: str = "satellite") -> Step:
+def item(declaration: Inventory, link: str = "satellite") -> Step:
     made = steps(Cell(declaration, "coastal", None, "site"))
     return next(step for step in made if step.name == f"link-qualified-{link}")
 
@@ -186,9 +186,9 @@ def put(state: Path, link: MeasuredLink, *, emulated: bool = False, rehearsed: b
     return place
 
 
-def ask(state: Path, declaration: Declaration = SHIPPED) -> LinkRecordResult:
+def ask(state: Path, declaration: Inventory = SHIPPED) -> LinkRecordResult:
     request = Request(state=state, mode=Mode.DRIFT, rehearsed=False)
-    ears = RealEars(declaration, "coastal", request)
+    ears = RealTransport(declaration, "coastal", request)
     heard: list[str] = []
     question = LinkRecordRequest("record", "coastal", "satellite")
     found = asyncio.run(ears.ask(Place.LAPTOP, None, [("key", question)], lambda key, _: heard.append(key)))
@@ -202,7 +202,7 @@ def test_the_newest_real_one_of_this_computer_is_read_and_judged_from_its_sample
     assert ask(tmp_path).record is None
     put(tmp_path, replace(SATELLITE, age=timedelta(days=3)), rehearsed=True)
     put(tmp_path, replace(SATELLITE, age=timedelta(hours=1)), emulated=True)
-    put(tmp_path, replace(SATELLITE, name="4g", kind=BearerKind.LTE))
+    put(tmp_path, replace(SATELLITE, name="4g", kind=LinkKind.LTE))
     assert ask(tmp_path).record is None, "nothing of it is a real measurement of this link"
     put(tmp_path, replace(SATELLITE, age=timedelta(days=9)))
     newest = put(tmp_path, replace(SATELLITE, age=timedelta(days=2), slower=1.2))
@@ -240,7 +240,7 @@ def test_a_rehearsal_measures_no_link_and_calls_none_good() -> None:
     world.link("4g", age=timedelta(days=60))
     world.link("wifi-ptp", slower=1.5)
     request = Request(state=Path("/EXAMPLE"), mode=Mode.DRIFT, rehearsed=True)
-    ears = RehearsedEars(RealEars(SHIPPED, "coastal", request), None, (), "coastal", world.links)
+    ears = RehearsedTransport(RealTransport(SHIPPED, "coastal", request), None, (), "coastal", world.links)
     for link, code in (("satellite", "not-measured"), ("4g", "stale"), ("wifi-ptp", "beyond-the-limit")):
         probe = item(declared(), link).probe
         assert probe is not None
@@ -259,5 +259,5 @@ def test_a_rehearsal_measures_no_link_and_calls_none_good() -> None:
 
 
 def test_a_rehearsal_has_a_measurement_of_every_kind_of_link_that_holds() -> None:
-    for kind in BearerKind:
+    for kind in LinkKind:
         assert MeasuredLink("EXAMPLE", kind).record("coastal", NOW).verdict is Verdict.PASS

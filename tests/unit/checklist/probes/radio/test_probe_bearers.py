@@ -10,43 +10,43 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusResult,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, _check_registration
+from atlantis_netcfg.checklist.probes.link_probe import LinkProbe, _check_registration
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe, _there
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links import LinkFinding
 
-REACHED = BearerFinding(
+REACHED = LinkFinding(
     Verdict.PASS, "reached", "VPN server (203.0.113.2 udp 1194) was reached after 35 s over the satellite"
 )
-REFUSED = BearerFinding(
+REFUSED = LinkFinding(
     Verdict.PASS, "refused", "second address (203.0.113.3) is refused by the router, nothing was sent"
 )
-NOT_TRIED = BearerFinding(
+NOT_TRIED = LinkFinding(
     Verdict.INCONCLUSIVE, "not-tried", "VPN server (203.0.113.2 udp 1194) could not be tried: no way"
 )
-LEAK = BearerFinding(
+LEAK = LinkFinding(
     Verdict.FAIL, "leak", "second address (203.0.113.3) is not allowed, and was reached", "provision the site"
 )
-QUIET = BearerFinding(
+QUIET = LinkFinding(
     Verdict.INCONCLUSIVE, "link-not-seen", "second address did not answer, nothing else was reached", "again"
 )
-UNSEEN = BearerFinding(
+UNSEEN = LinkFinding(
     Verdict.WARN, "terminal-not-looked-at", "nobody has looked at the terminal coastal-sat", "open its pages"
 )
 
 
 def looked(
-    kind: str, state: str = "up", findings: tuple[BearerFinding, ...] = (), **quality: str | float | None
+    kind: str, state: str = "up", findings: tuple[LinkFinding, ...] = (), **quality: str | float | None
 ) -> LinkStatusResult:
     """One bearer of `provision links --json`."""
     answered: dict[str, str | float | None] = {"loss_percent": 0} if state == "up" else {}
     quality |= {name: value for name, value in answered.items() if name not in quality}
     told = {"kind": kind, "state": state, "quality": quality, "findings": [one.as_dict() for one in findings]}
-    return LinkStatusResult(None, bearer={**told, "box": "coastal-box"})
+    return LinkStatusResult(None, link={**told, "box": "coastal-box"})
 
 
 def proved(
-    *findings: BearerFinding, seconds: float = 90.0, bill: str = "336 B, billed as 5.0 kB, 0.04 EUR"
+    *findings: LinkFinding, seconds: float = 90.0, bill: str = "336 B, billed as 5.0 kB, 0.04 EUR"
 ) -> dict[str, AllowListTestResult]:
     return {"prove": AllowListTestResult(None, findings=findings, seconds=seconds, bill=bill)}
 
@@ -78,7 +78,7 @@ BRIDGES = (
                 "wifi_ptp",
                 "up",
                 (
-                    BearerFinding(
+                    LinkFinding(
                         Verdict.WARN,
                         "signal-strong",
                         "coastal-cpe: scc-cpe is heard with -20 dBm, above -35 dBm: receivers saturate",
@@ -93,12 +93,12 @@ BRIDGES = (
         "a finding without a hint gets one",
         {
             "look": looked(
-                "wifi_ptp", "down", (BearerFinding(Verdict.FAIL, "device-unreachable", "coastal-cpe cannot be read"),)
+                "wifi_ptp", "down", (LinkFinding(Verdict.FAIL, "device-unreachable", "coastal-cpe cannot be read"),)
             )
         },
     ),
     Case("nobody says anything", {"look": looked("wifi_ptp", "unknown")}),
-    Case("garbage", {"look": LinkStatusResult(None, bearer={})}),
+    Case("garbage", {"look": LinkStatusResult(None, link={})}),
     Case("absent", AWAY),
     Case("the site has no such link", {"look": LinkStatusResult(None)}),
 )
@@ -116,7 +116,7 @@ UNITS = (
                 "lte",
                 "down",
                 (
-                    BearerFinding(
+                    LinkFinding(
                         Verdict.FAIL,
                         "roaming-not-allowed",
                         "coastal-4g: registered, but without data",
@@ -140,7 +140,7 @@ TERMINALS = (
             "look": looked(
                 "satellite",
                 "down",
-                (BearerFinding(Verdict.FAIL, "port-down", "port ether3 of the router has no link", "plug it in"),),
+                (LinkFinding(Verdict.FAIL, "port-down", "port ether3 of the router has no link", "plug it in"),),
                 port="ether3",
                 port_link="down",
             )
@@ -161,17 +161,17 @@ PROOFS = (
 
 @pytest.mark.parametrize("case", BRIDGES, ids=str)
 def test_bridge(case: Case) -> None:
-    check(case, LISTED["bridges"], BearerProbe("wifi-ptp"), BRIDGE)
+    check(case, LISTED["bridges"], LinkProbe("wifi-ptp"), BRIDGE)
 
 
 @pytest.mark.parametrize("case", UNITS, ids=str)
 def test_unit(case: Case) -> None:
-    check(case, LISTED["units"], BearerProbe("4g", _check_registration), UNIT)
+    check(case, LISTED["units"], LinkProbe("4g", _check_registration), UNIT)
 
 
 @pytest.mark.parametrize("case", TERMINALS, ids=str)
 def test_terminal(case: Case) -> None:
-    check(case, LISTED["terminals"], BearerProbe("satellite", _there), TERMINAL)
+    check(case, LISTED["terminals"], LinkProbe("satellite", _there), TERMINAL)
 
 
 @pytest.mark.parametrize("case", PROOFS, ids=str)
@@ -191,5 +191,5 @@ def test_every_code_of_ours_has_its_case() -> None:
 
 
 def test_one_question_serves() -> None:
-    assert BearerProbe("4g").asks() == (LinkStatusRequest("look", "4g"),)
+    assert LinkProbe("4g").asks() == (LinkStatusRequest("look", "4g"),)
     assert AllowListProbe("satellite", "coastal").asks() == (AllowListTestRequest("prove", "satellite"),)

@@ -9,8 +9,8 @@ import pytest
 from atlantis_netcfg.checklist.probes import Cell, Step
 from atlantis_netcfg.checklist.probes.registry import steps_of
 from atlantis_netcfg.checklist.report import ItemKind
-from atlantis_netcfg.inventory import Declaration
-from atlantis_netcfg.inventory.model import Bearer, Endpoints
+from atlantis_netcfg.inventory import Inventory
+from atlantis_netcfg.inventory.model import Endpoints, Link
 
 
 def told(steps: tuple[Step, ...]) -> list[tuple[str, str, tuple[str, ...]]]:
@@ -18,8 +18,8 @@ def told(steps: tuple[Step, ...]) -> list[tuple[str, str, tuple[str, ...]]]:
 
 
 def with_location(
-    declaration: Declaration, endpoints: Mapping[str, Any] | None = None, bearers: tuple[Bearer, ...] | None = None
-) -> Declaration:
+    declaration: Inventory, endpoints: Mapping[str, Any] | None = None, bearers: tuple[Link, ...] | None = None
+) -> Inventory:
     """The declaration with another location row, or with other links, of the coastal site."""
     site = declaration.sites["coastal"]
     location = site.location.model_copy(update={"endpoints": Endpoints.model_validate(endpoints or {})})
@@ -28,7 +28,7 @@ def with_location(
     return replace(declaration, sites={**declaration.sites, "coastal": changed})
 
 
-def test_a_vehicle_is_seen_where_its_endpoint_is_declared(declaration: Declaration) -> None:
+def test_a_vehicle_is_seen_where_its_endpoint_is_declared(declaration: Inventory) -> None:
     sparus = steps_of(Cell(declaration, "coastal", "sparus", "wifi"))
     assert told(sparus) == [("", "automatic", ("coastal-gateway",))]
     assert sparus[0].title == "Access point of Sparus is heard well, and answers without loss"
@@ -42,7 +42,7 @@ def test_a_vehicle_is_seen_where_its_endpoint_is_declared(declaration: Declarati
     assert steps_of(Cell(declaration, "coastal", "eca-rov", "wifi")) == ()
 
 
-def test_a_location_has_its_bearers(declaration: Declaration) -> None:
+def test_a_location_has_its_bearers(declaration: Inventory) -> None:
     def of(endpoint: str) -> list[tuple[str, str, tuple[str, ...]]]:
         return told(steps_of(Cell(declaration, "coastal", None, endpoint)))
 
@@ -56,7 +56,7 @@ def test_a_location_has_its_bearers(declaration: Declaration) -> None:
     ]
 
 
-def test_a_second_link_of_a_kind_has_a_name(declaration: Declaration) -> None:
+def test_a_second_link_of_a_kind_has_a_name(declaration: Inventory) -> None:
     bearers = declaration.sites["coastal"].bearers
     twice = tuple(two for one in bearers for two in (one, one.model_copy(update={"name": f"{one.name}-b"})))
     changed = with_location(declaration, bearers=twice)
@@ -75,7 +75,7 @@ def test_a_second_link_of_a_kind_has_a_name(declaration: Declaration) -> None:
     ]
 
 
-def test_a_location_has_its_own_endpoints_beside(declaration: Declaration) -> None:
+def test_a_location_has_its_own_endpoints_beside(declaration: Inventory) -> None:
     ends = {"wifi": {"role": "station", "seen_by": "coastal-cpe"}, "ethernet": {"router_port": "ether4"}}
     changed = with_location(declaration, ends)
     wifi = steps_of(Cell(changed, "coastal", None, "wifi"))
@@ -87,7 +87,7 @@ def test_a_location_has_its_own_endpoints_beside(declaration: Declaration) -> No
 
 
 @pytest.mark.parametrize("endpoint", ["wifi", "satellite", "4g", "ethernet"])
-def test_without_a_link_a_person_looks(declaration: Declaration, endpoint: str) -> None:
+def test_without_a_link_a_person_looks(declaration: Inventory, endpoint: str) -> None:
     changed = with_location(declaration, bearers=())
     (step,) = steps_of(Cell(changed, "coastal", None, endpoint))
     assert step.kind is ItemKind.PERSON
@@ -96,20 +96,20 @@ def test_without_a_link_a_person_looks(declaration: Declaration, endpoint: str) 
 
 
 @pytest.mark.parametrize("endpoint", ["satellite", "4g"])
-def test_a_vehicle_with_a_long_haul_link_is_for_a_person(declaration: Declaration, endpoint: str) -> None:
+def test_a_vehicle_with_a_long_haul_link_is_for_a_person(declaration: Inventory, endpoint: str) -> None:
     (step,) = steps_of(Cell(declaration, "coastal", "stork", endpoint))
     assert step.kind is ItemKind.PERSON
     assert "Stork" in step.title
 
 
-def test_the_proof_is_consented_to_with_its_cost(declaration: Declaration) -> None:
+def test_the_proof_is_consented_to_with_its_cost(declaration: Inventory) -> None:
     proof = steps_of(Cell(declaration, "coastal", None, "satellite"))[1]
     assert proof.consent is not None
     assert proof.consent.cost
     assert "90 s" in proof.consent.prompt
 
 
-def test_what_the_terminal_may_let_through_is_listed(declaration: Declaration) -> None:
+def test_what_the_terminal_may_let_through_is_listed(declaration: Inventory) -> None:
     firewall = steps_of(Cell(declaration, "coastal", None, "satellite"))[2]
     vpn = declaration.pilot.vpn
     assert f"VPN server ({vpn.endpoint} udp {vpn.port})" in firewall.look_for

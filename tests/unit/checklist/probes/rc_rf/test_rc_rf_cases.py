@@ -16,7 +16,7 @@ from atlantis_netcfg.checklist.probes import Cell, Listen, Place, ProbeResult, S
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, StickMovementProbe, steps
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.inventory.model import Endpoints
 
 LISTED: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("rc_cases.yml").read_text(encoding="utf-8"))
@@ -134,7 +134,7 @@ def test_no_datagram_makes_the_reader_fail(datagrams: list[bytes]) -> None:
 # Which items the column makes of a declaration.
 
 
-def of(declaration: Declaration, vehicle: str, endpoints: dict[str, object] | None = None) -> tuple[Step, ...]:
+def of(declaration: Inventory, vehicle: str, endpoints: dict[str, object] | None = None) -> tuple[Step, ...]:
     if endpoints is not None:
         one = declaration.vehicles[vehicle].model_copy(update={"endpoints": Endpoints.model_validate(endpoints)})
         declaration = replace(declaration, vehicles={**declaration.vehicles, vehicle: one})
@@ -145,7 +145,7 @@ def told(made: tuple[Step, ...]) -> list[tuple[str, ItemKind, Phase]]:
     return [(step.name, step.kind, step.phase) for step in made]
 
 
-def test_a_stream_is_listened_to_sticks_need_consent_and_the_rest_is_a_persons(declaration: Declaration) -> None:
+def test_a_stream_is_listened_to_sticks_need_consent_and_the_rest_is_a_persons(declaration: Inventory) -> None:
     made = of(declaration, "stork")
     assert told(made) == [
         ("", ItemKind.AUTOMATIC, Phase.BENCH),
@@ -165,7 +165,7 @@ def test_a_stream_is_listened_to_sticks_need_consent_and_the_rest_is_a_persons(d
     assert consent.prompt.startswith("ask the pilot of Stork to move both sticks")
 
 
-def test_a_vehicle_without_a_stream_has_a_persons_steps_only(declaration: Declaration) -> None:
+def test_a_vehicle_without_a_stream_has_a_persons_steps_only(declaration: Inventory) -> None:
     made = of(declaration, "stork", {})
     assert told(made) == [
         ("", ItemKind.PERSON, Phase.BENCH),
@@ -176,7 +176,7 @@ def test_a_vehicle_without_a_stream_has_a_persons_steps_only(declaration: Declar
     assert "30 m" in made[-1].do
 
 
-def test_the_declared_values_are_those_of_the_probe(declaration: Declaration) -> None:
+def test_the_declared_values_are_those_of_the_probe(declaration: Inventory) -> None:
     made = of(declaration, "stork", {"rc_rf": {"port": 14560, "system_id": 7, "rssi_low": 90, "seen_from": "laptop"}})
     wanted = RcExpectation("Stork", "this computer", 14560, 7, 90, "10.64.1.24")
     assert made[0].probe == RcHeard(wanted, Place.LAPTOP)

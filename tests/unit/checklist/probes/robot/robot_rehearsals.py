@@ -6,12 +6,12 @@ from pathlib import Path
 
 from atlantis_netcfg.checklist import Checklist, PlanEntry
 from atlantis_netcfg.checklist.report import Item, ItemKind
-from atlantis_netcfg.checklist.runner import RealEars, examine
+from atlantis_netcfg.checklist.runner import RealTransport, examine
 from atlantis_netcfg.checklist.runner.simulated import FAULTS
 from atlantis_netcfg.checklist.runner.simulated._world import World, healthy
-from atlantis_netcfg.checklist.runner.simulated.environment import RehearsedEars
+from atlantis_netcfg.checklist.runner.simulated.environment import RehearsedTransport
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import Inventory
 from atlantis_netcfg.operations.common.request import Mode, Request
 
 NOWHERE = Request(state=Path("/EXAMPLE"), mode=Mode.DRIFT, rehearsed=True)
@@ -29,12 +29,12 @@ def probed(listed: Checklist, endpoint: str) -> list[PlanEntry]:
 
 
 def asked(
-    declaration: Declaration, entries: Sequence[PlanEntry], spoil: Callable[[World], None] | None = None
+    declaration: Inventory, entries: Sequence[PlanEntry], spoil: Callable[[World], None] | None = None
 ) -> dict[str, Item]:
     world = healthy(declaration, "coastal")
     if spoil is not None:
         spoil(world)
-    ears = RehearsedEars(RealEars(declaration, "coastal", NOWHERE), None, (), "coastal", {}, world.robots)
+    ears = RehearsedTransport(RealTransport(declaration, "coastal", NOWHERE), None, (), "coastal", {}, world.robots)
     return {item.id: item for item in asyncio.run(examine(entries, ears, lambda _: None))}
 
 

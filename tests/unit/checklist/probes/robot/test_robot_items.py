@@ -32,7 +32,7 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.probes.base import ProbeResult
 from atlantis_netcfg.checklist.report import ItemKind
-from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.checklist.runner import RealTransport
 from atlantis_netcfg.checklist.runner.robots import vpn_members
 from atlantis_netcfg.checklist.runner.simulated import FAULTS
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
@@ -42,7 +42,7 @@ from atlantis_netcfg.cli.base.commands import load as load_command
 from atlantis_netcfg.cli.base.syntax import parse
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory._yaml import SealedSecret
 from atlantis_netcfg.inventory.model.robot import TopicKind
 from atlantis_netcfg.inventory.robots import reading
@@ -58,7 +58,7 @@ OF_SPARUS = tuple(
 
 
 @pytest.fixture(scope="module")
-def coastal(declaration: Declaration) -> Checklist:
+def coastal(declaration: Inventory) -> Checklist:
     return plan(declaration, "coastal")
 
 
@@ -84,7 +84,7 @@ def codes(found: ProbeResult) -> list[str]:
 
 def test_every_finding_about_robots_belongs_to_one_item() -> None:
     text = Path(observed.__file__).read_text(encoding="utf-8")
-    said = set(re.findall(r'BearerFinding\(\s*(?:Verdict\.\w+|verdict),\s*f?"([a-z-]+)', text))
+    said = set(re.findall(r'LinkFinding\(\s*(?:Verdict\.\w+|verdict),\s*f?"([a-z-]+)', text))
     said = (said - {"topic-rate-"}) | {"topic-rate-above", "topic-rate-below"}
     assert said == set(robot.ITEM_OF)
     assert {robot.item_of("topic-silent", kind) for kind in TopicKind if kind.moves} == {robot.RobotItem.POSE}
@@ -92,7 +92,7 @@ def test_every_finding_about_robots_belongs_to_one_item() -> None:
     assert robot.item_of("topic-rate-above", TopicKind.POSE) is robot.RobotItem.RATES
 
 
-def test_every_item_of_honest_robots_passes(declaration: Declaration, coastal: Checklist) -> None:
+def test_every_item_of_honest_robots_passes(declaration: Inventory, coastal: Checklist) -> None:
     items = asked(declaration, probed(coastal, "robot"))
     assert len(items) == 6 * 6 - 1 + 1, "the pose of one goes through the library, and the site has one of its own"
     assert {item.verdict for item in items.values()} == {Verdict.PASS}
@@ -101,7 +101,7 @@ def test_every_item_of_honest_robots_passes(declaration: Declaration, coastal: C
 
 
 @pytest.mark.parametrize("fault", OF_ROBOTS)
-def test_a_fault_turns_exactly_its_items(declaration: Declaration, coastal: Checklist, fault: str) -> None:
+def test_a_fault_turns_exactly_its_items(declaration: Inventory, coastal: Checklist, fault: str) -> None:
     entries = probed(coastal, "robot")
     items, well = asked(declaration, entries, FAULTS[fault].spoil), asked(declaration, entries)
     changed = turned(items, well)
@@ -121,7 +121,7 @@ def test_one_listening_serves_all_items(coastal: Checklist) -> None:
     }
 
 
-def test_the_files_are_read_once_for_a_list(declaration: Declaration) -> None:
+def test_the_files_are_read_once_for_a_list(declaration: Inventory) -> None:
     with patch(f"{reading.__name__}.read_declared", wraps=reading.read_declared) as read:
         plan(declaration, "coastal")
     assert read.call_count == 1
@@ -146,7 +146,7 @@ def test_what_could_not_be_asked_is_never_green(coastal: Checklist) -> None:
     assert (found.verdict, codes(found)) == (Verdict.INCONCLUSIVE, ["not-asked"])
 
 
-def test_topics_of_which_none_was_heard_have_no_rate(declaration: Declaration, coastal: Checklist) -> None:
+def test_topics_of_which_none_was_heard_have_no_rate(declaration: Inventory, coastal: Checklist) -> None:
     silent = SimulatedRobots.honest(declaration, "coastal").here
     silent.writers = [row for row in silent.writers if row.participant != "sparus"]
     found = judged(coastal, "sparus/robot/rates", heard(silent))
@@ -154,7 +154,7 @@ def test_topics_of_which_none_was_heard_have_no_rate(declaration: Declaration, c
     assert codes(judged(coastal, "sparus/robot/telemetry", heard(silent))) == ["topic-missing"] * 5
 
 
-def test_a_configuration_with_fewer_topics_hides_none_of_the_file(declaration: Declaration, coastal: Checklist) -> None:
+def test_a_configuration_with_fewer_topics_hides_none_of_the_file(declaration: Inventory, coastal: Checklist) -> None:
     seen = SimulatedRobots.honest(declaration, "coastal").here
     (row,) = (each for each in seen.configurations if each.writer.participant == "sparus")
     row.text = row.text.replace(b"    - {topic: leak, label: Leak}\n", b"")
@@ -163,7 +163,7 @@ def test_a_configuration_with_fewer_topics_hides_none_of_the_file(declaration: D
     assert codes(judged(coastal, "sparus/robot/discovered", heard(seen))) == ["configuration-differs"]
 
 
-def test_a_token_that_nobody_has_opened_is_a_warning(declaration: Declaration) -> None:
+def test_a_token_that_nobody_has_opened_is_a_warning(declaration: Inventory) -> None:
     listed = plan(declaration, "coastal")
     (files,) = {id(entry.cell.robots): entry.cell.robots for entry in listed.entries}.values()
     assert files is not None
@@ -240,7 +240,7 @@ def test_the_robots_own_member_is_connected(coastal: Checklist, case: str) -> No
     assert (found.verdict, codes(found)) == (verdict, [code])
 
 
-def test_a_robot_that_is_neither_in_the_vpn_nor_in_the_lan_fails(declaration: Declaration) -> None:
+def test_a_robot_that_is_neither_in_the_vpn_nor_in_the_lan_fails(declaration: Inventory) -> None:
     site = declaration.sites["coastal"]
     bare = site.model_copy(update={"lan": site.lan.model_copy(update={"reservations": ()})})
     listed = plan(replace(declaration, sites={**declaration.sites, "coastal": bare}), "coastal")
@@ -283,13 +283,13 @@ def test_a_vehicle_without_a_file_is_named_in_a_note(inventory: Path) -> None:
     assert not [entry for entry in without.entries if entry.item.endpoint == "robot"]
 
 
-def test_guests_have_no_items_of_robots(declaration: Declaration) -> None:
+def test_guests_have_no_items_of_robots(declaration: Inventory) -> None:
     guest = declaration.vehicles["sparus"].model_copy(update={"guest": True, "partner": "iqua"})
     listed = plan(replace(declaration, vehicles={**declaration.vehicles, "sparus": guest}), "coastal")
     assert not [entry for entry in listed.entries if entry.item.id.startswith("sparus/robot")]
 
 
-def test_without_a_control_centre_a_person_looks(declaration: Declaration) -> None:
+def test_without_a_control_centre_a_person_looks(declaration: Inventory) -> None:
     hosts = {key: host for key, host in declaration.hosts.items() if key != "scc-control"}
     files = robot_files.RobotFiles.read(declaration, "coastal")
     cell = Cell(replace(declaration, hosts=hosts), "coastal", "sparus", "robot", robots=files)
@@ -298,7 +298,7 @@ def test_without_a_control_centre_a_person_looks(declaration: Declaration) -> No
     assert step.do.startswith("No control centre is declared")
 
 
-def test_the_real_site_says_why_it_could_not_ask(declaration: Declaration) -> None:
+def test_the_real_site_says_why_it_could_not_ask(declaration: Inventory) -> None:
     """No packet leaves for the addresses of an example."""
     request = NOWHERE.model_copy(update={"rehearsed": False})
     questions: list[tuple[str, Question]] = [
@@ -307,7 +307,7 @@ def test_the_real_site_says_why_it_could_not_ask(declaration: Declaration) -> No
         ("vpn", VpnMembersRequest("vpn")),
     ]
     came: list[str] = []
-    ears = RealEars(declaration, "coastal", request)
+    ears = RealTransport(declaration, "coastal", request)
     answers = asyncio.run(ears.ask(Place.LAPTOP, None, questions, lambda key, _: came.append(key)))
     assert sorted(came) == sorted(answers) == ["here", "there", "vpn"]
     assert {answer.trouble for answer in answers.values()} == {Trouble.NO_PLACE}
@@ -344,7 +344,7 @@ def record(*members: tuple[str, str | None, tuple[Certificate, ...]]) -> SimpleN
 
 
 @pytest.mark.parametrize("is_live", [True, False])
-def test_who_is_connected_is_the_servers_word_of_now(declaration: Declaration, *, is_live: bool) -> None:
+def test_who_is_connected_is_the_servers_word_of_now(declaration: Inventory, *, is_live: bool) -> None:
     """A certificate that was revoked, a handshake, and sessions that the server has written down long ago: none."""
     good, gone = CertificateStatus.SEEN, CertificateStatus.REVOKED
     authority = record(
@@ -374,7 +374,7 @@ def test_who_is_connected_is_the_servers_word_of_now(declaration: Declaration, *
     )
 
 
-def test_what_is_advised_can_be_typed(declaration: Declaration, coastal: Checklist) -> None:
+def test_what_is_advised_can_be_typed(declaration: Inventory, coastal: Checklist) -> None:
     seen = SimulatedRobots.honest(declaration, "coastal").here
     (depth,) = (row for row in seen.writers if row.topic == "/sparus/depth")
     depth.messages = 2

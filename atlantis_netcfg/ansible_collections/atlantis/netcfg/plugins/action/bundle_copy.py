@@ -45,9 +45,9 @@ class ActionModule(ZipappAction):
         bundle = self._open_bundle()
         if host not in bundle.manifest.hosts:
             raise AnsibleActionFail(f"the bundle was made for {', '.join(bundle.manifest.hosts)}, and not for {host}")
-        values = self._ask(bundle, None, variables)
+        values = self._query_status(bundle, None, variables)
         if not values.get("failed") and not values["known"]:
-            values = self._ask(bundle, host, variables)
+            values = self._query_status(bundle, host, variables)
         carried_bytes = 0
         if not values.get("failed") and values["missing"]:
             carried_bytes, values = self._send(bundle, host, values, variables)
@@ -68,15 +68,15 @@ class ActionModule(ZipappAction):
             hint = f"\n{error.hint}" if error.hint else ""
             raise AnsibleActionFail(f"{error}{hint}") from error
 
-    def _ask(self, bundle: Bundle, host: str | None, variables: dict[str, Any]) -> dict[str, Any]:
+    def _query_status(self, bundle: Bundle, host: str | None, variables: dict[str, Any]) -> dict[str, Any]:
         """Query the bundle's state on the board; with `host`, also send the board the list of the bundle's files."""
         arguments: dict[str, Any] = {"id": bundle.manifest.id}
         if host is not None:
             files = bundle.manifest.of(host).items()
             arguments["files"] = [{"path": path, "size": file.size, "sha256": file.sha256} for path, file in files]
-        return self.thin("bundle", arguments, variables)
+        return self.run_module("bundle", arguments, variables)
 
-    def _refuse_unpaid(self, size: int, variables: dict[str, Any]) -> None:
+    def _require_consent(self, size: int, variables: dict[str, Any]) -> None:
         """Raise an error if the transfer goes over a metered link without the user's consent."""
         from atlantis_netcfg.operations.common.costs import accepting  # noqa: PLC0415 - Ansible imports every action plugin
         from atlantis_netcfg.operations.common.request import PLAIN_ANSIBLE, of_variables  # noqa: PLC0415 - as above
@@ -101,9 +101,9 @@ class ActionModule(ZipappAction):
         size = bytes_to_carry(bundle, host, there)
         if self._task.check_mode:
             return size, values
-        self._refuse_unpaid(size, variables)
+        self._require_consent(size, variables)
         try:
-            with temporary.folder("carry", temporary.roomy()) as folder:
+            with temporary.folder("carry", temporary.large_temp_dir()) as folder:
                 archive = folder / "archive"
                 bundle.pack(host, missing_hashes, archive)
                 self._connection.put_file(str(archive), values["upload"])
@@ -114,10 +114,11 @@ class ActionModule(ZipappAction):
             ) from error
         except OSError as error:
             raise AnsibleActionFail(
-                f"what is to be carried cannot be put together in {temporary.roomy()}: {error.strerror or error}\n"
+                f"what is to be carried cannot be put together in {temporary.large_temp_dir()}: "
+                f"{error.strerror or error}\n"
                 f"make room for {_size(size)} there, on this computer"
             ) from error
-        answer = self._ask(bundle, host, variables)
+        answer = self._query_status(bundle, host, variables)
         if not answer.get("failed") and not answer["ready"]:
             raise AnsibleActionFail(
                 f"{len(answer['missing'])} files of the bundle did not arrive whole on {host}\ntype the same again"

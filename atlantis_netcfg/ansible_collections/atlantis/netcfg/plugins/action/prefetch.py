@@ -75,9 +75,9 @@ class ActionModule(zipapp_action.ZipappAction):
         self, path: Path, host_vars: dict[str, Any], scope: dict[str, Any]
     ) -> Iterator[tuple[str, dict[str, Any]]]:
         tasks = self._loader.load_from_file(str(path), trusted_as_template=True)
-        return self._of_block({"block": tasks}, path.parent, host_vars, scope)
+        return self._block_calls({"block": tasks}, path.parent, host_vars, scope)
 
-    def _of_block(
+    def _block_calls(
         self, block: Mapping[str, Any], folder: Path, host_vars: dict[str, Any], scope: Mapping[str, Any]
     ) -> Iterator[tuple[str, dict[str, Any]]]:
         """Yield the calls of a block; put registered `desired_state` results in `host_vars`; `scope` has the `vars`."""
@@ -88,7 +88,7 @@ class ActionModule(zipapp_action.ZipappAction):
             if not _applies(task, templar):
                 continue
             if "block" in task:
-                yield from self._of_block(task, folder, host_vars, variables)
+                yield from self._block_calls(task, folder, host_vars, variables)
             elif (file := task.get("ansible.builtin.include_tasks")) is not None:
                 yield from self._of_file(folder / file, host_vars, variables)
             for action in task:

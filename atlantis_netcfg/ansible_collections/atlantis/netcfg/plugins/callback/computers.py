@@ -19,7 +19,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.en
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.computers._watch import Watch
 
 DOCUMENTATION = """
@@ -69,14 +69,14 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         over = {name for pattern in play.hosts for name in pattern.split(":")}
         if self._watch is not None or not over.intersection(GROUPS) or not hosts:
             return
-        from atlantis_netcfg.operations.common.play_control import when_cut_off  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.common.play_control import on_interrupt  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.common.request import Request, of_variables  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.computers._watch import Watch  # noqa: PLC0415 - Ansible imports every plugin
 
         variables = manager.get_vars(play=play, host=hosts[0])
         request = Request.model_validate(of_variables(variables))
         self._watch = Watch(inventory_of(variables), request, plan_only=bool(context.CLIARGS.get("check")))
-        when_cut_off(self._watch.cut_off)
+        on_interrupt(self._watch.cut_off)
         self._watch.begin([host.name for host in hosts])
 
     def _begin(self, manager: Any, play: Any) -> None:  # noqa: ANN401
@@ -89,27 +89,27 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         variables = manager.get_vars(play=play, host=hosts[0]) if hosts else {}
         if not hosts or not inventory_of(variables).is_dir():
             return
-        from atlantis_netcfg.operations.common.request import REHEARSE_VARIABLE, declaration_of, of_variables  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.common.request import REHEARSE_VARIABLE, of_variables, open_inventory  # noqa: PLC0415 - as above
 
-        declaration = declaration_of(inventory_of(variables))
+        inventory = open_inventory(inventory_of(variables))
         if (
             REHEARSE_VARIABLE in variables
             and not variables.get("atlantis_request")
             and of_variables(variables)["rehearsed"]
         ):
-            self._rehearse(manager, declaration, [declaration.hosts[host.name] for host in hosts])
+            self._rehearse(manager, inventory, [inventory.hosts[host.name] for host in hosts])
 
-    def _rehearse(self, manager: Any, declaration: Declaration, hosts: Sequence[Host]) -> None:  # noqa: ANN401
+    def _rehearse(self, manager: Any, inventory: Inventory, hosts: Sequence[Host]) -> None:  # noqa: ANN401
         """Start emulated devices until the playbook ends, and leave out hosts that have no emulator."""
         from atlantis_netcfg.operations.common.rehearsal import rehearsal  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.common.request import Request  # noqa: PLC0415 - as above
 
-        twins = self._emulators.enter_context(rehearsal(declaration, hosts))
+        emulators = self._emulators.enter_context(rehearsal(inventory, hosts))
         atexit.register(self._emulators.close)
-        for name, why in twins.left_out.items():
+        for name, why in emulators.left_out.items():
             self._display.warning(f"not rehearsed: {name}: {why}")
-        manager._inventory.subset(",".join(host.name for host in hosts if host.name not in twins.left_out))  # noqa: SLF001
-        request = Request(rehearsed=True, **twins.request_fields)
+        manager._inventory.subset(",".join(host.name for host in hosts if host.name not in emulators.left_out))  # noqa: SLF001
+        request = Request(rehearsed=True, **emulators.request_fields)
         manager.extra_vars["atlantis_request"] = request.model_dump(mode="json", exclude_defaults=True)
 
     def v2_runner_on_start(self, host: Any, task: Any) -> None:  # noqa: ANN401

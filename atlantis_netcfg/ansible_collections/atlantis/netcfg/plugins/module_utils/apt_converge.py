@@ -12,14 +12,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Callable, Collection, Mapping, Sequence
 
-from .apt_messages import of_install, of_update, others
-from .apt_run import Apt, InstalledPackage, fits, half_done, list_installed, refuse_another_system, wait_for_others
+from .apt_messages import explain_install_failure, explain_update_failure, other_source_notes
+from .apt_run import (
+    Apt,
+    InstalledPackage,
+    half_done,
+    list_installed,
+    refuse_another_system,
+    version_matches,
+    wait_for_others,
+)
 from .apt_sources import AptKey, Sources, check_key
 from .errors import ModuleError
 
 _ARCHIVES = "/var/cache/apt/archives"
 _SPARE_BYTES = 32 * 1024 * 1024
-"""dpkg's database, logs, and what the scripts of packages make."""
+"""Spare bytes for dpkg's database, logs and files that package scripts create."""
 _INST = re.compile(r"^Inst (?P<name>\S+) (?:\[\S*\] )?\((?P<version>\S+) .*\)", re.MULTILINE)
 _URI = re.compile(r"^'(?P<scheme>[a-z+]+):[^']*' (?P<file>\S+) (?P<bytes>\d+)", re.MULTILINE)
 
@@ -29,9 +37,9 @@ class AptCosts:
     """Cost of an apt run, in bytes."""
 
     download: int
-    """Over the network: not what lies on the computer already."""
+    """Bytes to fetch from the network, without what is on the computer already."""
     room: int
-    """What the packages take when they are installed."""
+    """Bytes that the installed packages need."""
 
 
 def to_install(text: str) -> dict[str, str]:
@@ -50,7 +58,7 @@ def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> Ap
     return AptCosts(download, kilobytes * 1024)
 
 
-def bytes_of_lists(apt: Apt) -> int | None:
+def max_lists_download(apt: Apt) -> int | None:
     """Estimate the largest download of an update from the sources' last InRelease files; None if unknown."""
     folder = Path(apt.tree.at(apt.lists))
     total_bytes = 0
@@ -77,14 +85,14 @@ def refuse_if_full(apt: Apt, costs: AptCosts) -> None:
         free = result.f_bavail * result.f_frsize
         if free < size:
             raise ModuleError(
-                f"the disk of the computer is too full: {in_words(size)} are needed at {place}, "
-                f"{in_words(free)} are free",
+                f"the disk of the computer is too full: {format_size(size)} are needed at {place}, "
+                f"{format_size(free)} are free",
                 "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; "
                 "`df -h` tells where it is full",
             )
 
 
-def in_words(size: int) -> str:
+def format_size(size: int) -> str:
     """Format a size for a person, in decimal units as mobile network contracts count."""
     for unit, factor in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
         if size >= factor:
@@ -113,11 +121,11 @@ class DesiredPackages:
     codename: str | None = None
     distribution: str | None = None
     architectures: Sequence[str] = ()
-    """Empty: any."""
+    """Accepted architectures; empty: any."""
     limit_bytes: int | None = None
-    """More is not downloaded."""
+    """Maximum download in bytes."""
     limit_words: str = ""
-    """Why: the link in use and what it costs."""
+    """Reason for `limit_bytes`: the link in use and what it costs."""
 
 
 @dataclass
@@ -127,9 +135,9 @@ class AptOutcome:
     changes: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
-    """Of the declared packages, as dpkg tells them."""
+    """Versions of the declared packages, as reported by dpkg."""
     also: dict[str, str] = field(default_factory=dict)
-    """What came with them."""
+    """Versions of the other packages that were installed with them."""
     download_bytes: int = 0
 
 
@@ -145,7 +153,7 @@ class AptConvergence:
         self.clock = clock
         self.outcome = AptOutcome()
         self._before: dict[str, InstalledPackage] | None = None
-        """What was there when the first change was made."""
+        """Installed packages before the first change was made."""
 
     def run(self, *, check: bool) -> AptOutcome:
         """Read the current state and, unless `check` is set, install what is missing. Raises ModuleError."""
@@ -153,14 +161,14 @@ class AptConvergence:
         before = list_installed(self.apt)
         half_installed = half_done(self.apt, before)
         missing = self._missing(before)
-        files = [*self.sources.changed_paths, *self.sources.in_the_way]
+        files = [*self.sources.changed_paths, *self.sources.conflicting_paths]
         self.outcome.changes += [f"package {package.name} was half installed, mended" for package in half_installed]
         self.outcome.changes += [f"file {path}" for path in files]
         if check:
             self._forecast(missing, ready=not files and not half_installed)
         elif half_installed or files or missing or self._stale:
             self._converge(half_installed, before)
-        self._tell(before, check=check)
+        self._verify(before, check=check)
         return self.outcome
 
     def list_changes(self) -> list[str]:
@@ -192,7 +200,7 @@ class AptConvergence:
         missing = {}
         for name, version in self.desired_packages.packages.items():
             is_now = packages.get(name)
-            if is_now is not None and is_now.is_installed and fits(is_now.version, version):
+            if is_now is not None and is_now.is_installed and version_matches(is_now.version, version):
                 continue
             if is_now is not None and is_now.is_installed and is_now.is_held:
                 raise ModuleError(
@@ -217,36 +225,38 @@ class AptConvergence:
         self.apt.ready()
         self.sources.write()
         missing = self._missing(list_installed(self.apt) if half_installed else before)
-        if missing and not self._lists_do(missing):
+        if missing and not self._current_lists_suffice(missing):
             self._afford_lists()
             self._update()
         elif self._stale and self.desired_packages.limit_bytes is None:
             self._update()
         if half_installed or missing:
-            self._mend(missing)
+            self._repair(missing)
         if missing:
             self._refuse_unknown(missing)
-            self._act(self._install(missing), list(missing))
+            self._run_apt(self._install(missing), list(missing))
 
-    def _lists_do(self, missing: Mapping[str, str | None]) -> bool:
+    def _current_lists_suffice(self, missing: Mapping[str, str | None]) -> bool:
         """Return whether metered data can be saved: the current lists already offer all missing packages."""
         if self.desired_packages.limit_bytes is None or not self.sources.is_updated:
             return False
         versions = self._available_versions(missing)
-        return all(any(fits(item, version) for item in versions.get(name, ())) for name, version in missing.items())
+        return all(
+            any(version_matches(item, version) for item in versions.get(name, ())) for name, version in missing.items()
+        )
 
     def _afford_lists(self) -> None:
         limit = self.desired_packages.limit_bytes
-        size = bytes_of_lists(self.apt) if self.apt.bundle is None else 0
+        size = max_lists_download(self.apt) if self.apt.bundle is None else 0
         if limit is not None and (size is None or size > limit):
             self.sources.take_back()
-            text = "an unknown size, mostly 10 to 40 MB" if size is None else f"up to {in_words(size)}"
+            text = "an unknown size, mostly 10 to 40 MB" if size is None else f"up to {format_size(size)}"
             raise self._too_dear(f"the lists of packages have to be fetched first: {text}")
 
     def _too_dear(self, what: str) -> ModuleError:
         why = f" ({self.desired_packages.limit_words})" if self.desired_packages.limit_words else ""
         return ModuleError(
-            f"{what}; {in_words(self.desired_packages.limit_bytes or 0)} are agreed{why}. "
+            f"{what}; {format_size(self.desired_packages.limit_bytes or 0)} are agreed{why}. "
             "Nothing was downloaded for it",
             "type the same with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true); or bring the packages:"
             " `provision bundle site=…`, then `--offline`",
@@ -260,15 +270,15 @@ class AptConvergence:
             self.apt.drop_lists(only_empty=False)
             result = self.apt.update()
         urls = [f"file:{self.apt.bundle}"] if self.apt.bundle is not None else self.sources.urls
-        why = of_update(result.output, result.code, urls, self.apt.architecture)
+        why = explain_update_failure(result.output, result.code, urls, self.apt.architecture)
         if why is not None:
             self.sources.take_back()
             raise why
-        self.outcome.notes += others(result.output, urls)
+        self.outcome.notes += other_source_notes(result.output, urls)
         if self.apt.bundle is None:
             self.sources.note()
 
-    def _mend(self, missing: Collection[str]) -> None:
+    def _repair(self, missing: Collection[str]) -> None:
         """Repair what dpkg alone could not: packages that need others, or whose unpacking was interrupted.
 
         A package of `missing` that cannot be configured may still be replaced by its desired version.
@@ -278,13 +288,13 @@ class AptConvergence:
                 continue
             again = [*_INSTALL, "--reinstall", "install", package.name]
             if self.apt.get("-s", "--yes", *again).code == 0:
-                self._act(again, [package.name])
+                self._run_apt(again, [package.name])
             else:
                 self.apt.run("dpkg", "--remove", "--force-remove-reinstreq", package.name)
         half_installed = half_done(self.apt, list_installed(self.apt))
         if half_installed or self.apt.get("check").code:
             try:
-                self._act([*_INSTALL, "-f", "install"], [])
+                self._run_apt([*_INSTALL, "-f", "install"], [])
             except ModuleError:
                 if not half_installed or any(package.name not in missing for package in half_installed):
                     raise
@@ -299,7 +309,7 @@ class AptConvergence:
                 "look at the names, and at the sources: `grep -r ^ /etc/apt/sources.list /etc/apt/sources.list.d`",
             )
         for name, version in missing.items():
-            if not any(fits(item, version) for item in versions[name]):
+            if not any(version_matches(item, version) for item in versions[name]):
                 raise ModuleError(
                     f"{name}: version {version} is not available; available: "
                     f"{', '.join(dict.fromkeys(versions[name]))}",
@@ -320,28 +330,28 @@ class AptConvergence:
         down = ["--allow-downgrades"] if any(missing.values()) or self.desired_packages.keys else []
         return [*_INSTALL, *down, "install", *exact]
 
-    def _act(self, arguments: Sequence[str], names: Sequence[str]) -> None:
+    def _run_apt(self, arguments: Sequence[str], names: Sequence[str]) -> None:
         """Run apt after checking its cost; a damaged download is fetched once more."""
         forecast = self.apt.get("-s", "--yes", *arguments)
         if forecast.code:
-            raise of_install(forecast.output, names)
+            raise explain_install_failure(forecast.output, names)
         self._afford(arguments, to_install(forecast.output))
         result = self.apt.get("--yes", *arguments)
         if result.code and _DAMAGED_ARCHIVE in result.output:
             self.apt.get("clean")
             result = self.apt.get("--yes", *arguments)
         if result.code:
-            raise of_install(result.output, names)
+            raise explain_install_failure(result.output, names)
 
     def _afford(self, arguments: Sequence[str], packages: dict[str, str]) -> None:
         costs = costs_of(self.apt, arguments, packages)
         limit = self.desired_packages.limit_bytes
         if limit is not None and costs.download > limit:
-            raise self._too_dear(f"{len(packages)} packages of {in_words(costs.download)} would be downloaded")
+            raise self._too_dear(f"{len(packages)} packages of {format_size(costs.download)} would be downloaded")
         refuse_if_full(self.apt, costs)
         self.outcome.download_bytes += costs.download
 
-    def _tell(self, before: dict[str, InstalledPackage], *, check: bool) -> None:
+    def _verify(self, before: dict[str, InstalledPackage], *, check: bool) -> None:
         """Read back the installed packages and raise ModuleError if any is still missing or half installed."""
         after = before if check else list_installed(self.apt)
         if not check:

@@ -59,7 +59,7 @@ _COMPUTER = (
         "correct or remove it: `apt-get update` shows what is wrong",
     ),
 )
-"""What is wrong with the computer itself, whatever source is meant."""
+"""Failures of the computer itself, whatever source is concerned."""
 
 _SOURCES = (
     _MessageRow(
@@ -131,7 +131,7 @@ _SOURCES = (
         "the archive is changing now, or a proxy hands on old files: try again in some minutes",
     ),
 )
-"""What is wrong with a source, or with the way to it."""
+"""Failures of a source, or of the route to it."""
 
 _PACKAGES = (
     _MessageRow(
@@ -161,7 +161,7 @@ _PROGRESS = re.compile(r"\d%")
 _SAYS = re.compile(r"^(?:[EWN]|Err:\d+):? ")
 
 
-def of_update(text: str, code: int, urls: Sequence[str], architecture: str) -> ModuleError | None:
+def explain_update_failure(text: str, code: int, urls: Sequence[str], architecture: str) -> ModuleError | None:
     """Return why an update of package lists from `urls` failed; None if they succeeded for `architecture`."""
     missing = f"doesn't support architecture '{architecture}'"
     lines = [line for line in problems(text) if "doesn't support architecture" not in line or missing in line]
@@ -174,7 +174,7 @@ def of_update(text: str, code: int, urls: Sequence[str], architecture: str) -> M
     return (_first(_SOURCES, lines) or _raw("the lists of packages could not be updated", text)) if code else None
 
 
-def of_install(text: str, names: Iterable[str]) -> ModuleError:
+def explain_install_failure(text: str, names: Iterable[str]) -> ModuleError:
     """Return the error that explains why apt or dpkg could not install."""
     script = _SCRIPT.search(text)
     lines = text.splitlines()
@@ -190,7 +190,7 @@ def of_install(text: str, names: Iterable[str]) -> ModuleError:
     return error or _raw("the packages could not be installed", text)
 
 
-def others(text: str, urls: Sequence[str]) -> list[str]:
+def other_source_notes(text: str, urls: Sequence[str]) -> list[str]:
     """Return a note about sources other than `urls` that could not be updated; this is not an error."""
     failed_lines = [
         line for line in problems(text) if line[0] in "EW" and not any(url.rstrip("/") in line for url in urls)

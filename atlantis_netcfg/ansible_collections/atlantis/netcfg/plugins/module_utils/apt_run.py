@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _FOLDER = "/var/lib/atlantis/apt"
 _KEY = "atlantis.gpg"
 _GAP_S = 120
-"""A server that says nothing for so long is given up; a satellite is silent for 70 s."""
+"""Seconds without data after which a server is given up; a satellite link can be silent for 70 s."""
 _ENVIRONMENT = {
     "LC_ALL": "C.UTF-8",
     "LANGUAGE": "",
@@ -199,7 +199,7 @@ class InstalledPackage:
     is_damaged: bool
     """dpkg asks to install it again (`reinst-required`)."""
     state: str
-    """dpkg(1), package states: installed, half-configured and so on."""
+    """Package state of dpkg(1): installed, half-configured and so on."""
 
     @property
     def is_installed(self) -> bool:
@@ -243,7 +243,7 @@ def half_done(apt: Apt, packages: dict[str, InstalledPackage]) -> list[Installed
     return half_installed or ([packages["dpkg"]] if journal and "dpkg" in packages else [])
 
 
-def fits(version: str, desired_version: str | None) -> bool:
+def version_matches(version: str, desired_version: str | None) -> bool:
     """Return whether a version matches the desired one; None matches any, a `*` at its end any rest."""
     return (
         desired_version is None

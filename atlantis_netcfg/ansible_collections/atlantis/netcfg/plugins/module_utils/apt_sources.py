@@ -90,7 +90,7 @@ class Sources:
         return [path for path, content in self.files.items() if self.tree.read(path) != content]
 
     @property
-    def in_the_way(self) -> list[str]:
+    def conflicting_paths(self) -> list[str]:
         """Existing files that configure the same sources in another form."""
         return [path for path in self.absent if self.tree.read(path) is not None]
 
@@ -112,7 +112,7 @@ class Sources:
 
     def write(self) -> None:
         """Write the files that differ, and keep their previous content."""
-        for path in [*self.changed_paths, *self.in_the_way]:
+        for path in [*self.changed_paths, *self.conflicting_paths]:
             self.was[path] = self.tree.read(path)
         for path in self.was:
             if path in self.files:

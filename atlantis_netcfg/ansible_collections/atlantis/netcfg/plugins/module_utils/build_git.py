@@ -24,15 +24,15 @@ from dataclasses import dataclass
 from typing import Callable, Iterable
 from urllib.parse import urlsplit
 
-from .build_messages import BuildTrouble, about_git, last_words, trouble
+from .build_messages import BuildTrouble, about_git, error_lines, trouble
 from .build_plan import Repository, is_commit
 from .errors import ModuleError
 
 _USER = "oauth2"
-"""GitLab takes any name beside an access token; NAME:TOKEN is for deploy tokens, which have one."""
+"""GitLab accepts any user name with an access token; NAME:TOKEN is for deploy tokens, which have a name."""
 
 
-def keep(folder: str, name: str, url: str, token: str) -> None:
+def store_token(folder: str, name: str, url: str, token: str) -> None:
     """Keep the token of the repository `name` in `folder`, which is in memory. Raises ModuleError."""
     server = urlsplit(url).netloc
     if not re.fullmatch(r"[A-Za-z0-9.-]+(:[0-9]+)?", server) or not token.isprintable():
@@ -73,7 +73,7 @@ def _write(path: str, mode: int, text: str) -> None:
 
 
 _PAUSES_S = (10.0, 30.0, 60.0, 120.0)
-"""Between attempts over a broken link; together longer than three gaps of a satellite."""
+"""Pauses between attempts over a failing link; together longer than three gaps of a satellite link."""
 
 
 def configure(home: str, offline: str | None, urls: Iterable[str]) -> None:
@@ -123,9 +123,9 @@ class Git:
     name: str
     folder: str
     home: str
-    """Where `configure` has written; tokens are below it."""
+    """Folder that `configure` has written to; tokens are below it."""
     offline: str | None
-    """The folder that stands for all servers; None: the servers themselves are asked."""
+    """Folder that replaces all servers; None: the servers themselves are used."""
     say: Callable[[str], None]
     sleep: Callable[[float], None] = time.sleep
 
@@ -287,7 +287,7 @@ class Git:
         if self.offline is not None and trouble(error.output) in (BuildTrouble.NOT_FOUND, BuildTrouble.REVISION):
             return ModuleError(
                 f"{self.offline} does not hold {repository.url}, revision {repository.revision}:\n"
-                f"{last_words(error.output)}",
+                f"{error_lines(error.output)}",
                 "make the bundle anew where there is internet, after the last change of the declaration",
             )
         return about_git(

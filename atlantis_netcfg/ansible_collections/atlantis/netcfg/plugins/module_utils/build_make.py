@@ -27,11 +27,11 @@ from typing import Any, Callable, Iterator
 
 from .build_git import Git, configure
 from .build_messages import CardFull, about_building
-from .build_plan import BuildPlan, Shelf, is_commit
-from .errors import ModuleError, in_words
+from .build_plan import BuildPlan, BuildStore, is_commit
+from .errors import ModuleError, as_module_error
 
 _MEMORY_OF_A_JOB_KIB = 1_200 * 1024
-"""A compiler at work on the message types of ROS 2 takes about a gigabyte."""
+"""A compiler takes about a gigabyte for the message types of ROS 2."""
 _TAIL = 200_000
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
@@ -43,7 +43,7 @@ def jobs_within(meminfo: str, cores: int, max_jobs: int | None = None) -> int:
 
 
 @dataclass(frozen=True)
-class Make:
+class BuildTools:
     """Runs the build tools in the folder of a build; their output goes to the file `log`."""
 
     folder: str
@@ -184,7 +184,7 @@ def main(job_file: str) -> int:
 def work(job: dict[str, Any], home: str, sleep: Callable[[float], None] = time.sleep) -> list[str]:
     """Fetch, build, check, complete; gives notes for a person, and removes the tokens in `home`. Raises ModuleError."""
     plan = BuildPlan.of(job["plan"])
-    shelf = Shelf(job["prefix"])
+    shelf = BuildStore(job["prefix"])
     folder = shelf.at(plan.key)
     try:
         os.makedirs(folder, exist_ok=True)
@@ -197,18 +197,20 @@ def work(job: dict[str, Any], home: str, sleep: Callable[[float], None] = time.s
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             shelf.discard(plan.key)
-        raise in_words(error, folder) from error
+        raise as_module_error(error, folder) from error
     finally:
         _forget(home, plan)
 
 
-def _build(job: dict[str, Any], plan: BuildPlan, shelf: Shelf, home: str, sleep: Callable[[float], None]) -> list[str]:
+def _build(
+    job: dict[str, Any], plan: BuildPlan, shelf: BuildStore, home: str, sleep: Callable[[float], None]
+) -> list[str]:
     if shelf.marker(plan.key) is not None:
         return []
     folder = shelf.at(plan.key)
     with open("/proc/meminfo", encoding="ascii") as meminfo:
         jobs = jobs_within(meminfo.read(), os.cpu_count() or 1, job["jobs"])
-    make = Make(folder, plan.ros_setup, jobs, job["log"], _say)
+    make = BuildTools(folder, plan.ros_setup, jobs, job["log"], _say)
     make.clean()
     configure(home, job["offline"], [repository.url for repository in plan.repositories.values()])
     commits, current = {}, shelf.link_target("current")
@@ -228,7 +230,7 @@ def _build(job: dict[str, Any], plan: BuildPlan, shelf: Shelf, home: str, sleep:
     return notes
 
 
-def _find_moved_tags(plan: BuildPlan, shelf: Shelf, commits: dict[str, str]) -> list[str]:
+def _find_moved_tags(plan: BuildPlan, shelf: BuildStore, commits: dict[str, str]) -> list[str]:
     """Return notes about tags that point to another commit than when they were last built."""
     tags = shelf.tags()
     notes = []

@@ -16,7 +16,7 @@ _MEANINGFUL = re.compile(
     re.IGNORECASE,
 )
 _ECHOES = re.compile(r"^(make(\[\d+\])?: \*\*\*|gmake(\[\d+\])?: \*\*\*|Failed   <<<|Summary:|\s*\d+ packages? )")
-"""Lines that only say that something before them went wrong."""
+"""Lines that only report an earlier failure."""
 
 
 class CardFull(ModuleError):
@@ -84,7 +84,7 @@ def about_git(text: str, url: str, revision: str, *, has_token: bool) -> ModuleE
     kind = trouble(text)
     host = url.split("/")[2] if "://" in url else url
     at = f"{url}, revision {revision}"
-    last = last_words(text)
+    last = error_lines(text)
     if kind is BuildTrouble.CERTIFICATE:
         return ModuleError(
             f"the certificate of {host} is not accepted:\n{last}",
@@ -135,7 +135,7 @@ def about_git(text: str, url: str, revision: str, *, has_token: bool) -> ModuleE
 
 def about_building(what: str, text: str) -> ModuleError:
     """Return the error for a failure of colcon, cmake, make or a compiler."""
-    last = last_words(text)
+    last = error_lines(text)
     if re.search(r"No space left on device|Disk quota exceeded", text):
         return _full(f"while {what} was built")
     if re.search(r"Killed signal|virtual memory exhausted|Cannot allocate memory|out of memory|\bKilled\b", text):
@@ -156,7 +156,7 @@ def about_building(what: str, text: str) -> ModuleError:
     return ModuleError(f"{what} could not be built:\n{last}", "the partner who made it can read this")
 
 
-def last_words(text: str) -> str:
+def error_lines(text: str) -> str:
     """Return the last lines that contain an error; if there are none, the last lines."""
     lines = [line.rstrip()[:_LONG] for line in text.splitlines() if line.strip()]
     messages = [line for line in lines if _MEANINGFUL.search(line) and not _ECHOES.search(line)]

@@ -23,7 +23,7 @@ import shutil
 from dataclasses import asdict, dataclass
 from typing import Any, Collection, Mapping
 
-from .errors import ModuleError, in_words
+from .errors import ModuleError, as_module_error
 from .filesystem import FileSystem
 
 MARKER = "build.json"
@@ -56,9 +56,9 @@ class BuildPlan:
     library: Repository
     examples: Repository | None
     ros_setup: str
-    """The file that is sourced before building, `/opt/ros/DISTRIBUTION/setup.sh`."""
+    """File that is sourced before building, `/opt/ros/DISTRIBUTION/setup.sh`."""
     compiler: str
-    """Its version and its target."""
+    """Version and target of the compiler."""
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> BuildPlan:
@@ -97,7 +97,7 @@ def _short(revision: str) -> str:
     return revision[:_KEY_DIGITS] if is_commit(revision) else revision
 
 
-class Shelf:
+class BuildStore:
     """The builds below a prefix."""
 
     def __init__(self, prefix: str) -> None:
@@ -168,7 +168,7 @@ class Shelf:
         except FileNotFoundError:
             return
         except OSError as error:
-            raise in_words(error, path) from error
+            raise as_module_error(error, path) from error
 
     def tags(self) -> dict[str, dict[str, str]]:
         """Return the commit of each tag as last built (URL -> tag -> commit); a damaged file counts as empty."""

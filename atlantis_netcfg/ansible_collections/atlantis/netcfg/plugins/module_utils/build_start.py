@@ -21,13 +21,13 @@ from dataclasses import dataclass, field
 from typing import Any, Callable, Mapping
 
 from . import build_git, build_make, build_messages, build_plan, errors, filesystem
-from .build_git import keep
-from .build_plan import BuildPlan, Repository, Shelf
-from .errors import ModuleError, in_words
+from .build_git import store_token
+from .build_plan import BuildPlan, BuildStore, Repository
+from .errors import ModuleError, as_module_error
 from .programs import ProgramResult, is_there, require_success, run
 
 _MODULES = (build_git, build_make, build_plan, build_messages, errors, filesystem)
-"""What the program of the build consists of; that they are imported here brings them to the gateway."""
+"""Modules of the build program; importing them here is what ships them to the gateway."""
 _RUNNING = ("active", "activating", "deactivating", "reloading")
 _FENCE = (
     # What a partner's CMakeLists.txt does stays in the folders of the build, and leaves the running gateway its share.
@@ -48,7 +48,7 @@ class BuildFolders:
 
     prefix: str = "/opt/atlantis/interop"
     memory: str = "/run/atlantis"
-    """Gone after a power cut, and so are the tokens and outcomes in it."""
+    """Lost at a power cut, together with the tokens and outcomes in it."""
     logs: str = "/var/log/atlantis"
 
     def job(self, key: str) -> str:
@@ -86,7 +86,7 @@ class Build:
     library: Repository
     examples: Repository | None
     tokens: Mapping[str, str | None]
-    """By the name of the repository."""
+    """Repository name -> access token."""
     ros_setup: str
     jobs: int | None
     offline: str | None
@@ -101,7 +101,7 @@ class Build:
         try:
             return self._visit(run_id)
         except OSError as error:
-            raise in_words(error, str(error.filename or self.places.prefix)) from error
+            raise as_module_error(error, str(error.filename or self.places.prefix)) from error
 
     def _visit(self, run_id: str | None) -> dict[str, Any]:
         compiler_version = compiler(self.run)
@@ -109,7 +109,7 @@ class Build:
             self.changes.append("build of the library, once its packages are installed")
             return {"state": "wanted"}
         plan = BuildPlan(self.library, self.examples, self.ros_setup, compiler_version or "")
-        shelf = Shelf(self.places.prefix)
+        shelf = BuildStore(self.places.prefix)
         values = {"key": plan.key, "unit": _unit(plan.key), "log": self.places.log(plan.key)}
         marker = shelf.marker(plan.key)
         if marker is not None:
@@ -130,7 +130,7 @@ class Build:
         self._prerequisites(compiler_version)
         return {**values, "state": "running", "run": self._start(plan, shelf)}
 
-    def _take(self, plan: BuildPlan, shelf: Shelf, marker: Mapping[str, Any]) -> None:
+    def _take(self, plan: BuildPlan, shelf: BuildStore, marker: Mapping[str, Any]) -> None:
         if shelf.link_target("current") != plan.key:
             self.changes.append(f"build {plan.key} of {plan.words} taken into use")
             self.notes.extend(marker["notes"])
@@ -142,7 +142,7 @@ class Build:
             for key in shelf.prune([key for key in self._list_unfinished(shelf) if self._runs(key)]):
                 self._remove_log(key)
 
-    def _start(self, plan: BuildPlan, shelf: Shelf) -> str:
+    def _start(self, plan: BuildPlan, shelf: BuildStore) -> str:
         """Write the job and start it with systemd; stop a running build that is no longer desired."""
         for key in self._list_unfinished(shelf):
             if key != plan.key:
@@ -174,7 +174,7 @@ class Build:
                 log.write(f"== {time.strftime('%Y-%m-%d %H:%M:%S')} by the gateway's clock: build of {plan.words}\n")
             for repository, token in self.tokens.items():
                 if token and self.offline is None:
-                    keep(home, repository, plan.repositories[repository].url, token)
+                    store_token(home, repository, plan.repositories[repository].url, token)
             require_success(self.run(self._command(plan.key)), "systemd did not start the build")
         except BaseException:
             shutil.rmtree(home, ignore_errors=True)
@@ -241,7 +241,7 @@ class Build:
             return ""
 
     @staticmethod
-    def _list_unfinished(shelf: Shelf) -> list[str]:
+    def _list_unfinished(shelf: BuildStore) -> list[str]:
         try:
             keys = sorted(os.listdir(os.path.join(shelf.prefix, "builds")))
         except FileNotFoundError:

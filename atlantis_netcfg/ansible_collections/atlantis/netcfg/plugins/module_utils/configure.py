@@ -15,18 +15,18 @@ from typing import TYPE_CHECKING, Callable, Iterable, Mapping
 
 from . import ssh_access
 from .errors import ModuleError
-from .file_transaction import FileTransaction, clear, strays
+from .file_transaction import FileTransaction, clear, unknown_paths
 from .filesystem import ABSENT, FileSystem, Stamps
 from .programs import ProgramResult, last_lines, require_success, run
-from .ssh_access import alone
+from .ssh_access import hold_lock
 
 if TYPE_CHECKING:
     from .desired_state import ConvergeStep, DesiredState, Unit
 
 _NO_INSTALL = ("static", "generated", "transient", "alias", "indirect", "enabled-runtime", "linked")
-"""States of a unit file that `systemctl enable` does not change for the better."""
+"""Unit file states in which `systemctl enable` has no useful effect."""
 _SETTLE_S = 1.0
-"""So long a service has to live to count as started: one that cannot run mostly dies at once."""
+"""Seconds a service must run to count as started; one that cannot run mostly exits at once."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class ConfigureState:
     file: str
     condition: bool
     stale: bool
-    """Its file is newer than what systemd has read."""
+    """Whether its file is newer than what systemd has read."""
 
     @property
-    def is_there(self) -> bool:
+    def is_known(self) -> bool:
         """Whether systemd knows the unit."""
         return self.load not in ("not-found", "")
 
@@ -62,7 +62,7 @@ class Systemd:
         self.run = run
         self.sleep = sleep
 
-    def look(self, name: str) -> ConfigureState:
+    def unit_state(self, name: str) -> ConfigureState:
         """Query the state of a unit."""
         properties = "LoadState,ActiveState,SubState,UnitFileState,ConditionResult,NeedDaemonReload"
         result = self.run(["systemctl", "show", "--property", properties, "--", name])
@@ -90,7 +90,7 @@ class Systemd:
         verb = "enable" if should_start else "disable"
         require_success(self.run(["systemctl", verb, "--", name]), f"unit {name} could not be {verb}d")
 
-    def order(self, verb: str, name: str, *, wait: bool = True) -> None:
+    def control(self, verb: str, name: str, *, wait: bool = True) -> None:
         """Start, stop, restart or reload a unit; without `wait`, only queue the job."""
         if verb != "stop":
             self.run(["systemctl", "reset-failed", "--", name])
@@ -102,9 +102,9 @@ class Systemd:
         """Wait until a service that cannot run has died."""
         self.sleep(_SETTLE_S)
 
-    def must_run(self, name: str, *, has_waited: bool) -> None:
+    def require_running(self, name: str, *, has_waited: bool) -> None:
         """Check that a unit runs; if `has_waited` is false, a unit that is still starting is accepted."""
-        state = self.look(name)
+        state = self.unit_state(name)
         if state.active in ("active", "reloading") or (not has_waited and state.active == "activating"):
             return
         if state.active == "inactive" and not state.condition:
@@ -150,22 +150,22 @@ class Configure:
         self.changes: list[str] = []
         self.diff: list[dict[str, str]] = []
         self.notes: list[str] = []
-        """What steps have told in lines that begin with `note: `, and of files that nobody has brought yet."""
+        """Output lines of steps that begin with `note: `, and notes on files that were not delivered yet."""
         self.findings: list[tuple[str, str]] = []
-        """What is not as declared and stopped nothing, with what to do about it; told in every run."""
+        """Deviations from the inventory that stopped nothing, with hints; reported in every run."""
         self._left: set[str] = set()
-        """Files that were not accepted: what is run after them is left alone."""
+        """Rejected files; steps and units that depend on them are skipped."""
         self._to_come: dict[str, str] = {}
-        """What the paths of this call will hold, where they are not written yet."""
+        """Path -> digest that it will have, for paths that this call has not written yet."""
 
     def converge(self, environment: Mapping[str, str]) -> None:
         """Apply the desired state. Raises `ModuleError`; `changes` then lists what was done before."""
         if self.wishes.way_in is not None:
-            ssh_access.hold(self.wishes.way_in, self.tree, environment)
+            ssh_access.require_access(self.wishes.way_in, self.tree, environment)
         if self.check:
             self._all()
         else:
-            with alone(self.tree, environment):
+            with hold_lock(self.tree, environment):
                 self._all()
 
     def _all(self) -> None:
@@ -181,7 +181,7 @@ class Configure:
         ]
 
     def _place(self) -> None:
-        stray_paths = strays(self.tree, self.wishes)
+        stray_paths = unknown_paths(self.tree, self.wishes)
         self.wishes = replace(self.wishes, absent=(*self.wishes.absent, *stray_paths))
         placing = FileTransaction(self.tree, self.wishes, self.run)
         if self.check:
@@ -245,16 +245,16 @@ class Configure:
         if started_units and not self.check:
             self.systemd.settle()
             for unit, digests in started_units:
-                self.systemd.must_run(unit.name, has_waited=unit.wait)
+                self.systemd.require_running(unit.name, has_waited=unit.wait)
                 self.stamps.note(_stamp(unit), digests)
 
     def _state(self, unit: Unit) -> ConfigureState | None:
         """Return the state of a unit; None if nothing is to be done because the unit neither exists nor is wanted."""
-        state = self.systemd.look(unit.name)
+        state = self.systemd.unit_state(unit.name)
         if state.stale:
             self._reload_manager()
-            state = state if self.check else self.systemd.look(unit.name)
-        if state.is_there and state.load != "masked":
+            state = state if self.check else self.systemd.unit_state(unit.name)
+        if state.is_known and state.load != "masked":
             return state
         if not unit.enabled and not unit.active:
             return None
@@ -276,7 +276,7 @@ class Configure:
         fresh = self.stamps.holds(stamp, digests)
         if unit.active is False or (unit.active is None and not runs):
             if runs and not self.check:
-                self.systemd.order("stop", unit.name)
+                self.systemd.control("stop", unit.name)
             if not fresh and not self.check:
                 self.stamps.note(stamp, digests)
             if runs:
@@ -289,7 +289,7 @@ class Configure:
             verb, text = ("reload-or-restart", "reloaded") if unit.reload else ("restart", "restarted")
         if not self.check:
             self.stamps.begin(stamp, digests)
-            self.systemd.order(verb, unit.name, wait=unit.wait)
+            self.systemd.control(verb, unit.name, wait=unit.wait)
         self.changes.append(f"unit {unit.name} {text}")
         return True
 

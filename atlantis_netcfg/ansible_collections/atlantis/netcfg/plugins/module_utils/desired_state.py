@@ -30,11 +30,11 @@ class File:
     group: str = "root"
     validate: tuple[str, ...] = ()
     hint: str = ""
-    """What to do where it is not accepted."""
+    """What to do if the file is rejected."""
     finding: str = ""
-    """Told where it is not accepted, and everything else is done; empty: nothing is changed then."""
+    """Reported if the file is rejected and all else is applied; empty: a rejection means that nothing is changed."""
     secret = False
-    """Shown neither in a difference nor in what a validator says."""
+    """Whether it is hidden in diffs and in validator output."""
 
     @property
     def data(self) -> bytes:
@@ -82,7 +82,7 @@ class Unit:
 
 
 @dataclass(frozen=True)
-class Brought:
+class UserSuppliedFile:
     """A file supplied by the user, and the note reported while it is missing."""
 
     path: str
@@ -99,15 +99,15 @@ class Check:
 
 
 @dataclass(frozen=True)
-class WayIn:
+class SshRequirements:
     """Conditions for the SSH session of this call, checked before anything is changed."""
 
     admit: tuple[str, ...] = ()
-    """Networks from which SSH is admitted afterwards."""
+    """Networks from which SSH is allowed after the change."""
     port: int | None = None
-    """On which SSH is admitted afterwards."""
+    """SSH port that is allowed after the change."""
     key: bool = False
-    """Only a key opens a session afterwards."""
+    """Whether SSH accepts only keys after the change."""
     hint: str = ""
 
 
@@ -117,10 +117,10 @@ ROWS = {
     "links": SymbolicLink,
     "steps": ConvergeStep,
     "units": Unit,
-    "brought": Brought,
+    "brought": UserSuppliedFile,
     "checks": Check,
 }
-"""Parameter of the module -> what each of its rows is."""
+"""Module parameter -> class of its rows."""
 
 
 @dataclass(frozen=True)
@@ -132,12 +132,12 @@ class DesiredState:
     links: tuple[SymbolicLink, ...] = ()
     absent: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
-    """Folders that are ours alone: whatever else stands in them goes."""
+    """Folders managed by this toolkit alone: everything else in them is removed."""
     steps: tuple[ConvergeStep, ...] = ()
     units: tuple[Unit, ...] = ()
-    brought: tuple[Brought, ...] = ()
+    brought: tuple[UserSuppliedFile, ...] = ()
     checks: tuple[Check, ...] = ()
-    way_in: WayIn | None = None
+    way_in: SshRequirements | None = None
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> DesiredState:
@@ -147,7 +147,7 @@ class DesiredState:
             for name, kind in ROWS.items()
             if (entries := values.get(name))
         }
-        way_in = _row(WayIn, values["way_in"]) if values.get("way_in") else None
+        way_in = _row(SshRequirements, values["way_in"]) if values.get("way_in") else None
         paths = {name: tuple(values.get(name) or ()) for name in ("absent", "only")}
         wishes = cls(**rows, **paths, way_in=way_in)
         for directory in wishes.directories:

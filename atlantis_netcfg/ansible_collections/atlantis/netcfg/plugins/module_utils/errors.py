@@ -19,7 +19,7 @@ class ModuleError(Exception):
         self.hint = hint
 
 
-def in_words(error: OSError, path: str) -> ModuleError:
+def as_module_error(error: OSError, path: str) -> ModuleError:
     """Translate an error of the operating system at `path` into a ModuleError for a person."""
     if error.errno in _SPACE:
         return ModuleError(

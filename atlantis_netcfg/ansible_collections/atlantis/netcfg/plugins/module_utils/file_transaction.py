@@ -37,7 +37,7 @@ class FileTransaction:
         self.rewritten = [request for request in wishes.files if self._is_other(request)]
         self._made: list[str] = []
         self.left: dict[str, tuple[str, str]] = {}
-        """Files that are not accepted and do not stand in the way of the rest: path -> finding and hint."""
+        """Rejected files that do not stop the rest: path -> finding and hint."""
 
     def changes(self) -> list[str]:
         """List the changes that `place` makes, one line each."""
@@ -121,7 +121,7 @@ class FileTransaction:
             current = self.found[request.path]
             is_unchanged = request.path not in self.left and request not in self.rewritten
             if current is not None and is_unchanged and self._list_mode_changes("", request, current):
-                self.tree.mend(request.path, mode_of(request), *self.owners[request.path])
+                self.tree.set_attributes(request.path, mode_of(request), *self.owners[request.path])
         for link in self.wishes.links:
             if not self._links(link.path, link.target):
                 self.tree.link(link.path, link.target)
@@ -216,7 +216,7 @@ def _difference(path: str, before: str, after: str) -> dict[str, str]:
     return {"before_header": path, "after_header": path, "before": before, "after": after}
 
 
-def strays(tree: FileSystem, wishes: DesiredState) -> tuple[str, ...]:
+def unknown_paths(tree: FileSystem, wishes: DesiredState) -> tuple[str, ...]:
     """Return unknown files and links, at any depth, below the folders `only`; links to directories are not followed."""
     kinds = (wishes.directories, wishes.files, wishes.links)
     declared_paths = {item.path for kind in kinds for item in kind} | {*wishes.absent}

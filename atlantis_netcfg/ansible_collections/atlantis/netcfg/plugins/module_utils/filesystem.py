@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Iterator, Mapping
 from urllib.parse import quote
 
-from .errors import ModuleError, in_words
+from .errors import ModuleError, as_module_error
 
 _PERMISSIONS = 0o7777
 _SECOND_NS = 1_000_000_000
@@ -70,7 +70,7 @@ class FileSystem:
                 f"look at `namei -l {path}`",
             ) from None
         except OSError as error:
-            raise in_words(error, path) from error
+            raise as_module_error(error, path) from error
 
     def read(self, path: str) -> bytes | None:
         """Return the content of a file, following symbolic links; None if it does not exist."""
@@ -80,7 +80,7 @@ class FileSystem:
         except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:
-            raise in_words(error, path) from error
+            raise as_module_error(error, path) from error
 
     def uid(self, owner: str) -> int:
         """Return the user ID of an account. Raises ModuleError if there is no such account."""
@@ -124,7 +124,7 @@ class FileSystem:
         Its time stamp is at least one second later than that of the file it replaces: OpenVPN, as others, regards a
         file with the same second and size as unchanged (facts of the VPN, 4).
         """
-        beside = self._beside(path)
+        beside = self._staging_path(path)
         with self._words(path):
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(beside)
@@ -151,12 +151,12 @@ class FileSystem:
     def put(self, path: str) -> None:
         """Move the staged file into place."""
         with self._words(path):
-            os.replace(self._beside(path), self.at(path))
+            os.replace(self._staging_path(path), self.at(path))
 
     def unstage(self, path: str) -> None:
         """Remove the staged file, also one left by an interrupted run."""
         with self._words(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
-            os.unlink(self._beside(path))
+            os.unlink(self._staging_path(path))
 
     def write(self, path: str, content: bytes, mode: int = 0o644) -> None:
         """Stage and put a file at once, with its parent directories; for the toolkit's own records."""
@@ -168,14 +168,14 @@ class FileSystem:
 
     def link(self, path: str, target: str) -> None:
         """Make `path` a symbolic link to `target`, replacing an existing file or link."""
-        beside = self._beside(path)
+        beside = self._staging_path(path)
         with self._words(path):
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(beside)
             os.symlink(target, beside)
             os.replace(beside, self.at(path))
 
-    def mend(self, path: str, mode: int, uid: int, gid: int) -> None:
+    def set_attributes(self, path: str, mode: int, uid: int, gid: int) -> None:
         """Set owner and mode, in this order, because chown(2) clears the set-user-ID bits."""
         with self._words(path):
             self._chown(self.at(path), uid, gid)
@@ -196,7 +196,7 @@ class FileSystem:
         with self._words(path):
             self._sync(os.path.dirname(self.at(path)))
 
-    def _beside(self, path: str) -> str:
+    def _staging_path(self, path: str) -> str:
         """Return the staging name: ignored by programs that read whole directories, and found again by the next run."""
         folder, name = os.path.split(self.at(path))
         return os.path.join(folder, f".{name}.atlantis-new")
@@ -221,12 +221,12 @@ class FileSystem:
         try:
             yield
         except OSError as error:
-            raise in_words(error, path) from error
+            raise as_module_error(error, path) from error
 
 
 FOLDER = "/var/lib/atlantis/applied"
 ABSENT = "absent"
-"""In place of a digest: there is no such file."""
+"""Used instead of a digest if the file does not exist."""
 _IN_PROGRESS = "begun"
 
 

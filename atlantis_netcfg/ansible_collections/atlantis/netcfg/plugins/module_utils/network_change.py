@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from . import network_files, network_guard
-from .errors import ModuleError, in_words
-from .network_desired import OURS, DesiredNetwork, same
+from .errors import ModuleError, as_module_error
+from .network_desired import OURS, DesiredNetwork, has_same_settings
 from .network_files import NetworkComputer, state_of
 from .network_guard import (
     APPLIED_PATH,
@@ -32,13 +32,13 @@ from .network_guard import (
 )
 
 _SERVERS = ("sshd", "dropbear")
-"""OpenSSH 9.8 and later call the process of a session `sshd-session`."""
+"""SSH server processes; OpenSSH 9.8 and later name the process of a session `sshd-session`."""
 _ANCESTORS = 20
 _PARENT, _START_TIME = 1, 19
-"""Fields of /proc/PID/stat behind the name (proc(5): 4 and 22)."""
+"""Indexes in /proc/PID/stat after the process name (fields 4 and 22 in proc(5))."""
 
 
-def began_s() -> float | None:
+def ssh_server_start_s() -> float | None:
     """Return the uptime, in seconds, at which our SSH server process started; None if not called over SSH."""
     pid = "self"
     for _ in range(_ANCESTORS):
@@ -122,9 +122,9 @@ _ENABLED_LINK = f"/etc/systemd/system/multi-user.target.wants/{_NETWORKD}"
 _UNIT = f"/lib/systemd/system/{_NETWORKD}"
 _ROOM_BYTES = 64 * 1024
 _MARGIN_S = 60.0
-"""Beyond the window: what bringing the previous configuration back may take."""
+"""Seconds beyond the rollback window for restoring the previous configuration."""
 _SETTLED_S = 5.0
-"""How long a new configuration may take from its tool's end until it is in effect."""
+"""Seconds that a new configuration may take to become effective after its tool has ended."""
 _PAUSE_S = 0.1
 
 
@@ -143,13 +143,13 @@ class NetworkChange:
             if not check:
                 self._end_earlier()
             entries = self._compare()
-            self.desired.hold_alone(self.computer)
+            self.desired.require_no_conflicts(self.computer)
             if not self.changes:
                 return None
-            self.desired.hold(self.computer)
+            self.desired.require_applicable(self.computer)
             return None if check else self._stage(entries)
         except OSError as error:
-            raise in_words(error, str(error.filename or "/var/lib/atlantis/network")) from error
+            raise as_module_error(error, str(error.filename or "/var/lib/atlantis/network")) from error
 
     def confirm(self, name: str) -> dict[str, Any]:
         """Keep the change if it is in effect and this session was opened after it; return its state as `look` does.
@@ -157,7 +157,7 @@ class NetworkChange:
         With `again` in the result, this session is older than the change and proves nothing.
         """
         if self._wait_applied(name):
-            began, end_s = began_s(), (self.computer.load(APPLIED_PATH) or {}).get("ended_s")
+            began, end_s = ssh_server_start_s(), (self.computer.load(APPLIED_PATH) or {}).get("ended_s")
             if began is not None and end_s is not None and began <= end_s:
                 return {"state": "pending", "again": True, "why": "this session is older than the change"}
             if missing := self._missing(name):
@@ -187,7 +187,7 @@ class NetworkChange:
             entry = {"path": path, "absent": True}
             if text is not None:
                 entry = {"path": path, "text": text, "mode": mode, "uid": os.geteuid(), "gid": os.getegid()}
-            alike = {**now, "text": ""} == {**entry, "text": ""} and same(now.get("text"), text)
+            alike = {**now, "text": ""} == {**entry, "text": ""} and has_same_settings(now.get("text"), text)
             entries.append(now if alike else entry)
             if not alike:
                 self.changes.append(f"file {path} removed" if text is None else f"file {path}")
@@ -199,14 +199,15 @@ class NetworkChange:
             self.changes.append(f"unit {_NETWORKD} enabled")
         if not self.changes:
             self.changes += [
-                f"network {self.desired.interface} applied: {what}" for what in self.desired.lacks(self.computer)
+                f"network {self.desired.interface} applied: {what}"
+                for what in self.desired.list_deviations(self.computer)
             ]
         return entries
 
     def _stage(self, entries: list[dict[str, Any]]) -> str:
         computer, name = self.computer, os.urandom(8).hex()
         interfaces = self._interfaces()
-        with computer.alone():
+        with computer.hold_lock():
             if computer.load(PENDING) is not None:
                 raise ModuleError("another run is changing the network of this computer", "let it come to its end")
             active = self._networkd("is-active", "active")
@@ -296,7 +297,7 @@ class NetworkChange:
         missing = "; ".join(self.desired.wait_until_reachable(self.computer, 0.0))
         if not missing:
             return ""
-        with self.computer.alone():
+        with self.computer.hold_lock():
             if self._pending(name):
                 self.computer.write(PENDING, json.dumps({"id": name, "unconfirmed": missing}))
         return "; ".join(self.desired.wait_until_reachable(self.computer, _SETTLED_S))
@@ -319,7 +320,7 @@ class NetworkChange:
 
     def _keep(self, name: str) -> None:
         """Make the new configuration permanent; it is so from the moment that the pending marker is removed."""
-        with self.computer.alone():
+        with self.computer.hold_lock():
             if not self._pending(name):
                 return
             values = {"id": name, "confirmed": True, "why": "a new session has confirmed it"}

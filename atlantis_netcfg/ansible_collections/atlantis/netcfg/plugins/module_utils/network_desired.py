@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .network_files import NetworkComputer
 
 _PLANS = ("/lib/netplan", "/etc/netplan", "/run/netplan")
-"""netplan-generate(8): a file hides one of the same name in a folder further left; all are read, sorted by name."""
+"""Folders of netplan (netplan-generate(8)): a file hides one of the same name in a folder further left."""
 _PARTS = ("/etc/systemd/network", "/run/systemd/network", "/usr/lib/systemd/network", "/lib/systemd/network")
 """systemd.network(5): the first file by name that matches is used, and no other."""
 _NETPLAN = "/usr/sbin/netplan"
@@ -35,7 +35,9 @@ INTERFACES = "/etc/network/interfaces"
 _PROFILES = "/etc/NetworkManager/system-connections"
 
 
-def claims(computer: NetworkComputer, interface: str, local: str, removed_paths: frozenset[str]) -> list[str]:
+def find_conflicting_files(
+    computer: NetworkComputer, interface: str, local: str, removed_paths: frozenset[str]
+) -> list[str]:
     """Return files that configure `interface`, except our own and those that the change removes."""
     ignored_paths = removed_paths | {local}
     conflicts = [
@@ -47,7 +49,7 @@ def claims(computer: NetworkComputer, interface: str, local: str, removed_paths:
     return sorted(set(conflicts))
 
 
-def plans(computer: NetworkComputer) -> list[str]:
+def list_netplan_files(computer: NetworkComputer) -> list[str]:
     """Return the files that netplan reads."""
     path_by_name: dict[str, str] = {}
     for folder in _PLANS:
@@ -98,7 +100,7 @@ def _of_netplan(computer: NetworkComputer, interface: str, ignored_paths: frozen
     """Yield netplan files with the interface, each generated alone; a file that netplan rejects is judged by name."""
     if not os.path.exists(computer.at(_NETPLAN)):
         return
-    for path in plans(computer):
+    for path in list_netplan_files(computer):
         text = computer.read(path) or ""
         if path in ignored_paths:
             continue
@@ -169,7 +171,7 @@ def _glob(computer: NetworkComputer, pattern: str) -> list[str]:
 
 
 OURS = "# Written by `provision"
-"""Opens every file that is ours, also those of `provision image`."""
+"""Start of every file that this toolkit writes, including those of `provision image`."""
 _PROGRAMS = {
     "netplan": ("/usr/sbin/netplan", "netplan.io"),
     "ifupdown": ("/sbin/ifup", "ifupdown"),
@@ -179,12 +181,12 @@ _RESOLVERS = ("/lib/systemd/systemd-resolved", "/sbin/resolvconf", "/usr/sbin/re
 """Programs that write /etc/resolv.conf themselves."""
 _RESOLV = "/etc/resolv.conf"
 _DISCARD = 9
-"""A port that nobody answers on: the datagram is sent only so that the kernel asks who has the address (RFC 826)."""
+"""Port without a listener: the datagram is sent only so that the kernel resolves the address by ARP (RFC 826)."""
 _ANSWERS = ("REACHABLE", "STALE", "DELAY", "PROBE")
 _PAUSE_S = 0.1
 
 
-def same(item: str | None, other: str | None) -> bool:
+def has_same_settings(item: str | None, other: str | None) -> bool:
     """Return whether two files have the same settings, ignoring comments."""
     return _settings(item) == _settings(other)
 
@@ -199,16 +201,16 @@ class DesiredNetwork:
     """Desired configuration of one interface."""
 
     by: str
-    """netplan, ifupdown or networkd."""
+    """Tool that configures the network: netplan, ifupdown or networkd."""
     interface: str
     address: str
-    """With its prefix length; with DHCP the one that the site's router has reserved."""
+    """Address with prefix length; with DHCP, the address reserved at the site's router."""
     gateway: str
     path: str
     content: str
     mode: int
     resolver: str | None
-    """Text of /etc/resolv.conf, where nothing on the computer writes that itself."""
+    """Text of /etc/resolv.conf if no program on the computer writes that file."""
     replaces: tuple[str, ...]
     rollback_s: int
 
@@ -254,7 +256,7 @@ class DesiredNetwork:
             result[_RESOLV] = self.resolver
         return result
 
-    def lacks(self, computer: NetworkComputer) -> list[str]:
+    def list_deviations(self, computer: NetworkComputer) -> list[str]:
         """Return what is not in effect; empty if the interface is in the desired state."""
         current = addresses(computer).get(self.interface, [])
         missing = [] if self.address in current else [f"{self.interface} has not the address {self.address}"]
@@ -268,20 +270,20 @@ class DesiredNetwork:
         """Return what is not in effect, or that the gateway does not respond; wait until neither or the timeout."""
         end = time.monotonic() + patience_s
         while True:
-            missing = self.lacks(computer) or self._silent(computer)
+            missing = self.list_deviations(computer) or self._silent(computer)
             if not missing or time.monotonic() >= end:
                 return missing
             time.sleep(_PAUSE_S)
 
     def _silent(self, computer: NetworkComputer) -> list[str]:
-        self._knock()
+        self._trigger_arp()
         text = computer.run(("ip", "-json", "-4", "neighbour", "show", self.gateway, "dev", self.interface)).output
         neighbours = json.loads(text or "[]")
         if any("lladdr" in item and set(item.get("state", ())) & set(_ANSWERS) for item in neighbours):
             return []
         return [f"nobody answers at the gateway's address {self.gateway} on {self.interface}"]
 
-    def _knock(self) -> None:
+    def _trigger_arp(self) -> None:
         """Send a packet so that the kernel resolves the gateway's hardware address into the neighbour table."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             try:
@@ -290,7 +292,7 @@ class DesiredNetwork:
             except OSError:
                 return  # no such interface, or no route: then the table knows nobody either
 
-    def hold(self, computer: NetworkComputer) -> None:
+    def require_applicable(self, computer: NetworkComputer) -> None:
         """Raise `ModuleError` if the change cannot succeed, before anything is touched."""
         program, package = _PROGRAMS[self.by]
         if not os.path.exists(computer.at(program)):
@@ -308,18 +310,18 @@ class DesiredNetwork:
         if text := complaint(computer):
             raise ModuleError(f"{self.by} does not take the new configuration: {text}", "nothing was changed")
 
-    def hold_alone(self, computer: NetworkComputer) -> None:
+    def require_no_conflicts(self, computer: NetworkComputer) -> None:
         """Raise `ModuleError` if another file also configures the interface, even if ours exists already."""
-        others = claims(computer, self.interface, self.path, frozenset(self.replaces))
+        others = find_conflicting_files(computer, self.interface, self.path, frozenset(self.replaces))
         if others:
             path_list = ", ".join(others)
             hint = f"let them go with the change by `replaces: [{path_list}]` in `network` of the host"
             what = f"{self.interface} is configured by other files, too, and the two would fight: {path_list}"
             raise ModuleError(what, hint)
         if self.path == INTERFACES and INTERFACES not in self.replaces:
-            self._hold_whole(computer)
+            self._require_no_other_stanzas(computer)
 
-    def _hold_whole(self, computer: NetworkComputer) -> None:
+    def _require_no_other_stanzas(self, computer: NetworkComputer) -> None:
         """Raise `ModuleError` rather than overwrite other people's entries in the single /etc/network/interfaces."""
         if OURS in (computer.read(INTERFACES) or ""):
             return
@@ -334,7 +336,7 @@ class DesiredNetwork:
 
     def _by_netplan(self, computer: NetworkComputer) -> str:
         """Return netplan's errors for all its files together, with ours in its desired state."""
-        remaining_paths = [path for path in plans(computer) if path not in self.replaces]
+        remaining_paths = [path for path in list_netplan_files(computer) if path not in self.replaces]
         texts = {os.path.basename(path): computer.read(path) or "" for path in remaining_paths}
         text, network_texts = generate_netplan(computer, {**texts, os.path.basename(self.path): self.content})
         if text or any(matches_interface(computer, item, self.interface) for item in network_texts):

@@ -107,7 +107,7 @@ class NetworkComputer:
             os.close(handle)
 
     @contextlib.contextmanager
-    def alone(self) -> Iterator[None]:
+    def hold_lock(self) -> Iterator[None]:
         """Hold the lock for network changes; the kernel releases it when the process ends, however it ends."""
         self.make(FOLDER)
         handle = os.open(self.at(_LOCK), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)

@@ -23,12 +23,12 @@ from .network_files import FOLDER, Manifest, NetworkComputer, put
 PENDING, APPLIED_PATH, OUTCOME = (f"{FOLDER}/{name}" for name in ("pending", "applied", "outcome"))
 PREVIOUS, DESIRED_PATH = f"{FOLDER}/previous.json", f"{FOLDER}/wanted.json"
 ROOM = f"{FOLDER}/room"
-"""A few blocks that are given free before files are put back: the disk may have become full in the meantime."""
+"""Placeholder of a few blocks, removed before files are restored: the disk may have become full by then."""
 APPLY_UNIT = "atlantis-network-apply.service"
 APPLY_AFTER_S = 2.0
-"""Time for the session that asked to get its answer through."""
+"""Delay so that the requesting session still receives its response."""
 _COME_BACK_S = 15.0
-"""How long the tool may take to bring the previous addresses back before they are set by hand; DHCP is slow."""
+"""Seconds for the tool to restore the previous addresses before they are set directly; DHCP is slow."""
 _PAUSE_S = 0.1
 _TOOLS = (("/etc/netplan/", "netplan"), ("/etc/network/", "ifupdown"), ("/etc/systemd/network/", "networkd"))
 
@@ -75,7 +75,7 @@ def _interfaces(manifest: Manifest) -> list[str]:
     return [name for name in dict.fromkeys(names) if name != "lo"]
 
 
-def bring(computer: NetworkComputer, manifest: Manifest, other: Manifest) -> list[str]:
+def activate(computer: NetworkComputer, manifest: Manifest, other: Manifest) -> list[str]:
     """Replace the files of `other` by those of `manifest`, and make the tools use them; return error messages."""
     for name in _interfaces(other):
         computer.run(("ifdown", "--force", name))
@@ -111,21 +111,21 @@ def _commands(manifest: Manifest) -> Iterator[Sequence[str]]:
 
 def apply(computer: NetworkComputer) -> None:
     """Bring the staged change into effect; if that fails, take it back at once."""
-    with computer.alone():
+    with computer.hold_lock():
         pending, desired_manifest, previous = (computer.load(path) for path in (PENDING, DESIRED_PATH, PREVIOUS))
         if pending is None or desired_manifest is None or previous is None or computer.load(APPLIED_PATH) is not None:
             return
         computer.write(APPLIED_PATH, json.dumps({"id": pending["id"], "ended_s": None}))
-        complaints = bring(computer, desired_manifest, previous)
+        complaints = activate(computer, desired_manifest, previous)
         computer.write(APPLIED_PATH, json.dumps({"id": pending["id"], "ended_s": boot_time()}))
         if complaints:
             _back(computer, complaints[0])
 
 
-def back(computer: NetworkComputer) -> None:
+def roll_back(computer: NetworkComputer) -> None:
     """Roll back an unconfirmed change. Raises OSError if a file could not be restored."""
     computer.run(("systemctl", "stop", APPLY_UNIT))
-    with computer.alone():
+    with computer.hold_lock():
         _back(computer)
 
 
@@ -136,7 +136,7 @@ def _back(computer: NetworkComputer, why: str | None = None) -> None:
     computer.remove(ROOM)
     if computer.load(APPLIED_PATH) is not None:
         desired_manifest = computer.load(DESIRED_PATH) or previous
-        bring(computer, previous, desired_manifest)
+        activate(computer, previous, desired_manifest)
         _settle(computer, previous, desired_manifest)
     put(computer, previous)
     _close(computer, pending, why or pending["unconfirmed"])
@@ -159,7 +159,7 @@ def _settle(computer: NetworkComputer, previous: Manifest, desired_manifest: Man
 
 def boot(computer: NetworkComputer) -> None:
     """After a power cut during an unconfirmed change, restore the files before the network starts."""
-    with computer.alone():
+    with computer.hold_lock():
         pending, previous = computer.load(PENDING), computer.load(PREVIOUS)
         if pending is None or previous is None:
             return
@@ -183,7 +183,7 @@ def main(verb: str) -> None:
         time.sleep(APPLY_AFTER_S)
         apply(computer)
     elif verb == "back":
-        back(computer)
+        roll_back(computer)
     else:
         boot(computer)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _SIGNATURE, _KEY = 2, 6
 _DIRECT = 0x1F
 _CERTIFICATIONS = (0x10, 0x11, 0x12, 0x13, _DIRECT)
-"""Signatures over a user name, and over the key itself; of the latter only those count that limit its life."""
+"""Signature types over a user name or over the key; of the latter only those that limit its life count."""
 _CREATION_TIME, _EXPIRES, _ISSUER, _ISSUER_FINGERPRINT = 2, 9, 16, 33
 _ARMOUR = re.compile(
     rb"-----BEGIN PGP PUBLIC KEY BLOCK-----[ \t\r]*\n(.*?)\n-----END PGP PUBLIC KEY BLOCK-----", re.DOTALL
@@ -36,12 +36,12 @@ class PublicKey:
     """A primary key. Times are seconds since 1970 (UTC)."""
 
     fingerprint: str
-    """40 hex digits, capitals."""
+    """40 hex digits, upper case."""
     created_at: int
     renewed_at: int
-    """When its owner last said something about it: a clock before that is wrong."""
+    """Time of the owner's latest signature, seconds since 1970; a clock before that is wrong."""
     expires: int | None
-    """None: never."""
+    """Seconds since 1970; None: never."""
 
 
 def binary(content: bytes) -> bytes:

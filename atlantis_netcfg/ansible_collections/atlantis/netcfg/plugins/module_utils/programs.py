@@ -26,7 +26,7 @@ def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> ProgramResult:
     """Run a program without a terminal, in English; code 127: it does not exist, 124: timed out after `timeout_s`."""
     environment = dict(os.environ, LC_ALL="C.UTF-8", LANGUAGE="", PATH=_PATH, DEBIAN_FRONTEND="noninteractive")
     try:
-        process = subprocess.run(  # noqa: S603 - what the declaration has made
+        process = subprocess.run(  # noqa: S603 - what the inventory has made
             argv,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

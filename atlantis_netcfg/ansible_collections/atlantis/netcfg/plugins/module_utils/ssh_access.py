@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Iterator, Mapping
 
-from .errors import ModuleError, in_words
+from .errors import ModuleError, as_module_error
 
 if TYPE_CHECKING:
-    from .desired_state import WayIn
+    from .desired_state import SshRequirements
     from .filesystem import FileSystem
 
 _ANCESTORS = 20
@@ -26,7 +26,7 @@ class SshClient:
 
     address: str
     port: int
-    """Of the server."""
+    """Port of the server."""
 
 
 def client(environment: Mapping[str, str]) -> SshClient | None:
@@ -55,10 +55,10 @@ def _of_ancestors() -> str:
 
 
 _KINDS = (b"ssh-", b"ecdsa-sha2-", b"sk-")
-"""How the kinds of keys begin that sshd(8) takes."""
+"""Prefixes of the key types that sshd(8) accepts."""
 
 
-def hold(way_in: WayIn, tree: FileSystem, environment: Mapping[str, str]) -> None:
+def require_access(way_in: SshRequirements, tree: FileSystem, environment: Mapping[str, str]) -> None:
     """Raise ModuleError if the change would lock the user out; without an SSH session, check the keys only."""
     result = client(environment)
     if result is not None and way_in.admit and not _is_admitted(result.address, way_in.admit):
@@ -110,13 +110,13 @@ FILE = "/run/lock/atlantis-configure"
 
 
 @contextlib.contextmanager
-def alone(tree: FileSystem, environment: Mapping[str, str] = os.environ) -> Iterator[None]:
+def hold_lock(tree: FileSystem, environment: Mapping[str, str] = os.environ) -> Iterator[None]:
     """Hold the computer's lock; the kernel releases it when the process ends, however it ends."""
     try:
         Path(tree.at(FILE)).parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(tree.at(FILE), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     except OSError as error:
-        raise in_words(error, FILE) from error
+        raise as_module_error(error, FILE) from error
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -25,35 +25,35 @@ from typing import Any, Callable, Collection, Mapping, Sequence
 
 from .errors import ModuleError
 from .programs import last_lines
-from .ssh_access import alone
-from .vpn_management import ConnectionEnd, Down, IncompleteStatus, ManagementBusy, ManagementSocket, Session
+from .ssh_access import hold_lock
+from .vpn_management import ConnectionEnd, IncompleteStatus, ManagementBusy, ManagementSocket, ServerDown, Session
 from .vpn_server import ANSWERS, BUSY, DOWN, ManagedServer
 
 _HEARD_S = 0.01
-"""So long after its HALT the server has sent it; a kill at once would take the message back [measured, 2.6.14]."""
+"""Seconds the server takes to send a HALT; a kill before that would cancel it (measured, 2.6.14)."""
 _ROUNDS = 4
-"""A client that comes back between two looks is ended again; it has no admission any more."""
+"""Rounds; a client that reconnects in between is ended again, because it is no longer admitted."""
 _AT_ONCE_S = 0.05
-"""So long a server that answers at all may take."""
+"""Seconds in which a server that is responsive at all responds."""
 _QUIET_S = 0.005
 _LOOKS = 20
-"""So often, that long apart, it is looked whether a client is still heard; one that is is not killed."""
+"""Checks, `_QUIET_S` apart, whether a client still sends; one that does is not killed."""
 _TABLE = "inet p_atlantis_unheard"
 _PEER = re.compile(r"(?:[a-z0-9]+:)?([0-9.]+):([0-9]{1,5})")
 _CONNTRACK_S = 10
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 
-class Ending:
+class SessionTermination:
     """Ends every session of these names and addresses. Its attributes hold the result."""
 
     def __init__(self, common_names: Collection[str], addresses: Collection[str] = ()) -> None:
         self._common_names = common_names
         self._addresses = addresses
         self.ended: list[Session] = []
-        """With `replies`, what the server answered."""
+        """Ended sessions; `replies` holds the responses of the server."""
         self.left: list[Session] = []
-        """Who has a session after all."""
+        """Sessions that still exist."""
         self.management = DOWN
         self.messages: list[str] = []
 
@@ -62,13 +62,13 @@ class Ending:
         try:
             with server.connection(_AT_ONCE_S) as management:
                 return self._find(management)
-        except (Down, ManagementBusy, ConnectionEnd, IncompleteStatus):
+        except (ServerDown, ManagementBusy, ConnectionEnd, IncompleteStatus):
             return []
 
     def run(
         self,
         server: ManagedServer,
-        unheard: Unheard,
+        unheard: ClientBlock,
         meanwhile: Callable[[], None] = lambda: None,
         step: Callable[[str], None] = lambda _name: None,
     ) -> None:
@@ -78,7 +78,7 @@ class Ending:
             with server.connection() as management:
                 self._end(management, unheard, waits, step)
                 self.management = ANSWERS
-        except Down:
+        except ServerDown:
             self.management = DOWN
         except (ManagementBusy, ConnectionEnd, IncompleteStatus) as silent:
             self.management = BUSY
@@ -91,7 +91,7 @@ class Ending:
     def _end(
         self,
         management: ManagementSocket,
-        unheard: Unheard,
+        unheard: ClientBlock,
         waits: list[Callable[[], None]],
         step: Callable[[str], None],
     ) -> None:
@@ -129,17 +129,17 @@ class Ending:
         return silent
 
     def _find(self, management: ManagementSocket) -> list[Session]:
-        return theirs(management.sessions(), self._common_names, self._addresses)
+        return filter_sessions(management.sessions(), self._common_names, self._addresses)
 
 
-class Unheard:
+class ClientBlock:
     """Temporary nft rules that drop all packets from these clients to the server, but not its packets to them."""
 
     def __init__(self, server: ManagedServer, sessions: Sequence[Session]) -> None:
         self._server = server
         self._peers = {endpoint for session in sessions if (endpoint := peer(session["real"])) is not None}
         self.holds = False
-        """Set by whoever has `text` loaded."""
+        """Whether the rules are loaded; set by the code that loads `text`."""
 
     @property
     def text(self) -> str:
@@ -178,14 +178,16 @@ def peer(real: str) -> tuple[str, int] | None:
         return None
 
 
-def theirs(sessions: Sequence[Session], common_names: Collection[str], addresses: Collection[str]) -> list[Session]:
+def filter_sessions(
+    sessions: Sequence[Session], common_names: Collection[str], addresses: Collection[str]
+) -> list[Session]:
     """Return the sessions with one of these common names or VPN addresses."""
     return [
         session for session in sessions if session["common_name"] in common_names or session["virtual"] in addresses
     ]
 
 
-class Forgetting:
+class ConntrackFlush:
     """Removes the connection tracking entries of addresses, in both directions. It takes 12 ms, in parallel."""
 
     def __init__(self, addresses: Collection[str]) -> None:
@@ -193,7 +195,7 @@ class Forgetting:
         self._started: list[subprocess.Popen[bytes]] = []
         self._words = [("conntrack", "-D", way, address) for address in addresses for way in ("-s", "-d")]
 
-    def __enter__(self) -> Forgetting:  # noqa: PYI034 - Python 3.8 has no Self
+    def __enter__(self) -> ConntrackFlush:  # noqa: PYI034 - Python 3.8 has no Self
         environment: dict[str, Any] = dict(os.environ, LC_ALL="C.UTF-8", PATH=_PATH)
         try:
             for words in self._words:
@@ -221,7 +223,7 @@ class Forgetting:
                 self.messages.append(f"open connections were not forgotten: {text}")
 
 
-class _Act:
+class _StepLog:
     """Log of the steps: their times in milliseconds since the start, and the errors of failed steps."""
 
     def __init__(self) -> None:
@@ -232,7 +234,7 @@ class _Act:
     def step(self, name: str) -> None:
         self.steps.append([name, round((time.monotonic() - self._began) * 1000, 3)])
 
-    def dare(self, act: Callable[..., None], *arguments: Any) -> bool:  # noqa: ANN401 - whatever the act takes
+    def try_step(self, act: Callable[..., None], *arguments: Any) -> bool:  # noqa: ANN401 - whatever the act takes
         """Run a step and record its error; return whether it succeeded."""
         try:
             act(*arguments)
@@ -246,27 +248,27 @@ def revoke(
     server: ManagedServer, files: Sequence[Mapping[str, Any]], common_names: Sequence[str], addresses: Sequence[str]
 ) -> dict[str, Any]:
     """Revoke members. `files`: changed CRL and ruleset. Return `steps`, `ended` and the result of `verify`."""
-    act = _Act()
-    server.must_be()
+    act = _StepLog()
+    server.require_installed()
     file_by_path = {file["path"]: file for file in files}
-    ending = Ending(common_names, addresses)
+    ending = SessionTermination(common_names, addresses)
     with contextlib.ExitStack() as stack:
         try:
-            stack.enter_context(alone(server.tree))
+            stack.enter_context(hold_lock(server.tree))
         except ModuleError as busy:
             # Whoever holds it may put older files back, which the second look tells. To wait for him would be worse.
             act.messages.append(busy.message)
-        unheard = Unheard(server, ending.look(server))
+        unheard = ClientBlock(server, ending.look(server))
         crl_file = file_by_path.get(server.place.crl)
         # Whose list is older than the server's has a ruleset from the same record: it would let the revoked pass.
-        current = act.dare(_hold_list, server, crl_file)
+        current = act.try_step(_hold_list, server, crl_file)
         ruleset = file_by_path.get(server.place.firewall) if current else None
-        closing = threading.Thread(target=act.dare, args=(_close, server, ruleset, addresses, unheard))
+        closing = threading.Thread(target=act.try_step, args=(_close, server, ruleset, addresses, unheard))
         closing.start()
-        if current and act.dare(_put_list, server, crl_file):
+        if current and act.try_step(_put_list, server, crl_file):
             act.step("list in place")
         for name in common_names:
-            act.dare(server.tree.remove, server.place.admission(name))
+            act.try_step(server.tree.remove, server.place.admission(name))
         act.step("no longer admitted")
 
         def wait_for_closing() -> None:
@@ -274,8 +276,8 @@ def revoke(
             act.step("firewall closed")
 
         ending.run(server, unheard, wait_for_closing, act.step)
-        with Forgetting(addresses) as forgetting:
-            act.dare(_keep, server, ruleset)
+        with ConntrackFlush(addresses) as forgetting:
+            act.try_step(_keep, server, ruleset)
             act.step("safe on the disk")
             digests = {path: _digest(file["content"].encode()) for path, file in file_by_path.items()}
             verification = verify(server, common_names, addresses, digests, (ending.management, ending.left))
@@ -289,7 +291,7 @@ def _hold_list(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
     if file is None or server.tree.read(server.place.crl) == file["content"].encode():
         return
     try:
-        server.hold(_stage(server, file))
+        server.check_crl(_stage(server, file))
     except ModuleError:
         server.tree.unstage(server.place.crl)
         raise
@@ -301,7 +303,9 @@ def _put_list(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
         server.tree.put(server.place.crl)
 
 
-def _close(server: ManagedServer, file: Mapping[str, Any] | None, addresses: Sequence[str], unheard: Unheard) -> None:
+def _close(
+    server: ManagedServer, file: Mapping[str, Any] | None, addresses: Sequence[str], unheard: ClientBlock
+) -> None:
     """Load the ruleset without the addresses; if that fails, remove the addresses from the loaded one.
 
     The same transaction blocks packets from their clients: each transaction costs the kernel 10 ms.
@@ -355,7 +359,7 @@ def verify(
     problems += _passing(server, addresses) if addresses else []
     there = [
         f"{their['common_name']} has a session from {their['real']}"
-        for their in theirs(sessions, common_names, addresses)
+        for their in filter_sessions(sessions, common_names, addresses)
         if their["virtual"]  # a client that was refused is listed for five seconds more, without an address
     ]
     data = []

@@ -18,7 +18,7 @@ from typing import Any, Dict, Iterable, Iterator
 
 END = "END"
 Session = Dict[str, Any]
-"""`cid`, `common_name` (`UNDEF` before the certificate came), `real`, `virtual`, `since`, `received`, `sent`."""
+"""Keys: `cid`, `common_name` (`UNDEF` before the certificate), `real`, `virtual`, `since`, `received`, `sent`."""
 _KIND = "CLIENT_LIST"
 
 
@@ -72,10 +72,10 @@ def _session(row: dict[str, str]) -> Session:
 _GREETING = ">INFO:"
 _CHUNK = 65536
 _REAL = re.compile(r"(?:[a-z0-9-]+:)?[0-9a-fA-F.:\[\]]+:[0-9]{1,5}")
-"""An address and a port; nothing that could end the line and begin another command."""
+"""An address and a port; nothing that could end the line and start another command."""
 
 
-class Down(Exception):
+class ServerDown(Exception):
     """Nobody listens on the socket: the server that created it does not run."""
 
 
@@ -172,13 +172,13 @@ class ManagementSocket:
 
 @contextlib.contextmanager
 def open_socket(path: str, patience_s: float) -> Iterator[ManagementSocket]:
-    """Connect, without waiting for the greeting. Raises `Down` when nobody listens."""
+    """Connect, without waiting for the greeting. Raises `ServerDown` when nobody listens."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
         connection.settimeout(patience_s)
         try:
             connection.connect(_short(path))
         except (FileNotFoundError, ConnectionRefusedError) as error:
-            raise Down(f"nobody listens on {path}") from error
+            raise ServerDown(f"nobody listens on {path}") from error
         except OSError as error:  # a full backlog among them: clients that wait before this one
             raise ManagementBusy(f"{path} takes no connection: {error.strerror or error}") from error
         yield ManagementSocket(connection, patience_s)

@@ -26,10 +26,10 @@ import zlib
 from typing import Any, Callable, Mapping, Sequence
 
 from .desired_state import DesiredState
-from .errors import ModuleError, in_words
-from .file_transaction import FileTransaction, clear, strays
-from .ssh_access import alone
-from .vpn_disconnect import Ending, Unheard, revoke, verify
+from .errors import ModuleError, as_module_error
+from .file_transaction import FileTransaction, clear, unknown_paths
+from .ssh_access import hold_lock
+from .vpn_disconnect import ClientBlock, SessionTermination, revoke, verify
 from .vpn_server import ANSWERS, DOWN, ManagedServer, ServerPlace
 
 _VERSION = re.compile(r"OpenVPN (\S+)")
@@ -43,7 +43,7 @@ def look(server: ManagedServer) -> dict[str, Any]:
         "files": _files(server),
         "list": _list(server),
         **_firewall(server),
-        "redirects": server.redirecting(),
+        "redirects": server.redirect_interfaces(),
         "version": _version(server),
         "package": _package(server),
         "unit": server.unit(),
@@ -100,7 +100,7 @@ def _firewall(server: ManagedServer) -> dict[str, Any]:
     """Return the admitted members, and whether the kernel's table matches the file; `as_file` is null if unknown."""
     try:
         members = server.firewall.members()
-        as_file = server.firewall.is_as(server.tree.at(server.place.firewall)) if members is not None else False
+        as_file = server.firewall.matches_file(server.tree.at(server.place.firewall)) if members is not None else False
     except ModuleError as refused:
         return {"members": None, "as_file": None, "firewall_why": refused.message}
     return {"members": members, "as_file": as_file, "firewall_why": ""}
@@ -122,15 +122,15 @@ def push(server: ManagedServer, files: Sequence[Mapping[str, Any]], only: Sequen
     `only` are folders from which all other files are removed. Returns `changes`, `ended` (sessions, with replies) and
     `told`; or `lacks`, the paths whose content is needed after all, in which case nothing was done.
     """
-    server.must_be()
-    with alone(server.tree):
+    server.require_installed()
+    with hold_lock(server.tree):
         whole = [_whole(server, file) for file in files]
         lacks = [file["path"] for file in whole if file["content"] is None]
         if lacks:
             return {"lacks": lacks, "changes": [], "ended": [], "told": []}
         values = {"files": whole, "only": list(only)}
         wishes = DesiredState.of(values)
-        stray_paths = strays(server.tree, wishes)
+        stray_paths = unknown_paths(server.tree, wishes)
         wishes = DesiredState.of({**values, "absent": stray_paths})
         contents = {file.path: file.data for file in wishes.files}
         _hold_list(server, contents.get(server.place.crl))
@@ -140,9 +140,9 @@ def push(server: ManagedServer, files: Sequence[Mapping[str, Any]], only: Sequen
         clear(server.tree, wishes, stray_paths)
         changes = [*placing.changes(), *_load(server, contents.get(server.place.firewall)), *_redirects(server)]
         removed_names = before - set(server.list_admitted_names())
-        ending = Ending(removed_names)
+        ending = SessionTermination(removed_names)
         if removed_names:
-            ending.run(server, Unheard(server, ()))
+            ending.run(server, ClientBlock(server, ()))
     return {"lacks": [], "changes": changes, "ended": ending.ended, "told": ending.messages}
 
 
@@ -164,7 +164,7 @@ def _hold_list(server: ManagedServer, new: bytes | None) -> None:
         return
     beside = server.tree.stage(path, new, 0o600, os.geteuid(), os.getegid())
     try:
-        server.hold(beside)
+        server.check_crl(beside)
     finally:
         server.tree.unstage(path)
 
@@ -180,7 +180,7 @@ def _redirects(server: ManagedServer) -> list[str]:
 def _load(server: ManagedServer, ruleset: bytes | None) -> list[str]:
     """Load the ruleset unless it is the last one loaded and still in the kernel."""
     firewall, path = server.firewall, server.tree.at(server.place.firewall)
-    if ruleset is None or (firewall.is_noted(ruleset) and firewall.is_as(path) is not False):
+    if ruleset is None or (firewall.is_noted(ruleset) and firewall.matches_file(path) is not False):
         return []
     firewall.load(ruleset, path)
     return ["firewall loaded"]
@@ -231,7 +231,7 @@ def _answer(line: bytes) -> dict[str, Any]:
     except ModuleError as refused:
         return {"id": number, "refused": refused.message, "hint": refused.hint}
     except OSError as error:
-        reply = in_words(error, str(error.filename or "a file"))
+        reply = as_module_error(error, str(error.filename or "a file"))
         return {"id": number, "refused": reply.message, "hint": reply.hint}
     except Exception as error:  # noqa: BLE001 - whoever asks is told, and goes on asking
         return {"id": number, "broken": f"{type(error).__name__}: {error}"}

@@ -25,10 +25,10 @@ from .filesystem import FileSystem, Stamps
 from .programs import ProgramResult, last_lines, run
 from .vpn_management import (
     ConnectionEnd,
-    Down,
     IncompleteStatus,
     ManagementBusy,
     ManagementSocket,
+    ServerDown,
     Session,
     open_socket,
     parse_status_time,
@@ -47,9 +47,9 @@ class Crl:
     begins: int
     ends: int
     is_signed: bool
-    """By the authority that this server takes its members from."""
+    """Whether it is signed by the authority whose members this server accepts."""
     serials: frozenset[str] = frozenset()
-    """Of the revoked certificates, in hex."""
+    """Serial numbers of the revoked certificates, in hex."""
 
 
 def read(path: str, ca: str, run: Callable[[list[str]], ProgramResult]) -> Crl | None:
@@ -178,7 +178,7 @@ class Firewall:
         sets = [row["set"] for row in objects or () if "set" in row]
         return sorted(network for item in sets for network in _networks(item.get("elem", ()))) if sets else None
 
-    def is_as(self, path: str) -> bool | None:
+    def matches_file(self, path: str) -> bool | None:
         """Return whether the kernel's table equals a file's result in an empty network namespace; None if unknown."""
         here = self.read_table()
         if here is None:
@@ -231,7 +231,7 @@ def _plain(data: Any) -> Any:  # noqa: ANN401 - JSON
 
 
 ANSWERS, BUSY, DOWN = "answers", "held", "down"
-"""What the management socket does; `held`: another client has it, or the server hangs."""
+"""State of the management socket; `held`: another client uses it, or the server hangs."""
 _SILENT = (ManagementBusy, ConnectionEnd, IncompleteStatus)
 _CONF = "/proc/sys/net/ipv4/conf"
 
@@ -255,7 +255,7 @@ class ManagedServer:
         """The VPN's table."""
         return Firewall(self.place, self.tree, self.stamps, self.run)
 
-    def must_be(self) -> None:
+    def require_installed(self) -> None:
         """Raise ModuleError if the server was never set up on this computer."""
         if self.tree.read(self.place.ca) is None:
             raise ModuleError(
@@ -273,12 +273,12 @@ class ManagedServer:
         """Return the CRL at its regular path, or at another one."""
         return read(path or self.tree.at(self.place.crl), self.tree.at(self.place.ca), self.run)
 
-    def hold(self, beside: str) -> None:
+    def check_crl(self, beside: str) -> None:
         """Check that a staged CRL may replace the current one. Raises `ModuleError`."""
         there = self.tree.read(self.place.crl) is not None
         accept(self.crl(beside), self.crl() if there else None, self.now())
 
-    def redirecting(self) -> list[str]:
+    def redirect_interfaces(self) -> list[str]:
         """Return interfaces on which the kernel may send ICMP redirects to members; `default`: future interfaces."""
         folder = self.tree.at(_CONF)
         try:
@@ -289,7 +289,7 @@ class ManagedServer:
 
     def stop_redirects(self) -> bool:
         """Switch off ICMP redirects; return whether anything had to be changed."""
-        names = self.redirecting()
+        names = self.redirect_interfaces()
         for name in names:
             with open(self.tree.at(f"{_CONF}/{name}/send_redirects"), "w") as file:  # noqa: PTH123 - as in `tree`
                 file.write("0\n")
@@ -297,7 +297,7 @@ class ManagedServer:
 
     @contextlib.contextmanager
     def connection(self, patience_s: float | None = None) -> Iterator[ManagementSocket]:
-        """Open a connection to the server. Raises `Down`, `ManagementBusy`, `ConnectionEnd`."""
+        """Open a connection to the server. Raises `ServerDown`, `ManagementBusy`, `ConnectionEnd`."""
         patience_s = self.place.patience_s if patience_s is None else patience_s
         with open_socket(self.tree.at(self.place.socket), patience_s) as management:
             management.wait_for_greeting()
@@ -308,7 +308,7 @@ class ManagedServer:
         try:
             with self.connection() as management:
                 return ANSWERS, management.sessions(), ""
-        except Down as down:
+        except ServerDown as down:
             return DOWN, [], str(down)
         except _SILENT as silent:
             return BUSY, [], str(silent)
@@ -341,23 +341,23 @@ class ServerPlace:
 
     ca: str
     ccd: str
-    """Folder, ours alone: a file for each common name that is admitted."""
+    """Folder managed by this toolkit alone, with one file per admitted common name."""
     crl: str
     firewall: str
-    """The ruleset's file."""
+    """Path of the ruleset file."""
     table: str
-    """The table that it makes, with its family."""
+    """nft table that the ruleset creates, with its family."""
     members: str
-    """The set in it that holds the address of everybody who is admitted."""
+    """nft set in that table with the addresses of all admitted members."""
     socket: str
     status: str
     seen: str
     unit: str
-    """That runs the server."""
+    """systemd unit that runs the server."""
     firewall_unit: str
-    """That loads the ruleset: its stamp says which one was loaded."""
+    """systemd unit that loads the ruleset; its stamp records which ruleset was loaded."""
     patience_s: float = 2.0
-    """For a word of the management socket."""
+    """Timeout of the management socket."""
 
     def admission(self, common_name: str) -> str:
         """Return the file that admits a common name."""

@@ -61,17 +61,17 @@ from typing import IO, Any, Iterator, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.errors import ModuleError, in_words
+from ..module_utils.errors import ModuleError, as_module_error
 
 FOLDER = "/var/lib/atlantis/bundle"
 _LIST = ".held.json"
 _STORE = ".store"
 _INCOMING = ".incoming"
 _PRIVATE = "sources"
-"""Of a bundle: a partner's sources are nobody's but root's."""
+"""Folder of a bundle that only root can read, as it holds a partner's sources."""
 _CHUNK = 1 << 20
 _ROOM = 16 * 10**6
-"""Bytes that stay free on the disk."""
+"""Bytes to keep free on the disk."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class BundleStatus:
 
     ready: bool
     is_known: bool
-    """Whether the files of the bundle were told, now or earlier."""
+    """Whether the file list of the bundle was given, in this call or earlier."""
     missing: tuple[str, ...]
     changes: tuple[str, ...]
 
@@ -254,7 +254,7 @@ def _words(folder: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise in_words(error, error.filename or folder) from error
+        raise as_module_error(error, error.filename or folder) from error
 
 
 ARGUMENTS: dict[str, Any] = {

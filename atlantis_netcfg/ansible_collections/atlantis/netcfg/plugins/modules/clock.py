@@ -48,7 +48,7 @@ from ..module_utils.errors import ModuleError
 from ..module_utils.programs import ProgramResult, is_there, run
 
 TOLERANCE_S = 300
-"""More than a question may be under way: a satellite may be silent for 70 s, and ssh repeats itself after it."""
+"""Longer than a request can take: a satellite link may be silent for 70 s, and ssh then retransmits."""
 _OLDEST = datetime(2026, 1, 1, tzinfo=timezone.utc)
 """No computer that runs this toolkit has an earlier time."""
 _DAY_S = 86400

@@ -175,7 +175,7 @@ from typing import Any
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.configure import Configure
-from ..module_utils.desired_state import ROWS, DesiredState, File, WayIn
+from ..module_utils.desired_state import ROWS, DesiredState, File, SshRequirements
 from ..module_utils.errors import ModuleError
 from ..module_utils.filesystem import FileSystem
 
@@ -219,7 +219,7 @@ ARGUMENTS: dict[str, Any] = {
     "only": {**_STRINGS, "default": []},
     "way_in": {
         "type": "dict",
-        "options": {**_options(WayIn), "key": {"type": "bool", "default": False, "no_log": False}},
+        "options": {**_options(SshRequirements), "key": {"type": "bool", "default": False, "no_log": False}},
     },
 }
 

@@ -65,14 +65,14 @@ from typing import Any, Callable
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.build_messages import last_words
+from ..module_utils.build_messages import error_lines
 from ..module_utils.errors import ModuleError
 from ..module_utils.filesystem import FileSystem, Stamps
 from ..module_utils.programs import ProgramResult, run
 
 _STAMP = "connection test"
 _STILL_RUNS = 124
-"""What timeout(1) ends with when it had to end the program."""
+"""Exit code of timeout(1) if it had to stop the program."""
 _COMMAND = '. "$1" && cd "$2" && exec timeout --kill-after=5 "$3" "$4" "$5"'
 
 
@@ -94,10 +94,10 @@ class SmokeTest:
     sourced: str
     environment: str
     built: str
-    """The marker of the build in use: another build is tried anew."""
+    """Marker file of the build in use; another build is tested again."""
     user: str
     interface: str
-    """The VPN's: without an address on it nothing can be connected."""
+    """Interface of the VPN; without an address on it no connection is possible."""
     seconds: int
 
     def judge(self, tree: FileSystem, *, check: bool, run: Callable[[list[str]], ProgramResult] = run) -> TestVerdict:
@@ -120,7 +120,7 @@ class SmokeTest:
         result = run(self._command(tree))
         if result.code not in (0, _STILL_RUNS):
             raise ModuleError(
-                f"FAIL: {name} ended with {result.code} after its start:\n{last_words(result.output)}",
+                f"FAIL: {name} ended with {result.code} after its start:\n{error_lines(result.output)}",
                 "the server C4i and its interface to ROS have to run at the SCC; the partner who made the example can"
                 " read its words",
             )

@@ -70,7 +70,7 @@ OF_SYSTEMD = (
 )
 OF_AN_ACCOUNT = (".profile", ".bash_profile", ".bash_login", ".bashrc", ".zshenv", ".zshrc", ".pam_environment")
 _HOME = 5
-"""Field of passwd(5)."""
+"""Index of the home directory in a line of passwd(5)."""
 
 
 @dataclass(frozen=True)

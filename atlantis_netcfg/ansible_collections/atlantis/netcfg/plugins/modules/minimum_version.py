@@ -72,7 +72,7 @@ class Branch:
 
 
 @dataclass(frozen=True)
-class Floor:
+class MinimumVersion:
     """Minimum version of a program: its package and the accepted branches."""
 
     program: str
@@ -80,7 +80,9 @@ class Floor:
     branches: tuple[Branch, ...]
 
 
-def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]], ProgramResult] = run) -> str:
+def require_minimum_version(
+    floor: MinimumVersion, *, absent_passes: bool = False, run: Callable[[list[str]], ProgramResult] = run
+) -> str:
     """Return the installed version. Raises ModuleError if it is too old or unknown."""
     result = run([floor.program, "--version"])
     if result.code == _NOT_THERE and absent_passes:
@@ -106,7 +108,7 @@ def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]]
     )
 
 
-def _passes(floor: Floor, upstream: str, package: str, run: Callable[[list[str]], ProgramResult]) -> bool:
+def _passes(floor: MinimumVersion, upstream: str, package: str, run: Callable[[list[str]], ProgramResult]) -> bool:
     """Return whether the version is recent enough in a maintained branch; newer branches than listed pass."""
     number = _numbers(upstream)
     if number[:2] > max(_numbers(branch.branch) for branch in floor.branches):
@@ -158,7 +160,9 @@ def main() -> None:
     result = module.params
     branches = tuple(Branch(item["branch"], item["upstream"], tuple(item["packages"])) for item in result["branches"])
     try:
-        version = hold(Floor(result["program"], result["package"], branches), absent_passes=module.check_mode)
+        version = require_minimum_version(
+            MinimumVersion(result["program"], result["package"], branches), absent_passes=module.check_mode
+        )
     except ModuleError as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
     module.exit_json(changed=False, version=version)

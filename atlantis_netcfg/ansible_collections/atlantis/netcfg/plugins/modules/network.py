@@ -105,7 +105,7 @@ ARGUMENTS = {
 }
 RULES = {"required_if": [("action", "confirm", ["name"]), ("action", "look", ["name"])]}
 _BACK_S = 60.0
-"""Beyond the window: what taking a change back may take."""
+"""Seconds beyond the rollback window that rolling back a change may take."""
 _AGAIN = "correct `network` of the host or `lan` of its site, then type the same again"
 _UNKNOWN = (
     f"`systemctl status {BACK}` there tells more; switching its power off and on brings the previous network back"

@@ -170,7 +170,7 @@ def main() -> None:
             parameters["limit_bytes"],
             parameters["limit_words"],
         )
-        diffs = {path: sources.before_and_after(path) for path in [*sources.changed_paths, *sources.in_the_way]}
+        diffs = {path: sources.before_and_after(path) for path in [*sources.changed_paths, *sources.conflicting_paths]}
         converge = AptConvergence(Apt(tree, parameters["offline"], parameters["wait_s"]), sources, desired_packages)
         outcome = converge.run(check=module.check_mode)
     except ModuleError as why:

@@ -28,7 +28,7 @@ class TaskRequest:
     plan_only: bool
     """Check mode."""
     part: str = ""
-    """Which part of its hosts the task asks for, if it asks for one."""
+    """Part of the desired state that the task requests, named after its role; empty: none."""
 
     @staticmethod
     def decrypt(text: str) -> str:

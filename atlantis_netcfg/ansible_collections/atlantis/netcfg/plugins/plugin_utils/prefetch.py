@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 VARIABLE: Final = "computer_prefetch"
 """Where playbooks register the result of the action. A registered variable ends with the run; no cache keeps it."""
 _DISCARD_FACT: Final = "atlantis_prefetch_discarded"
-"""The fact that names the result of which nothing is to be taken any more."""
+"""Fact with the id of the prefetch result that must no longer be used."""
 _MAX_AGE_S: Final = 60.0
 _TIMES: Final = {"clock": "now"}
-"""Arguments that are another in each call, and request the same."""
+"""Module -> argument that differs in each call without changing the request."""
 _KEY: Final = os.urandom(32)
-"""Tasks are forks of the process that has made it. Requests hold secrets: without a key, a digest could be guessed."""
+"""Digest key; tasks are forks and share it. Requests hold secrets: digests without a key could be guessed."""
 
 
 def pack(requests: Iterable[Mapping[str, Any]], answers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:

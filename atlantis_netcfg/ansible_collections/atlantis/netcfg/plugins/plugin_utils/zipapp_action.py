@@ -35,17 +35,17 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
 FOLDER: Final = "/var/lib/atlantis/tool"
-"""On the gateways: the tool, under its SHA-256."""
+"""Folder of the tool on gateways, where it is stored under its SHA-256."""
 PYTHON: Final = (3, 8)
-"""The oldest that the tool runs on: Ubuntu 20.04's."""
+"""Oldest Python version that the tool supports (Ubuntu 20.04)."""
 MODULES: Final = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules"
 _ASKS: Final = "ATLANTIS-PYTHON "
 _VERSION: Final = f'import sys; print("\\n{_ASKS}%d %d" % sys.version_info[:2])'
 _NOT_FOUND: Final = 127
-"""What a shell ends with where a program is not there (POSIX, Shell & Utilities 2.8.2)."""
+"""Exit code of a shell if a program is not found (POSIX, Shell & Utilities 2.8.2)."""
 _LAST_LINES: Final = 8
 _ANSIBLES: Final = ("_ansible_", "ansible_", "warnings", "deprecations", "exception")
-"""What no module of ours says, and Ansible would act on, or print as its own words."""
+"""Result keys that no module of this collection sets, and that Ansible would act on or print as its own."""
 
 
 class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
@@ -59,10 +59,10 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Run the module with the arguments of the task."""
         result: dict[str, Any] = super().run(tmp, task_vars)
-        result.update(self.thin(self.module, self._task.args, task_vars or {}))
+        result.update(self.run_module(self.module, self._task.args, task_vars or {}))
         return result
 
-    def thin(self, name: str, arguments: Mapping[str, Any], variables: dict[str, Any]) -> dict[str, Any]:
+    def run_module(self, name: str, arguments: Mapping[str, Any], variables: dict[str, Any]) -> dict[str, Any]:
         """Run a module on the host of the task and return its result; an unreachable host raises as in Ansible."""
         end_with_parent()
         parameters, secrets, wrong = validate_arguments(name, arguments)

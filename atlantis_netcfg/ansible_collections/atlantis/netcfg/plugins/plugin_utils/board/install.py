@@ -22,7 +22,7 @@ import zipfile
 from typing import Any
 
 WORDS = "atlantis/module_utils/errors.py"
-"""In the tool: what an error of the operating system means for a person."""
+"""File in the tool that turns operating system errors into plain messages."""
 
 
 def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
@@ -40,7 +40,7 @@ def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
     except OSError as error:
         words: dict[str, Any] = {"__name__": "errors"}
         exec(zipfile.ZipFile(io.BytesIO(tool)).read(WORDS), words)  # noqa: S102 - what has just been compared
-        failure = words["in_words"](error, folder)
+        failure = words["as_module_error"](error, folder)
         _fail(mark, failure.message, failure.hint)
     _sweep(folder, name)
     sys.argv = [os.path.join(folder, name), module]
