@@ -102,7 +102,7 @@ def test_the_sample_has_every_version_and_every_command() -> None:
     assert {each.command for each in rounds} >= {"apply", "apply FILE", "restore", "use", "upgrade", "rollback"}
 
 
-def test_a_driver_that_fails_fails_its_seed(
+def test_exception_in_driver_fails_only_its_seed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(_player: Player, seed: int) -> dict[str, Any]:
@@ -125,7 +125,7 @@ def test_a_driver_that_fails_fails_its_seed(
 
 
 @pytest.mark.parametrize("seeds", SAMPLE, ids=str)
-def test_a_sample_of_faults(tmp_path: Path, references: Path, seeds: tuple[int, ...]) -> None:
+def test_fault_sample_has_no_violations(tmp_path: Path, references: Path, seeds: tuple[int, ...]) -> None:
     records = play(seeds, tmp_path / "rounds", references)
     assert [record["seed"] for record in records] == list(seeds)
     assert not (violations := report(records, tmp_path / "rounds")), "\n".join(violations)
@@ -133,7 +133,9 @@ def test_a_sample_of_faults(tmp_path: Path, references: Path, seeds: tuple[int, 
 
 
 @pytest.mark.campaign
-def test_a_range_of_faults(tmp_path: Path, references: Path, fault_seeds: tuple[int, ...], fault_records: Path) -> None:
+def test_fault_range_has_no_violations(
+    tmp_path: Path, references: Path, fault_seeds: tuple[int, ...], fault_records: Path
+) -> None:
     records = play(fault_seeds, tmp_path / "rounds", references)
     with fault_records.open("a", encoding="utf-8") as file:
         file.writelines(json.dumps(record) + "\n" for record in records)

@@ -50,7 +50,7 @@ ONE_HOST = "  wait for ten minutes, then:  provision drift site=coastal only=scc
         ("  make room on the disk, then run the same command again", None, False),
     ],
 )
-def test_the_last_command_that_settles_something_is_the_advice(
+def test_last_actionable_command_is_the_advice(
     output: str,
     typed: tuple[str, ...] | None,
     waits: bool,  # noqa: FBT001
@@ -63,7 +63,7 @@ def test_the_last_command_that_settles_something_is_the_advice(
 @pytest.mark.parametrize(
     "output", ["", "  coastal-router  already so\n", "       `provision runs` lists all of them", CTRL_C, HELP]
 )
-def test_what_only_informs_is_no_advice(output: str) -> None:
+def test_informational_output_gives_no_advice(output: str) -> None:
     assert advice.read(output, "coastal") is None
 
 
@@ -71,7 +71,7 @@ def picture(*rows: dict[str, Any], **menus: list[dict[str, Any]]) -> Picture:
     return Picture("router", {FILTER: list(rows), **{name.replace("_", "/"): each for name, each in menus.items()}})
 
 
-def test_a_rule_less_more_or_moved_is_a_difference_and_a_counter_is_none() -> None:
+def test_missing_extra_or_reordered_rule_differs_but_counters_do_not() -> None:
     first, second = {"chain": "input", "action": "accept", "bytes": 1}, {"chain": "input", "action": "drop", "bytes": 1}
     there = picture(first, second)
     assert picture({**first, "bytes": 9, ".id": "*7"}, second).differs(there) == []
@@ -80,7 +80,7 @@ def test_a_rule_less_more_or_moved_is_a_difference_and_a_counter_is_none() -> No
     assert picture(first, second, {"chain": "output", "comment": "foreign"}).differs(there) == []
 
 
-def test_what_a_run_leaves_is_seen() -> None:
+def test_leftovers_of_a_run_are_detected() -> None:
     jobs = [{"name": "atlantis-pair"}, {"name": "backup of the owner"}]
     left = Picture(
         "router",
@@ -96,7 +96,7 @@ def test_what_a_run_leaves_is_seen() -> None:
     assert Picture("router", {"safe-mode": [{"enabled": True}]}).armed == ["safe mode is held by somebody"]
 
 
-def test_a_seed_stands_for_one_round() -> None:
+def test_seed_determines_the_round() -> None:
     assert draw(65).as_dict() == {
         "seed": 65,
         "state": "drifted",
@@ -109,7 +109,7 @@ def test_a_seed_stands_for_one_round() -> None:
     assert {fault.name for seed in range(300) for fault in draw(seed).faults} == set(FAULTS)
 
 
-def test_a_process_that_outlives_its_command_is_told_and_ended(tmp_path: Path) -> None:
+def test_process_that_outlives_its_command_is_reported_and_killed(tmp_path: Path) -> None:
     script = tmp_path / "atlantis_netcfg.py"
     script.write_text(
         "import subprocess, sys\n"
@@ -128,7 +128,7 @@ def test_a_process_that_outlives_its_command_is_told_and_ended(tmp_path: Path) -
     assert living(command.mark, 5.0) == [], "it was not ended"
 
 
-def test_a_word_that_is_no_news_ends_the_silence_and_not_the_waiting(tmp_path: Path) -> None:
+def test_reminder_resets_the_quiet_timer_but_not_the_idle_timer(tmp_path: Path) -> None:
     """A driver that took it for news would put no time forward at the devices, and wait for hours."""
     told = _reminder([(Event("router", Stage.WAITING, ""), 20.0)], 20.0)
     (tmp_path / "atlantis_netcfg.py").write_text(f"print({told!r})\n", encoding="utf-8")
@@ -143,7 +143,7 @@ LOST = """  coastal-router     nothing was changed: its certificate is not known
 """
 
 
-def test_the_same_line_again_is_no_news(tmp_path: Path) -> None:
+def test_repeated_line_does_not_reset_the_idle_timer(tmp_path: Path) -> None:
     program = "import time\nfor _ in range(9):\n    print('waiting', flush=True)\n    time.sleep(0.05)\n"
     (tmp_path / "atlantis_netcfg.py").write_text(program, encoding="utf-8")
     command = Command((), {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}, tmp_path)
@@ -152,7 +152,7 @@ def test_the_same_line_again_is_no_news(tmp_path: Path) -> None:
     assert command.idle_s - command.quiet_s >= 0.3
 
 
-def test_advice_that_needs_a_terminal_has_to_say_so() -> None:
+def test_advice_requires_a_terminal_only_if_it_says_so() -> None:
     said, unsaid = advice.read(LOST, "coastal"), advice.read(LOST.replace(" on a terminal", ""), "coastal")
     assert said is not None
     assert unsaid is not None
@@ -160,7 +160,7 @@ def test_advice_that_needs_a_terminal_has_to_say_so() -> None:
     assert (said.on_terminal, unsaid.on_terminal) == (True, False)
 
 
-def test_what_needs_a_terminal_is_typed_on_one(tmp_path: Path) -> None:
+def test_command_that_needs_a_terminal_gets_a_pty(tmp_path: Path) -> None:
     script = "import sys\nprint(sys.stdin.isatty() and [input(), input()])\n"
     (tmp_path / "atlantis_netcfg.py").write_text(script, encoding="utf-8")
     environment = {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}
@@ -173,7 +173,7 @@ def test_what_needs_a_terminal_is_typed_on_one(tmp_path: Path) -> None:
     assert told == ["['yes', 'yes']\n", "False\n"]
 
 
-def test_an_upgrade_tells_of_its_run_and_of_its_only_device() -> None:
+def test_upgrade_output_yields_run_id_and_device() -> None:
     told = '{"device": "coastal-router", "status": "changed", "run": "20261128T135453Z", "message": "", "hint": null}\n'
     text = "  coastal-router     RouterOS 7.18.2 -> 7.18.3\n  recorded as 20261128T135453Z\n"
     for out in (told, text):

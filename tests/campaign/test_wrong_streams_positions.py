@@ -170,18 +170,18 @@ def believed(liar: str, lie: str, seeds: int) -> tuple[int, list[str]]:
 
 
 @pytest.mark.parametrize(("liar", "lie"), LIES)
-def test_a_sample_of_wrong_streams(liar: str, lie: str) -> None:
+def test_sample_of_false_streams_is_never_accepted(liar: str, lie: str) -> None:
     assert believed(liar, lie, SAMPLE)[1] == []
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize(("liar", "lie"), LIES)
-def test_wrong_streams(liar: str, lie: str) -> None:
+def test_false_streams_are_never_accepted(liar: str, lie: str) -> None:
     assert believed(liar, lie, SEEDS)[1] == []
 
 
 @pytest.mark.campaign
-def test_there_are_enough_of_them() -> None:
+def test_number_of_false_streams_is_sufficient() -> None:
     """At least a hundred for each probe and source, and with those of the other probes over two thousand."""
     played = {liar: sum(believed(liar, lie, SEEDS)[0] for lie in lies) for liar, (lies, _) in LIARS.items()}
     assert min(number for liar, number in played.items() if "streams" not in liar) >= 200
@@ -221,13 +221,13 @@ def doubted(truth: str, seeds: int) -> list[str]:
 
 
 @pytest.mark.parametrize("truth", TRUTHS)
-def test_a_sample_of_true_streams(truth: str) -> None:
+def test_sample_of_true_streams_is_accepted(truth: str) -> None:
     assert doubted(truth, TRUE_SAMPLE) == []
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("truth", TRUTHS)
-def test_true_streams(truth: str) -> None:
+def test_true_streams_are_accepted(truth: str) -> None:
     assert doubted(truth, TRUE_SEEDS) == []
 
 
@@ -286,7 +286,7 @@ RECORDED_IN_TROUBLE = {"foretrex-201.log": "FAIL no-satellites", "sl869.log": "F
 
 
 @pytest.mark.skipif(not LOGS, reason="no logs of gpsd in ../shared/data/gpsd")
-def test_recorded_streams() -> None:
+def test_recorded_streams_pass_and_their_falsified_copies_do_not() -> None:
     """Every log that has some seconds with a fix: true when it was recorded, and wrong in every other way."""
     streams = {path.name: heard for path in LOGS if (heard := recorded(path)) is not None}
     found = {name: gps(heard, GpsDriver.NMEA_TCP) for name, heard in streams.items()}

@@ -765,13 +765,13 @@ def green(probe: str, lie: str, seeds: range) -> list[str]:
 
 
 @pytest.mark.parametrize(("probe", "lie"), [(probe, lie) for probe, lies in LIES.items() for lie in lies])
-def test_no_wrong_answer_is_green(probe: str, lie: str) -> None:
+def test_no_wrong_response_passes(probe: str, lie: str) -> None:
     assert green(probe, lie, range(SAMPLE)) == []
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("probe", LIES)
-def test_of_a_hundred_wrong_answers_of_each_probe_none_is_green(probe: str) -> None:
+def test_none_of_a_hundred_wrong_responses_per_probe_passes(probe: str) -> None:
     each = -(-LEAST // len(LIES[probe]))
     believed = [line for lie in LIES[probe] for line in green(probe, lie, range(each))]
     assert each * len(LIES[probe]) >= LEAST

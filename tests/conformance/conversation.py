@@ -33,7 +33,7 @@ class Conversation:
             assert stood.drift() == ""
             yield stood
 
-    def test_reads_what_provision_wrote(self, at: Stand) -> None:
+    def test_reads_the_provisioned_state(self, at: Stand) -> None:
         assert shortfalls(at.ask(self.client, do="read", menus=MENUS)) == []
 
     def test_asks_for_some_rows_and_fields(self, at: Stand) -> None:

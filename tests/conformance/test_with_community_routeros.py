@@ -21,7 +21,7 @@ def at(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
 
 
 @pytest.mark.parametrize("half", [0, 1])
-def test_api_modify_of_the_same_intent_has_nothing_to_do(at: Stand, half: int) -> None:
+def test_api_modify_with_the_same_intent_changes_nothing(at: Stand, half: int) -> None:
     """Its table knows every menu that the template emits, and every field."""
     before = at.export()
     tasks = intent_tasks()[half::2]
@@ -31,7 +31,7 @@ def test_api_modify_of_the_same_intent_has_nothing_to_do(at: Stand, half: int) -
     assert at.export() == before
 
 
-def test_api_info_reads_what_provision_wrote(at: Stand) -> None:
+def test_api_info_reads_the_provisioned_state(at: Stand) -> None:
     wanted = {"handle_disabled": "omit", "hide_defaults": False}
     each = "{{ item }}"
     loop = {
@@ -43,7 +43,7 @@ def test_api_info_reads_what_provision_wrote(at: Stand) -> None:
     assert shortfalls({menu: one["result"] for menu, one in zip(MENUS, found, strict=True)}, NOT_IN_COMMUNITY) == []
 
 
-def test_what_its_modules_write_is_drift_that_we_put_right(at: Stand) -> None:
+def test_changes_by_its_modules_are_drift_and_get_repaired(at: Stand) -> None:
     before = at.export()
     rules, address = "ip firewall filter", "10.10.1.2/29"
     add = f'chain=input action=accept src-address=10.9.9.9 comment="{TAMPERED["added"]}"'
@@ -99,7 +99,7 @@ def test_what_its_modules_write_is_drift_that_we_put_right(at: Stand) -> None:
     is_put_right(at, before)
 
 
-def test_api_asks_and_is_refused(at: Stand) -> None:
+def test_api_queries_and_refusals(at: Stand) -> None:
     returned = play(
         at,
         [

@@ -10,7 +10,7 @@ from stand import Stand
 class TestLibrouteros(Conversation):
     client = "librouteros_client.py"
 
-    def test_queries_are_answered_as_it_builds_them(self, at: Stand) -> None:
+    def test_its_queries_return_the_expected_rows(self, at: Stand) -> None:
         assert at.ask(self.client, do="queries") == {
             "and": PINGS,
             "or": [*["return"] * 4, "log", *["return"] * 6, "log", "log", "log"],
@@ -21,11 +21,11 @@ class TestLibrouteros(Conversation):
             "len": RULES,
         }
 
-    def test_it_takes_refusals_for_traps_with_their_category(self, at: Stand) -> None:
+    def test_refusals_raise_trap_error_with_category(self, at: Stand) -> None:
         told = at.ask(self.client, do="refused", calls=CALLS)
         assert {one[0] for one in told} == {"TrapError"}
         assert [one[1] for one in told] == [0, 0, 1, 1, 0, None, None]
 
-    def test_both_ways_to_log_in(self, at: Stand) -> None:
+    def test_new_and_old_login_method(self, at: Stand) -> None:
         told = at.ask(self.client, do="login")
         assert told == {"wrong": "invalid user name or password (6)", "old": "coastal-router"}

@@ -12,7 +12,7 @@ class TestMikronode(Conversation):
     version = "7.17"
     provisioned = False
 
-    def test_a_wrong_password_by_the_way_of_before_6_43(self, at: Stand) -> None:
+    def test_wrong_password_with_the_login_method_before_6_43(self, at: Stand) -> None:
         assert at.ask(self.client, do="login") == {"wrong": "cannot log in"}
 
     def test_a_print_without_rows(self, at: Stand) -> None:
@@ -21,7 +21,7 @@ class TestMikronode(Conversation):
 
 @PRESENT
 @pytest.mark.slow
-def test_since_7_18_a_print_without_rows_never_ends(tmp_path: Path) -> None:
+def test_empty_print_never_returns_from_7_18(tmp_path: Path) -> None:
     """The router's doing, not the twin's: from that version it says `!empty` (Manual, API)."""
     with stand(tmp_path, version="7.18.2") as at:
         told = at.ask("mikronode_client.js", do="nothing")

@@ -23,7 +23,7 @@ def at(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
         yield stood
 
 
-def test_getters_find_what_provision_wrote(at: Stand) -> None:
+def test_getters_return_the_provisioned_state(at: Stand) -> None:
     asked = ["get_facts", "get_interfaces", "get_interfaces_ip", "get_interfaces_counters", "get_config", "get_users"]
     told = at.ask(CLIENT, do="getters", getters=[*asked, "get_environment", "get_arp_table", "get_lldp_neighbors"])
     facts = told["get_facts"]
@@ -44,7 +44,7 @@ def test_cli_runs_a_line_of_the_console(at: Stand) -> None:
     assert list(at.ask(CLIENT, do="cli", commands=asked).values()) == ["coastal-router", "5"]
 
 
-def test_what_it_merges_is_drift_that_we_put_right(at: Stand) -> None:
+def test_merged_config_is_drift_and_gets_repaired(at: Stand) -> None:
     before = at.export()
     script = (
         f'/ip firewall filter add chain=input action=accept src-address=10.9.9.9 comment="{TAMPERED["added"]}"\n'
@@ -59,7 +59,7 @@ def test_what_it_merges_is_drift_that_we_put_right(at: Stand) -> None:
     is_put_right(at, before)
 
 
-def test_a_candidate_that_does_not_parse_changes_nothing(at: Stand) -> None:
+def test_candidate_with_a_syntax_error_changes_nothing(at: Stand) -> None:
     before = at.export()
     kind, words = at.ask(CLIENT, do="refused", text=EXTRA.format("never") + "/nonsense add\n")
     assert kind == "MergeConfigException"
@@ -67,7 +67,7 @@ def test_a_candidate_that_does_not_parse_changes_nothing(at: Stand) -> None:
     assert at.export() == before
 
 
-def test_a_commit_that_is_confirmed_stays(at: Stand) -> None:
+def test_confirmed_commit_persists(at: Stand) -> None:
     before = at.export()
     assert at.ask(CLIENT, do="confirm", text=EXTRA.format("confirmed")) == [True, False]
     assert EXTRA.format("confirmed").split(" add ")[1].split(" comment")[0] in at.export()

@@ -22,7 +22,7 @@ def at(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
         yield stood
 
 
-def test_reads_what_provision_wrote(at: Stand) -> None:
+def test_reads_the_provisioned_state(at: Stand) -> None:
     asked = ["/system identity print", ":put [/ip address print count-only]", "/export show-sensitive"]
     prompt, identity, addresses, export = at.ask(CLIENT, do="commands", commands=asked)
     assert prompt == "[stranger@coastal-router] >"
@@ -39,7 +39,7 @@ def test_its_templates_read_the_tables(at: Stand) -> None:
     assert set(wanted) < {(row["ip"], row["subnet"], row["interface"], row["comment"]) for row in addresses}
 
 
-def test_refusals_in_the_words_of_the_console(at: Stand) -> None:
+def test_refusals_have_the_text_of_the_console(at: Stand) -> None:
     asked = ["/ip address add address=nonsense interface=ether1", "/nonsense", "/ip address remove 99", "/ip address ("]
     _, value, command, item, syntax = at.ask(CLIENT, do="commands", commands=asked)
     assert value == "invalid value for argument address"
@@ -49,7 +49,7 @@ def test_refusals_in_the_words_of_the_console(at: Stand) -> None:
     assert at.ask(CLIENT, do="login") == "NetmikoAuthenticationException"
 
 
-def test_what_it_types_is_drift_that_we_put_right(at: Stand) -> None:
+def test_typed_commands_are_drift_and_get_repaired(at: Stand) -> None:
     before = at.export()
     typed = [
         f'{RULES} add chain=input action=accept src-address=10.9.9.9 comment="{TAMPERED["added"]}"',

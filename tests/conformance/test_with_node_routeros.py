@@ -21,7 +21,7 @@ class TestNodeRouteros(Conversation):
 
 @PRESENT
 @pytest.mark.slow
-def test_since_7_18_a_print_without_rows_ends_it(tmp_path: Path) -> None:
+def test_empty_print_raises_an_exception_from_7_18(tmp_path: Path) -> None:
     """The router's doing, not the twin's: from that version it says `!empty` (Manual, API)."""
     with stand(tmp_path, version="7.18.2") as at:
         told = at.ask("node_routeros_client.js", do="nothing")

@@ -8,11 +8,11 @@ from stand import Stand
 class TestRouterosApi(Conversation):
     client = "routeros_api_client.py"
 
-    def test_queries_are_answered_as_it_builds_them(self, at: Stand) -> None:
+    def test_its_queries_return_the_expected_rows(self, at: Stand) -> None:
         expected = {"and": PINGS, "none": [], "query": ["bridge-lan"], "binary": "coastal-router", "len": RULES}
         assert at.ask(self.client, do="queries") == expected
 
-    def test_it_tells_refusals_from_broken_connections(self, at: Stand) -> None:
+    def test_refusals_raise_communication_error(self, at: Stand) -> None:
         told = at.ask(self.client, do="refused", calls=CALLS)
         assert {one[0] for one in told} == {"RouterOsApiCommunicationError"}
 

@@ -57,7 +57,7 @@ def _our_reflector() -> Iterator[int]:
             process.terminate()
 
 
-def test_it_reads_our_packets_as_we_mean_them(tmp_path: Path) -> None:
+def test_scapy_decodes_our_packets_identically(tmp_path: Path) -> None:
     tlvs = (Tlv(PADDING, b"abcd"), Tlv(77, b"xyz"))
     request = SenderPacket(7, STAMP, ERROR, 513, tlvs)
     answer = ReflectorPacket(3, STAMP, ERROR, 513, STAMP, 7, STAMP, 1, 61, tlvs)
@@ -77,7 +77,7 @@ def test_it_reads_our_packets_as_we_mean_them(tmp_path: Path) -> None:
     assert asked["whole"] == request.encode().hex(), "it would send the same octets"
 
 
-def test_it_is_answered_by_our_reflector(tmp_path: Path) -> None:
+def test_our_reflector_answers_scapy(tmp_path: Path) -> None:
     with _our_reflector() as port:
         told = run(CLIENT, {"do": "send", "host": HOST, "port": port, "count": 8}, tmp_path)
     assert [reply["seq"] for _, _, reply, _ in told] == [reply["seq_sender"] for _, _, reply, _ in told] == [*range(8)]
@@ -91,7 +91,7 @@ def test_it_is_answered_by_our_reflector(tmp_path: Path) -> None:
         assert reply["tlv_objects"] == ([] if number % 2 == 0 else [[0, PADDING, bytes(12).hex()]])
 
 
-def test_it_is_the_far_end_of_our_sender(tmp_path: Path) -> None:
+def test_scapy_reflects_our_sender(tmp_path: Path) -> None:
     port = _free_port()
     told: list[Any] = []
     lost = {"lost_up": [23, 30, 31], "lost_down": [25]}
@@ -130,7 +130,7 @@ def _until_it_listens(transport: UdpTransport) -> None:
     pytest.fail("scapy's reflector did not begin")
 
 
-def test_times_that_it_makes_are_read_as_it_means_them(tmp_path: Path) -> None:
+def test_timestamps_of_scapy_are_decoded_correctly(tmp_path: Path) -> None:
     with _our_reflector() as port:
         ((_, _, reply, _),) = run(CLIENT, {"do": "send", "host": HOST, "port": port, "count": 1}, tmp_path)
     stamp = int(reply["whole"][56:72], 16)

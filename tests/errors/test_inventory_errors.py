@@ -9,13 +9,13 @@ from atlantis_netcfg.inventory._schema import FALLBACK
 
 
 @pytest.mark.parametrize("path", inventory_cases.cases(), ids=lambda path: path.stem)
-def test_told(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_findings_match_the_recorded_text(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     inventory_cases.spoil(inventory_cases.load(path), tmp_path)
     monkeypatch.chdir(tmp_path)
     assert inventory_cases.told() == path.with_suffix(".txt").read_text(encoding="utf-8")
 
 
-def test_enough_cases() -> None:
+def test_at_least_60_cases_exist() -> None:
     assert len(inventory_cases.cases()) >= 60
 
 
@@ -25,7 +25,7 @@ def test_every_text_has_its_case() -> None:
 
 
 @for_each_row("path", sorted(inventory_cases.HERE.glob("*.txt")), ids=lambda path: path.stem)
-def test_in_a_technicians_words(path: Path) -> None:
+def test_messages_contain_no_python_jargon(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     foreign = ("hunter2", "pydantic", "Input should", "yaml.", "Error", "Traceback", "NoneType", "None", "__", FALLBACK)
     assert [word for word in foreign if word in text] == []
@@ -37,7 +37,7 @@ def test_shipped_inventory_is_valid(monkeypatch: pytest.MonkeyPatch) -> None:
     assert validate(Path("inventory")) == []
 
 
-def test_load_raises_what_validate_lists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_load_raises_the_findings_of_validate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     inventory = inventory_cases.spoil(
         {"why": "", "edits": [{"file": "group_vars/all/pilot.yml", "old": "country:", "new": "contry:"}]}, tmp_path
     )

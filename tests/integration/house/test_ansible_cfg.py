@@ -38,14 +38,14 @@ def test_the_inventory_is_read_without_a_warning(tmp_path: Path) -> None:
     assert {"scc", "coastal", "te4sea"} <= json.loads(process.stdout).keys()
 
 
-def test_the_playbooks_are_sound(tmp_path: Path) -> None:
+def test_playbooks_pass_the_syntax_check(tmp_path: Path) -> None:
     playbooks = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "playbooks").glob("*.yml"))]
     process = ansible("ansible-playbook", "--syntax-check", *playbooks, home=tmp_path)
     assert (process.returncode, process.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("text", ["all: [", "{{{"])
-def test_a_file_that_cannot_be_read_stops_everything(text: str, tmp_path: Path) -> None:
+def test_unreadable_inventory_file_stops_ansible(text: str, tmp_path: Path) -> None:
     (tmp_path / "hosts.yml").write_text(text)
     process = ansible("ansible-inventory", "-i", str(tmp_path / "hosts.yml"), "--list", home=tmp_path)
     assert process.returncode != 0
@@ -61,9 +61,7 @@ def test_a_file_that_cannot_be_read_stops_everything(text: str, tmp_path: Path) 
         ("ansible_connection", "coastal-router"),
     ],
 )
-def test_a_template_in_a_connection_variable_is_refused_before_it_is_evaluated(
-    variable: str, host: str, tmp_path: Path
-) -> None:
+def test_template_in_a_connection_variable_is_refused_unevaluated(variable: str, host: str, tmp_path: Path) -> None:
     """Ansible evaluates these ahead of a task's action; a program that they name would run on this computer."""
     inventory, ran = tmp_path / "inventory", tmp_path / "ran"
     shutil.copytree(ROOT / "inventory", inventory)
@@ -80,7 +78,7 @@ def test_a_template_in_a_connection_variable_is_refused_before_it_is_evaluated(
 
 
 @pytest.mark.parametrize(("findings", "code"), [([], 0), (["no firewall", "no bound"], 2)])
-def test_plain_ansible_does_not_end_well_with_a_finding(findings: list[str], code: int, tmp_path: Path) -> None:
+def test_plain_ansible_fails_if_there_is_a_finding(findings: list[str], code: int, tmp_path: Path) -> None:
     """The roles go on to their end; then the last task tells, and fails."""
     task = yaml.safe_load((ROOT / "playbooks" / "computers" / "computer.yml").read_text())[-1]
     roles = {

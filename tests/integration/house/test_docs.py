@@ -70,7 +70,7 @@ def checkout(first_checkout: Path, server: int, request: pytest.FixtureRequest, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", EXECUTED, ids=lambda page: page.name)
-def test_what_a_page_shows_is_what_happens(page: Path, checkout: Own, server: int, tmp_path: Path) -> None:
+def test_commands_of_each_page_behave_as_shown(page: Path, checkout: Own, server: int, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     environment = clean_environment(HOME=str(tmp_path / "home"), TERM="dumb")
     for command in shown(page):
@@ -94,17 +94,17 @@ def test_what_a_page_shows_is_what_happens(page: Path, checkout: Own, server: in
 
 
 @for_each_row("page", PAGES, ids=lambda page: page.name)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_relative_links_resolve(page: Path) -> None:
     links = re.findall(r"\]\((?!https?:)([^)#]+)(?:#[^)]*)?\)", page.read_text())
     assert [link for link in links if not (page.parent / link).exists()] == []
 
 
-def test_the_table_of_exit_codes_is_the_enum() -> None:
+def test_exit_code_table_matches_the_enum() -> None:
     rows = re.findall(r"^\| (\d) \| ([^|]+) \|", (ROOT / "docs" / "exit-codes.md").read_text(), re.MULTILINE)
     assert [(int(code), meaning) for code, meaning in rows] == [(int(code), MEANING[code]) for code in ExitCode]
 
 
-def test_the_order_of_exit_codes_is_the_one_that_reports_end_by() -> None:
+def test_exit_code_order_matches_the_code() -> None:
     said = re.search(r"needs you most: ([\d, a-z]+)\.", (ROOT / "docs" / "exit-codes.md").read_text())
     assert said is not None
     page = [int(code) for code in re.findall(r"\d", said[1])]
@@ -152,7 +152,7 @@ end
 ANSWERS = (("Your name", "A. Technician"), ("Photo", ""))
 
 
-def test_a_page_is_read_as_it_is_written(tmp_path: Path) -> None:
+def test_commands_of_a_page_are_parsed(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(PAGE)
     assert shown(page) == [
@@ -173,7 +173,7 @@ def test_a_page_is_read_as_it_is_written(tmp_path: Path) -> None:
         ("", False),
     ],
 )
-def test_what_the_ellipsis_stands_for(printed: str, agrees: bool) -> None:  # noqa: FBT001 - a column of the table
+def test_ellipsis_matches_any_text(printed: str, agrees: bool) -> None:  # noqa: FBT001 - a column of the table
     assert Shown("page", "four", 0, "a … b\n…\nend", compared=True).agrees(printed) is agrees
 
 
@@ -187,7 +187,7 @@ def test_what_the_ellipsis_stands_for(printed: str, agrees: bool) -> None:  # no
         "```console\n$ one\n```\n\n| It asks | You type |\n|---|---|\n| no answer |\n",
     ],
 )
-def test_a_block_that_cannot_be_understood_is_refused(page: str, tmp_path: Path) -> None:
+def test_malformed_block_is_refused(page: str, tmp_path: Path) -> None:
     (tmp_path / "page.md").write_text(page)
     with pytest.raises(ValueError, match=r"page\.md:\d"):
         shown(tmp_path / "page.md")

@@ -51,7 +51,7 @@ def fetched(page: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_every_page_is_there_and_in_the_tree(site: Path) -> None:
+def test_every_page_is_built_and_in_the_navigation(site: Path) -> None:
     pages = {path.relative_to(DOCS).with_suffix("") for path in DOCS.rglob("*.md")}
     assert all((site / page).with_suffix(".html").is_file() for page in pages)
     tree = (site / "index.html").read_text().partition('class="sidebar-tree"')[2].partition("</div>")[0]
@@ -60,7 +60,7 @@ def test_every_page_is_there_and_in_the_tree(site: Path) -> None:
 
 
 @pytest.mark.slow
-def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
+def test_nothing_is_loaded_from_other_sites(site: Path) -> None:
     pages = sorted(site.rglob("*.html"))
     assert sum(len(fetched(page)) for page in pages) > 100
     assert [address for page in pages for address in fetched(page) if re.match(r"(\w+:)?//", address)] == []
@@ -69,7 +69,7 @@ def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_search_finds_the_page_about_rollback(site: Path) -> None:
+def test_search_finds_the_rollback_page(site: Path) -> None:
     index = json.loads((site / "searchindex.js").read_text().removeprefix("Search.setIndex(").removesuffix(")"))
     found = index["titleterms"]["rollback"]
     numbers = [found] if isinstance(found, int) else found
@@ -79,7 +79,7 @@ def test_the_search_finds_the_page_about_rollback(site: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_quick_start_is_one_sheet_of_paper(site: Path, tmp_path: Path) -> None:
+def test_quick_start_prints_on_one_page(site: Path, tmp_path: Path) -> None:
     for page in ("quick-start", "pt/inicio-rapido"):
         printed = tmp_path / "page.pdf"
         words = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-pdf-header-footer"]
@@ -102,7 +102,7 @@ def test_the_quick_start_is_one_sheet_of_paper(site: Path, tmp_path: Path) -> No
         ("rollback.md", "# A page\n\n[nowhere](no-such-page.md)\n", "no-such-page"),
     ],
 )
-def test_a_page_that_is_wrong_is_noticed(name: str, text: str, warning: str, tmp_path: Path) -> None:
+def test_faulty_page_fails_the_build(name: str, text: str, warning: str, tmp_path: Path) -> None:
     source = tmp_path / "docs"
     source.mkdir()
     shutil.copy2(DOCS / "conf.py", source)

@@ -38,7 +38,7 @@ def remove(checkout: Path, package: str) -> None:
     subprocess.run(words, check=True, capture_output=True)
 
 
-def test_a_package_that_is_missing_comes_back(checkout: Path) -> None:
+def test_missing_package_is_reported_and_reinstalled_as_advised(checkout: Path) -> None:
     assert packages(looked(checkout))["verdict"] == "PASS"
     remove(checkout, "fpdf2")
     found = packages(looked(checkout))

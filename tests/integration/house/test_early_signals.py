@@ -72,7 +72,7 @@ REHEARSAL = ("site=coastal", "--rehearse", "--plan")
         pytest.param(REHEARSAL, 500, marks=pytest.mark.campaign),
     ],
 )
-def test_a_stop_at_any_moment_of_a_start(tmp_path: Path, words: tuple[str, ...], number: int) -> None:
+def test_signal_at_any_moment_of_startup_is_handled(tmp_path: Path, words: tuple[str, ...], number: int) -> None:
     took_s, usual = min(whole(tmp_path, words) for _ in range(2))
     for after_s, which in moments(number, min(took_s, 3.0)):
         stop_at(tmp_path, words, after_s, which, usual)

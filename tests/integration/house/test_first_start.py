@@ -16,7 +16,7 @@ def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return shared_checkout(tmp_path_factory)
 
 
-def test_the_first_start_sets_itself_up_and_answers(checkout: Path) -> None:
+def test_first_start_sets_up_the_environment_and_answers(checkout: Path) -> None:
     said = (checkout.parent / "first.stderr").read_text()
     assert said.endswith("exit 0\n"), said
     assert [line[:5] for line in said.splitlines() if re.match(r"\[[124]", line)] == ["[1/4]", "[2/4]", "[4/4]"]
@@ -36,7 +36,7 @@ def test_every_installed_package_is_pinned(checkout: Path) -> None:
     assert [package for package in installed if normal(package) not in pins and not package.startswith("pip==")] == []
 
 
-def test_help_is_there_at_once_and_silent(checkout: Path) -> None:
+def test_help_is_fast_and_silent(checkout: Path) -> None:
     before = os.times()
     later = start(checkout, "--help")
     took_s = sum(os.times()[2:4]) - sum(before[2:4])

@@ -78,7 +78,7 @@ def checkout(made: Path, tmp_path: Path) -> Path:
     return shutil.copytree(made, tmp_path / "a copy", symlinks=True)
 
 
-def test_the_first_start_says_how_far_it_is(made: Path) -> None:
+def test_first_start_reports_its_progress(made: Path) -> None:
     said = (made.parent / "first.stderr").read_text()
     steps = [line[:5] for line in said.splitlines() if line.startswith("[")]
     assert steps == ["[1/4]", "[2/4]", "[3/4]", "[4/4]"]
@@ -120,7 +120,7 @@ def test_started_from_anywhere_through_symlinks(made: Path, tmp_path: Path) -> N
     assert told(beside)["argv"] == ["y"]
 
 
-def test_nothing_of_the_users_python_reaches_ours(made: Path, tmp_path: Path) -> None:
+def test_python_environment_of_the_user_is_ignored(made: Path, tmp_path: Path) -> None:
     (tmp_path / "json.py").write_text(POISON)
     hostile = clean_environment(PYTHONPATH=str(tmp_path), PYTHONHOME="/nonexistent", PYTHONSTARTUP="/nonexistent")
     assert str(tmp_path) not in told(start(made, environment=hostile, cwd=tmp_path))["path"]
@@ -136,7 +136,7 @@ def test_a_moved_checkout_needs_no_index(checkout: Path) -> None:
     assert str(checkout) in pip.stdout
 
 
-def test_other_pins_bring_it_up_to_date_once(checkout: Path, offline: dict[str, str]) -> None:
+def test_changed_pins_update_the_environment_once(checkout: Path, offline: dict[str, str]) -> None:
     start(checkout, environment=offline)
     (checkout / "requirements" / "run.txt").write_text(f"# as before\n{LOCK}")
     renewed = start(checkout, environment=offline)
@@ -146,7 +146,7 @@ def test_other_pins_bring_it_up_to_date_once(checkout: Path, offline: dict[str, 
     assert start(checkout, environment=offline).stderr == ""
 
 
-def test_pins_that_cannot_be_had_leave_what_was_there(checkout: Path, offline: dict[str, str]) -> None:
+def test_unavailable_pins_leave_the_environment_unchanged(checkout: Path, offline: dict[str, str]) -> None:
     start(checkout, environment=offline)
     lock = checkout / "requirements" / "run.txt"
     lock.write_text(f"{LOCK}no-such-package-anywhere==1 --hash=sha256:{'0' * 64}\n")
@@ -159,9 +159,7 @@ def test_pins_that_cannot_be_had_leave_what_was_there(checkout: Path, offline: d
 
 
 @pytest.mark.parametrize("lock", [LOCK.replace("sha256:", "sha256:0")[:-2] + "\n", "setuptools==999\n"])
-def test_a_package_that_is_not_the_listed_one_is_not_installed(
-    lock: str, tmp_path: Path, offline: dict[str, str]
-) -> None:
+def test_package_with_another_or_no_hash_is_not_installed(lock: str, tmp_path: Path, offline: dict[str, str]) -> None:
     """Another file than the one whose SHA-256 stands in the list, and one of which none stands there."""
     checkout = small_checkout(tmp_path / "checkout")
     (checkout / "requirements" / "run.txt").write_text(lock)
@@ -172,7 +170,7 @@ def test_a_package_that_is_not_the_listed_one_is_not_installed(
 
 
 @pytest.mark.parametrize("damage", ["interrupted", "python is gone"])
-def test_a_half_made_environment_is_made_anew(damage: str, checkout: Path, offline: dict[str, str]) -> None:
+def test_incomplete_environment_is_rebuilt(damage: str, checkout: Path, offline: dict[str, str]) -> None:
     start(checkout, environment=offline)
     if damage == "interrupted":
         kill_in_the_middle(checkout, offline)
@@ -191,7 +189,7 @@ def test_a_half_made_environment_is_made_anew(damage: str, checkout: Path, offli
     [("http://127.0.0.1:1/", "does not answer"), ("https://127.0.0.1:{port}/", "is the clock right?")],
     ids=["silent", "not to be trusted"],
 )
-def test_an_index_that_is_of_no_use(
+def test_unusable_package_index_is_reported(
     index: str, said: str, tmp_path: Path, untrusted: int, offline: dict[str, str]
 ) -> None:
     checkout = small_checkout(tmp_path / "checkout")
@@ -240,7 +238,7 @@ def kill_in_the_middle(checkout: Path, environment: dict[str, str]) -> None:
     assert not (checkout / ".venv" / "run.stamp").exists()
 
 
-def test_two_first_starts_at_once(tmp_path: Path, offline: dict[str, str]) -> None:
+def test_concurrent_first_starts_install_once(tmp_path: Path, offline: dict[str, str]) -> None:
     checkout = small_checkout(tmp_path / "checkout")
     both = [
         subprocess.Popen(
@@ -254,7 +252,7 @@ def test_two_first_starts_at_once(tmp_path: Path, offline: dict[str, str]) -> No
     assert sum("[4/4]" in err for _, err in said) == 1
 
 
-def test_ctrl_c_is_told_and_undone_by_the_next_start(tmp_path: Path, offline: dict[str, str]) -> None:
+def test_interrupted_first_start_is_repaired_by_the_next_start(tmp_path: Path, offline: dict[str, str]) -> None:
     """With the real `venv`, which is long enough in work to be stopped in it."""
     checkout = small_checkout(tmp_path / "checkout")
     slow = {name: value for name, value in offline.items() if name != "ATLANTIS_PYTHON"}
@@ -278,7 +276,7 @@ def test_ctrl_c_is_told_and_undone_by_the_next_start(tmp_path: Path, offline: di
     told(start(checkout, environment=offline))
 
 
-def test_an_ordinary_user_makes_and_uses_it(tmp_path: Path, wheels: Path, offline: dict[str, str]) -> None:
+def test_ordinary_user_can_set_up_and_use_it(tmp_path: Path, wheels: Path, offline: dict[str, str]) -> None:
     let_others_pass(tmp_path / "below")
     let_others_pass(wheels / "below")
     checkout = small_checkout(tmp_path / "checkout")
@@ -291,7 +289,7 @@ def test_an_ordinary_user_makes_and_uses_it(tmp_path: Path, wheels: Path, offlin
     assert start(checkout, prefix=as_nobody(), environment=offline).stderr == ""
 
 
-def test_a_checkout_of_another_user(tmp_path: Path, offline: dict[str, str]) -> None:
+def test_checkout_of_another_user_is_usable_but_not_set_up(tmp_path: Path, offline: dict[str, str]) -> None:
     let_others_pass(tmp_path / "below")
     checkout = small_checkout(tmp_path / "checkout")
     checkout.chmod(0o555)

@@ -83,7 +83,7 @@ def test_an_ordinary_user_goes_through_sudo(machine: Machine) -> None:
     assert asked[:2] == ["sudo -n true", f"sudo -n {NEEDED}"]
 
 
-def test_the_list_of_packages_is_renewed_when_it_is_too_old(machine: Machine) -> None:
+def test_outdated_package_list_is_updated(machine: Machine) -> None:
     python = machine.python_without_venv()
     machine.apt_get(
         f'case "$*" in *update*) touch "{machine.base}/updated" ;; '
@@ -95,7 +95,7 @@ def test_the_list_of_packages_is_renewed_when_it_is_too_old(machine: Machine) ->
 
 
 @pytest.mark.parametrize("sudo", [None, "exit 1"], ids=["no sudo", "sudo wants a password"])
-def test_without_the_right_to_install_the_one_command_is_named(sudo: str | None, machine: Machine) -> None:
+def test_without_install_rights_the_needed_command_is_shown(sudo: str | None, machine: Machine) -> None:
     python = machine.python_without_venv()
     machine.checkout.chmod(0o777)
     machine.apt_get("exit 1")
@@ -107,7 +107,7 @@ def test_without_the_right_to_install_the_one_command_is_named(sudo: str | None,
     assert not (machine.checkout / ".venv").exists()
 
 
-def test_apt_that_fails_ends_in_the_one_command(machine: Machine) -> None:
+def test_failed_apt_shows_the_needed_command(machine: Machine) -> None:
     machine.apt_get("echo 'E: Unable to locate package'; exit 100")
     machine.program("sudo", 'shift\nexec "$@"')
     started = machine.start(machine.python_without_venv())
@@ -117,7 +117,7 @@ def test_apt_that_fails_ends_in_the_one_command(machine: Machine) -> None:
 
 
 @pytest.mark.parametrize("python", ["exit 0", "exit 2"], ids=["too old", "does not run"])
-def test_no_python_that_would_do(python: str, machine: Machine) -> None:
+def test_unsuitable_python_is_refused(python: str, machine: Machine) -> None:
     machine.apt_get("exit 1")
     machine.program("sudo", "exit 1")
     started = machine.start(machine.program("old-python", python))
@@ -125,7 +125,7 @@ def test_no_python_that_would_do(python: str, machine: Machine) -> None:
     assert "Python 3.11 or newer is needed" in started.stderr
 
 
-def test_the_log_survives_a_failure_and_the_next_start_succeeds(machine: Machine) -> None:
+def test_start_succeeds_after_an_earlier_failure(machine: Machine) -> None:
     machine.apt_get("exit 1")
     machine.program("sudo", "exit 1")
     python = machine.python_without_venv()
@@ -136,7 +136,7 @@ def test_the_log_survives_a_failure_and_the_next_start_succeeds(machine: Machine
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="hiding python3-venv takes root")
-def test_the_distributions_python_without_its_venv_package(machine: Machine) -> None:
+def test_debian_python_without_venv_package_gets_it(machine: Machine) -> None:
     """The real thing: Debian's python3 with the files of python3-venv hidden until apt-get is called."""
     library = Path(sysconfig.get_paths(vars={"base": "/usr"}).get("stdlib", "")).name
     hidden = Path("/usr/lib") / library / "ensurepip"

@@ -31,9 +31,7 @@ def test_make_alone_lists_every_target() -> None:
         ((0, 0, 2), NOTHING, 1),
     ],
 )
-def test_the_last_line_of_ci_is_the_closing_line(
-    ends: tuple[int, int, int], closing: str, code: int, tmp_path: Path
-) -> None:
+def test_last_line_of_ci_is_the_summary(ends: tuple[int, int, int], closing: str, code: int, tmp_path: Path) -> None:
     lint, tests, rest = ends
     make = tmp_path / "make"
     make.write_text(
@@ -56,7 +54,7 @@ def test_the_last_line_of_ci_is_the_closing_line(
     assert (process.returncode, process.stdout.splitlines()[-1]) == (code, closing)
 
 
-def test_ci_does_not_pass_when_pytest_has_not_closed(tmp_path: Path) -> None:
+def test_ci_fails_if_pytest_did_not_finish(tmp_path: Path) -> None:
     make = tmp_path / "make"
     make.write_text("#!/bin/sh\nexit 0\n")
     make.chmod(0o755)

@@ -27,30 +27,30 @@ def words(picture: Path) -> str:
     return re.sub(r"[\d.]+", "#", " ".join(" ".join(texts).split()))
 
 
-def test_the_flow_is_that_of_the_architecture_page(tmp_path: Path) -> None:
+def test_flow_picture_is_up_to_date(tmp_path: Path) -> None:
     make(tmp_path, "flow")
     assert (tmp_path / "flow.svg").read_text() == (PICTURES / "flow.svg").read_text(), AGAIN
 
 
-def test_a_picture_of_an_emulated_link_says_that_it_is_one() -> None:
+def test_picture_of_an_emulated_link_says_so() -> None:
     for name in SATCOM:
         assert "EMULATED link" in words(PICTURES / name)
 
 
 @pytest.mark.slow
-def test_the_drawing_is_that_of_a_rehearsed_checklist(tmp_path: Path) -> None:
+def test_site_drawing_is_up_to_date(tmp_path: Path) -> None:
     make(tmp_path, "drawing")
     assert (tmp_path / "site.svg").read_text() == (PICTURES / "site.svg").read_text(), AGAIN
 
 
 @pytest.mark.slow
-def test_the_run_ends_in_the_words_of_a_real_one(tmp_path: Path) -> None:
+def test_run_picture_matches_a_real_run(tmp_path: Path) -> None:
     make(tmp_path, "run")
     assert words(tmp_path / "run.svg") == words(PICTURES / "run.svg"), AGAIN
     assert len(words(PICTURES / "run.svg")) > 500
 
 
-def test_each_is_small_is_used_and_fetches_nothing() -> None:
+def test_pictures_are_small_used_and_self_contained() -> None:
     found = {path.name: path for path in PICTURES.iterdir()}
     assert found.keys() == {"run.svg", "checklist.png", "site.svg", "flow.svg", *SATCOM}
     assert [name for name, path in found.items() if path.stat().st_size > LARGEST] == []

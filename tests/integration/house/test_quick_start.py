@@ -69,7 +69,7 @@ def is_signed(place: Path, home: Path) -> None:
     assert [row["troubles"] for row in json.loads(process.stdout)["verified"]] == [[]]
 
 
-def test_the_steps_stand_in_their_order() -> None:
+def test_steps_are_in_order() -> None:
     commands = [command.command for command in shown(ENGLISH)]
     found = [next(number for number, command in enumerate(commands) if step in command) for step in STEPS]
     assert found == sorted(found)
@@ -100,7 +100,7 @@ def typed(command: Shown) -> list[str]:
         ('read -p "Your name: " a; read -p "Other: " b', 0, "it waits"),
     ],
 )
-def test_who_types_waits_for_the_question(
+def test_terminal_helper_waits_for_the_prompt(
     script: str, code: int, fails: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("docs_terminal.ANSWER_S", 2)

@@ -83,7 +83,7 @@ on(Bench(Path("bench"), text="/system watchdog\\nset watchdog-timer=no\\n"), act
 """
 
 
-def test_a_menu_of_routeros_is_a_row_of_the_schema_and_one_of_the_emulated_router(product: Copy) -> None:
+def test_new_routeros_menu_needs_one_schema_row_and_one_emulator_row(product: Copy) -> None:
     product.append(
         "atlantis_netcfg/routeros/menus/_system.py",
         """
@@ -135,7 +135,7 @@ print(json.dumps({
 """
 
 
-def test_a_kind_of_bearer_is_a_row_of_one_table(product: Copy) -> None:
+def test_new_link_kind_needs_one_table_row(product: Copy) -> None:
     model = "atlantis_netcfg/inventory/model/site.py"
     product.replace(model, '    ETHERNET = "ethernet"\n', '    ETHERNET = "ethernet"\n    LEO = "leo"\n')
     row = "    LinkKind.ETHERNET: LinkTraits("
@@ -181,7 +181,7 @@ def run_tide(arguments: Arguments) -> ExitCode:
 '''
 
 
-def test_a_command_is_a_module_and_a_line(product: Copy) -> None:
+def test_new_command_needs_a_module_and_one_line(product: Copy) -> None:
     product.append("atlantis_netcfg/cli/tide.py", COMMAND)
     last = '    "version": "atlantis_netcfg.cli.help:version",\n'
     product.replace(
@@ -228,7 +228,7 @@ class Name:
 '''
 
 
-def test_a_site_check_is_a_module_and_a_row(product: Copy) -> None:
+def test_new_site_check_needs_a_module_and_one_row(product: Copy) -> None:
     product.append("atlantis_netcfg/checklist/probes/site_checks/name.py", CHECK)
     table = "atlantis_netcfg/checklist/probes/site_checks/__init__.py"
     product.replace(table, '    "poe": poe_check,\n', '    "poe": poe_check,\n    "name": name_check,\n')
@@ -273,7 +273,7 @@ class Interface:
 '''
 
 
-def test_a_probe_is_a_step_in_the_module_of_its_column(product: Copy) -> None:
+def test_new_probe_needs_one_step_in_its_module(product: Copy) -> None:
     product.append("atlantis_netcfg/checklist/probes/link_probe.py", PROBE)
 
     assert items(product, "te4sea", code=6)["te4sea/4g/port"] == "PASS"

@@ -113,7 +113,7 @@ def run(words: Sequence[str], environment: dict[str, str]) -> subprocess.Complet
 
 
 @pytest.mark.smoke
-def test_answered_by_a_script_it_validates_is_rehearsed_and_refuses_a_second_time(
+def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

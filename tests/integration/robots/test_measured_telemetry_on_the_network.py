@@ -31,7 +31,7 @@ def inventory(folder: Path, *edits: tuple[str, str]) -> Path:
     return own
 
 
-def test_bytes_and_rates_are_those_of_the_mock(tmp_path: Path) -> None:
+def test_measured_sizes_and_rates_match_the_mock(tmp_path: Path) -> None:
     own = inventory(tmp_path / "inventory")
     script = (
         '"$1" robot mock for=60s vehicle=zarco,sparus inventory="$2" >/dev/null 2>&1 & mock=$!; '
@@ -67,7 +67,7 @@ def test_bytes_and_rates_are_those_of_the_mock(tmp_path: Path) -> None:
         (("namespace: zarco", "namespace: sparus"), "zarco", "`zarco` was not heard at coastal"),
     ],
 )
-def test_a_robot_that_is_not_as_its_file_says_is_not_written(
+def test_robot_that_deviates_from_its_file_is_not_written(
     tmp_path: Path, edit: tuple[str, str], vehicle: str, message: str
 ) -> None:
     own, others = inventory(tmp_path / "inventory"), inventory(tmp_path / "others")

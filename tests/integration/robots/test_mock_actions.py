@@ -201,7 +201,7 @@ def test_all_goals_of_an_action_are_cancelled(session: Session) -> None:
     assert [session.of(number, "result") for number in (14, 15)] == [["result 5 0"], ["result 5 0"]]
 
 
-def test_what_is_refused_says_why(session: Session) -> None:
+def test_refused_goals_have_a_reason(session: Session) -> None:
     assert [session.of(number, "goal", "feedback", "result") for number in (7, 9, 12, 13)] == [["goal refused"]] * 4
     assert session.of(10, "goal", "state") == []
     output = "\n".join(session.mock.lines)

@@ -25,7 +25,7 @@ def contents(folder: Path) -> dict[str, list[bytes]]:
 
 
 @pytest.mark.slow
-def test_a_recording_is_replayed_as_it_was(tmp_path: Path) -> None:
+def test_recording_is_replayed_identically(tmp_path: Path) -> None:
     script = (
         '"$1" robot mock for=60s >/dev/null 2>&1 & mock=$!; '
         '"$1" robot discover site=coastal for=8s address=127.0.0.1 record="$2" --json || exit 9; '
@@ -91,7 +91,7 @@ def child(pid: int, word: str) -> int:
     raise AssertionError(f"no process with `{word}`")
 
 
-def test_a_broken_bag_makes_no_participant(tmp_path: Path) -> None:
+def test_broken_bag_publishes_nothing(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     bag.mkdir()
     (bag / "bag.db3").write_bytes(b"SQLite format 3\0" + b"\xff" * 5000)

@@ -32,7 +32,7 @@ def alone(script: str, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_six_mock_robots_are_heard_as_their_files_say() -> None:
+def test_six_mock_robots_are_discovered_as_declared() -> None:
     script = '"$1" robot mock for=25s >"$2" 2>&1 & "$1" robot discover site=coastal for=12s address=127.0.0.1 --json'
     done = alone(script, str(PROVISION), "/dev/null")
     assert done.returncode == 0, done.stderr + done.stdout
@@ -50,7 +50,7 @@ def test_six_mock_robots_are_heard_as_their_files_say() -> None:
 
 
 @pytest.mark.slow
-def test_the_checklist_hears_robots_in_the_lan_of_its_site(tmp_path: Path) -> None:
+def test_checklist_detects_robots_in_the_lan_of_its_site(tmp_path: Path) -> None:
     """All but one of six are there; who is in the VPN, and what the control centre hears, nobody can say here."""
     lan = "ip link add lan0 type veth peer name lan1 && ip address add 10.64.1.99/24 dev lan0"
     up = "ip link set lan0 up && ip link set lan1 up"
@@ -74,7 +74,7 @@ def test_the_checklist_hears_robots_in_the_lan_of_its_site(tmp_path: Path) -> No
     assert "token" not in done.stdout.lower()
 
 
-def test_where_nobody_is_nothing_is_green() -> None:
+def test_empty_network_is_not_green() -> None:
     done = alone('"$1" robot discover site=coastal for=5s address=127.0.0.1', str(PROVISION))
     assert done.returncode == 6, done.stderr
     assert "participants of domain 0 that were heard in 5 s: 0" in done.stdout
@@ -97,7 +97,7 @@ def test_an_address_that_is_not_here_is_refused() -> None:
         (("discover", "site=coastal", "address=10.64.1"), "`address=10.64.1` is no IPv4 address"),
     ],
 )
-def test_no_packet_goes_to_the_addresses_of_examples(words: tuple[str, ...], message: str) -> None:
+def test_no_packet_is_sent_to_example_addresses(words: tuple[str, ...], message: str) -> None:
     done = alone('"$@"', str(PROVISION), "robot", *words, "for=5s")
     assert done.returncode == 3
     assert message in done.stderr
@@ -137,12 +137,12 @@ RECORD: dict[str, dict[str, str]] = {
 }
 
 
-def test_a_lie_turns_exactly_its_items_of_the_integration_record(lies: dict[str, Any]) -> None:
+def test_deviation_changes_exactly_its_items_of_the_integration_record(lies: dict[str, Any]) -> None:
     assert lies["record"] == RECORD
     assert lies["text"] is False, "no token is told"
 
 
-def test_every_lie_has_exactly_its_finding(lies: dict[str, Any]) -> None:
+def test_each_deviation_has_exactly_its_finding(lies: dict[str, Any]) -> None:
     robots = dict(lies["robots"])
     unreadable = [name for name, (state, *codes) in robots.items() if codes == ["configuration-unreadable"]]
     assert (len(unreadable), lies["unreadable"]) == (1, 2), "two, at one address"
@@ -173,7 +173,7 @@ def test_every_lie_has_exactly_its_finding(lies: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-def test_robots_that_are_switched_off_meanwhile_end_nothing() -> None:
+def test_robots_switched_off_during_discovery_do_no_harm() -> None:
     script = '"$1" robot mock for=6s >"$2" 2>&1 & "$1" robot discover site=coastal for=12s address=127.0.0.1 --json'
     done = alone(script, str(PROVISION), "/dev/null")
     assert done.returncode == 0, done.stderr

@@ -101,7 +101,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield Site(net)
 
 
-def test_robots_are_heard_at_the_control_centre_and_again_after_an_outage(site: Site) -> None:
+def test_control_centre_hears_robots_again_after_an_outage(site: Site) -> None:
     """One test, because the outage is real time and all share it."""
     robots = [site.start(LAN_ZARCO, "honest"), site.start(BEHIND, "liars")]
     for each in robots:
@@ -134,7 +134,7 @@ def test_robots_are_heard_at_the_control_centre_and_again_after_an_outage(site: 
     assert new.wait(lambda: heard(new, start).keys() == HONEST, start + AGAIN_S), new.lines
 
 
-def test_robots_of_another_domain_are_not_there_and_that_is_said(site: Site) -> None:
+def test_robots_of_another_dds_domain_are_reported_as_such(site: Site) -> None:
     robots = site.start(BEHIND, "foreign")
     wait_for(robots)
     found = told(site.discover(LAN_GATEWAY, 12))

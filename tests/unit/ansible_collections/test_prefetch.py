@@ -64,20 +64,20 @@ def answers(folder: Path, *requests: dict[str, Any]) -> list[dict[str, Any]]:
     return told
 
 
-def test_all_that_has_nothing_to_do_is_answered_in_one_call(tmp_path: Path) -> None:
+def test_unchanged_requests_are_answered_in_one_call(tmp_path: Path) -> None:
     quiet = request("env_conflicts", QUIET)
     told = answers(tmp_path, clock(time.time()), quiet, quiet)
     assert [(answer["changed"], answer["changes"], answer["notes"]) for answer in told] == [(False, [], [])] * 3
 
 
-def test_the_first_that_differs_is_left_to_its_task_and_so_is_all_after_it(tmp_path: Path) -> None:
+def test_prefetch_stops_at_the_first_difference(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("before")
     quiet = request("env_conflicts", QUIET)
     assert len(answers(tmp_path, quiet, configure(tmp_path, "after"), quiet)) == 1
     assert (tmp_path / "file").read_text() == "before"
 
 
-def test_a_plan_has_every_answer_up_to_a_failure(tmp_path: Path) -> None:
+def test_plan_has_every_response_up_to_a_failure(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("before")
     quiet = request("env_conflicts", QUIET, check=True)
     told = answers(tmp_path, configure(tmp_path, "after", check=True), quiet, clock(0, check=True), quiet)
@@ -86,7 +86,7 @@ def test_a_plan_has_every_answer_up_to_a_failure(tmp_path: Path) -> None:
     assert (tmp_path / "file").read_text() == "before"
 
 
-def test_a_module_that_is_cut_off_has_no_answer(tmp_path: Path) -> None:
+def test_crashed_module_has_no_response(tmp_path: Path) -> None:
     quiet = request("env_conflicts", QUIET)
     assert len(answers(tmp_path, quiet, request("env_conflicts", {}), quiet)) == 1
 
@@ -96,7 +96,7 @@ def variables(*requests: dict[str, Any]) -> dict[str, Any]:
     return {prefetch.VARIABLE: prefetch.pack(requests, [{"changes": [], "number": i} for i in range(len(requests))])}
 
 
-def test_a_task_takes_the_answer_to_its_own_request_alone() -> None:
+def test_task_uses_only_the_response_to_its_own_request() -> None:
     seen = variables(request("packages", {"packages": ["a"]}), clock(1.0))
     assert prefetch.find_answer(seen, request("packages", {"packages": ["a"]})) == {"changes": [], "number": 0}
     assert prefetch.find_answer(seen, clock(2.0)) == {"changes": [], "number": 1}, "the same request, a moment later"
@@ -110,7 +110,7 @@ def test_a_task_takes_the_answer_to_its_own_request_alone() -> None:
     assert prefetch.find_answer({}, others[0]) is None
 
 
-def test_after_a_call_of_a_task_no_answer_counts() -> None:
+def test_prefetched_responses_are_void_after_a_task_calls() -> None:
     asked = request("packages", {"packages": ["a"]})
     seen, other = variables(asked), variables(asked)
     facts = prefetch.discard(seen)
@@ -119,7 +119,7 @@ def test_after_a_call_of_a_task_no_answer_counts() -> None:
     assert prefetch.discard({}) == {}
 
 
-def test_an_old_answer_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_old_response_expires(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = request("packages", {"packages": ["a"]})
     seen, began = variables(asked), time.monotonic()
     monkeypatch.setattr(time, "monotonic", lambda: began + 59.0)
@@ -128,7 +128,7 @@ def test_an_old_answer_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     assert prefetch.find_answer(seen, asked) is None
 
 
-def test_a_digest_tells_nothing_of_a_secret(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_request_digest_reveals_no_secret(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = request("configure", {"secrets": {"key": "short"}})
     before = variables(asked)
     assert "short" not in json.dumps(before)
@@ -136,7 +136,7 @@ def test_a_digest_tells_nothing_of_a_secret(monkeypatch: pytest.MonkeyPatch) -> 
     assert prefetch.find_answer(before, asked) is None, "nobody without the key can compare a guess"
 
 
-def test_the_requests_are_those_of_the_role_up_to_what_depends_on_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_prefetch_covers_role_requests_up_to_the_first_dependent_one(monkeypatch: pytest.MonkeyPatch) -> None:
     network = {"by": "netplan", "interface": "eth0", "address": "10.0.0.1/24"}
     desired = {"packages": {"packages": [{"name": "chrony"}]}, "network": network}
     monkeypatch.setattr(DesiredState, "perform", lambda requested: {"per_host": {requested.hosts[0]: desired}})
@@ -152,7 +152,7 @@ def test_the_requests_are_those_of_the_role_up_to_what_depends_on_an_answer(monk
 
 
 @pytest.mark.parametrize("book", ["computer", "operator_station"])
-def test_a_playbook_prefetches_the_roles_that_it_has(book: str) -> None:
+def test_playbook_prefetches_its_own_roles(book: str) -> None:
     first, *tasks = yaml.safe_load((ROOT / f"playbooks/computers/{book}.yml").read_text())
     roles = [task["ansible.builtin.import_role"] for task in tasks if "ansible.builtin.import_role" in task]
     assert first["atlantis.netcfg.prefetch"]["roles"] == [role["name"] for role in roles if "tasks_from" not in role]
@@ -171,7 +171,7 @@ class Task(zipapp_action.ZipappAction):
         return {"stdout": f'{MARK}{{"changed": true, "changes": ["clock set"]}}\n', "stderr": "", "rc": 0}
 
 
-def test_a_task_without_an_answer_calls_and_those_after_it_call_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_task_without_a_response_calls_and_so_do_later_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(zipapp_action, "end_with_parent", lambda: None)
     task = Task()
     seen = variables(task.request("clock", {"now": 1.0, "tolerance_s": 300.0}, {}))

@@ -34,7 +34,7 @@ def said(stdout: str, stderr: str = "", rc: int = 0, **more: Any) -> dict[str, A
 @pytest.mark.parametrize(
     "name", ["configure", "packages", "build", "bundle", "clock", "network", "env_conflicts", "connection_test"]
 )
-def test_a_module_is_asked_by_the_very_spec_that_it_asks_by(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_action_and_module_share_one_argument_spec(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     module = importlib.import_module(f"{MODULES}.{name}")
     taken: dict[str, Any] = {}
 
@@ -50,7 +50,7 @@ def test_a_module_is_asked_by_the_very_spec_that_it_asks_by(name: str, monkeypat
     assert '"type": "path"' not in json.dumps(module.ARGUMENTS), "a path would be expanded on this computer"
 
 
-def test_a_module_is_an_ordinary_module_as_well(capsys: pytest.CaptureFixture[str]) -> None:
+def test_module_also_runs_as_an_ordinary_ansible_module(capsys: pytest.CaptureFixture[str]) -> None:
     module = importlib.import_module(f"{MODULES}.env_conflicts")
     with patch_module_args({"variables": {}, "why": "because", "_ansible_check_mode": True}), pytest.raises(SystemExit):
         module.main()
@@ -61,7 +61,7 @@ def test_a_module_is_an_ordinary_module_as_well(capsys: pytest.CaptureFixture[st
     assert json.loads(capsys.readouterr().out)["msg"] == "missing required arguments: why"
 
 
-def test_parameters_are_complete_and_of_their_types() -> None:
+def test_parameters_get_defaults_and_types() -> None:
     parameters, secrets, wrong = zipapp_action.validate_arguments(
         "configure", {"files": [{"path": "/a", "content": 1}], "units": [{"name": "b"}]}
     )
@@ -83,13 +83,13 @@ def test_parameters_are_complete_and_of_their_types() -> None:
         ("build", {**BUILD, "library": {"url": "u"}}, "missing required arguments: revision found in library"),
     ],
 )
-def test_what_is_wrong_is_told_before_anything_is_sent(name: str, arguments: dict[str, Any], words: str) -> None:
+def test_invalid_arguments_are_reported_before_sending(name: str, arguments: dict[str, Any], words: str) -> None:
     wrong = zipapp_action.validate_arguments(name, arguments)[2]
     assert wrong is not None
     assert re.search(words, wrong), wrong
 
 
-def test_rules_between_parameters_hold_too() -> None:
+def test_rules_between_parameters_are_checked() -> None:
     told = {"by": "netplan", "interface": "e", "address": "a", "gateway": "g", "path": "/p", "content": "c"}
     assert zipapp_action.validate_arguments("network", {**told, "action": "stage"})[2] is None
     assert "action is look but all of the following are missing: name" in str(
@@ -97,7 +97,7 @@ def test_rules_between_parameters_hold_too() -> None:
     )
 
 
-def test_a_secret_is_shown_nowhere() -> None:
+def test_secret_is_masked_everywhere() -> None:
     _, secrets, _ = zipapp_action.validate_arguments("build", BUILD)
     assert secrets == {TOKEN}
     shown = zipapp_action.mask_secrets(
@@ -114,14 +114,14 @@ def test_a_secret_is_shown_nowhere() -> None:
     assert cut["failed"] is True
 
 
-def test_the_last_marked_line_is_the_result_whatever_is_said_around_it() -> None:
+def test_last_marked_line_is_the_result_despite_other_output() -> None:
     around = (
         f"Welcome aboard\n{MARK}broken\n{MARK}" + '{"changed": false}\n' + f'{MARK}{{"changed": true, "a": "\u2028"}}\n'
     )
     assert zipapp_action.answer(said(f"{around}bye\n"), "clock") == {"changed": True, "a": "\u2028"}
 
 
-def test_what_only_ansible_may_say_is_not_taken_from_a_gateway() -> None:
+def test_ansible_internal_keys_are_dropped_from_gateway_output() -> None:
     told = f'{MARK}{{"ansible_facts": {{"a": 1}}, "_ansible_no_log": false, "changes": ["{{{{ 1 + 1 }}}}"]}}\n'
     assert zipapp_action.answer(said(told), "clock") == {"changes": ["{{ 1 + 1 }}"]}
 
@@ -140,7 +140,7 @@ def test_what_only_ansible_may_say_is_not_taken_from_a_gateway() -> None:
         (said("", "", 0, python=(3, 6)), "has Python 3.6, and at least 3.8 is needed", "Ubuntu 20.04"),
     ],
 )
-def test_a_module_that_tells_no_result_has_failed(output: dict[str, Any], words: str, hint: str) -> None:
+def test_module_without_a_result_has_failed(output: dict[str, Any], words: str, hint: str) -> None:
     told = zipapp_action.answer(output, "clock")
     assert told["failed"] is True
     assert words in told["msg"]
@@ -171,14 +171,14 @@ class Asks(zipapp_action.ZipappAction):
     ],
     ids=["result", "cut off", "no python"],
 )
-def test_plain_ansible_can_print_what_a_gateway_says(says: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gateway_output_has_no_control_characters(says: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(thin, "end_with_parent", lambda: None)
     told = Asks(says).run_module("clock", {"now": 1}, {})
     assert control_characters("".join(_texts(told))) == []
     assert "evil\\u001b]0;owned" in "".join(_texts(told))
 
 
-def test_plain_ansible_can_print_why_a_gateway_was_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_connection_error_has_no_control_characters(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(thin, "end_with_parent", lambda: None)
     with pytest.raises(AnsibleConnectionFailure) as failed:
         Asks(AnsibleConnectionFailure(f"over ssh:\r\n{HOSTILE}\r\n")).run_module("clock", {"now": 1}, {})
@@ -203,7 +203,7 @@ class Guarded(thin.CleanedAction, Stock):
     """The same, cleaned."""
 
 
-def test_actions_of_ansible_s_own_let_plain_ansible_print_what_a_gateway_says() -> None:
+def test_builtin_actions_strip_control_characters_of_gateways() -> None:
     told = Guarded({"rc": 1, "stdout": HOSTILE, "stdout_lines": [HOSTILE]}).run()
     assert told["rc"] == 1
     assert control_characters("".join(_texts(told))) == []
@@ -212,7 +212,7 @@ def test_actions_of_ansible_s_own_let_plain_ansible_print_what_a_gateway_says() 
     assert control_characters(str(failed.value)) == []
 
 
-def test_no_role_uses_an_action_that_prints_a_gateway_s_words_as_they_are() -> None:
+def test_roles_use_no_builtin_action_that_contacts_a_gateway() -> None:
     """Of Ansible's own they use those that contact nobody."""
     allowed = {"assert", "debug", "import_role", "include_tasks", "meta"}
     used = {
@@ -223,7 +223,7 @@ def test_no_role_uses_an_action_that_prints_a_gateway_s_words_as_they_are() -> N
     assert used - allowed == set()
 
 
-def test_what_only_ansible_prints_as_its_own_is_not_taken_from_a_gateway() -> None:
+def test_ansible_warnings_are_dropped_from_gateway_output() -> None:
     told = {"warnings": ["a"], "deprecations": [{"msg": "b"}], "exception": "c", "msg": "d"}
     assert zipapp_action.answer(said(f"{MARK}{json.dumps(told)}\n"), "clock") == {"msg": "d"}
 

@@ -46,13 +46,13 @@ def told(done: subprocess.CompletedProcess[bytes]) -> dict[str, Any]:
     return found
 
 
-def test_every_module_has_its_action_and_every_thin_action_its_module() -> None:
+def test_every_module_has_its_thin_action() -> None:
     actions = {path.stem: path.read_text() for path in (PLUGINS / "action").glob("*.py")}
     thin = {name for name, text in actions.items() if "(ZipappAction)" in text and f'module = "{name}"' in text}
     assert thin == set(MODULES)
 
 
-def test_the_same_files_are_the_same_bytes_and_go_over_a_dear_link(tmp_path: Path) -> None:
+def test_build_is_reproducible_and_small(tmp_path: Path) -> None:
     one, other = tool.build(), tool.build()
     assert (one.content, one.payload) == (other.content, other.payload)
     assert len(one.payload) <= _TOOL
@@ -67,7 +67,7 @@ def test_the_same_files_are_the_same_bytes_and_go_over_a_dear_link(tmp_path: Pat
     assert tool.build(copied).sha256 != one.sha256
 
 
-def test_documentation_stays_here_and_the_rest_of_a_module_goes(tmp_path: Path) -> None:
+def test_documentation_is_stripped_from_modules(tmp_path: Path) -> None:
     (tmp_path / "tool").write_bytes(tool.build().content)
     with zipfile.ZipFile(tmp_path / "tool") as archive:
         assert archive.testzip() is None
@@ -81,7 +81,7 @@ def test_documentation_stays_here_and_the_rest_of_a_module_goes(tmp_path: Path) 
                 assert archive.read(f"atlantis/module_utils/{path.name}") == path.read_bytes()
 
 
-def test_what_serves_at_the_vpns_server_is_a_tool_of_its_own_and_whole(tmp_path: Path) -> None:
+def test_vpn_server_tool_is_separate_and_complete(tmp_path: Path) -> None:
     made = tool.build_live()
     assert made.content == tool.build_live().content
     (tmp_path / "tool").write_bytes(made.content)
@@ -94,7 +94,7 @@ def test_what_serves_at_the_vpns_server_is_a_tool_of_its_own_and_whole(tmp_path:
     assert done.stdout.startswith(b"ATLANTIS-VPN ")
 
 
-def test_the_shim_has_all_that_the_modules_use() -> None:
+def test_shim_covers_everything_that_modules_use() -> None:
     for name in MODULES:
         tree = ast.parse((PLUGINS / "modules" / f"{name}.py").read_text())
         derived = [node for node in tree.body if isinstance(node, ast.ClassDef) and _is_module(node)]
@@ -114,7 +114,7 @@ def _is_module(node: ast.ClassDef) -> bool:
     return any(isinstance(base, ast.Name) and base.id == "AnsibleModule" for base in node.bases)
 
 
-def test_a_tool_is_put_in_its_place_runs_and_older_ones_go(tmp_path: Path) -> None:
+def test_tool_is_installed_runs_and_replaces_older_ones(tmp_path: Path) -> None:
     folder, made = tmp_path / "a" / "tool", tool.build()
     folder.mkdir(parents=True)
     (folder / "old.pyz").write_text("")
@@ -137,7 +137,7 @@ def test_a_tool_is_put_in_its_place_runs_and_older_ones_go(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("damage", ["short", "other"])
-def test_what_does_not_arrive_whole_is_not_put_anywhere(tmp_path: Path, damage: str) -> None:
+def test_incomplete_upload_is_not_installed(tmp_path: Path, damage: str) -> None:
     made = tool.build()
     packed = made.payload[:1000] if damage == "short" else bytes(len(made.payload))
     done = sent(tmp_path / "tool", made, packed)
@@ -146,12 +146,12 @@ def test_what_does_not_arrive_whole_is_not_put_anywhere(tmp_path: Path, damage: 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_card_that_cannot_be_written_is_told_in_words(tmp_path: Path) -> None:
+def test_unwritable_disk_is_reported(tmp_path: Path) -> None:
     (tmp_path / "tool").symlink_to("/proc/atlantis")
     assert told(sent(tmp_path / "tool" / "here", tool.build()))["msg"].startswith(str(tmp_path))
 
 
-def test_a_full_card_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_leaves_no_partial_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_handle: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -161,7 +161,7 @@ def test_a_full_card_leaves_nothing_half_written(tmp_path: Path, monkeypatch: py
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_tool_that_is_in_use_stays(tmp_path: Path) -> None:
+def test_tool_in_use_is_not_removed(tmp_path: Path) -> None:
     made = tool.build()
     sent(tmp_path, made)
     (used,) = tmp_path.iterdir()

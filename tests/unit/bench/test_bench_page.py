@@ -24,7 +24,7 @@ def written(*figures: Figure, crowds: tuple[Crowd, ...] = (), kept: tuple[Runs, 
     return page(figures, crowds, kept, (), (), {}, ()).splitlines()
 
 
-def test_a_peer_that_is_ahead_is_named_with_its_rows() -> None:
+def test_peer_that_is_ahead_is_listed() -> None:
     lines = written(
         figure("ours", PLAIN, 5.0, 64_000),
         figure("napalm-ros", PLAIN, 4.0, 19_000),
@@ -42,21 +42,21 @@ def test_a_peer_that_is_ahead_is_named_with_its_rows() -> None:
     assert "| 700 ms, 352/704 kbit/s | netmiko | 9.0 | 0.1 | 5 | 90 | 1.4 | as ours |" in lines
 
 
-def test_who_has_failed_is_not_ahead() -> None:
+def test_failed_peer_is_not_ahead() -> None:
     failed = figure("netmiko", PLAIN, 1.0, 100, "exit code 1")
     lines = written(figure("ours", PLAIN, 5.0, 64_000), failed, figure("librouteros", PLAIN, 7.0, 64_000))
     assert "* Nobody is quicker than we are." in lines
     assert not [line for line in lines if "Fewer bytes" in line]
 
 
-def test_a_failure_of_ours_is_nobodys_measure() -> None:
+def test_our_failure_is_no_benchmark() -> None:
     lines = written(figure("ours", PLAIN, 5.0, 64_000, "exit code 4"), figure("netmiko", PLAIN, 9.0, 100))
     assert not [line for line in lines if "quicker" in line]
     assert "| 700 ms | netmiko | 9.0 | 0.1 | 5 | 0 |  | as ours |" in lines
 
 
 @pytest.mark.parametrize(("wall_s", "verdict"), [(30.0, "reached"), (31.0, "**missed**")])
-def test_silent_routers_have_their_mark(wall_s: float, verdict: str) -> None:
+def test_silent_routers_have_a_target(wall_s: float, verdict: str) -> None:
     crowd = Crowd(50, 2, cost(wall_s), 16.0)
     mark = f"* 50 routers, 2 of them silent, take {wall_s:.0f} s, a quarter of 121 s at most (mark: {verdict})."
     assert mark in written(crowds=(crowd,))
@@ -64,7 +64,7 @@ def test_silent_routers_have_their_mark(wall_s: float, verdict: str) -> None:
 
 
 @pytest.mark.parametrize(("wall_s", "verdict"), [(0.75, "reached"), (0.8, "**missed**")])
-def test_a_thousand_runs_have_their_mark(wall_s: float, verdict: str) -> None:
+def test_thousand_runs_have_a_target(wall_s: float, verdict: str) -> None:
     kept = Runs("runs", 10, (cost(0.5),)), Runs("runs", 1000, (cost(wall_s),))
     lines = written(kept=kept)
     times = f"{wall_s / 0.5:.1f}"
@@ -73,12 +73,12 @@ def test_a_thousand_runs_have_their_mark(wall_s: float, verdict: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["0", "100", "700/352/704", "600/1000/2000.5"])
-def test_a_link_is_read_as_it_is_typed(text: str) -> None:
+def test_link_text_round_trips(text: str) -> None:
     rtt, *rates = text.split("/")
     assert str(Shape.read(text)) == f"{rtt} ms" + (f", {'/'.join(rates)} kbit/s" if rates else "")
 
 
 @pytest.mark.parametrize("text", ["", "x", "700/352", "700/352/704/1"])
-def test_another_word_is_no_link(text: str) -> None:
+def test_malformed_link_text_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"could not convert|values to unpack"):
         Shape.read(text)

@@ -30,7 +30,7 @@ async def talk(shape: Shape, *words: bytes) -> AsyncIterator[tuple[float, Proxy]
 
 
 @pytest.mark.parametrize("words", [(b"a",), (b"a", b"bc", b"def")])
-async def test_a_connection_costs_a_round_trip_and_each_answer_another(words: tuple[bytes, ...]) -> None:
+async def test_each_response_costs_a_round_trip(words: tuple[bytes, ...]) -> None:
     number = 0
     async for took_s, proxy in talk(Shape(delay_s=0.05), *words):
         number += 1
@@ -45,7 +45,7 @@ async def test_a_rate_holds_for_all_bytes_of_a_direction() -> None:
         assert took_s >= 0.2
 
 
-async def test_a_far_side_that_is_not_there_ends_the_connection() -> None:
+async def test_unreachable_target_ends_the_connection() -> None:
     async with Proxy("127.0.0.1", 0, ("127.0.0.1", 1), Shape()) as proxy:
         reader, writer = await asyncio.open_connection(*proxy.address)
         with pytest.raises((ConnectionError, asyncio.IncompleteReadError)):

@@ -56,7 +56,7 @@ def catalogue() -> Catalogue:
         ("cpe answers on 8729 of coastal", "em coastal, cpe responde na porta 8729"),
     ],
 )
-def test_a_message_is_found(catalogue: Catalogue, text: str, expected: str) -> None:
+def test_message_is_translated(catalogue: Catalogue, text: str, expected: str) -> None:
     assert catalogue.translate(text) == expected
 
 
@@ -65,17 +65,17 @@ def test_a_value_that_is_a_message_is_translated(catalogue: Catalogue) -> None:
     assert catalogue.translate(text) == "interrompido por Ctrl-C; nada foi alterado"
 
 
-def test_a_value_that_is_a_message_in_a_message_in_a_message_is_translated(catalogue: Catalogue) -> None:
+def test_nested_messages_are_translated(catalogue: Catalogue) -> None:
     text = "stopped by SIGTERM; coastal-cpe: the link was lost"
     assert catalogue.translate(text) == "interrompido por SIGTERM; coastal-cpe: perdeu-se a ligação"
 
 
 @pytest.mark.parametrize("name", ["done", "link", "{number}", "ç", "a`b", "\\1", "ether1"])
-def test_a_word_in_a_message_is_never_translated(catalogue: Catalogue, name: str) -> None:
+def test_name_in_a_message_is_never_translated(catalogue: Catalogue, name: str) -> None:
     assert catalogue.translate(f"stopped by {name}; not reached") == f"interrompido por {name}; não alcançado"
 
 
-def test_what_stands_between_backquotes_is_never_translated(catalogue: Catalogue) -> None:
+def test_text_in_backquotes_is_never_translated(catalogue: Catalogue) -> None:
     text = "type `nothing was changed` to go on"
     assert catalogue.translate(text) == "para continuar, escreva `nothing was changed`"
 
@@ -94,16 +94,16 @@ def test_what_stands_between_backquotes_is_never_translated(catalogue: Catalogue
         "2024-01-01 12:00:00, +++ of 3",
     ],
 )
-def test_what_is_unknown_stays(catalogue: Catalogue, text: str) -> None:
+def test_unknown_text_is_unchanged(catalogue: Catalogue, text: str) -> None:
     assert catalogue.translate(text) == text
 
 
-def test_words_of_a_device_pass_through(catalogue: Catalogue) -> None:
+def test_device_text_is_not_translated(catalogue: Catalogue) -> None:
     text = "coastal-cpe: the device has refused it: failure: no such item (4)"
     assert catalogue.translate(text) == "coastal-cpe: o equipamento recusou: failure: no such item (4)"
 
 
-def test_few_words_about_what_is_unknown_are_another_message(catalogue: Catalogue) -> None:
+def test_message_with_mostly_unknown_text_is_not_translated(catalogue: Catalogue) -> None:
     text = "cpe: some of what a device says was lost"
     assert catalogue.translate(text) == text
 
@@ -126,24 +126,24 @@ def test_few_words_about_what_is_unknown_are_another_message(catalogue: Catalogu
         ),
     ],
 )
-def test_a_command_in_a_hint_may_have_been_filled_in(catalogue: Catalogue, text: str, expected: str) -> None:
+def test_command_in_a_hint_may_contain_values(catalogue: Catalogue, text: str, expected: str) -> None:
     assert catalogue.translate(text) == expected
 
 
-def test_a_preposition_and_the_article_of_a_value_are_one_word() -> None:
+def test_preposition_and_article_are_contracted() -> None:
     messages = {"the gateway": "o gateway", "the port of {who} is switched off": "a porta de {who} está desligada"}
     catalogue = Catalogue(messages, {"de o": "do"})
     assert catalogue.translate("the port of the gateway is switched off") == "a porta do gateway está desligada"
     assert catalogue.translate("the port of o is switched off") == "a porta de o está desligada"
 
 
-def test_cells_of_a_table_stay_below_each_other(catalogue: Catalogue) -> None:
+def test_table_columns_stay_aligned(catalogue: Catalogue) -> None:
     text = "  cpe      not reached       10.0.0.1\n  router   another text      10.0.0.2"
     expected = "  cpe      não alcançado     10.0.0.1\n  router   another text      10.0.0.2"
     assert catalogue.translate(text) == expected
 
 
-def test_the_message_with_most_letters_of_its_own_wins() -> None:
+def test_most_specific_message_wins() -> None:
     either = {"{a} was lost": "perdeu-se {a}", "the link to {a} was lost": "perdeu-se a ligação a {a}"}
     for messages in (either, dict(reversed(either.items()))):
         assert Catalogue(messages).translate("the link to cpe was lost") == "perdeu-se a ligação a cpe"
@@ -158,7 +158,7 @@ def test_a_thousand_lines_take_less_than_two_seconds() -> None:
     assert time.process_time() - started < 2
 
 
-def test_a_message_is_read_in_few_steps() -> None:
+def test_catalogue_is_parsed_in_few_calls() -> None:
     """Calls, those of C too; with eight a message a command in Portuguese took four times as long to begin."""
     steps = 0
 
@@ -173,7 +173,7 @@ def test_a_message_is_read_in_few_steps() -> None:
     assert steps < 6 * len(messages)
 
 
-def test_a_catalogue_is_read_as_gettext_writes_it(tmp_path: Path) -> None:
+def test_gettext_file_is_parsed(tmp_path: Path) -> None:
     file = tmp_path / "provision.po"
     file.write_text(
         'msgid ""\nmsgstr ""\n"Language: pt_PT\\n"\n\n'
@@ -186,17 +186,17 @@ def test_a_catalogue_is_read_as_gettext_writes_it(tmp_path: Path) -> None:
     assert read(file) == {'a "{b}"': 'um "{b}"', "of two lines": "de duas linhas\\n"}
 
 
-def test_english_is_left_alone() -> None:
+def test_english_is_not_translated() -> None:
     assert language.current() is Language.ENGLISH
     assert language.translate("nothing was changed") == "nothing was changed"
 
 
 @pytest.mark.usefixtures("portuguese")
-def test_what_the_catalogue_lacks_stays_in_english() -> None:
+def test_text_missing_from_catalogue_stays_in_english() -> None:
     assert language.translate("  quite unknown words here") == "  quite unknown words here"
 
 
-def test_a_line_of_many_joints_is_given_up_and_not_waited_for() -> None:
+def test_translation_of_a_line_with_many_separators_is_bounded() -> None:
     """The parts of such a line are as many as its pairs of joints: a checklist of 49 items took minutes."""
     found = Catalogue(
         {"not checked": "não verificado", "{name} answers": "{name} responde", "no reply": "sem resposta"}

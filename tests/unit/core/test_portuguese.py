@@ -50,7 +50,7 @@ def test_the_tool_reads_the_same_translations_as_the_program() -> None:
     assert {msgid: written.get(msgid) for msgid in TRANSLATIONS} == TRANSLATIONS
 
 
-def test_no_value_is_lost_or_made_up() -> None:
+def test_translations_have_the_same_placeholders() -> None:
     assert {msgid: names(text) for msgid, text in TRANSLATIONS.items() if names(msgid) != names(text)} == {}
 
 
@@ -66,12 +66,12 @@ SAMPLES = ("x1", "10.64.1.1", "quux-flarb")
 
 
 @pytest.mark.parametrize("end", ["nx+dzjGcRwDvKOyMU7", "rxgOQ1n8YXnclTRzO+gc", "jvu+m8Ga0uBDxs/na+oMj"])
-def test_a_fingerprint_is_data_whatever_its_letters_spell(end: str) -> None:
+def test_fingerprint_is_never_translated(end: str) -> None:
     assert CATALOGUE.translate(f"key SHA256:{end}") == f"chave SHA256:{end}"
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_every_message_is_found_with_values_in_it(sample: str) -> None:
+def test_every_message_with_values_is_translated(sample: str) -> None:
     wrong = {}
     for msgid, text in TRANSLATIONS.items():
         given = {name: f"{sample}{place}" for place, name in enumerate(names(msgid))}
@@ -80,7 +80,7 @@ def test_every_message_is_found_with_values_in_it(sample: str) -> None:
     assert wrong == {}
 
 
-def test_what_a_device_says_stays_in_a_message() -> None:
+def test_device_text_inside_a_message_stays_unchanged() -> None:
     answer = "failure: already have flarb with such name"
     wrong = {}
     for msgid, text in TRANSLATIONS.items():
@@ -93,7 +93,7 @@ def test_what_a_device_says_stays_in_a_message() -> None:
     assert wrong == {}
 
 
-def test_every_message_without_values_is_found() -> None:
+def test_every_message_without_values_is_translated() -> None:
     whole = {msgid: text for msgid, text in TRANSLATIONS.items() if not names(msgid)}
     found = {msgid: CATALOGUE.translate(msgid.format()) for msgid in whole}
     assert found == {msgid: text.format() for msgid, text in whole.items()}
@@ -131,7 +131,7 @@ def test_help_is_no_wider_than_in_english(name: str) -> None:
     assert max(map(len, portuguese)) <= max(80, *map(len, page()))
 
 
-def test_the_commands_are_not_words_of_the_catalogue() -> None:
+def test_command_names_are_not_translated() -> None:
     words = {word for name in COMMANDS for word in name.split()}
     assert {word for word in words if TRANSLATIONS.get(word, word) != word} == set()
 
@@ -153,11 +153,11 @@ def test_the_commands_are_not_words_of_the_catalogue() -> None:
         ('x = "done"', []),
     ],
 )  # fmt: skip
-def test_messages_are_found_in_source(source: str, found: list[str]) -> None:
+def test_messages_are_extracted_from_source(source: str, found: list[str]) -> None:
     assert list(MESSAGES.of_source(source)) == found
 
 
-def test_blocks_of_a_hand_out_are_found() -> None:
+def test_text_blocks_of_an_enrolment_package_are_extracted() -> None:
     source = (
         'The VPN of {{ page.pilot }}\n{{ "=" * (11 + page.pilot | length) }}\n\n'
         "Type what\nstands here.{% if page.dds %} And this.{% endif %}\n\n"

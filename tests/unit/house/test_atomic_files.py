@@ -115,7 +115,7 @@ def victim(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize(("name", "write"), WRITERS.values(), ids=WRITERS)
-def test_no_link_at_the_name_of_a_draft_is_followed(
+def test_symlink_at_the_temporary_name_is_not_followed(
     name: str, write: Callable[[Path], object], shared: Path, victim: Path
 ) -> None:
     for end in (str(os.getpid()), "new", f"new.{os.getpid()}", f"{0:016}"):
@@ -126,7 +126,7 @@ def test_no_link_at_the_name_of_a_draft_is_followed(
 
 
 @pytest.mark.parametrize(("name", "write"), WRITERS.values(), ids=WRITERS)
-def test_no_link_at_the_name_of_the_file_is_written_through(
+def test_symlink_at_the_file_name_is_not_written_through(
     name: str, write: Callable[[Path], object], shared: Path, victim: Path
 ) -> None:
     (shared / name).symlink_to(victim)
@@ -135,7 +135,7 @@ def test_no_link_at_the_name_of_the_file_is_written_through(
 
 
 @pytest.mark.parametrize("writer", ["pinned keys", "bytes of a month"])
-def test_no_link_at_the_name_of_a_lock_is_followed(writer: str, shared: Path, victim: Path) -> None:
+def test_symlink_at_the_lock_name_is_not_followed(writer: str, shared: Path, victim: Path) -> None:
     name, write = WRITERS[writer]
     (shared / name).with_suffix(".lock").symlink_to(victim.parent / "made")
     with pytest.raises(NetcfgError, match="cannot be written"):
@@ -158,7 +158,7 @@ write_atomically(Path(sys.argv[1]), b"half")
 """
 
 
-def test_the_draft_of_a_killed_process_is_removed_by_the_next_and_that_of_a_living_one_stays(shared: Path) -> None:
+def test_only_temporary_files_of_killed_processes_are_removed(shared: Path) -> None:
     path = shared / "file"
     with subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -172,7 +172,7 @@ def test_the_draft_of_a_killed_process_is_removed_by_the_next_and_that_of_a_livi
     assert path.read_bytes() == b"last"
 
 
-def test_a_file_of_another_kind_with_a_draft_s_name_is_in_nobody_s_way(shared: Path) -> None:
+def test_other_file_types_with_a_temporary_name_are_ignored(shared: Path) -> None:
     folder, pipe = shared / f".file.{1:016}", shared / f".file.{2:016}"
     folder.mkdir()
     os.mkfifo(pipe)
@@ -180,7 +180,7 @@ def test_a_file_of_another_kind_with_a_draft_s_name_is_in_nobody_s_way(shared: P
     assert folder.is_dir()
 
 
-def test_a_file_that_is_there_stays_where_it_must_not_be_replaced(shared: Path) -> None:
+def test_existing_file_is_kept_without_replace(shared: Path) -> None:
     write_atomically(shared / "file", b"first", replace=False)
     with pytest.raises(FileExistsError):
         write_atomically(shared / "file", b"second", replace=False)
@@ -199,7 +199,7 @@ def test_a_failed_write_leaves_the_old_file_alone(shared: Path, monkeypatch: pyt
     assert [path.read_bytes() for path in shared.iterdir()] == [b"old"]
 
 
-def test_modes_are_exact_unless_the_umask_is_to_have_its_say(shared: Path) -> None:
+def test_modes_are_exact_unless_the_umask_applies(shared: Path) -> None:
     before = os.umask(0o027)
     try:
         write_atomically(shared / "ours", b"", mode=0o644)

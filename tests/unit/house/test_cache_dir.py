@@ -16,13 +16,13 @@ from atlantis_netcfg.core.paths import cache_dir, private_cache
         ({"HOME": "{tmp}"}, ".cache/atlantis"),
     ],
 )
-def test_the_place_is_made(variables: dict[str, str], place: str, tmp_path: Path) -> None:
+def test_cache_directory_is_created(variables: dict[str, str], place: str, tmp_path: Path) -> None:
     made = cache_dir({name: value.format(tmp=tmp_path) for name, value in variables.items()})
     assert made == tmp_path / place
     assert made.is_dir()
 
 
-def test_a_missing_home_is_an_error_with_the_way_out(tmp_path: Path) -> None:
+def test_missing_home_is_an_error_with_a_hint(tmp_path: Path) -> None:
     with pytest.raises(
         UsageError, match=r"no place to keep the cache: the home directory .*missing does not"
     ) as caught:
@@ -36,7 +36,7 @@ def test_a_file_in_the_way_is_an_error(tmp_path: Path) -> None:
         cache_dir({"XDG_CACHE_HOME": str(tmp_path / "file")})
 
 
-def test_code_is_kept_where_only_we_can_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_private_cache_is_writable_only_by_its_owner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     folder = private_cache("templates")
     assert folder == tmp_path / "atlantis" / "templates"
@@ -44,21 +44,23 @@ def test_code_is_kept_where_only_we_can_write(tmp_path: Path, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("writable", ["atlantis", "atlantis/templates"])
-def test_it_is_not_kept_where_others_can_write(writable: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_private_cache_where_others_can_write(
+    writable: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "atlantis/templates").mkdir(parents=True)
     (tmp_path / writable).chmod(0o777)
     assert private_cache("templates") is None
 
 
-def test_it_is_not_kept_with_another_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_private_cache_owned_by_another_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("os.geteuid", lambda: 12345)
     assert private_cache("templates") is None
 
 
 @pytest.mark.parametrize("way", ["link", "file"])
-def test_it_is_not_kept_behind_a_link_or_in_a_file(way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_private_cache_at_a_link_or_file(way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "atlantis").mkdir()
     (tmp_path / "elsewhere").mkdir(mode=0o700)
@@ -70,7 +72,7 @@ def test_it_is_not_kept_behind_a_link_or_in_a_file(way: str, tmp_path: Path, mon
     assert private_cache("templates") is None
 
 
-def test_without_a_place_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_private_cache_without_a_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setenv("HOME", str(tmp_path / "missing"))
     assert private_cache("templates") is None

@@ -45,12 +45,12 @@ DECLARED = {
 
 
 @pytest.mark.parametrize("kind", DECLARED)
-def test_each_is_pinned(kind: str) -> None:
+def test_each_dependency_is_pinned(kind: str) -> None:
     assert DECLARED[kind] <= locked("dev").keys()
 
 
 @pytest.mark.parametrize("name", LOCKS)
-def test_every_package_has_its_hashes_and_no_registry_is_named(name: str) -> None:
+def test_locks_have_hashes_and_name_no_registry(name: str) -> None:
     lines = [line for line in LOCKS[name].splitlines() if not line.startswith(("#", "    --hash=sha256:"))]
     assert len(lines) == len(locked(name)) > 30
     assert [package for package, (_, hashes) in locked(name).items() if not hashes] == []
@@ -58,12 +58,12 @@ def test_every_package_has_its_hashes_and_no_registry_is_named(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", ["dev", "awx"])
-def test_what_runs_is_what_is_tested(name: str) -> None:
+def test_runtime_versions_equal_the_tested_ones(name: str) -> None:
     run, other = locked("run"), locked(name)
     assert {package: other.get(package) for package in run} == run
 
 
-def test_what_ansible_builder_would_fetch_without_hashes_is_there() -> None:
+def test_packages_fetched_by_ansible_builder_are_locked() -> None:
     """Its own pip commands, of version 3.2, find these installed."""
     fetched = {"ansible-core", "ansible-runner", "bindep", "dumb-init", "packaging", "pyyaml"}
     assert fetched <= locked("awx").keys()
@@ -71,7 +71,7 @@ def test_what_ansible_builder_would_fetch_without_hashes_is_there() -> None:
 
 
 @pytest.mark.parametrize("kind", DECLARED)
-def test_the_table_lists_exactly_these(kind: str) -> None:
+def test_table_lists_exactly_the_declared_packages(kind: str) -> None:
     assert {normal(name) for name, decision, _, _ in TABLE if decision == kind} == DECLARED[kind]
 
 
@@ -86,7 +86,7 @@ def test_every_row_gives_licence_and_reason() -> None:
     assert all(licence.strip() and why.strip() for _, _, licence, why in TABLE)
 
 
-def test_each_of_run_is_imported() -> None:
+def test_each_runtime_dependency_is_imported() -> None:
     """Only what is used now: a dependency that nothing imports is a cost without a use."""
     imported = {
         name.partition(".")[0]
@@ -107,7 +107,7 @@ def test_each_of_run_is_imported() -> None:
     assert [name for name in sorted(DECLARED["run"]) if not provided[name] & imported] == []
 
 
-def test_witnesses_are_pinned_and_nothing_of_the_product_needs_them() -> None:
+def test_third_party_clients_are_pinned_and_separate_from_the_product() -> None:
     """Clients of others live in an environment of their own; docs/dependencies.md names them."""
     told = (ROOT / "docs" / "dependencies.md").read_text().partition("## Clients of others")[2].partition("\n## ")[0]
     pinned = locked("witnesses")

@@ -8,11 +8,11 @@ from findings_page import PAGE, FoundMessage, findings, of_tree, page
 MADE = "it is not what the source says any more; type: .venv/bin/python tests/unit/house/findings_page.py"
 
 
-def test_the_page_is_made_from_the_source_as_it_is() -> None:
+def test_page_is_generated_from_the_current_source() -> None:
     assert PAGE.read_text(encoding="utf-8") == page(), MADE
 
 
-def test_each_row_is_whole() -> None:
+def test_each_row_is_complete() -> None:
     rows = [line for line in page().splitlines() if line.startswith("| ") and not line.startswith("| You see")]
     assert len(rows) > 300
     assert [row for row in rows if len(re.split(r"(?<!\\)\|", row)) != 5 or row.count("`") % 2] == []
@@ -30,7 +30,7 @@ def judge(name, is_bad):
 """
 
 
-def test_what_is_read_of_a_source() -> None:
+def test_findings_are_extracted_from_source() -> None:
     tree = ast.parse(SOURCE)
     assert sorted(of_tree(tree, "links/wifi.py")) == [
         FoundMessage("Wi-Fi", "this is odd", "", "ask …"),

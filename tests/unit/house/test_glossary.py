@@ -10,13 +10,13 @@ PAGE = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", PAGE, re.MULTILINE)[1:]
 
 
-def test_each_word_stands_once_and_in_order() -> None:
+def test_terms_are_unique_and_sorted() -> None:
     terms = [term.lower().replace("-", " ") for term, _, _ in ROWS]
     assert len(terms) > 50
     assert terms == sorted(set(terms))
 
 
-def test_the_places_exist() -> None:
+def test_referenced_files_exist() -> None:
     places = [place for _, _, where in ROWS for place in re.findall(r"`([^`]+)`", where)]
     assert len(places) >= len(ROWS)
     assert [

@@ -66,17 +66,17 @@ def test_an_unreviewed_skip_of_a_whole_file_fails_in_ci(run: Run, options: tuple
 
 
 @BOTH
-def test_a_reviewed_skip_is_a_skip(run: Run, options: tuple[str, ...]) -> None:
+def test_reviewed_skip_is_allowed_in_ci(run: Run, options: tuple[str, ...]) -> None:
     passing = {"passing": "def test_one(): pass\n"}
     _, outcomes, _ = run(SKIPS | passing, *options, allowed="# it is not packaged\nno such tool\n")
     assert outcomes == {"skipped": len(SKIPS), "passed": 1}
 
 
-def test_a_line_of_the_list_is_not_a_prefix(run: Run) -> None:
+def test_allowed_reason_must_match_completely(run: Run) -> None:
     assert run({"call": SKIPS["call"]}, allowed="no such\n# no such tool\n")[1] == {"failed": 1}
 
 
-def test_outside_ci_a_skip_is_a_skip(run: Run) -> None:
+def test_skips_are_allowed_outside_ci(run: Run) -> None:
     assert run({"call": SKIPS["call"]}, ci=False)[1] == {"skipped": 1}
 
 

@@ -43,14 +43,14 @@ def _modules(node: ast.AST) -> list[str]:
     return [name for name in names if name.startswith("atlantis_netcfg.")]
 
 
-def test_every_part_has_its_place() -> None:
+def test_every_part_is_in_a_layer() -> None:
     folders = {path.name for path in PACKAGE.iterdir() if path.is_dir() and any(path.rglob("*.py"))}  # not data alone
     folders |= {path.name for path in PACKAGE.rglob("module_utils")}
     parts = folders | {path.stem for path in PACKAGE.glob("*.py")}
     assert {part for part in parts if not part.startswith("__")} == layers().keys()
 
 
-def test_imports_go_down_only() -> None:
+def test_imports_only_go_to_lower_layers() -> None:
     depth = layers()
     upward = [
         f"{path}: {inside} imports {part}"
@@ -85,7 +85,7 @@ def _absolute(node: ast.ImportFrom, path: Path) -> str:
     return ".".join([*package, *([node.module] if node.module else [])])
 
 
-def test_no_modules_import_each_other_in_a_circle() -> None:
+def test_there_are_no_import_cycles() -> None:
     found = graph()
     assert sum(map(len, found.values())) > 2 * len(found)
     TopologicalSorter(found).prepare()  # CycleError names the circle

@@ -108,17 +108,17 @@ def measured(kind: str) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("kind", SLACK)
-def test_nothing_is_beyond_its_limit_or_far_below(kind: str) -> None:
+def test_nothing_exceeds_or_is_far_below_its_limit(kind: str) -> None:
     now, limits = measured(kind), LIMITS[kind]
     assert {part: value for part, value in now.items() if not limits[part] - SLACK[kind] <= value <= limits[part]} == {}
 
 
-def test_every_limit_is_measured() -> None:
+def test_every_limit_has_a_slack() -> None:
     assert LIMITS.keys() == SLACK.keys()
 
 
 @pytest.mark.parametrize(
     ("names_", "expected"), [(("found", "_ended", "Refused"), True), (("speed", "is_signed", "rows", "bed"), False)]
 )
-def test_a_participle_is_recognised(names_: tuple[str, ...], *, expected: bool) -> None:
+def test_participles_are_recognised(names_: tuple[str, ...], *, expected: bool) -> None:
     assert {is_participle(name) for name in names_} == {expected}

@@ -20,7 +20,7 @@ def texts(module: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: path.stem)
-def test_it_can_be_read(module: Path) -> None:
+def test_documentation_is_complete(module: Path) -> None:
     told = texts(module)
     assert told["DOCUMENTATION"]["module"] == module.stem
     assert all(option["description"] for option in told["DOCUMENTATION"].get("options", {}).values())

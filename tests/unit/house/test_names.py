@@ -43,7 +43,7 @@ def retired(tree: ast.AST) -> Iterator[tuple[str, int]]:
     return ((name, line) for name, line in names(tree) if name.strip("_").lower() in RETIRED)
 
 
-def test_no_retired_name_comes_back() -> None:
+def test_no_retired_name_is_used() -> None:
     root = checkout()
     listed = subprocess.run(["git", "ls-files", *FOLDERS], cwd=root, check=True, capture_output=True, text=True)
     found = {
@@ -65,11 +65,11 @@ def test_no_retired_name_comes_back() -> None:
         *("match x:\n case [*said]: pass", "f = lambda one: one"),
     ],
 )
-def test_is_found_wherever_a_name_can_be_given(text: str) -> None:
+def test_retired_name_is_found_in_every_kind_of_definition(text: str) -> None:
     assert len(list(retired(ast.parse(text)))) == 1
 
 
-def test_the_glossary_names_no_retired_word_as_a_term() -> None:
+def test_glossary_terms_avoid_retired_words() -> None:
     page = Path(checkout(), "docs", "glossary.md").read_text(encoding="utf-8")
     rows = [line for line in page.splitlines() if line.startswith("| ")]
     terms = [row.split("|")[1].strip() for row in rows[1:]]
@@ -96,7 +96,7 @@ SAME = {
 """Classes of one name and one meaning, each with what they mean."""
 
 
-def test_no_two_classes_share_a_name_and_mean_different_things() -> None:
+def test_class_names_are_unique_except_listed_ones() -> None:
     places: dict[str, list[str]] = {}
     for path in (checkout() / "atlantis_netcfg").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):

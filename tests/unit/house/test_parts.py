@@ -25,13 +25,13 @@ def test_each_folder_of_unit_tests_is_in_exactly_one_part() -> None:
     assert all((ROOT / "tests" / folder).is_dir() for folder in folders)
 
 
-def test_contributing_lists_the_parts_with_what_they_take() -> None:
+def test_contributing_lists_the_parts_with_their_duration() -> None:
     rows = re.findall(r"^\| `([\w-]+)` \| [^|]+ \| (\d+) \|$", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
     assert [name for name, _ in rows] == list(PARTS)
     assert [name for name, seconds in rows if int(seconds) > 60] == []
 
 
-def test_a_part_is_run_and_another_word_lists_the_parts() -> None:
+def test_known_part_is_run_and_unknown_word_lists_the_parts() -> None:
     assert "tests collected" in run("tools/quick", "dds", "--collect-only").stdout
     for word in ("nonsense", "a/b", "#", ""):
         process = run("tools/quick", word)
@@ -39,7 +39,7 @@ def test_a_part_is_run_and_another_word_lists_the_parts() -> None:
         assert all(f" {part} " in " ".join(f"{process.stderr} ".split()) + " " for part in PARTS), process.stderr
 
 
-def test_make_quick_and_make_lint_run_these_lists() -> None:
+def test_make_targets_run_the_tools() -> None:
     makefile = (ROOT / "Makefile").read_text()
     assert re.search(r"^quick:.*\n\t@tools/develop\n\t@tools/quick \$\(PART\) \$\(ARGS\)$", makefile, re.MULTILINE)
     assert re.search(r"^lint:.*\n\t@tools/develop\n\t@tools/lint$", makefile, re.MULTILINE)
@@ -65,7 +65,7 @@ def test_pre_commit_runs_what_make_lint_runs() -> None:
         (("three",), 3, "there is no check `three`"),
     ],
 )
-def test_lint_fails_where_one_of_its_checks_fails(words: tuple[str, ...], code: int, said: str, tmp_path: Path) -> None:
+def test_lint_fails_when_one_check_fails(words: tuple[str, ...], code: int, said: str, tmp_path: Path) -> None:
     text = (ROOT / "tools" / "lint").read_text()
     text, number = re.subn(r'checks=".*"', 'checks="one two"', text)
     text, cases = re.subn(r"        ruff\) .*?(?=    esac)", "one) true ;;\ntwo) false ;;\n", text, flags=re.DOTALL)

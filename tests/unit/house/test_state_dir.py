@@ -20,28 +20,28 @@ from atlantis_netcfg.core.paths import cache_place, checkout, state_dir, state_p
         ({"ATLANTIS_STATE": "", "XDG_STATE_HOME": "", "HOME": "{tmp}"}, ".local/state/atlantis"),
     ],
 )
-def test_the_place_and_its_mode(variables: dict[str, str], place: str, tmp_path: Path) -> None:
+def test_location_and_mode(variables: dict[str, str], place: str, tmp_path: Path) -> None:
     made = state_dir({name: value.format(tmp=tmp_path) for name, value in variables.items()})
     assert made == tmp_path / place
     assert made.stat().st_mode & 0o777 == 0o700
 
 
-def test_a_place_that_others_can_read_is_closed(tmp_path: Path) -> None:
+def test_readable_directory_is_made_private(tmp_path: Path) -> None:
     tmp_path.chmod(0o755)
     assert state_dir({"ATLANTIS_STATE": str(tmp_path)}).stat().st_mode & 0o777 == 0o700
 
 
-def test_a_relative_place_is_fixed_where_it_was_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_relative_path_is_made_absolute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert state_dir({"ATLANTIS_STATE": "here"}) == tmp_path / "here"
 
 
-def test_without_home_the_one_on_record_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_home_from_the_user_database_is_the_fallback(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pwd, "getpwuid", lambda _uid: SimpleNamespace(pw_dir=str(tmp_path), pw_name="anyone"))
     assert state_dir({}) == tmp_path / ".local" / "state" / "atlantis"
 
 
-def test_a_home_that_does_not_exist_is_an_error_with_the_way_out(tmp_path: Path) -> None:
+def test_missing_home_is_an_error_with_a_hint(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"missing does not exist") as caught:
         state_dir({"HOME": str(tmp_path / "missing")})
     assert "ATLANTIS_STATE=" in str(caught.value.hint)
@@ -62,7 +62,7 @@ def test_a_file_in_the_way_is_an_error(tmp_path: Path) -> None:
         state_dir({"ATLANTIS_STATE": str(tmp_path / "file" / "below")})
 
 
-def test_a_place_that_cannot_be_written_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unwritable_directory_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda *_arguments: False)
     with pytest.raises(UsageError, match="cannot be written by"):
         state_dir({"ATLANTIS_STATE": str(tmp_path)})
@@ -72,7 +72,7 @@ def test_the_checkout_holds_the_launcher() -> None:
     assert (checkout() / "provision").is_file()
 
 
-def test_a_place_that_belongs_to_somebody_else_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_directory_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder that waited there, made by another user of the computer: its owner can exchange what is kept in it."""
     folder = tmp_path / "own"
     folder.mkdir(mode=0o700)
@@ -85,7 +85,7 @@ def test_a_place_that_belongs_to_somebody_else_is_refused(tmp_path: Path, monkey
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="a folder is given to somebody else")
 @pytest.mark.parametrize("owner", ["folder", "link"])
-def test_a_place_or_a_link_to_it_that_root_finds_is_somebody_elses(owner: str, tmp_path: Path) -> None:
+def test_root_refuses_directory_or_link_of_another_user(owner: str, tmp_path: Path) -> None:
     folder, link = tmp_path / "own", tmp_path / "link"
     folder.mkdir(mode=0o700)
     link.symlink_to(folder)
@@ -96,7 +96,7 @@ def test_a_place_or_a_link_to_it_that_root_finds_is_somebody_elses(owner: str, t
     assert folder.stat().st_mode & 0o777 == 0o700
 
 
-def test_asking_for_the_place_makes_nothing(tmp_path: Path) -> None:
+def test_computing_the_path_creates_nothing(tmp_path: Path) -> None:
     assert state_place({"ATLANTIS_STATE": str(tmp_path / "own")}) == tmp_path / "own"
     assert cache_place({"XDG_CACHE_HOME": str(tmp_path / "cache")}) == tmp_path / "cache" / "atlantis"
     assert list(tmp_path.iterdir()) == []

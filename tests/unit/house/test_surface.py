@@ -41,19 +41,19 @@ def keys() -> set[str]:
 
 
 @pytest.mark.parametrize("name", BEFORE["commands"])
-def test_a_command_takes_what_it_took(name: str) -> None:
+def test_command_accepts_all_earlier_arguments(name: str) -> None:
     command = load(name, COMMANDS).command
     taken = {f"{word.name}=" for word in command.words} | {f"--{flag.name}" for flag in command.flags}
     assert set(BEFORE["commands"][name].split()) <= taken
 
 
-def test_exit_codes_mean_what_they_meant() -> None:
+def test_exit_codes_are_unchanged() -> None:
     assert {code.name: int(code) for code in ExitCode if code.name in BEFORE["exit_codes"]} == BEFORE["exit_codes"]
 
 
-def test_no_finding_has_lost_its_code() -> None:
+def test_no_finding_code_is_removed() -> None:
     assert set(BEFORE["findings"].split()) - codes() == set()
 
 
-def test_no_key_of_json_is_lost() -> None:
+def test_no_json_key_is_removed() -> None:
     assert set(BEFORE["json_keys"].split()) - keys() == set()

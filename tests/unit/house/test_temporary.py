@@ -54,7 +54,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_folder_ends_with_its_context(place: Path) -> None:
+def test_folder_is_removed_with_its_context(place: Path) -> None:
     with temporary.folder("run") as folder:
         assert folder.parent == place
         assert folder.stat().st_mode & 0o777 == 0o700
@@ -72,7 +72,7 @@ def test_the_folder_of_a_killed_owner_is_removed_by_the_next_one(place: Path, nu
             assert not folder.exists()
 
 
-def test_the_folder_of_a_living_owner_stays(place: Path) -> None:
+def test_folder_of_a_running_owner_is_kept(place: Path) -> None:
     with owner(place) as (_, folder):
         assert temporary.remove_orphans() == ()
         assert (folder / "deep" / "image").read_bytes() == b"gigabytes"
@@ -80,7 +80,7 @@ def test_the_folder_of_a_living_owner_stays(place: Path) -> None:
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="making a PID namespace needs root")
 @pytest.mark.namespace
-def test_an_owner_in_another_pid_namespace_lives(place: Path) -> None:
+def test_owner_in_another_pid_namespace_counts_as_running(place: Path) -> None:
     with owner(place, "unshare", "--pid", "--fork", "--kill-child") as (_, folder):
         assert temporary.remove_orphans() == ()
         assert (folder / "deep" / "image").exists()
@@ -89,7 +89,7 @@ def test_an_owner_in_another_pid_namespace_lives(place: Path) -> None:
     assert temporary.remove_orphans() == (folder,)
 
 
-def test_a_stopped_owner_lives(place: Path) -> None:
+def test_stopped_owner_counts_as_running(place: Path) -> None:
     with owner(place) as (process, folder):
         process.send_signal(signal.SIGSTOP)
         os.waitpid(process.pid, os.WUNTRACED)
@@ -118,13 +118,13 @@ def test_a_fork_that_leaves_the_block_removes_nothing(place: Path) -> None:
     "name",
     ["atlantis-image-abcdefgh", "atlantis-.tmp", "image.tmp", "provision-abcdefgh", "atlantis-image-abcdefgh.tmpx"],
 )
-def test_what_does_not_bear_the_mark_stays(place: Path, name: str) -> None:
+def test_folder_without_the_marker_is_kept(place: Path, name: str) -> None:
     (place / name).mkdir()
     assert temporary.remove_orphans() == ()
     assert (place / name).is_dir()
 
 
-def test_a_link_is_not_followed(place: Path) -> None:
+def test_symlink_is_not_followed(place: Path) -> None:
     ours = place / "ours"
     ours.mkdir()
     (ours / "kept").touch()
@@ -133,7 +133,7 @@ def test_a_link_is_not_followed(place: Path) -> None:
     assert (ours / "kept").exists()
 
 
-def test_a_link_inside_is_not_followed(place: Path) -> None:
+def test_symlink_inside_a_folder_is_not_followed(place: Path) -> None:
     (place / "kept").touch()
     (place / MARK).mkdir()
     (place / MARK / "link").symlink_to(place)
@@ -143,7 +143,7 @@ def test_a_link_inside_is_not_followed(place: Path) -> None:
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount")
 @pytest.mark.namespace
-def test_what_is_mounted_in_an_orphan_is_not_removed(place: Path) -> None:
+def test_mounts_in_an_orphan_are_not_removed(place: Path) -> None:
     ours, inside = place / "ours", place / MARK / "here"
     ours.mkdir()
     inside.mkdir(parents=True)
@@ -165,7 +165,7 @@ def test_the_folder_of_another_user_stays(place: Path) -> None:
     assert (place / MARK).is_dir()
 
 
-def test_many_who_start_and_look_for_orphans_at_once_lose_nothing(place: Path) -> None:
+def test_concurrent_cleanup_loses_nothing(place: Path) -> None:
     lost = []
 
     def work() -> None:
@@ -185,7 +185,7 @@ def test_many_who_start_and_look_for_orphans_at_once_lose_nothing(place: Path) -
     assert list(place.iterdir()) == []
 
 
-def test_a_control_socket_that_nobody_listens_to_is_removed(place: Path) -> None:
+def test_unused_control_socket_is_removed(place: Path) -> None:
     (place / "cp").mkdir()
     names = ("0123456789", "abcdef0123", "abcdef0123.A1b2C3d4E5f6G7h8", "other")
     sockets = [socket.socket(socket.AF_UNIX) for _ in names]
@@ -200,7 +200,7 @@ def test_a_control_socket_that_nobody_listens_to_is_removed(place: Path) -> None
     assert temporary.remove_orphans() == (place / "cp" / "0123456789",)
 
 
-def test_images_go_where_there_is_room(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tmpdir_overrides_the_large_temp_dir(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert temporary.large_temp_dir() == place / "large"
     monkeypatch.setenv("TMPDIR", str(place / "mine"))
     assert temporary.large_temp_dir() == place / "mine"
@@ -218,7 +218,7 @@ ELSEWHERE = {
 }
 
 
-def test_nobody_else_makes_temporary_folders_on_the_technicians_computer() -> None:
+def test_only_listed_modules_use_tempfile() -> None:
     files = (ROOT / "atlantis_netcfg").glob("**/*.py")
     found = {
         str(path.relative_to(ROOT))
@@ -228,7 +228,7 @@ def test_nobody_else_makes_temporary_folders_on_the_technicians_computer() -> No
     assert found == ELSEWHERE
 
 
-def test_what_is_dead_and_could_not_be_removed_is_listed_and_what_lives_is_not(place: Path) -> None:
+def test_orphaned_folders_are_listed_without_being_removed(place: Path) -> None:
     dead = place / MARK
     with owner(place) as (_, living):
         dead.mkdir()

@@ -45,14 +45,14 @@ def rules(pytestconfig: pytest.Config) -> Any:  # noqa: ANN401 - a conftest is n
     return found
 
 
-def test_the_makefile_runs_each_tier_and_ci_runs_what_is_not_a_campaign(rules: Any) -> None:  # noqa: ANN401
+def test_makefile_runs_every_tier_and_ci_all_but_campaign(rules: Any) -> None:  # noqa: ANN401
     makefile = (ROOT / "Makefile").read_text()
     assert set(re.findall(r"--tier (\w+)", makefile)) == set(rules.Tier)
     assert re.findall(r"^ *make (test.*?) ", (ROOT / ".ci" / "run").read_text(), re.MULTILINE) == ["test", "test-full"]
 
 
 @pytest.mark.parametrize("shards", [1, 2, 3, 7])
-def test_the_shards_hold_each_file_once_and_cost_about_the_same(rules: Any, shards: int) -> None:  # noqa: ANN401
+def test_shards_cover_each_file_once_at_similar_cost(rules: Any, shards: int) -> None:  # noqa: ANN401
     costs = {f"test_{number}.py": float(number % 11) for number in range(60)}
     shares = rules.share_out(costs, shards)
     assert sorted(path for share in shares for path in share) == sorted(costs)
@@ -88,7 +88,7 @@ def test_each_test_runs_in_one_tier_and_one_shard(pytester: pytest.Pytester, mon
         assert f"`{wrong}` is no shard; write K/N, with K from 1 to N" in result.stderr.str()
 
 
-def test_the_table_of_costs_names_files_and_make_test_stays_within_its_budget(rules: Any) -> None:  # noqa: ANN401
+def test_cost_table_names_existing_files_within_the_budget(rules: Any) -> None:  # noqa: ANN401
     costs = rules.file_costs()
     assert [path for path in costs if not (ROOT / path).is_file()] == []
     assert sum(tiers[rules.Tier.TEST] for tiers in costs.values()) <= TEST_CPU_S

@@ -89,23 +89,23 @@ def test_every_row_is_about_a_message() -> None:
     assert [pattern for pattern in patterns() if not any(pattern in text for text in texts)] == []
 
 
-def test_no_row_stands_for_everything() -> None:
+def test_no_row_is_too_general() -> None:
     texts = {shown_as(message) for message in worded()}
     assert [pattern for pattern in patterns() if sum(pattern in text for text in texts) > MOST] == []
     assert [pattern for pattern in patterns() if len(re.sub(r"[^a-zA-Z]", "", pattern)) < LEAST] == []
     assert len(patterns()) == len(set(patterns()))
 
 
-def test_every_line_of_the_tables_is_a_row_with_a_cause_and_what_to_do() -> None:
+def test_every_row_has_a_cause_and_an_action() -> None:
     assert len(rows()) == len(LINE.findall(PAGE.read_text(encoding="utf-8"))) > 50
     assert [row for row in rows() if min(len(cell.strip()) for cell in row) < 5] == []
 
 
-def test_what_has_no_words_of_its_own_is_listed_with_its_reason() -> None:
+def test_messages_without_own_text_are_listed_with_a_reason() -> None:
     assert {(message.file, message.made_by) for message in all_messages() - worded()} == PASSED_ON.keys()
 
 
-def test_every_command_that_is_advised_exists_with_its_words() -> None:
+def test_advised_commands_and_arguments_exist() -> None:
     page = PAGE.read_text(encoding="utf-8")
     cells = [*(advice for _, _, advice in rows()), *(line for line in page.splitlines() if not line.startswith("|"))]
     advised = re.findall(r"`provision ([^`]+)`", "\n".join(cells))
@@ -117,7 +117,7 @@ def test_every_command_that_is_advised_exists_with_its_words() -> None:
         assert [word for word in given if re.sub(r"=.*", "=", word) not in known] == [], text
 
 
-def test_every_word_that_is_advised_alone_is_one_of_some_command() -> None:
+def test_advised_standalone_arguments_exist() -> None:
     commands = [load(name, COMMANDS).command for name in COMMANDS]
     known = {f"{word.name}=" for command in commands for word in command.words}
     known |= {f"--{flag.name}" for command in commands for flag in command.flags}
@@ -145,7 +145,7 @@ def g():
 
 
 @pytest.mark.parametrize("base", ["class DeviceError(Exception):\n    exit = ExitCode.FAILED\n"])
-def test_what_is_read_of_a_source(base: str) -> None:
+def test_messages_are_extracted_from_source(base: str) -> None:
     tree = ast.parse(base + SOURCE)
     failures = failing([tree])
     assert failures == {"DeviceError", "Lost"}
@@ -158,7 +158,7 @@ def test_what_is_read_of_a_source(base: str) -> None:
     ]
 
 
-def test_reasons_are_read_where_they_are_made() -> None:
+def test_reasons_are_read_only_from_their_modules() -> None:
     tree = ast.parse('def read():\n    damage = f"line {n} is damaged"\ndef other():\n    return "text"\n')
     assert list(passed_on(tree, "vpn/ledger/file.py")) == [("read", "line … is damaged")]
     assert list(passed_on(tree, "vpn/server.py")) == []

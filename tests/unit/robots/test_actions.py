@@ -35,7 +35,7 @@ def test_a_command_has_feedback_every_second_and_succeeds() -> None:
     ]
 
 
-def test_steps_of_a_plan_follow_each_other_and_have_their_times() -> None:
+def test_plan_steps_run_in_sequence_with_timestamps() -> None:
     server = ActionServer(one_at_a_time=True)
     goal = accept(server, plan=PLAN)
     rows = run(server, 4)
@@ -44,7 +44,7 @@ def test_steps_of_a_plan_follow_each_other_and_have_their_times() -> None:
     assert goal.status is GoalStatus.SUCCEEDED
 
 
-def test_two_commands_are_carried_out_side_by_side_and_two_plans_are_not() -> None:
+def test_commands_run_in_parallel_but_plans_do_not() -> None:
     commands, plans = ActionServer(), ActionServer(one_at_a_time=True)
     accept(commands)
     accept(commands, TWO)
@@ -56,7 +56,7 @@ def test_two_commands_are_carried_out_side_by_side_and_two_plans_are_not() -> No
     assert accept(plans, TWO, PLAN, now=4.0).status is GoalStatus.ACCEPTED
 
 
-def test_a_process_that_stood_still_leaves_no_feedback_out() -> None:
+def test_stalled_process_still_sends_all_feedback() -> None:
     server = ActionServer()
     accept(server)
     assert [goal.completed_steps for _ in range(5) for goal in server.step(60.0, 0)] == [0, 1, 2, 3]
@@ -75,7 +75,7 @@ def test_a_goal_is_cancelled_in_two_steps(seconds: float | None) -> None:
     assert server.cancel(ONE, 0) == (CancelCode.GOAL_TERMINATED, [])
 
 
-def test_what_is_over_or_unknown_is_not_cancelled() -> None:
+def test_finished_or_unknown_goal_cannot_be_cancelled() -> None:
     server = ActionServer()
     accept(server)
     run(server, 3)
@@ -97,7 +97,7 @@ def test_several_goals_are_cancelled_at_once(identity: bytes, stamp_ns: int, exp
     assert (code, [goal.identity for goal in goals]) == (CancelCode.NONE, expected)
 
 
-def test_a_result_is_waited_for_until_the_goal_is_over() -> None:
+def test_result_request_waits_until_the_goal_ends() -> None:
     server = ActionServer()
     assert not server.wait_for_result(ONE, (7, 1)), "an unknown goal is answered at once"
     goal = accept(server)
@@ -108,7 +108,7 @@ def test_a_result_is_waited_for_until_the_goal_is_over() -> None:
     assert not server.wait_for_result(ONE, (7, 9))
 
 
-def test_results_are_kept_for_a_while() -> None:
+def test_results_are_kept_until_their_timeout() -> None:
     server = ActionServer()
     accept(server)
     run(server, 3)
@@ -134,7 +134,7 @@ def test_a_flood_of_goals_is_bounded() -> None:
 @pytest.mark.parametrize(
     ("identity", "message"), [(ALL, "its goal id is zero"), (ONE, "there was a goal with this id")]
 )
-def test_a_goal_needs_an_id_of_its_own(identity: bytes, message: str) -> None:
+def test_goal_needs_a_unique_id(identity: bytes, message: str) -> None:
     server = ActionServer()
     accept(server)
     run(server, 3)
@@ -142,7 +142,7 @@ def test_a_goal_needs_an_id_of_its_own(identity: bytes, message: str) -> None:
         accept(server, identity, now=5.0)
 
 
-def test_a_plan_is_carried_out_in_the_order_of_its_indices() -> None:
+def test_plan_runs_in_order_of_its_indices() -> None:
     assert actions.require_plan(PLAN[::-1]) == PLAN
 
 
@@ -161,6 +161,6 @@ def test_a_plan_is_carried_out_in_the_order_of_its_indices() -> None:
         ([PlanStep(index, "dive", "{}") for index in range(201)], "at most 200 steps and 64000 characters"),
     ],
 )
-def test_a_plan_that_is_none_is_refused(plan: list[PlanStep], message: str) -> None:
+def test_invalid_plan_is_refused(plan: list[PlanStep], message: str) -> None:
     with pytest.raises(GoalRefusal, match=message):
         actions.require_plan(plan)

@@ -77,7 +77,7 @@ def pier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_what_is_advised_makes_a_stranger_a_guest_until_its_last_day(
+def test_suggested_commands_admit_an_unknown_robot_until_its_last_day(
     pier: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     inventory = pier / "inventory"
@@ -126,7 +126,7 @@ def impostor() -> RobotObservation:
     [(stranger(), (0, "PASS", [])), (impostor(), (6, "FAIL", ["token"]))],
     ids=["itself", "impostor"],
 )
-def test_a_vaulted_token_is_compared_where_the_vault_is_open(
+def test_vaulted_token_is_compared_only_if_the_vault_is_open(
     observation: RobotObservation,
     ending: tuple[int, str, list[str]],
     pier: Path,
@@ -171,7 +171,7 @@ class _Later(datetime):
         return datetime(UNTIL.year, UNTIL.month, UNTIL.day, tzinfo=tz) + timedelta(days=1)
 
 
-def test_without_a_password_nobody_listens_for_a_file_that_cannot_be_written(
+def test_missing_vault_password_is_refused_before_listening(
     pier: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("ansible.constants.DEFAULT_VAULT_PASSWORD_FILE", None)
@@ -180,7 +180,7 @@ def test_without_a_password_nobody_listens_for_a_file_that_cannot_be_written(
     assert "there is no password for them" in capsys.readouterr().out
 
 
-def test_a_file_is_written_for_a_robot_that_was_heard_once_and_is_declared(pier: Path) -> None:
+def test_file_is_saved_only_for_a_declared_robot_seen_once(pier: Path) -> None:
     declaration = load(pier / "inventory")
     twice = stranger()
     twice.configurations += stranger(participant="other").configurations

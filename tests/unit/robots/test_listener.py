@@ -96,7 +96,7 @@ def run(rows: Sequence[dict[str, Any]], folder: Path, seconds: float) -> RobotOb
     return remote._observation(host, {}, ProcessResult(done.returncode, done.stdout, done.stderr, overdue=False))
 
 
-def test_it_is_python_3_8_and_the_standard_library() -> None:
+def test_listener_uses_only_python_3_8_and_the_standard_library() -> None:
     assert listener.__file__ is not None
     tree = ast.parse(Path(listener.__file__).read_text(), feature_version=(3, 8))
     known = {*sys.stdlib_module_names, "cyclonedds", "rclpy", "rosidl_runtime_py"}
@@ -106,7 +106,7 @@ def test_it_is_python_3_8_and_the_standard_library() -> None:
         assert {name.partition(".")[0] for name in names} <= known
 
 
-def test_ros_hears_each_robot_and_counts_what_it_says(tmp_path: Path) -> None:
+def test_ros_listener_sees_each_robot_and_counts_its_messages(tmp_path: Path) -> None:
     rows = [
         row("/atlantis/configuration", "std_msgs/msg/String", 1, 1.0, string(text_of("sparus"))),
         row("/atlantis/configuration", "std_msgs/msg/String", 2, 1.0, string(text_of("other"))),
@@ -134,7 +134,7 @@ def test_ros_hears_each_robot_and_counts_what_it_says(tmp_path: Path) -> None:
     assert codes["other"] == {"robot-unknown", "topic-missing"}
 
 
-def test_two_robots_of_one_namespace_are_not_one_to_ros(tmp_path: Path) -> None:
+def test_ros_listener_reports_two_robots_in_one_namespace(tmp_path: Path) -> None:
     texts = [text_of("sparus"), text_of("sparus").replace("EXAMPLE-sparus-token", "another")]
     rows = [row("/atlantis/configuration", "std_msgs/msg/String", n, 1.0, string(each)) for n, each in enumerate(texts)]
     seen = run(rows, tmp_path, 3.5)
@@ -142,7 +142,7 @@ def test_two_robots_of_one_namespace_are_not_one_to_ros(tmp_path: Path) -> None:
     assert "namespace-twice" in {each.code for each in report.findings}
 
 
-def test_a_robot_that_comes_later_does_not_make_two_of_the_first(tmp_path: Path) -> None:
+def test_later_robot_is_not_taken_for_a_duplicate(tmp_path: Path) -> None:
     first, second = (
         row("/atlantis/configuration", "std_msgs/msg/String", n, 1.0, string(text_of(name)))
         for n, name in enumerate(("sparus", "other"))
@@ -152,7 +152,7 @@ def test_a_robot_that_comes_later_does_not_make_two_of_the_first(tmp_path: Path)
     assert codes == {name: {"robot-unknown", "topic-missing"} for name in ("sparus", "other")}
 
 
-def test_without_either_library_it_says_so() -> None:
+def test_missing_dds_libraries_are_reported() -> None:
     requested = {
         "domain": 7,
         "address": "127.0.0.1",
@@ -172,7 +172,7 @@ def test_without_either_library_it_says_so() -> None:
         remote._observation(host, {}, ProcessResult(0, done.stdout, b"", overdue=False))
 
 
-def test_what_is_sent_is_small() -> None:
+def test_program_sent_to_the_host_is_small() -> None:
     types = MessageTypes().fields
     assert len(remote._program({"types": types})) < MOST
 
@@ -203,7 +203,7 @@ ACCESS = {"host": "10.64.1.10", "port": 22, "user": "root"}
         ),
     ],
 )
-def test_what_did_not_come_whole_is_never_an_observation(ended: ProcessResult, words: str) -> None:
+def test_incomplete_output_is_never_an_observation(ended: ProcessResult, words: str) -> None:
     host = robot_cases.shipped().hosts["coastal-gateway"]
     with pytest.raises(ListenError, match=words) as raised:
         remote._observation(host, ACCESS, ended)
@@ -220,12 +220,12 @@ def test_what_did_not_come_whole_is_never_an_observation(ended: ProcessResult, w
         ("from=scc-control", "the inventory still holds example values"),
     ],
 )
-def test_from_is_refused(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_from_argument_is_refused(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["robot", "discover", "site=coastal", *words.split()]) == 3
     assert message in capsys.readouterr().err
 
 
-def test_a_router_and_an_example_are_not_asked() -> None:
+def test_router_and_example_host_are_refused_as_listeners() -> None:
     shipped = robot_cases.shipped()
     with pytest.raises(UsageError, match="does not use DDS"):
         listen_there(shipped, shipped.hosts["coastal-router"], 5)

@@ -38,7 +38,7 @@ def listened(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[str]]:
     return choose
 
 
-def test_from_the_vpn_a_person_has_to_agree(
+def test_listening_from_the_vpn_requires_consent(
     listened: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     places = listened(VPN)
@@ -53,7 +53,7 @@ def test_from_the_vpn_a_person_has_to_agree(
     assert places == ["here", "te4sea-gateway"]
 
 
-def test_beyond_the_cap_nothing_helps_but_another_place(
+def test_cost_above_the_cap_cannot_be_accepted(
     listened: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     places = listened(VPN)
@@ -65,7 +65,7 @@ def test_beyond_the_cap_nothing_helps_but_another_place(
     assert not places
 
 
-def test_at_the_site_and_over_a_free_link_nobody_is_asked(listened: Callable[[str], list[str]]) -> None:
+def test_listening_at_the_site_or_over_a_free_link_needs_no_consent(listened: Callable[[str], list[str]]) -> None:
     places = listened(LAN)
     assert main(LISTEN) == 6
     listened(VPN)
@@ -73,7 +73,7 @@ def test_at_the_site_and_over_a_free_link_nobody_is_asked(listened: Callable[[st
     assert places == ["here", "here"]
 
 
-def test_what_is_counted() -> None:
+def test_cost_counts_configurations_of_expected_robots() -> None:
     shipped = robot_cases.shipped()
     cost = listening_cost(shipped, "te4sea", 60, lambda: VPN)
     assert cost is not None

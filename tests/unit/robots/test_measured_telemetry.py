@@ -81,7 +81,7 @@ def build(inventory: Path, made: RobotReport) -> measured_telemetry.MeasuredTele
     ],
 )
 @pytest.mark.parametrize("behind", ["", "\n  # of the next\n  next:\n    kind: asv\n"])
-def test_everything_else_stays_as_it_is(entry: str, gone: int, behind: str) -> None:
+def test_rest_of_the_file_stays_unchanged(entry: str, gone: int, behind: str) -> None:
     text = f"{BEFORE}  sparus:\n{entry}{behind}"
     made = with_telemetry(text, ("vehicles", "sparus"), "as heard", [ROW])
     assert made is not None
@@ -95,18 +95,18 @@ def test_everything_else_stays_as_it_is(entry: str, gone: int, behind: str) -> N
     assert list(document) == ["other", "sparus", *(["next"] if behind else [])]
 
 
-def test_a_file_without_a_last_line_break_gets_one() -> None:
+def test_file_without_a_final_newline_gets_one() -> None:
     made = with_telemetry(f"{BEFORE}  sparus:\n    kind: auv", ("vehicles", "sparus"), "as heard", [ROW])
     assert made is not None
     assert made.endswith(f"    kind: auv\n    telemetry: # as heard\n      {ROW}\n")
 
 
 @pytest.mark.parametrize("entry", ["  sparus: {kind: auv}\n", "  sparus:\n", "  zarco:\n    kind: asv\n"])
-def test_an_entry_without_lines_of_its_own_is_left_alone(entry: str) -> None:
+def test_entry_without_its_own_lines_is_not_edited(entry: str) -> None:
     assert with_telemetry(f"vehicles:\n{entry}", ("vehicles", "sparus"), "as heard", [ROW]) is None
 
 
-def test_what_was_heard_becomes_telemetry(inventory: Path) -> None:
+def test_observed_topics_become_telemetry(inventory: Path) -> None:
     vehicles = inventory / "group_vars" / "all" / "vehicles.yml"
     text = vehicles.read_text().replace("size_bytes: 20000}", "size_bytes: 20000, least_hz: 0.01}")
     vehicles.write_text(text)
@@ -122,7 +122,7 @@ def test_what_was_heard_becomes_telemetry(inventory: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", ["nothing", "too few", "too quick", "one of two"])
-def test_a_topic_whose_rate_is_unknown_is_told(inventory: Path, spoil: str) -> None:
+def test_topic_with_unknown_rate_is_refused(inventory: Path, spoil: str) -> None:
     made = report(rate_hz=2.0)
     first = made.topics[0]
     wrong = {
@@ -135,7 +135,7 @@ def test_a_topic_whose_rate_is_unknown_is_told(inventory: Path, spoil: str) -> N
         build(inventory, replace(made, topics=(*wrong[spoil], *made.topics[1:])))
 
 
-def test_a_written_inventory_says_what_was_build(inventory: Path) -> None:
+def test_written_inventory_contains_the_observed_telemetry(inventory: Path) -> None:
     vehicles = inventory / "group_vars" / "all" / "vehicles.yml"
     vehicles.write_bytes(vehicles.read_bytes().replace(b"  stork:\n", b"  stork:\r\n"))
     declaration, telemetry = load(inventory), build(inventory, report("zarco"))
@@ -157,7 +157,7 @@ def test_a_written_inventory_says_what_was_build(inventory: Path) -> None:
 
 
 @pytest.mark.parametrize("verdict", [Verdict.FAIL, Verdict.INCONCLUSIVE])
-def test_a_robot_that_is_not_as_its_file_says_is_not_written(inventory: Path, verdict: Verdict) -> None:
+def test_robot_differing_from_its_file_is_not_written(inventory: Path, verdict: Verdict) -> None:
     finding = LinkFinding(verdict, "token", "its token is not the one of its file", "ask")
     declaration, telemetry = load(inventory), build(inventory, report("sparus", finding))
     with pytest.raises(TelemetryUnknown, match="its token is not the one of its file"):
@@ -165,7 +165,7 @@ def test_a_robot_that_is_not_as_its_file_says_is_not_written(inventory: Path, ve
     assert load(inventory).vehicles == declaration.vehicles
 
 
-def test_a_file_that_was_changed_meanwhile_is_left_alone(inventory: Path) -> None:
+def test_file_changed_meanwhile_is_not_overwritten(inventory: Path) -> None:
     declaration, telemetry = load(inventory), build(inventory, report())
     made = change(declaration, telemetry, date(2026, 11, 29))
     vehicles = inventory / made.file
@@ -175,7 +175,7 @@ def test_a_file_that_was_changed_meanwhile_is_left_alone(inventory: Path) -> Non
     assert "as heard" not in vehicles.read_text()
 
 
-def test_an_entry_in_one_line_is_shown_and_not_written(inventory: Path) -> None:
+def test_one_line_entry_is_shown_but_not_written(inventory: Path) -> None:
     declaration, telemetry = load(inventory), build(inventory, report())
     vehicles = inventory / "group_vars" / "all" / "vehicles.yml"
     document = yaml.safe_load(vehicles.read_text())
@@ -196,7 +196,7 @@ def listening(monkeypatch: pytest.MonkeyPatch, *reports: RobotReport) -> None:
     )
 
 
-def test_a_vehicle_that_is_not_heard_is_told_with_who_is(
+def test_unobserved_vehicle_is_reported_with_those_present(
     inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     listening(monkeypatch, report("zarco"))
@@ -208,7 +208,7 @@ def test_a_vehicle_that_is_not_heard_is_told_with_who_is(
     assert "zarco: declared" in capsys.readouterr().out
 
 
-def test_what_is_not_as_its_file_says_is_shown_in_whole(
+def test_difference_from_the_robot_file_is_shown_in_full(
     inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     finding = LinkFinding(Verdict.FAIL, "token", "its token is not the one of its file", "ask its partner")
@@ -221,7 +221,7 @@ def test_what_is_not_as_its_file_says_is_shown_in_whole(
 
 
 @pytest.mark.parametrize(("verdict", "code"), [(Verdict.FAIL, 6), (Verdict.INCONCLUSIVE, 6), (Verdict.WARN, 0)])
-def test_a_robot_that_is_not_as_its_file_says_fits_no_link(
+def test_robot_differing_from_its_file_determines_the_exit_code(
     verdict: Verdict, code: int, inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     listening(monkeypatch, report("sparus", LinkFinding(verdict, "token", "its token is another one")))
@@ -231,7 +231,7 @@ def test_a_robot_that_is_not_as_its_file_says_fits_no_link(
     assert json.loads(capsys.readouterr().out)["exit"] == code
 
 
-def test_a_vehicle_without_a_file_is_told_how_it_is_checked(
+def test_vehicle_without_a_file_is_reported_with_the_check_command(
     inventory: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = inventory / "robots" / "sparus.yml"
@@ -244,7 +244,7 @@ def test_a_vehicle_without_a_file_is_told_how_it_is_checked(
     assert main(words) == ExitCode.DONE
 
 
-def test_what_was_heard_is_judged_and_shown(
+def test_observed_telemetry_is_judged_and_shown(
     inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     warning = LinkFinding(Verdict.WARN, "topic-frozen", "/sparus/pose says the same in all of 20 messages")
@@ -270,6 +270,6 @@ def test_what_was_heard_is_judged_and_shown(
 
 
 @pytest.mark.parametrize("more", ["--write", "address=127.0.0.1"])
-def test_nothing_is_listened_to_by_itself(inventory: Path, more: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_listening_duration_is_required(inventory: Path, more: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(typed(inventory, more)) == ExitCode.USAGE
     assert "add how long to listen: `observed=30s`" in capsys.readouterr().err

@@ -20,7 +20,7 @@ needs_cyclone = pytest.mark.skipif(find_spec("cyclonedds") is None, reason="PyPI
 
 @needs_cyclone
 @pytest.mark.parametrize("kind", TopicKind)
-def test_what_is_written_is_what_ros_reads(kind: TopicKind) -> None:
+def test_serialized_messages_are_readable_by_ros(kind: TopicKind) -> None:
     types, judge = MessageTypes(INTERFACES), get_typestore(Stores.ROS2_FOXY)
     for path in INTERFACES.glob("*/msg/*.msg"):
         judge.register(get_types_from_msg(path.read_text(), f"{path.parts[-3]}/msg/{path.stem}"))
@@ -57,7 +57,7 @@ def test_every_part_of_the_report_s_actions_has_a_type() -> None:
     assert [types.idl(name).__idl_typename__ for name in names] == [dds_type_name(name) for name in names]
 
 
-def test_names_go_both_ways() -> None:
+def test_type_and_topic_names_convert_both_ways() -> None:
     assert dds_type_name("std_msgs/msg/String") == "std_msgs::msg::dds_::String_"
     assert ros_type_name("std_msgs::msg::dds_::String_") == "std_msgs/msg/String"
     assert ros_type_name("HelloWorld") is None
@@ -81,7 +81,7 @@ def test_names_go_both_ways() -> None:
         ("msg/Odd.txt", "bool value\n", "neither a message nor an action"),
     ],
 )
-def test_a_definition_that_is_none_is_refused(file: str, text: str, words: str, tmp_path: Path) -> None:
+def test_invalid_definition_is_refused(file: str, text: str, words: str, tmp_path: Path) -> None:
     folder = shutil.copytree(INTERFACES, tmp_path / "interfaces")
     odd = folder / "odd_msgs" / file
     odd.parent.mkdir(parents=True)
@@ -90,7 +90,7 @@ def test_a_definition_that_is_none_is_refused(file: str, text: str, words: str, 
         MessageTypes(folder)
 
 
-def test_a_type_that_nobody_has_defined_is_named() -> None:
+def test_undefined_type_is_refused_with_the_file_to_add() -> None:
     for name, file in (
         ("msg/Nothing", "msg/Nothing.msg"),
         ("action/Nothing_SendGoal_Request", "action/Nothing.action"),

@@ -68,7 +68,7 @@ def run(network: Network, action: MockAction, goal: Any) -> list[tuple[str, Any]
     return [(name, message) for name, message in network.sent if name in {"send_goal", "feedback", "get_result"}]
 
 
-def test_definitions_of_the_pilot_s_own_get_what_they_have_room_for(tmp_path: Path) -> None:
+def test_site_specific_action_fields_are_filled(tmp_path: Path) -> None:
     folder = shutil.copytree(INTERFACES, tmp_path / "interfaces")
     package = folder / "c4i_asset_msgs"
     (package / "msg" / "Task.msg").write_text("string action\nuint8[] parameters\n")
@@ -86,7 +86,7 @@ def test_definitions_of_the_pilot_s_own_get_what_they_have_room_for(tmp_path: Pa
     assert (result.status, [each.action for each in result.result.completed]) == (4, ["dive"])
 
 
-def test_a_reader_that_does_not_keep_up_is_told() -> None:
+def test_slow_feedback_reader_is_reported() -> None:
     network = Network(keeps_up=False)
     types = MessageTypes(INTERFACES)
     goal, step = types.empty(f"{KIND}_SendGoal_Request"), types.empty("c4i_asset_msgs/msg/Step")
@@ -97,7 +97,7 @@ def test_a_reader_that_does_not_keep_up_is_told() -> None:
     assert list(action.notices) == ["goal accepted", lost, lost, "goal succeeded"]
 
 
-def test_a_flood_of_what_is_not_understood_is_counted_and_told_in_part() -> None:
+def test_flood_of_unreadable_goals_is_counted_and_partly_reported() -> None:
     network = Network()
     action = mock_action(network, MessageTypes(INTERFACES))
     network.waiting["send_goal"] = [None] * 1000
@@ -105,7 +105,7 @@ def test_a_flood_of_what_is_not_understood_is_counted_and_told_in_part() -> None
     assert (action.counts["unreadable"], len(action.notices)) == (1000, 20)
 
 
-def test_a_command_with_a_condition_can_be_given_every_other_minute() -> None:
+def test_conditional_command_is_accepted_every_other_minute() -> None:
     text = (robot_cases.SHIPPED / "robots" / "zarco.yml").read_text(encoding="utf-8")
     robot, _ = read_published(text.encode(), KeyNames())
     assert robot is not None

@@ -60,7 +60,7 @@ def codes(observation: RobotObservation) -> list[str]:
     return [finding.code for finding in report.findings]
 
 
-def test_a_robot_as_its_file_says_has_no_finding() -> None:
+def test_robot_matching_its_file_has_no_finding() -> None:
     observation = heard()
     reports = judge(observation, [source()], ["sparus"], KeyNames())
     assert [(each.namespace, each.state, each.findings) for each in reports] == [("sparus", RobotState.DECLARED, ())]
@@ -89,14 +89,14 @@ def replace_text(seen: RobotObservation, old: str, new: str) -> None:
 
 
 @pytest.mark.parametrize("code", CHANGES)
-def test_a_difference_has_its_finding(code: str) -> None:
+def test_each_difference_has_its_finding(code: str) -> None:
     observation = heard()
     CHANGES[code](observation)
     assert codes(observation) == [code]
 
 
 @pytest.mark.parametrize(("messages", "verdict"), [(3, Verdict.WARN), (9, Verdict.WARN), (10, Verdict.FAIL)])
-def test_a_pose_that_never_changes_fails_once_that_is_no_chance(messages: int, verdict: Verdict) -> None:
+def test_frozen_pose_fails_once_chance_is_excluded(messages: int, verdict: Verdict) -> None:
     observation = heard()
     pose = of(observation, "pose")
     pose.contents.discard(b"2")
@@ -105,7 +105,7 @@ def test_a_pose_that_never_changes_fails_once_that_is_no_chance(messages: int, v
     assert [(each.code, each.verdict) for each in report.findings] == [("topic-frozen", verdict)]
 
 
-def test_two_poses_tell_neither_a_rate_nor_whether_it_moves() -> None:
+def test_two_poses_are_too_few_for_rate_or_movement() -> None:
     observation = heard()
     pose = of(observation, "pose")
     pose.contents.discard(b"2")
@@ -115,7 +115,7 @@ def test_two_poses_tell_neither_a_rate_nor_whether_it_moves() -> None:
     assert rows == [("topic-rate-unknown", Verdict.INCONCLUSIVE), ("topic-frozen", Verdict.INCONCLUSIVE)]
 
 
-def test_a_topic_that_ends_while_the_others_go_on_fails() -> None:
+def test_topic_that_stops_while_others_continue_fails() -> None:
     observation = heard()
     depth = of(observation, "depth")
     depth.messages, depth.last_s = 4, 1.5
@@ -132,7 +132,7 @@ def test_a_topic_that_ends_while_the_others_go_on_fails() -> None:
     assert codes(observation) == [], "the robot was switched off"
 
 
-def test_another_type_that_is_not_known_here_is_another_type() -> None:
+def test_unknown_other_type_is_reported_as_a_different_type() -> None:
     observation = heard()
     of(observation, "pose").type = "their_msgs/msg/Pose"
     observation.unread["/sparus/pose"] = "their_msgs/msg/Pose"
@@ -147,7 +147,7 @@ def test_a_measured_rate_may_be_a_little_above_the_guideline(factor: float, foun
     assert codes(observation) == found
 
 
-def test_two_participants_of_one_namespace_are_told_with_their_addresses() -> None:
+def test_two_participants_in_one_namespace_are_reported_with_addresses() -> None:
     observation = heard()
     observation.participants["other"] = "10.64.1.99"
     first = observation.configurations[0]
@@ -165,7 +165,7 @@ def test_topics_may_come_from_another_process_of_the_robot() -> None:
     assert codes(observation) == []
 
 
-def test_a_token_that_is_sealed_is_not_compared_and_the_report_warns() -> None:
+def test_encrypted_token_is_not_compared_and_warns() -> None:
     observation = heard()
     replace_text(observation, "EXAMPLE-sparus-token", "another")
     sealed = source()
@@ -176,7 +176,7 @@ def test_a_token_that_is_sealed_is_not_compared_and_the_report_warns() -> None:
     assert [(each.verdict, each.code) for each in report.findings] == [(Verdict.WARN, "token-sealed")]
 
 
-def test_a_stranger_and_a_robot_that_is_away_are_not_green() -> None:
+def test_unknown_and_missing_robots_fail() -> None:
     observation = heard()
     replace_text(observation, "namespace: sparus", "namespace: sparuss")
     reports = judge(observation, [source()], ["sparus"], KeyNames())
@@ -188,7 +188,7 @@ def test_a_stranger_and_a_robot_that_is_away_are_not_green() -> None:
     assert ending(reports, observation) == 6
 
 
-def test_telemetry_without_a_configuration_is_nobodys() -> None:
+def test_telemetry_without_a_configuration_is_reported() -> None:
     observation = heard()
     observation.configurations.clear()
     (report,) = judge(observation, [source()], ["sparus"], KeyNames())
@@ -202,7 +202,7 @@ def test_telemetry_without_a_configuration_is_nobodys() -> None:
     assert ending([report], observation) == ExitCode.CHECKS_FAILED
 
 
-def test_a_point_cloud_that_comes_seldom_keeps_to_its_guideline() -> None:
+def test_infrequent_point_cloud_meets_its_guideline() -> None:
     topic = PublishedTopic("/sparus/cloud", TopicKind.POINT_CLOUD, TopicKind.POINT_CLOUD.message_type, ())
     row = writer(topic.name, topic.message_type, 0.05)
     robot = source().robot
@@ -212,7 +212,7 @@ def test_a_point_cloud_that_comes_seldom_keeps_to_its_guideline() -> None:
     assert [*topic_findings(clouds, seen.writers, seen)] == []
 
 
-def test_who_speaks_in_another_domain_is_told_where_a_robot_is_missing() -> None:
+def test_participant_in_another_domain_is_reported_if_a_robot_is_missing() -> None:
     observation = RobotObservation(SECONDS, {"key": "10.64.1.23"}, other_domains={"10.64.1.22": [7, 42]})
     reports = judge(observation, [source()], ["sparus"], KeyNames())
     assert [each.state for each in reports] == [RobotState.MISSING]
@@ -225,13 +225,13 @@ def test_who_speaks_in_another_domain_is_told_where_a_robot_is_missing() -> None
     assert codes(replace(heard(), other_domains={"10.64.1.22": [7]})) == []
 
 
-def test_silence_is_never_green() -> None:
+def test_silence_never_passes() -> None:
     silence = RobotObservation(SECONDS)
     assert ending(judge(silence, [source()], [], KeyNames()), silence) == 6
 
 
 @pytest.mark.parametrize("text", [b"", b"\xff\xfe", b"a: [", b"namespace: x\n", b"- 1\n", b"x" * 1_000_001])
-def test_a_configuration_that_cannot_be_read_is_told(text: bytes) -> None:
+def test_unreadable_configuration_is_reported(text: bytes) -> None:
     observation = heard()
     observation.configurations[0].text = text
     reports = judge(observation, [source()], [], KeyNames())
@@ -239,7 +239,7 @@ def test_a_configuration_that_cannot_be_read_is_told(text: bytes) -> None:
     assert reports[0].namespace == "10.64.1.22"
 
 
-def test_what_is_advised_checks_the_robots_files(capsys: pytest.CaptureFixture[str]) -> None:
+def test_suggested_command_checks_the_robot_files(capsys: pytest.CaptureFixture[str]) -> None:
     observation = heard()
     replace_text(observation, "label: Leak", "label: Water")
     (report,) = judge(observation, [source()], ["sparus"], KeyNames())
@@ -250,11 +250,11 @@ def test_what_is_advised_checks_the_robots_files(capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("30s", 30), ("30", 30), ("5m", 300)])
-def test_a_time_to_listen(text: str, seconds: int) -> None:
+def test_listening_time_is_parsed(text: str, seconds: int) -> None:
     assert seconds_of(text) == seconds
 
 
 @pytest.mark.parametrize("text", ["", "4s", "61m", "1h", "-5", "30 s"])
-def test_what_is_no_time_to_listen(text: str) -> None:
+def test_invalid_listening_time_is_refused(text: str) -> None:
     with pytest.raises(UsageError, match="is no such time"):
         seconds_of(text)

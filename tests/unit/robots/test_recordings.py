@@ -60,7 +60,7 @@ def bag(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_recording_is_private_and_as_foxy_reads_it(bag: Path) -> None:
+def test_recording_is_private_and_readable_by_foxy(bag: Path) -> None:
     assert bag.stat().st_mode & 0o777 == 0o700
     metadata = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert (metadata["storage_identifier"], metadata["message_count"]) == ("sqlite3", 3)
@@ -82,7 +82,7 @@ def test_a_recording_is_private_and_as_foxy_reads_it(bag: Path) -> None:
     assert (offered[DEPTH.topic]["reliability"], offered[DEPTH.topic]["durability"]) == (2, 2)
 
 
-def test_a_recording_that_is_cut_by_a_person_is_whole(tmp_path: Path) -> None:
+def test_interrupted_recording_is_complete(tmp_path: Path) -> None:
     def cut() -> None:
         with BagRecorder(tmp_path / "bag", TYPES, free=0) as recorder:
             recorder.add(DEPTH, content(DEPTH))
@@ -93,7 +93,7 @@ def test_a_recording_that_is_cut_by_a_person_is_whole(tmp_path: Path) -> None:
     assert contents(tmp_path / "bag") == [(DEPTH.topic, content(DEPTH))]
 
 
-def test_a_recording_ends_when_it_is_too_large(tmp_path: Path) -> None:
+def test_recording_stops_at_its_size_limit(tmp_path: Path) -> None:
     data = content(DEPTH)
     with BagRecorder(tmp_path / "bag", TYPES, most=3 * len(data), free=0) as recorder:
         for _ in range(5):
@@ -102,14 +102,14 @@ def test_a_recording_ends_when_it_is_too_large(tmp_path: Path) -> None:
     assert len(contents(tmp_path / "bag")) == 3
 
 
-def test_a_recording_ends_when_the_disk_would_be_full(tmp_path: Path) -> None:
+def test_recording_stops_before_the_disk_is_full(tmp_path: Path) -> None:
     with BagRecorder(tmp_path / "bag", TYPES, free=2**63) as recorder:
         recorder.add(DEPTH, content(DEPTH))
     assert recorder.reason.startswith("less than")
     assert not (tmp_path / "bag").exists(), "nothing was recorded"
 
 
-def test_a_disk_that_fails_ends_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_disk_error_stops_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise sqlite3.OperationalError("database or disk is full")
 
@@ -122,7 +122,7 @@ def test_a_disk_that_fails_ends_the_recording(tmp_path: Path, monkeypatch: pytes
     assert len(contents(tmp_path / "bag")) == 1
 
 
-def test_a_recording_that_cannot_be_finished_is_not_told_as_one(
+def test_recording_that_cannot_be_finished_is_reported_as_such(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def full(_: object) -> None:
@@ -138,7 +138,7 @@ def test_a_recording_that_cannot_be_finished_is_not_told_as_one(
     assert "recorded in" not in shown
 
 
-def test_what_is_there_is_never_written_over(bag: Path, tmp_path: Path) -> None:
+def test_existing_path_is_never_overwritten(bag: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="already"):
         BagRecorder(bag, TYPES)
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
@@ -148,7 +148,7 @@ def test_what_is_there_is_never_written_over(bag: Path, tmp_path: Path) -> None:
         pass
 
 
-def test_a_bag_is_published_by_those_who_spoke(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bag_is_replayed_with_the_recorded_topics_and_qos(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[tuple[str, object]] = []
     people: list[Any] = []
 
@@ -183,7 +183,7 @@ def test_a_bag_is_published_by_those_who_spoke(bag: Path, monkeypatch: pytest.Mo
     assert said == contents(bag)
 
 
-def test_a_recording_begins_again(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_replay_loops(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Silent:
         def __init__(self, *_: object) -> None: ...
 
@@ -244,7 +244,7 @@ def change(statement: str) -> Callable[[Path], None]:
         (change("UPDATE topics SET offered_qos_profiles = '[{'"), "cannot be read as a bag"),
     ],
 )
-def test_a_broken_bag_is_told_and_nothing_is_published(
+def test_broken_bag_is_reported_and_nothing_is_published(
     bag: Path, spoil: Callable[[Path], None], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     spoil(bag)
@@ -253,26 +253,26 @@ def test_a_broken_bag_is_told_and_nothing_is_published(
     assert "Traceback" not in capsys.readouterr().err
 
 
-def test_words_of_a_bag_move_no_cursor(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_terminal_escapes_in_a_bag_are_not_printed(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     change("UPDATE topics SET offered_qos_profiles = '[\x1b]0;x\x07'")(bag)
     assert main(["robot", "mock", f"bag={bag}"]) == ExitCode.USAGE
     assert not {"\x1b", "\x07"} & {*capsys.readouterr().err}
 
 
-def test_a_bag_without_its_metadata_is_read_as_well(bag: Path) -> None:
+def test_bag_without_metadata_can_be_read(bag: Path) -> None:
     (bag / "metadata.yaml").unlink()
     assert len(replay.read_bag(bag, TYPES, NAMES).topics) == 3
     assert len(replay.read_bag(bag / "bag.db3", TYPES, NAMES).topics) == 3
 
 
-def test_a_bag_of_several_files_is_read_by_their_times(bag: Path, tmp_path: Path) -> None:
+def test_files_of_a_bag_are_read_in_time_order(bag: Path, tmp_path: Path) -> None:
     later = tmp_path / "later"
     record(later, (DEPTH, content(DEPTH, 2.0)))
     (later / "later.db3").rename(bag / "a.db3")
     assert [file.name for file in replay.read_bag(bag, TYPES, NAMES).files] == ["bag.db3", "a.db3"]
 
 
-def test_what_is_too_much_is_refused(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oversized_bag_is_refused(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record(tmp_path / "many", *[(TEXT, configuration(f"robot{number}")) for number in range(replay.MOST_ROBOTS + 1)])
     with pytest.raises(UsageError, match="has more than 15 robots"):
         replay.read_bag(tmp_path / "many", TYPES, NAMES)
@@ -282,7 +282,7 @@ def test_what_is_too_much_is_refused(bag: Path, tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_bytes_that_were_changed_are_told_or_harmless(bag: Path, seed: int) -> None:
+def test_corrupted_bytes_are_reported_or_harmless(bag: Path, seed: int) -> None:
     """Anywhere in the database: a bag that can still be read holds only messages of their types."""
     file, chance = bag / "bag.db3", random.Random(seed)  # noqa: S311 - the same each time
     data = bytearray(file.read_bytes())
@@ -304,7 +304,7 @@ def test_bytes_that_were_changed_are_told_or_harmless(bag: Path, seed: int) -> N
         (("--loop",), "add it: `bag=FOLDER`"),
     ],
 )
-def test_what_is_typed_wrong_is_told(
+def test_invalid_arguments_are_reported(
     typed: Sequence[str], message: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(replay, "Publisher", lambda *_: pytest.fail("a participant was made"))

@@ -90,14 +90,16 @@ def test_two_files_of_one_namespace_are_refused(
     assert f"{files[1]}:5:12: another robot has this namespace: {files[0]}:5" in capsys.readouterr().err
 
 
-def test_an_example_is_no_robot_s_file(inventory: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_example_values_in_a_given_file_are_refused(
+    inventory: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     copy = tmp_path / "copy.yml"
     copy.write_text((inventory / "robots" / "sparus.yml").read_text())
     assert main(["robot", "validate", str(copy), f"inventory={inventory}"]) == ExitCode.USAGE
     assert f"{copy}:6:8: `token` is still an example" in capsys.readouterr().err
 
 
-def test_errors_have_their_places_in_json(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors_have_locations_in_json(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = inventory / "robots" / "mares.yml"
     file.write_text(file.read_text().replace("topic: leak", "topic: leak/"))
     assert main(["robot", "validate", f"inventory={inventory}", "--json"]) == ExitCode.USAGE
@@ -106,7 +108,7 @@ def test_errors_have_their_places_in_json(inventory: Path, capsys: pytest.Captur
     assert document["exit"] == ExitCode.USAGE
 
 
-def test_the_whole_inventory_is_valid_with_its_robots(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_inventory_validation_includes_its_robots(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = inventory / "robots" / "mares.yml"
     text = file.read_text()
     file.write_text(text.replace(", unit: m}", "}"))
@@ -117,7 +119,7 @@ def test_the_whole_inventory_is_valid_with_its_robots(inventory: Path, capsys: p
     assert "another robot has this namespace" in capsys.readouterr().err
 
 
-def test_a_vehicle_typed_as_a_file_is_advised_right(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_vehicle_typed_as_a_file_gets_the_right_suggestion(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["robot", "validate", "sparus", f"inventory={inventory}"]) == ExitCode.USAGE
     (line,) = advised(said(capsys.readouterr().err, "type `provision robot validate vehicle={}`"))
     assert main(line) == ExitCode.DONE
@@ -132,14 +134,14 @@ def test_a_vehicle_typed_as_a_file_is_advised_right(inventory: Path, capsys: pyt
     ],
     ids=["no file", "both", "no vehicle"],
 )
-def test_a_line_that_cannot_be_carried_out(
+def test_invalid_command_lines(
     line: tuple[str, ...], code: ExitCode, words: str, inventory: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["robot", "validate", *line, f"inventory={inventory}"]) == code
     assert words in capsys.readouterr().err
 
 
-def test_what_a_file_or_a_robot_says_moves_no_cursor(
+def test_terminal_escapes_from_a_file_or_a_robot_are_not_printed(
     inventory: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = inventory / "robots" / "mares.yml"
@@ -158,7 +160,7 @@ def test_what_a_file_or_a_robot_says_moves_no_cursor(
 
 
 @pytest.mark.parametrize("vehicles", ["zarco", "sparus,zarco"])
-def test_no_robot_is_mocked_in_place_of_one_without_a_file(
+def test_vehicle_without_a_file_is_not_mocked(
     vehicles: str, inventory: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (inventory / "robots" / "zarco.yml").unlink()
@@ -167,12 +169,12 @@ def test_no_robot_is_mocked_in_place_of_one_without_a_file(
 
 
 @pytest.mark.parametrize("address", ["foo", '127.0.0.1"/><x'])
-def test_a_mock_is_at_an_address(address: str, inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mock_address_must_be_ipv4(address: str, inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["robot", "mock", f"address={address}", "for=5s", f"inventory={inventory}"]) == ExitCode.USAGE
     assert f"`address={address}` is no IPv4 address" in capsys.readouterr().err
 
 
-def test_a_tested_vehicle_without_a_file_is_named_and_not_green(
+def test_tested_vehicle_without_a_file_is_named_and_fails(
     inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (inventory / "robots" / "zarco.yml").unlink()
@@ -186,7 +188,7 @@ def test_a_tested_vehicle_without_a_file_is_named_and_not_green(
     ]
 
 
-def test_without_files_nothing_was_checked(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_robot_files_are_reported(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.rmtree(inventory / "robots")
     assert main(["robot", "validate", f"inventory={inventory}"]) == ExitCode.NOTHING
     assert "<vehicle>.yml" in capsys.readouterr().err

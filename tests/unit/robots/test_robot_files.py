@@ -29,7 +29,7 @@ def read(inventory: Path) -> dict[str | None, reading.RobotSource]:
     return {source.vehicle: source for source in reading.read_declared(declaration, names)}
 
 
-def test_every_vehicle_of_table_3_has_a_file_without_errors() -> None:
+def test_every_vehicle_of_table_3_has_a_valid_file() -> None:
     sources = read(robot_cases.SHIPPED)
     assert sources.keys() == SIX
     assert [(source.findings, source.warnings) for source in sources.values()] == [((), ())] * len(SIX)
@@ -38,7 +38,7 @@ def test_every_vehicle_of_table_3_has_a_file_without_errors() -> None:
     assert {kind for robot in robots for kind, _, _ in robot.every_command()} == set(CommandKind)
 
 
-def test_names_are_made_full_with_the_namespace() -> None:
+def test_names_are_completed_with_the_namespace() -> None:
     robot = read(robot_cases.SHIPPED)["sparus"].robot
     assert robot is not None
     assert {topic.name: topic.message_type for topic in robot.topics()} == {
@@ -61,13 +61,13 @@ def test_names_are_made_full_with_the_namespace() -> None:
     }
 
 
-def test_there_are_cases_enough() -> None:
+def test_at_least_60_unique_cases_exist() -> None:
     assert len({case["case"] for case in CASES}) == len(CASES) >= 60
     assert all(case["told"] for case in CASES)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["case"]))
-def test_a_broken_file_is_told_with_its_place(case: dict[str, Any], tmp_path: Path) -> None:
+def test_broken_file_is_reported_with_its_location(case: dict[str, Any], tmp_path: Path) -> None:
     assert robot_cases.told(robot_cases.spoil(case, tmp_path)) == case["told"]
 
 
@@ -83,7 +83,7 @@ owner: somebody
 """
 
 
-def test_a_file_in_the_partners_words_is_read_as_ours(tmp_path: Path) -> None:
+def test_file_in_the_partner_terminology_is_accepted(tmp_path: Path) -> None:
     inventory = tmp_path / "inventory"
     shutil.copytree(robot_cases.SHIPPED, inventory)
     (inventory / "robots" / "sparus.yml").write_text(THEIRS)
@@ -102,7 +102,7 @@ def test_a_file_in_the_partners_words_is_read_as_ours(tmp_path: Path) -> None:
     assert [action.name for action in source.robot.actions()] == ["/sparus/execute_plan"]
 
 
-def test_what_a_vehicle_costs_is_what_its_robot_publishes(tmp_path: Path) -> None:
+def test_telemetry_topic_missing_from_the_robot_file_is_a_warning(tmp_path: Path) -> None:
     inventory = tmp_path / "inventory"
     shutil.copytree(robot_cases.SHIPPED, inventory)
     vehicles = inventory / "group_vars" / "all" / "vehicles.yml"
@@ -112,7 +112,7 @@ def test_what_a_vehicle_costs_is_what_its_robot_publishes(tmp_path: Path) -> Non
     assert warning.hint == "did you mean `/mares/depth`?"
 
 
-def test_an_inventory_of_real_values_has_no_example_robot() -> None:
+def test_real_inventory_refuses_example_values_in_robot_files() -> None:
     declaration = robot_cases.shipped()
     real = declaration.pilot.model_copy(update={"example_values": False})
     declaration = replace(declaration, pilot=real)
@@ -144,7 +144,7 @@ def mutant(text: str, chance: random.Random) -> bytes:
     return bytes(data)
 
 
-def test_no_spoiled_file_ends_in_a_traceback(tmp_path: Path) -> None:
+def test_malformed_file_never_causes_a_traceback(tmp_path: Path) -> None:
     declaration = robot_cases.shipped()
     texts = [path.read_text() for path in reading.robot_files(declaration).values()]
     chance, judged = random.Random(39), 0  # noqa: S311 - the same in each run
@@ -181,7 +181,7 @@ def test_a_large_file_takes_little_memory(text: str, tmp_path: Path) -> None:
     assert peak < 700 * len(text)
 
 
-def test_a_vaulted_token_is_opened_with_the_password_of_the_inventory(tmp_path: Path) -> None:
+def test_vaulted_token_is_decrypted_with_the_inventory_password(tmp_path: Path) -> None:
     own = shutil.copytree(robot_cases.SHIPPED, tmp_path / "inventory")
     file = own / "robots" / "sparus.yml"
     sealed = "token: !vault |\n  $ANSIBLE_VAULT;1.1;AES256\n  3030"

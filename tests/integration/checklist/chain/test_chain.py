@@ -80,7 +80,7 @@ def without(*names: str) -> set[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("bearer", [*BEARERS[1:], BEARERS[0]])
-def test_everybody_is_seen_both_ways_over_each_link(made: Chain, bearer: str) -> None:
+def test_every_participant_is_reached_in_both_directions_over_each_link(made: Chain, bearer: str) -> None:
     """Also over those that are not in use by the declared order, once they are chosen; the others carry nothing."""
     made.choose(bearer)
     began, before = time.monotonic(), made.carried()
@@ -98,7 +98,7 @@ def test_everybody_is_seen_both_ways_over_each_link(made: Chain, bearer: str) ->
     assert all("from 10.80.0.21 by tun0, back by tun0" in one.value for one in result.evidence[1:])
 
 
-def test_cut_elements_turn_exactly_what_they_concern(made: Chain) -> None:
+def test_each_link_cut_changes_exactly_the_dependent_verdicts(made: Chain) -> None:
     """One test, because each state is made from the one before: what can be mended first."""
     assert turned(made) == WELL
     made.link("satellite", "down")
@@ -120,7 +120,7 @@ def test_cut_elements_turn_exactly_what_they_concern(made: Chain) -> None:
     assert told(made, EVERY) == WELL, "another link mends it"
 
 
-def test_what_ends_for_good_turns_what_it_concerns(made: Chain) -> None:
+def test_stopped_process_or_tunnel_changes_exactly_the_dependent_verdicts(made: Chain) -> None:
     end(made.participants[GATEWAY].process)
     off = {**WELL, "dds": "INCONCLUSIVE nobody-announces"}
     assert told(made, without(GATEWAY)) == off

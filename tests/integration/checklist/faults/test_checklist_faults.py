@@ -74,7 +74,7 @@ def wrong_about(name: str, items: dict[str, Item], well: Seen) -> Iterator[str]:
             yield f"{name}: {one} says {items[one].verdict} without a hint: {items[one].message}"
 
 
-def test_exactly_the_items_concerned_turn_and_say_what_mends_them(coastal: CommandSession) -> None:
+def test_each_fault_changes_exactly_the_affected_items_and_names_the_fix(coastal: CommandSession) -> None:
     well = told(looked(coastal, ()))
     unmeasured = {name for name, seen in well.items() if seen[0] is Verdict.SKIP}
     assert unmeasured == {f"{SITE}/site/link-qualified-{link}" for link in ("wifi-ptp", "4g", "satellite")}

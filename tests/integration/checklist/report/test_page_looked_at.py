@@ -68,7 +68,7 @@ def show(browser: Chromium, folder: Path, name: str, screen: Screen) -> None:
     browser.open(page, width=screen.width, height=screen.height, dark=screen.dark)
 
 
-def test_the_page_fits_asks_for_nothing_and_can_be_printed(browser: Chromium, folder: Path) -> None:
+def test_page_fits_loads_nothing_external_and_prints(browser: Chromium, folder: Path) -> None:
     """One test, for workers that share tests would each start a browser."""
     for name in DOCUMENTS:
         for screen in ("telephone", "desktop"):
@@ -83,7 +83,7 @@ def test_the_page_fits_asks_for_nothing_and_can_be_printed(browser: Chromium, fo
 
 
 @pytest.mark.skipif(not AXE.exists(), reason="no .venv-strangers here: `tools/strangers` makes it")
-def test_nothing_serious_keeps_people_from_reading_it(browser: Chromium, folder: Path) -> None:
+def test_page_has_no_serious_accessibility_violation(browser: Chromium, folder: Path) -> None:
     for name, size in SCREENS.items():
         show(browser, folder, "example", size)
         browser.picture(folder / f"{name}.png")

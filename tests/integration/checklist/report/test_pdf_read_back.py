@@ -42,7 +42,7 @@ def holds(document: Document, files: Mapping[str, bytes]) -> list[str]:
 
 
 @pytest.mark.parametrize("document", [made.example(), made.green(), made.empty()], ids=["example", "green", "empty"])
-def test_the_examples_are_whole(document: Document) -> None:
+def test_example_documents_are_complete(document: Document) -> None:
     holds(document, made.files())
 
 
@@ -51,7 +51,7 @@ def example() -> list[str]:
     return read(made.example(), made.files())
 
 
-def test_what_counts_stands_on_the_first_page(example: list[str]) -> None:
+def test_essentials_are_on_the_first_page(example: list[str]) -> None:
     first = example[0]
     for words in (
         "Pre-test checklist: Coastal testbed",
@@ -68,7 +68,7 @@ def test_what_counts_stands_on_the_first_page(example: list[str]) -> None:
         assert plain(words) in first
 
 
-def test_the_drawing_and_what_was_not_checked_are_in_it(example: list[str]) -> None:
+def test_drawing_and_unchecked_items_are_included(example: list[str]) -> None:
     document, words = made.example(), "".join(example)
     assert document.drawing.nodes
     assert all(plain(node.label) in words for node in document.drawing.nodes if not node.detail)
@@ -77,7 +77,7 @@ def test_the_drawing_and_what_was_not_checked_are_in_it(example: list[str]) -> N
         assert plain(f"{entry.what}: {entry.why}") in words
 
 
-def test_evidence_overrides_and_hashes_are_in_it(example: list[str]) -> None:
+def test_evidence_overrides_and_hashes_are_included(example: list[str]) -> None:
     words = "".join(example)
     for one in (
         "signal at coastal-gateway, wlan1: -22 dBm (read from the device, 2026-05-04 10:30 WEST (09:30 UTC))",
@@ -92,19 +92,19 @@ def test_evidence_overrides_and_hashes_are_in_it(example: list[str]) -> None:
         assert plain(one) in words
 
 
-def test_a_photo_is_in_it() -> None:
+def test_photo_is_embedded() -> None:
     shown = made.green(items=tuple(item for item in made.items() if item.id == "stork/rc_rf/failsafe"))
     with_photo, without = (pdf(shown, files) for files in (made.files(), {}))
     assert with_photo.count(b"/Subtype /Image") > without.count(b"/Subtype /Image")
 
 
-def test_hostile_words_are_words() -> None:
+def test_hostile_text_is_printed_literally() -> None:
     document = hostile(SHORT)
     words = "".join(read(document, {}))
     assert [one for one in SHORT if plain(one) not in words] == []
 
 
-def test_nothing_in_it_moves_turns_or_hides_text() -> None:
+def test_control_characters_are_removed() -> None:
     """Of what a device said: a form feed ends a page for pdftotext, a line feed its lines."""
     said = hostile((f"before{HOSTILE}after",))
     told = subprocess.run(["pdftotext", "-raw", "-", "-"], input=pdf(said, {}), check=True, capture_output=True).stdout
@@ -113,7 +113,7 @@ def test_nothing_in_it_moves_turns_or_hides_text() -> None:
     assert control_characters(words) == []
 
 
-def test_ten_thousand_letters_are_all_there() -> None:
+def test_no_character_of_a_very_long_word_is_lost() -> None:
     long = "".join(f"{number:04d}" for number in range(2_500))
     document = made.green(items=(made.item("sparus/gps", message=long),))
     pages = read(document, {})
@@ -148,12 +148,12 @@ def test_back_ticks_are_printed_as_code(example: list[str], tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("code", ["`Ωmega`", "`日`", "`\u202e`", "odd ` one", "``", f"`{'x' * 400}`", "`a` " * 900])
-def test_code_of_any_kind_is_all_there(code: str) -> None:
+def test_code_of_any_kind_is_printed_completely(code: str) -> None:
     shown = made.green(items=(made.item("sparus/wifi", message=code),))
     assert plain(code) in re.sub(r"page\d+of\d+|coastal,run\S+?NOTSIGNED", "", "".join(read(shown, {})))
 
 
-def test_a_paragraph_with_code_goes_on_on_the_next_page() -> None:
+def test_paragraph_with_code_continues_on_the_next_page() -> None:
     words = " ".join(f"word{number} `code{number}`" for number in range(1_500))
     pages = holds(made.green(items=(made.item("sparus/gps", message="none"),), notes=(words,)), {})
     assert len(pages) > 2

@@ -213,7 +213,7 @@ def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
     ],
     ids=["with its profile", "on the loopback alone", "without its profile"],
 )
-def test_fast_dds_is_asked_as_well(
+def test_fast_dds_participants_are_detected(
     fast_dds: tuple[str, ...], profile: str | None, finding: str, tmp_path: Path
 ) -> None:
     view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "humble")))
@@ -225,7 +225,7 @@ def test_fast_dds_is_asked_as_well(
         assert findings(inside(namespace, check(SHIPPED, "dds"), {})) == [finding]
 
 
-def test_who_asks_comes_and_leaves(tmp_path: Path) -> None:
+def test_probe_joins_and_leaves_the_domain(tmp_path: Path) -> None:
     view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "pypi")))
     profile = tmp_path / "cyclonedds.xml"
     profile.write_text(profiles(view)[f"{view.link}/cyclonedds.xml"], encoding="utf-8")

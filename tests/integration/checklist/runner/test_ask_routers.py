@@ -46,7 +46,7 @@ def asked(ears: RealTransport, *questions: RouterOsQuery) -> Mapping[str, Answer
     return asyncio.run(run())
 
 
-def test_a_router_is_asked_in_one_session_of_five_round_trips(ears: tuple[RealTransport, list[Event]]) -> None:
+def test_router_queries_share_one_session_of_five_round_trips(ears: tuple[RealTransport, list[Event]]) -> None:
     questions = [RouterOsQuery(f"q{number}", ROUTER, Query("/system/identity", "print")) for number in range(20)]
     questions += [
         RouterOsQuery("ports", ROUTER, Query("/interface", "print", proplist=("name", "type"))),
@@ -65,7 +65,7 @@ def test_a_router_is_asked_in_one_session_of_five_round_trips(ears: tuple[RealTr
     assert spent.startswith("read in 5 round trips, ")
 
 
-def test_a_device_that_is_not_there_answers_so(ears: tuple[RealTransport, list[Event]]) -> None:
+def test_unreachable_or_unknown_device_is_reported(ears: tuple[RealTransport, list[Event]]) -> None:
     identity = Query("/system/identity", "print")
     found = dict(
         asked(

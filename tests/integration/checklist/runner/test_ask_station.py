@@ -105,7 +105,7 @@ def said(judged: ProbeResult) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in judged.findings]
 
 
-def test_a_station_is_judged_by_what_its_access_point_hears(bridge: Bridge) -> None:
+def test_station_is_judged_by_the_registration_table_of_its_access_point(bridge: Bridge) -> None:
     """All that the air may do to it, in one test: a bridge of twins is made once for each family of menus."""
     judged = bridge.judged(bridge.mac)
     assert said(judged) == ["PASS registered: Zarco is registered at scc-cpe, heard with -49 dBm", ANSWERS]
@@ -132,7 +132,7 @@ def test_a_station_is_judged_by_what_its_access_point_hears(bridge: Bridge) -> N
     ]
 
 
-def test_another_station_and_an_access_point_that_is_away_say_nothing_of_it(bridge: Bridge) -> None:
+def test_other_station_or_unreachable_access_point_proves_nothing(bridge: Bridge) -> None:
     assert said(bridge.judged(STRANGER)) == [
         f"FAIL not-registered: Zarco ({STRANGER}) is not registered at scc-cpe; 1 other is",
         ANSWERS,

@@ -27,7 +27,7 @@ def test_two_servers_offer_and_nothing_is_leased(segment: Segment) -> None:  # n
         assert not segment.leases(name).exists() or segment.leases(name).read_text() == ""
 
 
-def test_a_segment_without_a_server_and_one_who_may_not_ask(segment: Segment) -> None:  # noqa: F811
+def test_no_server_no_permission_or_no_interface_is_reported(segment: Segment) -> None:  # noqa: F811
     assert segment.ask("ask0", 0.1).offers == ()
     found = segment.ask("ask0", WITHIN_S, *NOBODY)
     assert (found.trouble, found.words) == (Trouble.DENIED, "only root may ask a segment for its DHCP servers")

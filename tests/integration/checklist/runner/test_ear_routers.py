@@ -14,7 +14,7 @@ WITHIN_S = 4.0
 """dnsmasq answers after a random time, and rarely twice within 3 s (RFC 4861, 6.2.6)."""
 
 
-def test_a_router_is_found_and_changes_nothing(segment: Segment) -> None:  # noqa: F811
+def test_router_is_detected_without_changing_routes(segment: Segment) -> None:  # noqa: F811
     mac = segment.advertise("rogue0", PREFIX)
     # As on a gateway: what the kernel does not take in is heard all the same.
     inside = ["ip", "netns", "exec", segment.name]
@@ -30,7 +30,7 @@ def test_a_router_is_found_and_changes_nothing(segment: Segment) -> None:  # noq
     assert PREFIX not in routes
 
 
-def test_a_segment_without_a_router_and_one_who_may_not_ask(segment: Segment) -> None:  # noqa: F811
+def test_no_router_no_permission_or_no_interface_is_reported(segment: Segment) -> None:  # noqa: F811
     assert segment.solicit("ask0", 0.2).routers == ()
     found = segment.solicit("ask0", WITHIN_S, *NOBODY)
     assert (found.trouble, found.words) == (Trouble.DENIED, "only root may ask a segment for its routers")

@@ -21,7 +21,7 @@ def checks(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.smoke
-def test_items_are_tests(tmp_path: Path) -> None:
+def test_items_are_reported_as_pytest_tests(tmp_path: Path) -> None:
     junit, answers = tmp_path / "checks.xml", tmp_path / "answers.yml"
     pose = "eca-rov/robot/pose: {verdict: PASS}"
     answers.write_text(f"name: A. Technician\nanswers:\n  eca-rov/usbl: {{verdict: WARN, note: it jumps}}\n  {pose}\n")
@@ -49,7 +49,7 @@ def test_items_are_tests(tmp_path: Path) -> None:
     assert "eca-rov/usbl: A. Technician has seen that it works, but: it jumps" in done.stdout
 
 
-def test_items_are_tests_in_a_fresh_checkout() -> None:
+def test_items_run_as_tests_without_extra_plugins() -> None:
     """Which has pytest, and none of the plug-ins that the tests of this toolkit need."""
     absent = [word for name in ("timeout", "xdist", "hypothesispytest") for word in ("-p", f"no:{name}")]
     done = checks("--vehicle", "sparus", "--endpoint", "gps", "--rehearse", *absent)
@@ -57,13 +57,13 @@ def test_items_are_tests_in_a_fresh_checkout() -> None:
     assert done.returncode == 0
 
 
-def test_nothing_real_is_asked_with_example_values() -> None:
+def test_real_run_is_refused_with_example_values() -> None:
     done = checks("--vehicle", "stork")
     assert done.returncode != 0
     assert "the inventory still holds example values, which lead to nobody's devices" in done.stdout
 
 
-def test_a_run_in_which_nothing_was_proved_is_not_green() -> None:
+def test_run_that_proves_nothing_is_not_green() -> None:
     done = checks("--vehicle", "stork", "--rehearse", "-k", "range")
     assert "1 skipped" in done.stdout
     assert done.returncode == pytest.ExitCode.NO_TESTS_COLLECTED

@@ -37,7 +37,7 @@ def without_computer(folder: Path) -> Path:
     return made
 
 
-def test_a_site_without_a_computer_is_not_green_with_vpn_and_dds_unseen(
+def test_site_without_a_computer_needs_a_person_for_vpn_and_dds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
@@ -57,7 +57,7 @@ def test_a_site_without_a_computer_is_not_green_with_vpn_and_dds_unseen(
     assert (told["exit"], told["signed"]["by"]) == (0, "A. Technician")
 
 
-def test_the_control_centre_is_looked_at_by_programs(
+def test_control_centre_is_checked_automatically(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))

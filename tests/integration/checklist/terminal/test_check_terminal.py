@@ -87,7 +87,7 @@ def terminals() -> Iterator[Callable[[], Terminal]]:
         terminal.process.wait()
 
 
-def test_ctrl_c_at_a_question_and_on_to_the_signature(
+def test_interrupted_checklist_resumes_until_it_is_signed(
     monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory, terminals: Callable[[], Terminal]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path_factory.mktemp("terminal")))

@@ -131,7 +131,7 @@ def test_a_list_is_completed_behind_its_comma(shell: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("shell", START)
-def test_what_there_is_is_listed(shell: str, tmp_path: Path) -> None:
+def test_double_tab_lists_the_candidates(shell: str, tmp_path: Path) -> None:
     with terminal(shell, tmp_path) as opened:
         opened.type("provision vpn \t\t")
         opened.until(r"(?s)onboard.*status", anywhere=True)
@@ -139,7 +139,7 @@ def test_what_there_is_is_listed(shell: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("shell", START)
-def test_a_program_beside_the_person_is_completed_too(shell: str, tmp_path: Path) -> None:
+def test_relative_program_path_is_completed_too(shell: str, tmp_path: Path) -> None:
     """`./provision` of a checkout is not in the PATH."""
     (tmp_path / "provision").symlink_to(Path(sys.executable).with_name("provision"))
     with terminal(shell, tmp_path) as opened:
@@ -159,14 +159,14 @@ def test_a_broken_inventory_prints_nothing_into_the_line(shell: str, tmp_path: P
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
-def test_a_word_that_nobody_knows_is_completed_as_a_file(shell: str, tmp_path: Path) -> None:
+def test_option_with_a_file_argument_completes_file_names(shell: str, tmp_path: Path) -> None:
     (tmp_path / "answers-of-today.yml").touch()
     with terminal(shell, tmp_path) as opened:
         opened.type("provision check site=coastal --answers ans\t")
         opened.until(r"--answers answers-of-today.yml $")
 
 
-def test_a_tab_never_sets_anything_up(tmp_path: Path) -> None:
+def test_completion_never_sets_up_the_environment(tmp_path: Path) -> None:
     """In a fresh clone the first start fetches packages; a person who presses Tab has not asked for that."""
     checkout = Path(__file__).parents[4]
     for name in ("provision", "pyproject.toml", "tools/venv.sh", "requirements"):

@@ -132,7 +132,7 @@ def at(tmp_path: Path) -> Iterator[Bench]:
 
 @pytest.mark.smoke("ssh")
 @pytest.mark.parametrize("serial", [False, True], ids=["ssh", "serial"])
-def test_two_commands_from_the_box_to_the_declared_state(at: Bench, serial: bool) -> None:  # noqa: FBT001
+def test_factory_router_reaches_the_desired_state_in_two_commands(at: Bench, serial: bool) -> None:  # noqa: FBT001
     adopted = at.json(*ADOPT, *at.via(serial), code=0)
     assert (adopted["status"], adopted["standing"]) == ("changed", "factory-fresh")
     assert "defconf" not in at.export()
@@ -149,7 +149,7 @@ def test_two_commands_from_the_box_to_the_declared_state(at: Bench, serial: bool
 
 
 @pytest.mark.parametrize("serial", [False, True], ids=["ssh", "serial"])
-def test_a_killed_adoption_is_repeated(at: Bench, serial: bool) -> None:  # noqa: FBT001
+def test_killed_adoption_can_be_repeated(at: Bench, serial: bool) -> None:  # noqa: FBT001
     via = at.via(serial)
     process = at.start(*ADOPT, *via)
     journal = at.state / "real" / "scc" / "runs"
@@ -165,7 +165,7 @@ def test_a_killed_adoption_is_repeated(at: Bench, serial: bool) -> None:  # noqa
     at.provision(*RUN, "--yes", code=0)
 
 
-def test_an_adopted_router_is_asked_for_its_packages(at: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_adopted_router_can_be_upgraded_with_stored_credentials(at: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """The vaulted password, the certificate and the host key of first contact serve the next command."""
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "routeros" / "upgrade")
     npk_files = importlib.import_module("npk_files")
@@ -175,7 +175,7 @@ def test_an_adopted_router_is_asked_for_its_packages(at: Bench, monkeypatch: pyt
     assert "planned: RouterOS 7.18.2 -> 7.21.5" in at.provision(*typed, code=2)
 
 
-def test_nobody_there_to_agree_means_nothing_is_changed(at: Bench) -> None:
+def test_without_consent_nothing_is_changed(at: Bench) -> None:
     before = at.export()
     assert "nobody is here to agree" in at.provision(*ADOPT[:-1], code=3)
     assert at.export() == before
@@ -185,6 +185,6 @@ def test_nobody_there_to_agree_means_nothing_is_changed(at: Bench) -> None:
     assert at.export() == before
 
 
-def test_a_laptop_that_is_plugged_in_nowhere(at: Bench) -> None:
+def test_unreachable_address_is_reported(at: Bench) -> None:
     said = at.provision(*ADOPT, "address=127.0.0.9", code=4)
     assert "127.0.0.9: nobody answers on the SSH port" in said

@@ -28,9 +28,7 @@ def run(state: Path, twins: Rehearsal) -> tuple[dict[str, Any], list[dict[str, A
 
 
 @pytest.mark.slow
-def test_a_site_that_is_held_fails_alone_and_each_result_is_told_as_it_comes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_locked_site_fails_alone_and_results_are_streamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rehearsals are locked here as real runs are."""
     monkeypatch.setattr(Store, "lock", lambda self, site, command: SiteLock(self.root / site / "lock", site, command))
     declaration = load(INVENTORY)
@@ -53,7 +51,7 @@ def test_a_site_that_is_held_fails_alone_and_each_result_is_told_as_it_comes(
 
 
 @pytest.mark.slow
-def test_a_program_reads_each_device_on_a_line_of_its_own(tmp_path: Path) -> None:
+def test_streamed_json_has_one_line_per_device(tmp_path: Path) -> None:
     typed = ("site=all", "--rehearse", "--plan", "--json")
     *lines, last = provision(tmp_path, *typed, "--stream", code=2).stdout.splitlines()
     document = json.loads(last)

@@ -11,7 +11,7 @@ HERE = ("asbuilt", "site=coastal", f"only={ROUTER}")
 at = pytest.fixture(fresh_quay)
 
 
-def test_nothing_is_sent_over_a_paid_link_before_somebody_pays(at: Quay) -> None:
+def test_metered_link_needs_consent_before_anything_is_sent(at: Quay) -> None:
     done = at.provision(*HERE, "via=satellite", code=4)
     assert "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal" in done.stderr
     assert int(at.do("counters")["connections"]) == 0
@@ -23,7 +23,7 @@ def test_nothing_is_sent_over_a_paid_link_before_somebody_pays(at: Quay) -> None
 
 
 @pytest.mark.smoke
-def test_a_box_that_was_replaced_or_is_away_is_told(at: Quay) -> None:
+def test_replaced_or_unreachable_device_is_reported(at: Quay) -> None:
     at.configure()
     first = at.json(*HERE, code=0)
     assert (first["rehearsed"], first["since"]) == (False, None)

@@ -63,7 +63,7 @@ def run(folder: Path, *options: str) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_runner_drives_the_playbook_as_it_is(tmp_path: Path) -> None:
+def test_ansible_runner_runs_the_playbook_unmodified(tmp_path: Path) -> None:
     declaration = load(CHECKOUT / "inventory")
     hosts = ["coastal-router", "te4sea-router"]
     with rehearsal(declaration, [declaration.hosts[name] for name in hosts], via="lan") as twins:
@@ -95,7 +95,7 @@ def test_a_dead_router_fails_alone(tmp_path: Path) -> None:
     assert hosts[1] in recap["ok"]
 
 
-def test_the_image_has_the_files_of_the_list() -> None:
+def test_image_definition_installs_only_the_locked_requirements() -> None:
     """And nothing besides that pip could fetch: tests of the lists say what is in it."""
     assert set(DEFINITION["dependencies"]) == {"system"}
     assert DEFINITION["additional_build_files"] == [{"src": "requirements/awx.txt", "dest": "configs"}]

@@ -9,7 +9,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 
 @pytest.mark.smoke
-def test_both_doors_plan_and_do_the_same(tmp_path: Path) -> None:
+def test_provision_and_playbook_plan_and_do_the_same(tmp_path: Path) -> None:
     seen = []
     for name in ("provision", "playbook"):
         (tmp_path / name).mkdir()

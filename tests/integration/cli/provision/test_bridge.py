@@ -94,7 +94,7 @@ SAMPLE = ("wifi-wpa3", "nv2", "wireless-80211")
 @pytest.mark.parametrize(
     "family", [name if name in SAMPLE else pytest.param(name, marks=pytest.mark.campaign) for name in FAMILIES]
 )
-def test_both_ends_are_set_up_as_one_and_a_second_run_finds_nothing(tmp_path: Path, family: str) -> None:
+def test_both_ends_are_configured_together_and_second_run_changes_nothing(tmp_path: Path, family: str) -> None:
     root = inventory(tmp_path, FAMILIES[family])
     with both(root, "coastal", "coastal-cpe") as twins:
         first = ask(root, tmp_path / "state", twins, "coastal-cpe")
@@ -141,7 +141,7 @@ def test_the_run_is_recorded_at_both_sites_under_one_name(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_run_is_taken_back_at_both_ends(tmp_path: Path) -> None:
+def test_run_is_rolled_back_at_both_ends(tmp_path: Path) -> None:
     root, state = inventory(tmp_path, {}), tmp_path / "state"
     with both(root, "coastal", "coastal-cpe") as twins:
         assert statuses(ask(root, state, twins, "coastal-cpe")) == dict.fromkeys(ENDS, "changed")
@@ -161,7 +161,7 @@ def _rows(export: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_somebody_at_the_other_site_stops_the_bridge_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lock_at_the_other_site_stops_only_the_bridge(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rehearsals are locked here as real runs are."""
     monkeypatch.setattr(Store, "lock", lambda self, site, command: SiteLock(self.root / site / "lock", site, command))
     root, state = inventory(tmp_path, {}), tmp_path / "state"
@@ -215,7 +215,7 @@ WIRELESS = {"packages": ("routeros", "wireless")}
     ],
     ids=["no driver", "nv2 on wifi", "menus", "wpa3", "ax"],
 )
-def test_a_box_that_cannot_do_what_is_declared_is_refused_with_what_to_change(
+def test_device_that_cannot_meet_the_inventory_is_refused_with_a_hint(
     tmp_path: Path, edits: dict[str, str], box: dict[str, Any], message: str, hint: str
 ) -> None:
     root = inventory(tmp_path, edits)
@@ -240,7 +240,7 @@ def _targets(spawned: SpawnedSite) -> Rehearsal:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", ["nv2", "wifi-wpa2"])
-def test_a_bridge_that_is_not_there_yet_is_made_end_by_end(tmp_path: Path, family: str) -> None:
+def test_new_bridge_is_set_up_one_end_after_the_other(tmp_path: Path, family: str) -> None:
     root, state = inventory(tmp_path, FAMILIES[family]), tmp_path / "state"
     with boxes(root, tmp_path / "twins") as spawned:
         twins = _targets(spawned)
@@ -267,7 +267,7 @@ def _unseen(twins: Rehearsal, name: str) -> dict[str, Target]:
 
 
 @pytest.mark.slow
-def test_ansible_alone_takes_both_ends_where_one_is_limited_to(tmp_path: Path) -> None:
+def test_plain_ansible_includes_the_peer_of_a_limited_host(tmp_path: Path) -> None:
     root, state = inventory(tmp_path, {}), tmp_path / "state"
     with both(root, "coastal", "coastal-cpe") as twins:
         targets = {name: target.model_dump() for name, target in twins.targets.items()}

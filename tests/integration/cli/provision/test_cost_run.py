@@ -27,7 +27,7 @@ def records(at: Quay) -> list[CostRecord]:
     return [record for run in runs for record in run.log.records if isinstance(record, CostRecord)]
 
 
-def test_nobody_pays_by_saying_yes_to_changes(at: Quay) -> None:
+def test_yes_does_not_consent_to_cost(at: Quay) -> None:
     for typed in (("--yes",), ("--plan",), ("--yes", "--json")):
         done = at.provision(*DEAR, *typed, code=4)
         told = done.stderr + done.stdout
@@ -40,7 +40,7 @@ def test_nobody_pays_by_saying_yes_to_changes(at: Quay) -> None:
 
 
 @pytest.mark.smoke
-def test_what_is_agreed_to_is_sent_counted_and_billed(at: Quay) -> None:
+def test_consented_traffic_is_sent_counted_and_billed(at: Quay) -> None:
     at.twins.do(ROUTER, "link", port="ether3")
     done = at.json(*DEAR, "--yes", "--accept-cost", code=0)
     cost = done["devices"][ROUTER]["cost"]
@@ -65,7 +65,7 @@ def test_what_is_agreed_to_is_sent_counted_and_billed(at: Quay) -> None:
     assert usage.month("4g", datetime.now(UTC)).bytes == 0
 
 
-def test_paying_and_changing_are_two_questions(at: Quay) -> None:
+def test_cost_and_changes_need_separate_consent(at: Quay) -> None:
     said_yes = at.typed(*DEAR, answer="yes\nno", code=4)
     assert "Type pay to go on" in said_yes
     assert "nothing was sent" in said_yes
@@ -79,13 +79,13 @@ def test_paying_and_changing_are_two_questions(at: Quay) -> None:
     assert "actions applied and verified" in told
 
 
-def test_over_the_cable_nobody_is_asked(at: Quay) -> None:
+def test_wired_link_needs_no_cost_consent(at: Quay) -> None:
     done = at.json(*HERE, "--yes", code=0)
     assert "cost" not in done["devices"][ROUTER]
     assert records(at) == []
 
 
-def test_a_run_over_the_dear_link_because_the_better_one_is_down_says_so_and_stops(at: Quay) -> None:
+def test_run_over_a_metered_fallback_link_is_reported_and_needs_consent(at: Quay) -> None:
     at.configure()
     hide(at, "wifi-ptp")
     at.do("console", words=["/system/identity/set", "=name=changed"])
@@ -114,7 +114,7 @@ def hide(at: Quay, bearer: str) -> None:
         (("-e", "atlantis_accept_cost=true"), 0, "changed=1"),
     ],
 )
-def test_a_plain_playbook_is_asked_too(at: Quay, words: tuple[str, ...], code: int, said: str) -> None:
+def test_plain_playbook_needs_cost_consent_too(at: Quay, words: tuple[str, ...], code: int, said: str) -> None:
     file = at.inventory / "host_vars" / f"{ROUTER}.yml"
     text = file.read_text(encoding="utf-8")
     assert "access: {address: 10.64.101.1, " in text
@@ -125,7 +125,7 @@ def test_a_plain_playbook_is_asked_too(at: Quay, words: tuple[str, ...], code: i
     assert (connections(at) == 0) == (code != 0)
 
 
-def test_a_rehearsal_says_what_a_real_run_would_ask(at: Quay) -> None:
+def test_rehearsal_shows_the_cost_consent_of_a_real_run(at: Quay) -> None:
     done = at.provision(*HERE, "--rehearse", code=0).stdout
     lines = done.splitlines()
     over = next(number for number, line in enumerate(lines) if "second run over satellite" in line)

@@ -74,7 +74,7 @@ def golden(name: str, text: str) -> None:
 
 
 @pytest.mark.smoke
-def test_what_a_stranger_did_is_told_and_put_right(at: Quay, tmp_path: Path) -> None:
+def test_foreign_changes_are_reported_and_repaired(at: Quay, tmp_path: Path) -> None:
     at.provision("site=coastal", "--yes", code=0)
     assert "coastal-router: as declared\n" in at.provision("drift", "site=coastal", code=0).stdout
     tinker(at)
@@ -96,7 +96,7 @@ def test_what_a_stranger_did_is_told_and_put_right(at: Quay, tmp_path: Path) -> 
     assert "1 difference from the declaration: 1 foreign" in at.provision("drift", "site=coastal", code=6).stdout
 
 
-def test_no_secret_is_told_or_kept(at: Quay, tmp_path: Path) -> None:
+def test_no_secret_is_printed_or_stored(at: Quay, tmp_path: Path) -> None:
     at.configure()
     types(at, "/interface/ovpn-client/set", "=.id=ovpn-scc", "=password=guessed")
     said = at.provision("drift", "site=coastal", f"--junit={tmp_path / 'drift.xml'}", code=6).stdout
@@ -108,7 +108,7 @@ def test_no_secret_is_told_or_kept(at: Quay, tmp_path: Path) -> None:
         assert secret not in said + kept
 
 
-def test_a_newer_declaration_is_told_from_a_changed_device(at: Quay) -> None:
+def test_newer_inventory_is_distinguished_from_a_changed_device(at: Quay) -> None:
     at.configure()
     site = at.inventory / "group_vars/coastal.yml"
     text = site.read_text(encoding="utf-8")
@@ -119,7 +119,7 @@ def test_a_newer_declaration_is_told_from_a_changed_device(at: Quay) -> None:
     assert "the device remembers" not in told
 
 
-def test_a_device_that_was_never_confirmed_differs_since_nobody_knows_when(at: Quay) -> None:
+def test_start_of_drift_is_unknown_without_a_confirmed_run(at: Quay) -> None:
     told = at.provision("drift", "--limit", "coastal-router", code=6).stdout
     assert "since when is unknown: no run has confirmed a state of this device" in told
     assert told.count("unknown") == 1
@@ -137,7 +137,7 @@ def test_a_device_that_cannot_be_read_is_an_error_and_no_drift(at: Quay, tmp_pat
     assert (suite.get("errors"), suite.get("failures"), suite.get("tests")) == ("1", "0", "1")
 
 
-def test_a_terminal_is_judged_as_in_a_run(at: Quay) -> None:
+def test_terminal_has_the_same_verdict_as_in_a_run(at: Quay) -> None:
     typed = ("site=coastal", "only=coastal-sat", "--yes")
     run = at.json(*typed, code=0)["devices"]["coastal-sat"]
     drift = at.json("drift", "site=coastal", "only=coastal-sat", code=0)["devices"]["coastal-sat"]
@@ -145,7 +145,7 @@ def test_a_terminal_is_judged_as_in_a_run(at: Quay) -> None:
     assert drift["notes"] == run["notes"]
 
 
-def test_drift_does_not_wait_for_a_run(at: Quay) -> None:
+def test_drift_ignores_the_site_lock(at: Quay) -> None:
     with Store(at.state).lock("coastal", "somebody else's run"):
         at.provision("site=coastal", "--yes", code=4)
         at.provision("drift", "site=coastal", code=6)

@@ -25,7 +25,7 @@ def left(at: Quay) -> int:
     return at.export().count("comment=blocked")
 
 
-def test_they_go_when_a_person_types_both_words(at: Quay) -> None:
+def test_many_foreign_rows_are_removed_after_two_confirmations(at: Quay) -> None:
     declined = at.typed("site=coastal", answer="yes\nno", code=4)
     assert f"{ROUTER}: {WORDS}" in declined
     assert "Remove them? Type remove to go on" in declined
@@ -37,7 +37,7 @@ def test_they_go_when_a_person_types_both_words(at: Quay) -> None:
     assert left(at) == 0
 
 
-def test_nobody_at_a_terminal_types_what_is_advised(at: Quay) -> None:
+def test_non_interactive_removal_needs_the_advised_flag(at: Quay) -> None:
     planned = at.provision("site=coastal", "--plan", code=2).stdout
     assert "1 changes of 101 rows over" in planned
     assert f"note: {WORDS}" in " ".join(planned.split())
@@ -55,7 +55,7 @@ def test_nobody_at_a_terminal_types_what_is_advised(at: Quay) -> None:
     assert (told["status"], told["planned"], told["rows"], left(at)) == ("changed", 1, 101, 0)
 
 
-def test_plain_ansible_is_told_by_a_variable(at: Quay) -> None:
+def test_plain_ansible_removes_foreign_rows_by_variable(at: Quay) -> None:
     done = at.playbook("-e", "atlantis_remove_foreign=true")
     assert done.returncode == 0, done.stdout
     assert left(at) == 0

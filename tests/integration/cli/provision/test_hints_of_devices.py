@@ -69,7 +69,7 @@ def technician(
         yield Technician(at, capsys)
 
 
-def test_a_router_that_lacks_its_identity_gets_one(technician: Technician) -> None:
+def test_router_without_certificate_gets_one_by_following_the_hints(technician: Technician) -> None:
     """From the refused run to the run that is as declared, each step as the one before has advised."""
     for row in technician.rows("/certificate"):
         if row["name"] == "atlantis-vpn":
@@ -106,7 +106,7 @@ class NothingBehindIt(NetcfgError):
     exit = ExitCode.NOTHING
 
 
-def test_a_router_that_nothing_protects_is_met(technician: Technician, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unprotected_router_leads_to_adoption(technician: Technician, monkeypatch: pytest.MonkeyPatch) -> None:
     met: list[str] = []
 
     def adoption(_arguments: object, _declaration: object, host: Any, *_: object) -> None:  # noqa: ANN401 - a host
@@ -144,7 +144,7 @@ def packed(words: Sequence[str], folder: Path) -> list[str]:
     return [*(word.replace("FILE.npk", str(system)) for word in words), f"packages={radio}"]
 
 
-def test_a_router_that_lacks_what_is_declared_is_upgraded_and_has_it(
+def test_router_that_lacks_a_feature_is_upgraded_and_gets_it(
     technician: Technician, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     at = technician.at

@@ -27,7 +27,7 @@ def follow(at: Quay, command: list[str], code: int = 0) -> str:
     return done.stdout + done.stderr
 
 
-def test_nothing_is_unfinished_and_nothing_ran(
+def test_resume_without_any_run_leads_to_the_first_run(
     at: Quay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """From the first dead end of a newcomer to the first run: each answer leads to the next."""
@@ -41,7 +41,7 @@ def test_nothing_is_unfinished_and_nothing_ran(
     assert "exit 0" in follow(at, listing)
 
 
-def test_a_state_that_no_run_has_confirmed_or_that_is_damaged(at: Quay) -> None:
+def test_missing_or_damaged_confirmed_state_leads_to_a_next_command(at: Quay) -> None:
     refused = at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=7).stderr
     run, listing = advised(refused)
     assert (run, listing) == (["site=coastal", f"inventory={at.inventory}"], ["runs"])
@@ -59,7 +59,7 @@ def test_a_state_that_no_run_has_confirmed_or_that_is_damaged(at: Quay) -> None:
     assert "exit 0" in follow(at, listing)
 
 
-def test_a_run_that_has_nothing_open(at: Quay) -> None:
+def test_resume_of_a_finished_run_leads_to_a_next_run(at: Quay) -> None:
     at.provision(*RUN, code=0)
     (row,) = at.runs()
     refused = at.provision("resume", "site=coastal", f"run={row['run']}", code=7).stderr
@@ -68,7 +68,7 @@ def test_a_run_that_has_nothing_open(at: Quay) -> None:
     assert "no changes needed" in follow(at, [word for word in command if not word.startswith("inventory=")])
 
 
-def test_a_run_before_which_nothing_was_saved(at: Quay) -> None:
+def test_rollback_to_a_run_without_saved_state_leads_to_the_list(at: Quay) -> None:
     at.configure()
     at.configure()
     run = at.runs()[-1]["run"]
@@ -77,7 +77,7 @@ def test_a_run_before_which_nothing_was_saved(at: Quay) -> None:
     assert run in follow(at, listing)
 
 
-def test_a_damaged_journal_is_named_and_what_was_saved_is_put_back(at: Quay) -> None:
+def test_damaged_journal_is_reported_and_rollback_still_works(at: Quay) -> None:
     before = at.export()
     at.configure()
     (row,) = at.runs()
@@ -94,7 +94,7 @@ def test_a_damaged_journal_is_named_and_what_was_saved_is_put_back(at: Quay) -> 
     assert at.export().splitlines() == before.splitlines()
 
 
-def test_a_link_that_is_lost_before_the_first_change(at: Quay) -> None:
+def test_link_lost_before_the_first_change_leads_to_resume(at: Quay) -> None:
     at.do("arm", fault={"do": "drop", "match": "/safe-mode/take", "when": "after"})
     told = at.json(*RUN, code=4)["devices"][ROUTER]
     assert told["status"] == "left-as-found"
@@ -118,7 +118,7 @@ sys.exit(main())
 """The command line, all of whose devices were read and differ from the declaration: nobody else is at work there."""
 
 
-def test_nothing_is_open_on_devices_that_are_not_as_declared(at: Quay) -> None:
+def test_resume_without_open_work_leads_to_a_new_run(at: Quay) -> None:
     """Somebody was at work there and has ended meanwhile: there is nothing to wait for and nothing to go on with."""
     typed = [sys.executable, "-c", READ, "resume", "site=coastal", f"inventory={at.inventory}"]
     done = subprocess.run(typed, env=at.environment(), capture_output=True, text=True, check=False)
@@ -129,7 +129,7 @@ def test_nothing_is_open_on_devices_that_are_not_as_declared(at: Quay) -> None:
     assert "applied and verified" in follow(at, again)
 
 
-def test_somebody_else_holds_safe_mode(at: Quay) -> None:
+def test_resume_waits_for_safe_mode_held_by_someone_else(at: Quay) -> None:
     """`resume` waits for the router, though no run of this laptop is open."""
     at.do("console", words=["/safe-mode/take"])
     told = at.json(*RUN, code=4)["devices"][ROUTER]

@@ -136,7 +136,7 @@ def _sampled(commands: Iterable[str], manners: Iterable[str]) -> Iterator[Parame
             yield pytest.param(command, manner, id=f"{command}-{manner}", marks=marks)
 
 
-def test_every_command_is_played_or_has_its_reason() -> None:
+def test_every_command_is_covered_or_exempt() -> None:
     tables = (ASKING, AFTER_RUN, OVER_SSH, TO_SERVER, FIRST_CONTACT)
     lines = [*(words for table in tables for words in table.values()), *READING, *RECORDED, TRUST]
     played = {choose(words, COMMANDS)[0] for words in lines}
@@ -149,7 +149,7 @@ at = pytest.fixture(fresh_quay)
 
 @pytest.mark.smoke("plan-texts")
 @pytest.mark.parametrize(("asked", "said"), list(_sampled(ASKING, SAID)))
-def test_nothing_of_it_is_obeyed(at: Quay, tmp_path: Path, asked: str, said: str) -> None:
+def test_hostile_router_text_is_escaped(at: Quay, tmp_path: Path, asked: str, said: str) -> None:
     at.program = (asked, said) == ("drift", "texts")
     files = {"DRIFT": tmp_path / "drift.xml", "PACKAGE": write(tmp_path, "routeros", "7.21.5", "arm64")}
     with hostile(tmp_path, at.door.port, SAID[said]) as device:
@@ -165,7 +165,7 @@ def test_nothing_of_it_is_obeyed(at: Quay, tmp_path: Path, asked: str, said: str
 
 @pytest.mark.parametrize("said", ["everything", "refusals"])
 @pytest.mark.parametrize("asked", AFTER_RUN)
-def test_nothing_of_it_is_obeyed_after_a_run(at: Quay, tmp_path: Path, asked: str, said: str) -> None:
+def test_hostile_router_text_is_escaped_after_a_run(at: Quay, tmp_path: Path, asked: str, said: str) -> None:
     at.configure()
     (run,) = at.runs()
     at.program = (asked, said) == ("rollback", "everything")
@@ -180,7 +180,7 @@ def test_nothing_of_it_is_obeyed_after_a_run(at: Quay, tmp_path: Path, asked: st
 
 
 @pytest.mark.parametrize(("asked", "manner"), list(_sampled(OVER_SSH, ("away", "answers", "refuses"))))
-def test_nothing_of_a_gateway_is_obeyed(
+def test_hostile_gateway_text_is_escaped(
     at: Quay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: str, manner: str
 ) -> None:
     stands_in(tmp_path, monkeypatch, manner)
@@ -192,7 +192,7 @@ def test_nothing_of_a_gateway_is_obeyed(
 
 
 @pytest.mark.parametrize("manner", MANNERS)
-def test_plain_ansible_obeys_nothing_of_a_gateway(
+def test_hostile_gateway_text_is_escaped_in_plain_ansible(
     at: Quay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, manner: str
 ) -> None:
     """Its own callback prints what our modules return as it is."""
@@ -205,7 +205,7 @@ def test_plain_ansible_obeys_nothing_of_a_gateway(
 
 
 @pytest.mark.parametrize("asked", TO_SERVER)
-def test_nothing_of_the_vpns_server_is_obeyed(
+def test_hostile_vpn_server_text_is_escaped(
     at: Quay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: str
 ) -> None:
     """Nor is what it leaves out, or has of another kind, a fault of ours."""
@@ -220,7 +220,7 @@ def test_nothing_of_the_vpns_server_is_obeyed(
 
 
 @pytest.mark.parametrize("asked", FIRST_CONTACT)
-def test_nothing_of_a_console_is_obeyed(at: Quay, asked: str) -> None:
+def test_hostile_console_text_is_escaped(at: Quay, asked: str) -> None:
     """Over a serial line it is the same conversation."""
     at.program = asked == "plan"
     with hostile_console() as port, forwarded(Door(port), 22):
@@ -228,7 +228,7 @@ def test_nothing_of_a_console_is_obeyed(at: Quay, asked: str) -> None:
 
 
 @pytest.mark.parametrize("more", [(), ("--plan",), ("--json",)], ids=["change", "plan", "json"])
-def test_nothing_of_a_boxs_rows_is_obeyed(
+def test_hostile_rows_of_a_console_are_escaped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], more: tuple[str, ...]
 ) -> None:
     """A console that converses as it should, and is hostile in what its rows hold."""
@@ -247,7 +247,9 @@ def test_nothing_of_a_boxs_rows_is_obeyed(
         assert fake_lines(text) == []
 
 
-def test_nothing_of_who_is_to_be_trusted_is_obeyed(at: Quay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hostile_text_of_an_untrusted_gateway_is_escaped(
+    at: Quay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     stands_in(tmp_path, monkeypatch, "away")
     at.program = True
     with hostile_console() as port, forwarded(Door(port), 22):
@@ -323,7 +325,9 @@ MISSING: dict[str, tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize(("asked", "missing"), list(_sampled(ASKING, MISSING)))
-def test_what_a_device_leaves_out_is_no_fault_of_ours(at: Quay, tmp_path: Path, asked: str, missing: str) -> None:
+def test_missing_fields_of_a_device_do_not_crash_the_program(
+    at: Quay, tmp_path: Path, asked: str, missing: str
+) -> None:
     """Words about the device, and none of success where its rows say nothing at all."""
     files = {"DRIFT": tmp_path / "drift.xml", "PACKAGE": write(tmp_path, "routeros", "7.21.5", "arm64")}
     with hostile(tmp_path, at.door.port, leaving_out(*MISSING[missing])) as device:
@@ -336,7 +340,7 @@ def test_what_a_device_leaves_out_is_no_fault_of_ours(at: Quay, tmp_path: Path, 
     assert done.returncode != 0 or asked == "backup" or missing == "counters"
 
 
-def test_the_hostile_text_does_arrive(at: Quay, tmp_path: Path) -> None:
+def test_hostile_text_reaches_the_output(at: Quay, tmp_path: Path) -> None:
     """Else nothing was shown above."""
     with hostile(tmp_path, at.door.port, SAID["texts"]) as device:
         at.door.port = device.port

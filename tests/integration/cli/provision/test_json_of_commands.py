@@ -77,7 +77,7 @@ ENDS = {
 """Of those whose result is known: a line that was refused would prove nothing."""
 
 
-def test_every_command_has_its_line() -> None:
+def test_every_json_command_has_a_test_line() -> None:
     assert LINES.keys() == {name for name in COMMANDS if load(name, COMMANDS).command.flag("json") is not None}
 
 
@@ -96,7 +96,7 @@ def priced(tmp_path: Path) -> Path:
     return root
 
 
-def test_each_prints_one_object(tmp_path: Path, priced: Path) -> None:
+def test_each_command_prints_one_json_object(tmp_path: Path, priced: Path) -> None:
     environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path / "state"), "HOME": str(tmp_path)}
     failures = []
     for name, line in LINES.items():

@@ -67,13 +67,13 @@ def whole(at: Quay) -> None:
 
 
 @pytest.mark.smoke
-def test_the_same_command_typed_again_goes_on(at: Quay) -> None:
+def test_repeated_command_continues_the_killed_run(at: Quay) -> None:
     killed_between_pieces(at)
     assert at.json(*RUN, code=0)["devices"][ROUTER]["status"] == "changed"
     whole(at)
 
 
-def test_what_the_list_of_runs_advises_goes_on(at: Quay) -> None:
+def test_command_advised_by_runs_continues_the_killed_run(at: Quay) -> None:
     run = killed_between_pieces(at)
     (row,) = at.runs()
     (command,) = advised(row["next"])
@@ -82,7 +82,7 @@ def test_what_the_list_of_runs_advises_goes_on(at: Quay) -> None:
     whole(at)
 
 
-def test_a_second_laptop_is_told_how_to_take_over_and_settles_nothing_of_the_first(at: Quay) -> None:
+def test_second_laptop_is_told_how_to_take_over_the_run(at: Quay) -> None:
     run = killed_between_pieces(at)
     code, told = laptop(at, "second", *RUN)
     assert code == 4
@@ -98,7 +98,7 @@ def test_a_second_laptop_is_told_how_to_take_over_and_settles_nothing_of_the_fir
     assert [row["unfinished"] for row in at.runs()] == [True]
 
 
-def test_resume_on_a_laptop_without_that_journal_leads_on(at: Quay) -> None:
+def test_resume_on_a_laptop_without_the_journal_leads_to_take_over(at: Quay) -> None:
     run = killed_between_pieces(at)
     code, told = laptop(at, "second", "resume", "site=coastal")
     assert code == 4

@@ -25,7 +25,7 @@ def berth(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Quay]:
 
 
 @pytest.mark.smoke
-def test_a_look_reads_and_changes_nothing(berth: Quay) -> None:
+def test_links_reads_and_changes_nothing(berth: Quay) -> None:
     before, entries = berth.export(), berth.do("console", words=["/system/history/print"])
     berth.do("reset")
     told = berth.json("links", *ONLY, code=NOT_ASKED)
@@ -38,12 +38,12 @@ def test_a_look_reads_and_changes_nothing(berth: Quay) -> None:
     assert len(berth.runs()) == 1
 
 
-def test_names_of_the_allow_list_are_asked_for(berth: Quay) -> None:
+def test_unresolved_allow_list_names_are_a_finding(berth: Quay) -> None:
     findings = berth.json("links", *ONLY, code=NOT_ASKED)["bearers"]["satellite"]["findings"]
     assert ("INCONCLUSIVE", "allow-list-name-not-asked") in {(one["verdict"], one["code"]) for one in findings}
 
 
-def test_the_month_grows_with_the_counters(berth: Quay) -> None:
+def test_monthly_usage_grows_with_the_counters(berth: Quay) -> None:
     first, second = (berth.json("links", *ONLY, code=NOT_ASKED)["bearers"]["4g"] for _ in range(2))
     assert first["month_bytes"] < second["month_bytes"]
     assert first["month_since"] == second["month_since"]
@@ -52,19 +52,19 @@ def test_the_month_grows_with_the_counters(berth: Quay) -> None:
     assert (kept.device, kept.interface) == (ROUTER, "ether2")
 
 
-def test_boxes_that_do_not_answer_are_findings(berth: Quay) -> None:
+def test_unreachable_devices_are_findings(berth: Quay) -> None:
     told = berth.json("links", "site=coastal", code=6)
     assert {one["device"] for one in told["unreachable"]} == {"coastal-cpe", "scc-cpe", "coastal-4g"}
     assert {one["code"] for one in told["bearers"]["wifi-ptp"]["findings"]} == {"device-unreachable"}
     assert told["bearers"]["wifi-ptp"]["state"] == "up"
 
 
-def test_a_look_waits_for_nobody(berth: Quay) -> None:
+def test_links_ignores_the_site_lock(berth: Quay) -> None:
     with Store(berth.state).lock("coastal", "somebody else's run"):
         berth.provision("links", *ONLY, code=NOT_ASKED)
 
 
-def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(berth: Quay) -> None:
+def test_metered_link_needs_consent_before_anything_is_sent(berth: Quay) -> None:
     berth.do("reset")
     refused = berth.provision("links", *ONLY, "via=4g", code=4)
     assert "--accept-cost" in refused.stderr
@@ -74,7 +74,7 @@ def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(berth: Quay
     assert berth.do("counters")["turns"] > 0
 
 
-def test_without_the_vaults_password_nobody_is_asked(berth: Quay) -> None:
+def test_no_device_is_contacted_without_the_vault_password(berth: Quay) -> None:
     environment = berth.environment()
     del environment["ANSIBLE_VAULT_PASSWORD_FILE"]
     berth.do("reset")
@@ -91,7 +91,7 @@ def test_without_the_vaults_password_nobody_is_asked(berth: Quay) -> None:
     assert berth.do("counters")["turns"] == 0
 
 
-def test_another_box_at_the_address_is_not_logged_in_to(tmp_path: Path) -> None:
+def test_device_with_another_certificate_is_not_logged_in_to(tmp_path: Path) -> None:
     with quay(tmp_path) as at:
         at.adopt()
         at.replace("stranger")

@@ -51,7 +51,7 @@ def provision(inventory: Path, state: Path, *typed: str, code: int) -> str:
     ],
     ids=["rutos", "at", "modemmanager", "manual"],
 )
-def test_each_driver_rehearsed(tmp_path: Path, declared: str | None, code: int, message: str, planned: int) -> None:
+def test_rehearsal_of_each_driver(tmp_path: Path, declared: str | None, code: int, message: str, planned: int) -> None:
     inventory = tmp_path / "inventory"
     shutil.copytree(CHECKOUT / "inventory", inventory)
     if declared is not None:
@@ -90,7 +90,7 @@ def at(tmp_path: Path) -> Iterator[tuple[Path, RunningRutos]]:
 
 @pytest.mark.smoke
 @pytest.mark.namespace
-def test_a_unit_at_its_address_is_met_set_and_left_alone(at: tuple[Path, RunningRutos], tmp_path: Path) -> None:
+def test_unit_is_pinned_configured_and_then_unchanged(at: tuple[Path, RunningRutos], tmp_path: Path) -> None:
     inventory, running = at
     state = tmp_path / "state"
     before = running.unit.export()
@@ -136,7 +136,7 @@ def test_a_unit_at_its_address_is_met_set_and_left_alone(at: tuple[Path, Running
 
 
 @pytest.mark.namespace
-def test_plain_ansible_sets_it_too(at: tuple[Path, RunningRutos], tmp_path: Path) -> None:
+def test_plain_ansible_configures_the_unit_too(at: tuple[Path, RunningRutos], tmp_path: Path) -> None:
     inventory, running = at
     variables = {
         "ATLANTIS_STATE": str(tmp_path / "state"),

@@ -70,7 +70,7 @@ def configured(older: Path) -> str:
     return after.replace(folded + "\n", "")
 
 
-def test_runs_and_pins_are_listed_as_they_were(older: Path) -> None:
+def test_old_runs_and_pins_are_listed_unchanged(older: Path) -> None:
     expected = json.loads((older / "confirmed.json").read_text(encoding="utf-8"))
     assert Store(older / "confirmed").pins.get(ROUTER) == expected["pin"]
     listed: list[dict[str, Any]] = json.loads(typed(older / "confirmed", "runs", "site=coastal", "--json", code=0))[
@@ -93,7 +93,7 @@ def test_a_run_is_rolled_back(older: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.namespace
-def test_what_was_confirmed_is_the_baseline_of_drift_and_of_the_next_run(older: Path, tmp_path: Path) -> None:
+def test_old_confirmed_state_is_the_baseline_of_drift_and_next_run(older: Path, tmp_path: Path) -> None:
     with quay(tmp_path, seed=configured(older)) as at:
         met(at, older, "confirmed")
         at.json("drift", "site=coastal", code=6)
@@ -113,7 +113,7 @@ def test_a_killed_run_is_resumed(older: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.namespace
-def test_the_authority_is_listed_audited_and_goes_on(older: Path, tmp_path: Path) -> None:
+def test_old_authority_can_be_listed_audited_and_used(older: Path, tmp_path: Path) -> None:
     words = (f"authority={older / 'vpn' / 'authority'}", f"inventory={CHECKOUT / 'inventory'}")
     expected = json.loads((older / "vpn-list.json").read_text(encoding="utf-8"))["members"]
     listed = json.loads(typed(older, "vpn", "list", words[0], "--json", code=0))["members"]
@@ -137,7 +137,7 @@ def test_the_authority_is_listed_audited_and_goes_on(older: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize(("name", "device"), [("udg-girona", "girona"), ("inesc-camera", "camera")])
-def test_a_hand_out_is_opened(name: str, device: str, older: Path) -> None:
+def test_old_enrolment_package_can_be_opened(name: str, device: str, older: Path) -> None:
     (member,) = json.loads((older / f"onboard-{device}.json").read_text(encoding="utf-8"))["members"]
     sealed = (older / "vpn/authority/handouts" / name / f"{name}.tar.age").read_bytes()
     opened = open_package(sealed, Secret(member["passphrase"]))

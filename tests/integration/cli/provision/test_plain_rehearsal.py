@@ -32,7 +32,7 @@ def play(state: Path, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_the_shipped_example_is_rehearsed(tmp_path: Path) -> None:
+def test_shipped_example_rehearses_in_plain_ansible(tmp_path: Path) -> None:
     done = play(tmp_path, "--limit", "coastal-router,coastal-4g", "-e", "atlantis_rehearse=true")
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("changed=1") == 2
@@ -40,7 +40,7 @@ def test_the_shipped_example_is_rehearsed(tmp_path: Path) -> None:
     assert Store(tmp_path).sites() == (), "nothing real has run"
 
 
-def test_what_a_play_advises_is_its_own(tmp_path: Path) -> None:
+def test_play_advises_its_own_variables(tmp_path: Path) -> None:
     refused = play(tmp_path, "--limit", "coastal-router", "--check")
     told = refused.stdout + refused.stderr
     assert refused.returncode != 0

@@ -23,14 +23,16 @@ LINES = (
 
 
 @pytest.mark.parametrize("words", LINES, ids="-".join)
-def test_it_prints_and_ends_as_the_program_does(words: tuple[str, ...], tmp_path: Path) -> None:
+def test_output_and_exit_code_equal_those_of_the_program(words: tuple[str, ...], tmp_path: Path) -> None:
     environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
     program = subprocess.run([PROVISION, *words], env=environment, capture_output=True, text=True, check=False)
     child = preforked.run(words, env=environment)
     assert (child.returncode, child.stdout, child.stderr) == (program.returncode, program.stdout, program.stderr)
 
 
-def test_it_is_in_the_callers_folder_and_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_uses_the_working_directory_and_environment_of_the_caller(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "here").mkdir()
     environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
@@ -42,7 +44,7 @@ def test_it_is_in_the_callers_folder_and_environment(tmp_path: Path, monkeypatch
     assert "does not exist" not in child.stderr
 
 
-def test_it_reads_what_it_is_passed(tmp_path: Path) -> None:
+def test_it_reads_passed_file_descriptors(tmp_path: Path) -> None:
     reading, writing = os.pipe()
     with os.fdopen(writing, "wb") as pipe:
         pipe.write(b"mackerel lantern orbit velvet\n")
@@ -55,13 +57,13 @@ def test_it_reads_what_it_is_passed(tmp_path: Path) -> None:
     assert list(tmp_path.rglob("ca.crt")) != []
 
 
-def test_both_streams_can_be_one(tmp_path: Path) -> None:
+def test_stderr_can_be_merged_into_stdout(tmp_path: Path) -> None:
     environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
     done = preforked.run(("site=costal", "--plan"), env=environment, stderr=subprocess.STDOUT)
     assert "did you mean `coastal`?" in done.stdout
 
 
-def test_two_run_one_after_the_other_without_a_trace(tmp_path: Path) -> None:
+def test_consecutive_commands_do_not_affect_each_other(tmp_path: Path) -> None:
     """Nothing of a command is left for the next one: each is forked from the process that has only imported."""
     first, second = (
         preforked.run(("version", *more), env={**os.environ, "ATLANTIS_STATE": str(tmp_path)})
@@ -90,7 +92,9 @@ ANSIBLE_LINES = (
 
 
 @pytest.mark.parametrize(("name", "words"), ANSIBLE_LINES)
-def test_ansible_prints_and_ends_as_the_program_does(name: str, words: tuple[str, ...], tmp_path: Path) -> None:
+def test_ansible_output_and_exit_code_equal_those_of_the_program(
+    name: str, words: tuple[str, ...], tmp_path: Path
+) -> None:
     (tmp_path / "play.yml").write_text(PLAY)
     home = tmp_path / "home"
     environment = os.environ | {"ANSIBLE_CONFIG": str(ANSIBLE_CFG), "ANSIBLE_HOME": str(home), "OWN": "word"}
@@ -107,7 +111,7 @@ def test_ansible_prints_and_ends_as_the_program_does(name: str, words: tuple[str
     assert [*home.rglob("ansible-local-*")] == []
 
 
-def test_a_shell_reaches_it_with_all_that_it_has_open(tmp_path: Path) -> None:
+def test_shell_client_passes_its_open_file_descriptors(tmp_path: Path) -> None:
     server = preforked.server(sys.executable).fileno()
     authority = ("vpn", "init", "sealed=vault", "authority=here", "--passphrase-fd=3")
     line = f"{shlex.join([*preforked.client(server), *authority])} 3<<<'mackerel lantern orbit velvet'"
@@ -127,7 +131,7 @@ def test_a_shell_reaches_it_with_all_that_it_has_open(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("code", [0, 6, -9])
-def test_who_is_typed_ends_as_the_child_does(code: int) -> None:
+def test_client_exits_with_the_code_of_the_child(code: int) -> None:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs, subprocess.Popen(preforked.client(theirs.fileno()), pass_fds=[theirs.fileno()]) as typed:
         _, descriptors, *_ = socket.recv_fds(ours, 1, 64)

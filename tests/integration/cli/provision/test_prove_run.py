@@ -42,7 +42,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 
 
 @pytest.mark.smoke
-def test_nothing_is_sent_before_somebody_pays_and_nothing_is_left_behind(at: Quay) -> None:
+def test_prove_needs_cost_consent_and_leaves_nothing_behind(at: Quay) -> None:
     before = at.export()
     refused = at.provision("prove", "site=coastal", "bearer=satellite", code=4)
     assert "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal" in refused.stderr
@@ -152,7 +152,7 @@ def prove(at: Quay, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtu
     return typed
 
 
-def test_a_link_that_the_vpn_answers_over_is_put_in_use(at: Quay, prove: Callable[..., str]) -> None:
+def test_link_proved_by_a_vpn_response_can_be_used(at: Quay, prove: Callable[..., str]) -> None:
     """What each command advises is typed: from a refused `use` over `prove` to a link in use, with a real OpenVPN."""
     at.do("wait", seconds=200)
     before = at.export()
@@ -168,7 +168,7 @@ def test_a_link_that_the_vpn_answers_over_is_put_in_use(at: Quay, prove: Callabl
         assert "satellite carries the traffic of coastal until" in at.provision(*USE, code=0).stdout
 
 
-def test_an_answer_that_did_not_come_over_the_satellite_is_no_proof(at: Quay, prove: Callable[..., str]) -> None:
+def test_response_over_another_link_proves_nothing(at: Quay, prove: Callable[..., str]) -> None:
     at.do("wait", seconds=200)
     identity = hold(at)
     with vpn_server(identity) as port, beyond(at, ("127.0.0.1", port), is_carried=False):
@@ -177,7 +177,7 @@ def test_an_answer_that_did_not_come_over_the_satellite_is_no_proof(at: Quay, pr
     assert "whether satellite works is not proved" in at.provision(*USE, code=4).stderr
 
 
-def test_a_proof_that_is_killed_leaves_nothing_on_the_router(at: Quay) -> None:
+def test_killed_prove_leaves_nothing_on_the_router(at: Quay) -> None:
     before = at.export()
     with beyond(at, None) as there:
         hold(at)

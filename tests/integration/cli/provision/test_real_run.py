@@ -34,21 +34,21 @@ def test_a_run_is_recorded_backed_up_and_rolled_back(at: Quay) -> None:
     assert at.export().splitlines() == before.splitlines()
 
 
-def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay) -> None:
+def test_without_consent_nothing_is_changed(at: Quay) -> None:
     before = at.export()
     done = at.provision("site=coastal", code=3)
     assert "--yes" in done.stderr
     assert at.export().splitlines() == before.splitlines()
 
 
-def test_the_plan_of_a_router_that_is_not_reached_says_only_that(at: Quay) -> None:
+def test_plan_of_an_unreachable_router_reports_only_that(at: Quay) -> None:
     at.door.port = 0
     done = at.provision("site=coastal", "--plan", code=4)
     assert done.stdout.startswith(f"  {ROUTER}     could not be read: 10.64.101.1:8729 ")
     assert not re.search("nothing to change|no estimate|protection", done.stdout)
 
 
-def test_the_checks_of_the_site_tell_declared_from_not(at: Quay) -> None:
+def test_site_checks_fail_before_and_pass_after_a_run(at: Quay) -> None:
     found = _checks(at)
     assert found.returncode == 1
     assert re.search(r"1\d\d differences from the declaration", found.stdout)
@@ -74,7 +74,7 @@ def _checks(at: Quay, site: str = "coastal") -> subprocess.CompletedProcess[str]
     )
 
 
-def test_what_a_person_agrees_to_is_done(at: Quay) -> None:
+def test_interactive_consent_applies_the_change_and_the_rollback(at: Quay) -> None:
     before = at.export()
     said_no = at.typed("site=coastal", answer="no", code=4)
     assert "+ set name=coastal-router" in said_no
@@ -111,7 +111,7 @@ def test_a_killed_run_is_resumed(at: Quay) -> None:
 
 
 @pytest.mark.parametrize("kind", ["layer-sent", "releasing", "released"])
-def test_a_state_folder_that_is_deleted_in_mid_run_is_not_green(at: Quay, kind: str) -> None:
+def test_state_folder_deleted_during_a_run_is_an_error(at: Quay, kind: str) -> None:
     """Before the release the change is taken back; after it the router is as declared, and nobody could know."""
     before = at.export()
     at.do("link", delay_s=0.15)
@@ -150,7 +150,7 @@ def kill_workers(state: Path) -> None:
         os.kill(json.loads(holder)["pid"], signal.SIGKILL)
 
 
-def test_the_second_technician_is_told_who_works_there(at: Quay) -> None:
+def test_second_technician_is_told_who_holds_the_lock(at: Quay) -> None:
     at.twins.do(ROUTER, "link", delay_s=0.2)
     with subprocess.Popen(
         [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", f"inventory={at.inventory}"],
@@ -164,7 +164,7 @@ def test_the_second_technician_is_told_who_works_there(at: Quay) -> None:
         assert running.wait() == 0
 
 
-def test_ansible_alone_does_the_same_and_check_mode_tells_the_truth(at: Quay) -> None:
+def test_plain_ansible_and_check_mode_agree_with_provision(at: Quay) -> None:
     before = at.export()
     checked = _ansible(at, "--check", "--diff")
     assert checked.returncode == 0, checked.stdout + checked.stderr

@@ -52,7 +52,7 @@ def test_a_rollback_is_planned_rehearsed_and_done(at: Quay) -> None:
     assert (again["status"], again["planned"]) == ("unchanged", 0)
 
 
-def test_a_rehearsed_rollback_says_what_stands_for_the_device(at: Quay) -> None:
+def test_rehearsed_rollback_reports_its_starting_state(at: Quay) -> None:
     at.configure()
     (row,) = at.runs()
     said = at.provision("rollback", "site=coastal", "to=latest", "--rehearse", "--plan", code=2).stdout
@@ -70,7 +70,7 @@ def test_a_rehearsed_rollback_says_what_stands_for_the_device(at: Quay) -> None:
     assert "not rehearsed: what coastal-router is now: what is declared stands for it" in said
 
 
-def test_a_rehearsal_finds_a_rollback_that_the_device_would_refuse(at: Quay) -> None:
+def test_rehearsal_detects_a_rollback_that_the_device_would_refuse(at: Quay) -> None:
     at.configure()
     store = Store(at.state)
     (run,) = store.runs("coastal")
@@ -86,7 +86,7 @@ def test_a_rehearsal_finds_a_rollback_that_the_device_would_refuse(at: Quay) -> 
     assert untouched(at) == left
 
 
-def test_a_start_that_cannot_be_reached_is_no_rehearsal(at: Quay) -> None:
+def test_rehearsal_needs_an_intact_starting_state(at: Quay) -> None:
     at.configure()
     for path in (at.state / "real/coastal/confirmed").iterdir():
         path.write_text(path.read_text(encoding="utf-8") + "\n# touched\n", encoding="utf-8")
@@ -95,7 +95,7 @@ def test_a_start_that_cannot_be_reached_is_no_rehearsal(at: Quay) -> None:
     assert untouched(at) == left
 
 
-def test_latest_needs_a_run_that_has_saved_a_state(at: Quay) -> None:
+def test_rollback_to_latest_needs_a_run_with_a_saved_state(at: Quay) -> None:
     refused = at.provision("rollback", "site=coastal", "to=latest", "--plan", code=7).stderr
     assert "no run of coastal has saved a state of coastal-router" in refused
     (listing,) = advised(refused)
@@ -133,7 +133,7 @@ def connected(at: Quay) -> bool:
     return bool(at.do("connections"))
 
 
-def test_a_run_that_goes_on_is_planned_rehearsed_and_done(at: Quay) -> None:
+def test_resumed_run_is_planned_rehearsed_and_done(at: Quay) -> None:
     killed(at, ["site=coastal"])
     (row,) = at.runs()
     assert row["unfinished"] is True
@@ -157,7 +157,7 @@ def test_a_run_that_goes_on_is_planned_rehearsed_and_done(at: Quay) -> None:
     assert said.startswith("no run of coastal is unfinished; looking on its devices\n  coastal-router     no changes")
 
 
-def test_a_rollback_that_goes_on_is_rehearsed_backwards(at: Quay) -> None:
+def test_resumed_rollback_is_rehearsed_towards_the_saved_state(at: Quay) -> None:
     at.configure()
     (row,) = at.runs()
     killed(at, ["rollback", "site=coastal", f"to={row['run']}"], run=1)

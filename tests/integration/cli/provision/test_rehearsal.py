@@ -38,7 +38,7 @@ def provision(state: Path, *typed: str, code: int, program: bool = False) -> sub
 @pytest.mark.smoke("coastal")
 @pytest.mark.slow
 @pytest.mark.parametrize("site", ROUTERS)
-def test_a_site_converges_and_the_second_pass_finds_nothing(site: str, tmp_path: Path) -> None:
+def test_site_converges_and_second_pass_changes_nothing(site: str, tmp_path: Path) -> None:
     typed = (f"site={site}", "--rehearse", "--yes", "--json")
     with SiteLock(tmp_path / "rehearsal" / site / "lock", site, "a rehearsal of an earlier version"):
         told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=0, program=site == "coastal").stdout)
@@ -62,7 +62,7 @@ def test_a_site_converges_and_the_second_pass_finds_nothing(site: str, tmp_path:
 
 
 @pytest.mark.slow
-def test_a_plan_shows_the_difference_and_leaves_the_twin_as_it_is(tmp_path: Path) -> None:
+def test_rehearsed_plan_shows_the_diff_and_changes_nothing(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=coastal", "--plan", "--rehearse", code=2)
     assert "+ add address=10.64.1.1/24" in done.stdout
     assert "the emulated device is unchanged, byte for byte" in done.stdout
@@ -70,18 +70,18 @@ def test_a_plan_shows_the_difference_and_leaves_the_twin_as_it_is(tmp_path: Path
     assert "EXAMPLE-vpn-coastal" not in done.stdout + done.stderr
 
 
-def test_a_mistyped_site_ends_with_what_exists(tmp_path: Path) -> None:
+def test_mistyped_site_gets_a_suggestion(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=costal", "--rehearse", code=7)
     assert "did you mean `coastal`?" in done.stderr
 
 
 @pytest.mark.parametrize("host", ["coastal-gateway", "scc-control"])
-def test_a_computer_that_nothing_stands_for_is_not_called_done(host: str, tmp_path: Path) -> None:
+def test_computer_without_an_emulator_is_reported_as_not_rehearsed(host: str, tmp_path: Path) -> None:
     done = provision(tmp_path, f"site={host.partition('-')[0]}", f"only={host}", "--rehearse", code=7)
     assert f"{host:<18} not rehearsed: ATLANTIS_NO_MACHINES is set" in done.stdout
 
 
-def test_a_terminal_by_itself_is_looked_at_and_nothing_is_sent(tmp_path: Path) -> None:
+def test_terminal_alone_gets_a_warning_only(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=coastal", "only=coastal-sat", "--rehearse", code=0)
     assert "WARN: nobody has looked at the terminal coastal-sat" in done.stdout
     assert "not handled" not in done.stdout

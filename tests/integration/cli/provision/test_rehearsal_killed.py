@@ -27,7 +27,7 @@ def is_twins(pid: int) -> bool:
 
 
 @pytest.mark.slow
-def test_what_a_killed_rehearsal_leaves_the_next_command_removes(tmp_path: Path) -> None:
+def test_next_command_removes_leftovers_of_a_killed_rehearsal(tmp_path: Path) -> None:
     place = tmp_path / "tmp"
     place.mkdir()
     environment = {**os.environ, "TMPDIR": str(place), "ATLANTIS_STATE": str(tmp_path), "ATLANTIS_NO_MACHINES": "1"}

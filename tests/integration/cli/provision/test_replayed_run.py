@@ -15,7 +15,7 @@ _ONE_WAY_S = 0.4
 
 
 @pytest.mark.slow
-def test_a_run_goes_over_the_measured_link_and_says_so(tmp_path: Path) -> None:
+def test_rehearsal_uses_the_measured_link_and_says_so(tmp_path: Path) -> None:
     way = DirectionProfile(
         delays_s=(_ONE_WAY_S,), loss=0.0, duplicates=0.0, reordered=0.0, reorder_s=0.0, rate_bps=None, mtu=None
     )

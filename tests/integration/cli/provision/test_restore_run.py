@@ -36,7 +36,7 @@ def of_any_box(export: str) -> str:
 
 
 @pytest.mark.smoke
-def test_a_replacement_becomes_what_the_lost_router_was(at: Quay) -> None:
+def test_replacement_gets_the_state_of_the_lost_router(at: Quay) -> None:
     lost = provisioned(at)
     assert "printer" in lost
     at.replace("spare")
@@ -60,7 +60,7 @@ def test_a_replacement_becomes_what_the_lost_router_was(at: Quay) -> None:
     assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
 
 
-def test_an_older_state_can_be_chosen_and_runs_say_which_there_are(at: Quay) -> None:
+def test_older_state_can_be_listed_and_restored(at: Quay) -> None:
     lost = provisioned(at)
     first, second = at.runs()
     assert [run["devices"][ROUTER]["confirmed_state"] for run in (first, second)] == [True, True]
@@ -74,7 +74,7 @@ def test_an_older_state_can_be_chosen_and_runs_say_which_there_are(at: Quay) -> 
     assert of_any_box(at.export()) == re.sub(r"(?m)^add .*name=printer.*\n", "", lost)
 
 
-def test_a_box_without_the_ports_is_refused_with_all_of_them(at: Quay) -> None:
+def test_device_with_too_few_ports_is_refused_with_all_missing_ports(at: Quay) -> None:
     provisioned(at)
     at.replace("small", **SMALL)
     at.adopt()
@@ -88,7 +88,7 @@ def test_a_box_without_the_ports_is_refused_with_all_of_them(at: Quay) -> None:
     assert at.export() == before
 
 
-def test_an_older_routeros_is_refused_with_what_it_lacks(at: Quay) -> None:
+def test_older_routeros_is_refused_with_the_missing_feature(at: Quay) -> None:
     at.configure()
     words = ["=name=siem", "=target=remote", "=remote=10.99.1.9", "=remote-log-format=cef"]
     at.do("console", words=["/system/logging/action/add", *words])
@@ -103,7 +103,7 @@ def test_an_older_routeros_is_refused_with_what_it_lacks(at: Quay) -> None:
     assert at.export() == before
 
 
-def test_a_person_agrees_to_what_is_put_on_the_box(at: Quay) -> None:
+def test_restore_needs_consent(at: Quay) -> None:
     lost = provisioned(at)
     at.replace("spare")
     at.adopt()
@@ -117,7 +117,7 @@ def test_a_person_agrees_to_what_is_put_on_the_box(at: Quay) -> None:
     assert of_any_box(at.export()) == lost
 
 
-def test_a_secret_that_nobody_declares_is_named(at: Quay) -> None:
+def test_undeclared_secret_is_reported_as_missing(at: Quay) -> None:
     at.configure()
     words = ["=name=own", "=connect-to=10.99.1.9", "=user=bob", "=password=his own"]
     at.do("console", words=["/interface/ovpn-client/add", *words])
@@ -129,7 +129,7 @@ def test_a_secret_that_nobody_declares_is_named(at: Quay) -> None:
     assert "his own" not in str(at.do("export", show_sensitive=True))
 
 
-def test_names_that_are_nearly_right_are_told(at: Quay) -> None:
+def test_near_miss_names_get_a_suggestion(at: Quay) -> None:
     provisioned(at)
     first, second = at.runs()
     assert (
@@ -144,7 +144,7 @@ def test_names_that_are_nearly_right_are_told(at: Quay) -> None:
     assert "no role handles" in at.provision("restore", "device=coastal-gateway", "to=latest", code=7).stderr
 
 
-def test_a_rehearsal_puts_the_real_state_on_an_emulated_box(at: Quay) -> None:
+def test_rehearsed_restore_uses_the_real_state_on_an_emulated_device(at: Quay) -> None:
     provisioned(at)
     before = at.export()
     told = at.json("restore", f"device={ROUTER}", "to=latest", "--rehearse", code=0)
@@ -153,7 +153,7 @@ def test_a_rehearsal_puts_the_real_state_on_an_emulated_box(at: Quay) -> None:
     assert at.export() == before
 
 
-def test_a_damaged_state_is_not_put_on_a_device(at: Quay) -> None:
+def test_damaged_state_is_not_restored(at: Quay) -> None:
     provisioned(at)
     for path in (at.state / "real/coastal/confirmed").iterdir():
         path.write_text(path.read_text(encoding="utf-8") + "\n# touched\n", encoding="utf-8")

@@ -24,7 +24,7 @@ def plan(at: Quay, tmp_path: Path) -> Path:
 
 
 @pytest.mark.smoke
-def test_a_saved_plan_is_carried_out_and_then_there_is_nothing_left(at: Quay, plan: Path) -> None:
+def test_saved_plan_is_applied_completely(at: Quay, plan: Path) -> None:
     assert plan.stat().st_mode & 0o777 == 0o600
     assert "+ add address=10.64.1.1/24" in json.loads(plan.read_text())["text"]
     told = at.json("apply", str(plan), "--yes", code=0)
@@ -32,7 +32,7 @@ def test_a_saved_plan_is_carried_out_and_then_there_is_nothing_left(at: Quay, pl
     assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
 
 
-def test_it_is_refused_when_the_device_has_moved_on(at: Quay, plan: Path) -> None:
+def test_plan_is_refused_when_the_device_has_changed(at: Quay, plan: Path) -> None:
     at.do("console", words=["/system/identity/set", "=name=somebody-was-here"])
     before = at.export()
     done = at.provision("apply", str(plan), "--yes", code=4)
@@ -43,7 +43,7 @@ def test_it_is_refused_when_the_device_has_moved_on(at: Quay, plan: Path) -> Non
     at.provision("apply", str(plan), "--yes", code=0)
 
 
-def test_a_device_that_is_as_planned_counts_as_done(at: Quay, plan: Path) -> None:
+def test_device_already_as_planned_is_unchanged(at: Quay, plan: Path) -> None:
     at.provision("apply", str(plan), "--yes", code=0)
     after = at.export()
     told = at.json("apply", str(plan), "--yes", code=0)["devices"][ROUTER]
@@ -51,14 +51,14 @@ def test_a_device_that_is_as_planned_counts_as_done(at: Quay, plan: Path) -> Non
     assert at.export() == after
 
 
-def test_it_is_shown_again_and_no_device_is_asked(at: Quay, plan: Path) -> None:
+def test_saved_plan_is_shown_without_contacting_a_device(at: Quay, plan: Path) -> None:
     kept = json.loads(plan.read_text())
     at.door.port = 0
     assert at.provision("apply", str(plan), "--plan", code=0).stdout == f"{kept['text'].rstrip()}\n"
     assert at.json("apply", str(plan), "--plan", code=0)["plans"] == kept["plans"]
 
 
-def test_it_is_refused_when_the_declaration_has_moved_on(at: Quay, plan: Path) -> None:
+def test_plan_is_refused_when_the_inventory_has_changed(at: Quay, plan: Path) -> None:
     before = at.export()
     file = at.inventory / "group_vars" / "all" / "pilot.yml"
     file.write_text(file.read_text() + "\n# a word\n")
@@ -70,7 +70,7 @@ def test_it_is_refused_when_the_declaration_has_moved_on(at: Quay, plan: Path) -
     at.provision("apply", str(plan), "--yes", code=0)
 
 
-def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay, plan: Path) -> None:
+def test_without_consent_nothing_is_changed(at: Quay, plan: Path) -> None:
     before = at.export()
     assert "--yes" in at.provision("apply", str(plan), code=3).stderr
     assert at.export() == before
@@ -83,7 +83,7 @@ def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay, plan: Path) ->
     "text",
     ["", "{}", "[]", '{"format": "atlantis-plan-1"}', '{"format": "atlantis-plan-1", "site": "coastal"}', "\xff"],
 )
-def test_what_is_no_saved_plan_is_refused_and_not_written_over(at: Quay, tmp_path: Path, text: str) -> None:
+def test_file_that_is_no_plan_is_refused_and_not_overwritten(at: Quay, tmp_path: Path, text: str) -> None:
     file = tmp_path / "x"
     file.write_text(text, encoding="latin-1")
     assert "is not a saved plan" in at.provision("apply", str(file), code=3).stderr
@@ -103,7 +103,7 @@ EDITS: list[tuple[dict[str, Any], int]] = [
 ]
 
 
-def test_an_edited_plan_is_not_carried_out(at: Quay, plan: Path) -> None:
+def test_edited_plan_is_not_applied(at: Quay, plan: Path) -> None:
     before = at.export()
     kept = json.loads(plan.read_text())
     for edit, code in EDITS:
@@ -112,14 +112,14 @@ def test_an_edited_plan_is_not_carried_out(at: Quay, plan: Path) -> None:
     assert at.export() == before
 
 
-def test_a_plan_in_which_a_device_is_missing_is_not_kept(at: Quay, tmp_path: Path) -> None:
+def test_incomplete_plan_is_not_saved(at: Quay, tmp_path: Path) -> None:
     at.door.port = 0
     done = at.provision("site=coastal", "--plan", "--save", str(tmp_path / "x"), code=4)
     assert not (tmp_path / "x").exists()
     assert "provision apply" not in done.stdout
 
 
-def test_flags_of_a_plan_need_a_plan(at: Quay, tmp_path: Path) -> None:
+def test_plan_options_require_plan(at: Quay, tmp_path: Path) -> None:
     before = at.export()
     assert "add `--plan`" in at.provision("site=coastal", "--save", str(tmp_path / "x"), "--yes", code=3).stderr
     assert "add `--plan`" in at.provision("site=coastal", "--summary", "--yes", code=3).stderr
@@ -135,7 +135,7 @@ def test_a_summary_has_the_cost_without_the_rows(at: Quay) -> None:
     assert "plan      153 rows to add, 31 to change, 0 to remove" in done.stdout
 
 
-def test_a_long_plan_goes_through_a_pager_on_a_terminal(at: Quay) -> None:
+def test_long_plan_is_paged_on_a_terminal(at: Quay) -> None:
     for pager, pages in (("less", True), ("cat", False), ("no-such-pager-anywhere", False)):
         environment = {**at.environment(), "TERM": "xterm", "PAGER": pager}
         with terminal() as seen:
@@ -149,7 +149,7 @@ def test_a_long_plan_goes_through_a_pager_on_a_terminal(at: Quay) -> None:
         assert b"\x1b[32;1m+ set name=coastal-router" in seen.raw
 
 
-def test_a_rehearsed_plan_is_carried_out_in_a_rehearsal_alone(at: Quay, tmp_path: Path) -> None:
+def test_rehearsed_plan_is_applied_only_in_a_rehearsal(at: Quay, tmp_path: Path) -> None:
     file, before = tmp_path / "x", at.export()
     at.provision("site=coastal", "--plan", "--rehearse", "--save", str(file), code=2)
     done = at.provision("apply", str(file), code=0)

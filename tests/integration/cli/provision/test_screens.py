@@ -180,14 +180,14 @@ def test_the_screen_of_a_run(at: Quay, name: str, language: str) -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("name", STRUCK)
-def test_the_screen_of_a_run_that_is_struck(at: Quay, name: str, language: str) -> None:
+def test_screen_of_an_interrupted_run(at: Quay, name: str, language: str) -> None:
     seen = struck(at, name, "--lang", language)
     hold_enough(seen.last)
     hold(name, language, seen.shown)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_the_screen_of_a_checklist_that_fails(tmp_path: Path, language: str) -> None:
+def test_screen_of_a_failed_checklist(tmp_path: Path, language: str) -> None:
     seen = checked(tmp_path, language)
     hold_enough(seen.last)
     hold("checklist-failed", language, seen.shown)

@@ -39,7 +39,7 @@ UNUSED = {
 
 
 @pytest.mark.parametrize("how", ["--yes", "--plan"])
-def test_a_run_that_changes_nothing_imports_what_it_uses(how: str, tmp_path: Path) -> None:
+def test_unchanged_run_imports_no_unused_modules(how: str, tmp_path: Path) -> None:
     with quay(tmp_path) as at:
         at.adopt()
         at.configure()

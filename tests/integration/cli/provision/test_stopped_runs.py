@@ -67,7 +67,7 @@ def goes_on(at: Quay, command: list[str]) -> None:
 
 @pytest.mark.smoke("2")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_stop_settles_the_device(at: Quay, number: signal.Signals) -> None:
+def test_signal_rolls_the_device_back(at: Quay, number: signal.Signals) -> None:
     before = at.export()
     with running(at) as process:
         await_record(at.state, SENT)
@@ -88,7 +88,7 @@ def test_a_signal_that_is_ignored_stops_nothing(at: Quay) -> None:
     assert "STOPPED" not in text
 
 
-def test_a_second_ctrl_c_is_honest(at: Quay) -> None:
+def test_second_ctrl_c_reports_an_unknown_outcome(at: Quay) -> None:
     with running(at) as process:
         await_record(at.state, SENT)
         process.send_signal(signal.SIGINT)
@@ -100,7 +100,7 @@ def test_a_second_ctrl_c_is_honest(at: Quay) -> None:
     goes_on(at, command)
 
 
-def test_the_death_of_a_task_is_noticed_and_told(at: Quay) -> None:
+def test_killed_task_is_reported_with_an_unknown_outcome(at: Quay) -> None:
     with running(at) as process:
         await_record(at.state, SENT)
         (task,) = children(process.pid)
@@ -124,7 +124,7 @@ def test_a_task_that_dies_before_the_first_change_has_changed_nothing(at: Quay) 
     assert at.json("site=coastal", "--yes", code=0)["devices"][ROUTER]["status"] == "changed"
 
 
-def test_who_kills_the_command_leaves_no_task_behind(at: Quay) -> None:
+def test_killed_command_leaves_no_task_behind(at: Quay) -> None:
     before = at.export()
     with running(at) as process:
         await_record(at.state, SENT)
@@ -140,7 +140,7 @@ def test_who_kills_the_command_leaves_no_task_behind(at: Quay) -> None:
     at.provision("site=coastal", "--yes", code=0)
 
 
-def test_a_reader_who_leaves_changes_nothing(at: Quay) -> None:
+def test_closed_output_pipe_does_not_stop_the_run(at: Quay) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run(
@@ -156,7 +156,7 @@ def test_a_reader_who_leaves_changes_nothing(at: Quay) -> None:
     assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
 
 
-def test_ctrl_c_at_the_question_has_changed_nothing(at: Quay) -> None:
+def test_ctrl_c_at_the_prompt_changes_nothing(at: Quay) -> None:
     before = at.export()
     keyboard, terminal = os.openpty()
     with (

@@ -98,7 +98,7 @@ def provision(state: Path, *typed: str, code: int) -> str:
     return done.stdout
 
 
-def test_the_declaration_holds_and_the_engine_handles_them(inventory: Path) -> None:
+def test_inventory_is_valid_and_switches_are_supported(inventory: Path) -> None:
     declaration = load(inventory)
     assert [
         name for name, host in declaration.hosts.items() if host.device.kind == "switch" and is_supported(host)
@@ -109,7 +109,7 @@ def test_the_declaration_holds_and_the_engine_handles_them(inventory: Path) -> N
 
 
 @pytest.mark.slow
-def test_they_converge_behind_their_router_and_the_second_run_finds_nothing(inventory: Path, tmp_path: Path) -> None:
+def test_switches_converge_behind_their_router_and_second_run_is_unchanged(inventory: Path, tmp_path: Path) -> None:
     chosen = "only=coastal-router,coastal-switch,coastal-buoy"
     typed = ("site=coastal", chosen, f"inventory={inventory}", "--rehearse", "--yes", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=0))["devices"]
@@ -123,7 +123,7 @@ def test_they_converge_behind_their_router_and_the_second_run_finds_nothing(inve
 
 
 @pytest.mark.slow
-def test_a_station_of_the_buoy_is_seen_in_its_registration_table(inventory: Path, tmp_path: Path) -> None:
+def test_station_of_the_buoy_is_found_in_the_registration_table(inventory: Path, tmp_path: Path) -> None:
     typed = ("check", "site=coastal", "vehicle=zarco", "endpoint=wifi", f"inventory={inventory}", "--rehearse")
     items = json.loads(provision(tmp_path, *typed, "--json", code=0))["items"]
     (item,) = [item for item in items if item["id"] == "zarco/wifi"]
@@ -132,7 +132,7 @@ def test_a_station_of_the_buoy_is_seen_in_its_registration_table(inventory: Path
 
 
 @pytest.mark.slow
-def test_the_docking_station_is_looked_at_by_cable_and_modem(inventory: Path, tmp_path: Path) -> None:
+def test_docking_station_is_checked_over_cable_and_modem(inventory: Path, tmp_path: Path) -> None:
     typed = ("check", "site=coastal", "vehicle=docking-station", f"inventory={inventory}", "--rehearse", "--json")
     items = {item["id"]: item["verdict"] for item in json.loads(provision(tmp_path, *typed, code=6))["items"]}
     assert {name: items[name] for name in ("docking-station/acoustic", "docking-station/ethernet")} == {

@@ -52,7 +52,7 @@ def trusted(at: Quay) -> str | None:
 
 @pytest.mark.parametrize("known", [False, True], ids=["unknown", "another"])
 @pytest.mark.parametrize("name", OPENING)
-def test_nobody_is_told_a_password_before_he_is_known(
+def test_no_password_is_sent_to_an_unknown_device(
     at: Quay, nobody: Impostor, tmp_path: Path, name: str, *, known: bool
 ) -> None:
     """Also with `--json`, and where the device that answers is another one than the one that is known."""
@@ -70,7 +70,7 @@ def test_nobody_is_told_a_password_before_he_is_known(
     assert trusted(at) == (at.twins.ready[ROUTER]["pin"] if known else None)
 
 
-def test_plain_ansible_refuses_a_router_that_is_not_declared(at: Quay, nobody: Impostor) -> None:
+def test_plain_ansible_refuses_an_unpinned_router(at: Quay, nobody: Impostor) -> None:
     done = at.playbook()
     assert done.returncode != 0
     assert UNKNOWN in " ".join(done.stdout.split())
@@ -78,7 +78,7 @@ def test_plain_ansible_refuses_a_router_that_is_not_declared(at: Quay, nobody: I
 
 
 @pytest.mark.smoke
-def test_a_person_is_shown_the_certificate_and_agrees(at: Quay) -> None:
+def test_certificate_is_shown_and_pinned_after_consent(at: Quay) -> None:
     shown = at.twins.ready[ROUTER]["pin"]
     refused = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="no", code=4)
     assert f"its certificate is {shown}" in refused
@@ -91,7 +91,7 @@ def test_a_person_is_shown_the_certificate_and_agrees(at: Quay) -> None:
     at.provision("site=coastal", "--plan", code=2)
 
 
-def test_what_is_advised_leads_on(at: Quay) -> None:
+def test_advised_command_pins_the_router(at: Quay) -> None:
     """The command is typed as it was printed; then the run goes through."""
     refused = at.provision("site=coastal", "--plan", code=4)
     (words, *_) = advised(said(refused.stdout + refused.stderr, TRUST))
@@ -99,13 +99,13 @@ def test_what_is_advised_leads_on(at: Quay) -> None:
     at.provision("site=coastal", "--plan", code=2)
 
 
-def test_without_a_terminal_nobody_agrees(at: Quay, nobody: Impostor) -> None:
+def test_trust_without_a_terminal_is_refused(at: Quay, nobody: Impostor) -> None:
     done = at.provision("trust", "site=coastal", f"only={ROUTER}", code=3)
     assert "nobody is here to agree to an identity, so nothing was trusted" in done.stderr
     assert (nobody.handshakes, trusted(at)) == (0, None)
 
 
-def test_another_certificate_is_shown_beside_the_one_of_before(at: Quay, nobody: Impostor) -> None:
+def test_changed_certificate_is_shown_beside_the_pinned_one(at: Quay, nobody: Impostor) -> None:
     at.adopt()
     before = at.twins.ready[ROUTER]["pin"]
     said = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="no", code=4)
@@ -123,7 +123,7 @@ def declare(at: Quay, fingerprint: str) -> None:
     file.write_text(text, encoding="utf-8")
 
 
-def test_the_inventory_carries_the_fingerprint(at: Quay) -> None:
+def test_inventory_fingerprint_is_accepted_without_a_local_pin(at: Quay) -> None:
     """For every door, with a state folder that has never seen the device."""
     shown = at.twins.ready[ROUTER]["pin"]
     declare(at, f'"{":".join(re.findall("..", shown)).upper()}"')
@@ -133,7 +133,7 @@ def test_the_inventory_carries_the_fingerprint(at: Quay) -> None:
     assert "as declared" in at.typed("trust", "site=coastal", f"only={ROUTER}", answer="", code=0)
 
 
-def test_the_inventory_counts_before_this_computer(at: Quay, nobody: Impostor) -> None:
+def test_inventory_fingerprint_overrides_the_local_pin(at: Quay, nobody: Impostor) -> None:
     Store(at.state).pins.change(ROUTER, nobody.fingerprint)
     declare(at, at.twins.ready[ROUTER]["pin"])
     told = json.loads(at.provision("site=coastal", "--plan", "--json", code=4).stdout)

@@ -42,7 +42,7 @@ def other_declaration(at: Quay) -> Path:
 
 
 @pytest.mark.parametrize("other", [False, True], ids=["same", "other"])
-def test_two_laptops_at_the_same_time(at: Quay, other: bool) -> None:  # noqa: FBT001
+def test_only_one_of_two_concurrent_laptops_changes_the_device(at: Quay, other: bool) -> None:  # noqa: FBT001
     declarations = (at.inventory, other_declaration(at) if other else at.inventory)
     at.do("link", delay_s=0.1)
     laptops = [start(at, f"laptop{number}", declaration) for number, declaration in enumerate(declarations)]

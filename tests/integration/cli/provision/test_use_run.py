@@ -56,7 +56,7 @@ def technician(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Tech
 
 
 @pytest.mark.smoke
-def test_it_is_told_by_every_command_and_ends_by_itself(technician: Technician) -> None:
+def test_temporary_link_is_reported_by_every_command_and_expires(technician: Technician) -> None:
     before = technician.at.export()
     assert "4g carries the traffic of coastal until" in technician.type(*LINK)
     assert technician.active() == "4g"
@@ -72,7 +72,7 @@ def test_it_is_told_by_every_command_and_ends_by_itself(technician: Technician) 
     assert (technician.active(), technician.at.export()) == ("wifi-ptp", before)
 
 
-def test_what_is_advised_is_typed(technician: Technician) -> None:
+def test_advised_commands_start_and_end_the_temporary_link(technician: Technician) -> None:
     """Every way out that is printed, in the situation in which it is printed."""
     refused = technician.type("use", "site=coastal", "--yes", code=3)
     begin, end = advised(said(refused, "type `provision use site={} link=4g for=30m`, or `provision use site={} end`"))
@@ -86,7 +86,7 @@ def test_what_is_advised_is_typed(technician: Technician) -> None:
     assert technician.active() == "wifi-ptp"
 
 
-def test_nobody_pays_for_it_without_having_said_so(technician: Technician) -> None:
+def test_metered_link_needs_cost_consent(technician: Technician) -> None:
     before = technician.at.export()
     refused = technician.type("use", "site=coastal", "link=4g", "for=30m", "--yes", code=4)
     assert "up to" in refused
@@ -94,7 +94,7 @@ def test_nobody_pays_for_it_without_having_said_so(technician: Technician) -> No
     assert technician.at.export() == before
 
 
-def test_a_link_that_nobody_has_seen_to_work_is_taken_on_a_word_alone(technician: Technician) -> None:
+def test_unproved_link_is_used_only_with_unproved(technician: Technician) -> None:
     before = technician.at.export()
     words = ("use", "site=coastal", "link=satellite", "for=1h", "--yes", "--accept-cost")
     assert "whether satellite works is not proved" in technician.type(*words, code=4)
@@ -107,13 +107,13 @@ def test_a_link_that_nobody_has_seen_to_work_is_taken_on_a_word_alone(technician
     assert technician.active() == "wifi-ptp"
 
 
-def test_a_router_that_was_just_started_is_waited_for(technician: Technician) -> None:
+def test_use_is_refused_while_a_restarted_router_still_judges_its_links(technician: Technician) -> None:
     technician.at.do("restart")
     refused = technician.type(*LINK, code=4)
     assert "is still judging its links" in refused
 
 
-def test_a_state_that_was_saved_meanwhile_does_not_bring_it_back(technician: Technician) -> None:
+def test_rollback_to_a_state_saved_meanwhile_does_not_reactivate_the_link(technician: Technician) -> None:
     before = technician.at.export()
     technician.type(*LINK)
     technician.at.do("console", words=["/system/note/set", "=note=somebody was here"])

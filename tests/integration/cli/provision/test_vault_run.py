@@ -54,7 +54,7 @@ def typed(
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=[words[0] for words in COMMANDS])
-def test_without_a_password_one_error_says_how(tmp_path: Path, words: tuple[str, ...]) -> None:
+def test_missing_vault_password_gives_one_error_with_the_options(tmp_path: Path, words: tuple[str, ...]) -> None:
     done = typed(_inventory(tmp_path), words)
     assert (done.returncode, done.stdout) == (3, "")
     assert done.stderr.splitlines() == [
@@ -64,7 +64,7 @@ def test_without_a_password_one_error_says_how(tmp_path: Path, words: tuple[str,
     ]
 
 
-def test_a_wrong_password_is_told_once_with_the_first_value(tmp_path: Path) -> None:
+def test_wrong_vault_password_is_reported_once_with_the_first_value(tmp_path: Path) -> None:
     inventory = _inventory(tmp_path)
     (tmp_path / "wrong").write_text("not this")
     file = {"ANSIBLE_VAULT_PASSWORD_FILE": str(tmp_path / "wrong")}
@@ -80,7 +80,7 @@ def test_a_wrong_password_is_told_once_with_the_first_value(tmp_path: Path) -> N
         assert int(told[3]) > 5
 
 
-def test_a_password_is_typed_for_a_rehearsal(tmp_path: Path) -> None:
+def test_vault_password_can_be_typed_for_a_rehearsal(tmp_path: Path) -> None:
     done = typed(_inventory(tmp_path), COMMANDS[1], _VAULT_PASSWORD.decode())
     assert done.returncode == 6, done.stderr
     assert done.stderr.count(QUESTION.decode()) == 1
@@ -89,7 +89,7 @@ def test_a_password_is_typed_for_a_rehearsal(tmp_path: Path) -> None:
 
 @pytest.mark.smoke
 @pytest.mark.namespace
-def test_a_password_that_is_typed_reaches_the_run(tmp_path: Path) -> None:
+def test_typed_vault_password_is_used_in_the_run(tmp_path: Path) -> None:
     with quay(tmp_path) as at:
         done = typed(at.inventory, ("site=coastal", f"only={ROUTER}", "--plan"), _VAULT_PASSWORD.decode())
         assert done.returncode == 2, done.stderr

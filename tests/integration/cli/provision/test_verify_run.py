@@ -14,7 +14,7 @@ IDS = [each.id for each in ASSUMPTIONS]
 
 
 @pytest.mark.slow
-def test_a_rehearsal_shows_what_it_can_and_writes_no_file(
+def test_rehearsed_verify_tests_assumptions_and_writes_no_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
@@ -28,7 +28,7 @@ def test_a_rehearsal_shows_what_it_can_and_writes_no_file(
 
 
 @pytest.mark.slow
-def test_a_rutos_unit_is_read_and_its_values_stay_with_it(
+def test_rutos_unit_is_read_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
@@ -47,7 +47,7 @@ def test_a_rutos_unit_is_read_and_its_values_stay_with_it(
     assert "leave out `--try` and `--silence`" in refused
 
 
-def test_a_device_that_is_no_router_or_not_there_is_refused(
+def test_unsupported_or_unknown_device_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
@@ -63,7 +63,7 @@ at = pytest.fixture(fresh_quay)
 @pytest.mark.smoke
 @pytest.mark.slow
 @pytest.mark.namespace
-def test_a_router_on_the_quay(at: Quay) -> None:
+def test_router_is_verified_unchanged_and_result_is_saved(at: Quay) -> None:
     before = at.export()
     dear = at.provision("verify", "device=coastal-router", "via=4g", code=4)
     assert "nobody has agreed to pay for this, so nothing was sent: over 4g" in dear.stderr
@@ -84,7 +84,7 @@ def test_a_router_on_the_quay(at: Quay) -> None:
 @pytest.mark.slow
 @pytest.mark.namespace
 @pytest.mark.parametrize("version", ["7.16", "7.17.1"])
-def test_a_router_below_safe_mode_is_read_and_nothing_is_tried(at: Quay, version: str) -> None:
+def test_router_without_safe_mode_is_only_read(at: Quay, version: str) -> None:
     at.replace("old", version=version)
     at.adopt()
     before = at.export()

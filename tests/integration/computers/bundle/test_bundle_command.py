@@ -124,7 +124,7 @@ def words_for(mirror: str, folder: Path) -> list[str]:
     return [f"status={folder / 'status'}", f"mirror={mirror}", f"keyring={folder / 'archive.gpg'}"]
 
 
-def test_a_bundle_is_made_checked_and_taken_on_another_computer(
+def test_bundle_is_made_checked_and_accepted_on_another_computer(
     mirror: str, tmp_path: Path, provision: Callable[..., Said]
 ) -> None:
     words = words_for(mirror, tmp_path)
@@ -145,7 +145,7 @@ def test_a_bundle_is_made_checked_and_taken_on_another_computer(
     assert provision(f"check={tmp_path / 'usb'}").returncode == 0
 
 
-def test_it_is_kept_in_the_state_directory_unless_a_place_is_named(
+def test_bundle_is_stored_in_the_state_directory_by_default(
     mirror: str, tmp_path: Path, provision: Callable[..., Said]
 ) -> None:
     made = provision(*words_for(mirror, tmp_path), "--json").told()
@@ -153,7 +153,7 @@ def test_it_is_kept_in_the_state_directory_unless_a_place_is_named(
     assert (tmp_path / "state" / "bundles" / "coastal" / "manifest.json").is_file()
 
 
-def test_what_the_mirror_lacks_is_told(mirror: str, tmp_path: Path, provision: Callable[..., Said]) -> None:
+def test_unavailable_package_lists_are_reported(mirror: str, tmp_path: Path, provision: Callable[..., Said]) -> None:
     for suite in SUITES:
         shutil.rmtree(tmp_path / "mirror" / "dists" / suite)
     refused = provision(*words_for(mirror, tmp_path), "--json").told()
@@ -176,7 +176,7 @@ def test_what_the_mirror_lacks_is_told(mirror: str, tmp_path: Path, provision: C
         (["check=/none"], "/none is no bundle, or not a whole one"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(
+def test_invalid_arguments_are_refused(
     inventory: Path, provision: Callable[..., Said], words: list[str], said: str
 ) -> None:
     assert inventory.is_dir()
@@ -185,14 +185,14 @@ def test_what_cannot_be_meant_is_refused(
     assert done.stderr.startswith(f"error: {said}") or f"error: {said}" in done.stderr
 
 
-def test_example_values_lead_to_no_server(tmp_path: Path, provision: Callable[..., Said]) -> None:
+def test_example_values_are_refused(tmp_path: Path, provision: Callable[..., Said]) -> None:
     shutil.copytree(ROOT / "inventory", tmp_path / "inventory")
     done = provision("status=/none")
     assert done.returncode == 3
     assert done.stderr.startswith("error: the inventory still holds example values")
 
 
-def test_the_board_is_asked_by_ssh(
+def test_package_status_of_the_board_is_read_over_ssh(
     mirror: str, tmp_path: Path, provision: Callable[..., Said], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "answer").write_bytes(gzip.compress(status()))
@@ -211,7 +211,7 @@ def test_the_board_is_asked_by_ssh(
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_an_image_says_what_is_on_the_board(tmp_path: Path, packed: bool) -> None:  # noqa: FBT001 - a column
+def test_package_status_is_read_from_an_image(tmp_path: Path, packed: bool) -> None:  # noqa: FBT001 - a column
     root, image = tmp_path / "root", tmp_path / "vendor.img"
     (root / "var/lib/dpkg").mkdir(parents=True)
     (root / "var/lib/dpkg/status").write_bytes(status(chrony="3.5"))

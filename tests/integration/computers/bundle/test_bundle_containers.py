@@ -33,7 +33,7 @@ def with_archive(plain: HostRequirements, folder: Path, data: bytes, sha256: str
     return replace(plain, archives=(declared,))
 
 
-def test_an_archive_is_carried_by_its_hash(laptop: Laptop, plain: HostRequirements) -> None:
+def test_container_archive_is_stored_under_its_hash(laptop: Laptop, plain: HostRequirements) -> None:
     wish = with_archive(plain, laptop.folder, b"image")
     manifest = laptop.make(wish)
     path = f"images/{wish.archives[0].sha256}.tar"
@@ -43,7 +43,7 @@ def test_an_archive_is_carried_by_its_hash(laptop: Laptop, plain: HostRequiremen
     assert open_bundle(laptop.place, laptop.keys, [wish]).manifest == manifest
 
 
-def test_another_archive_makes_no_bundle(laptop: Laptop, plain: HostRequirements) -> None:
+def test_wrong_or_missing_container_archive_is_refused(laptop: Laptop, plain: HostRequirements) -> None:
     with pytest.raises(BundleError, match=r"has the SHA-256 .*, and b{64} is declared"):
         laptop.make(with_archive(plain, laptop.folder, b"image", "b" * 64))
     wish = with_archive(plain, laptop.folder, b"image")
@@ -53,14 +53,14 @@ def test_another_archive_makes_no_bundle(laptop: Laptop, plain: HostRequirements
     assert not laptop.place.exists()
 
 
-def test_a_bundle_of_an_older_image_does_not_do(laptop: Laptop, plain: HostRequirements) -> None:
+def test_bundle_with_an_older_container_image_is_refused(laptop: Laptop, plain: HostRequirements) -> None:
     laptop.make(with_archive(plain, laptop.folder, b"image"))
     newer = with_archive(plain, laptop.folder, b"newer image")
     with pytest.raises(BundleError, match=r"backend\.tar with the SHA-256 .*: it is not in the bundle"):
         open_bundle(laptop.place, laptop.keys, [newer])
 
 
-def test_what_is_declared_is_wished(request: pytest.FixtureRequest) -> None:
+def test_declared_containers_are_requested(request: pytest.FixtureRequest) -> None:
     shipped = load(request.config.rootpath / "inventory")
     host = shipped.hosts["scc-control"]
     assert isinstance(host.device, ServerComputer)

@@ -100,7 +100,7 @@ def test_the_token_is_in_no_file_of_the_bundle(laptop: Laptop, server: GitServer
     assert TOKEN not in repr(library(server))
 
 
-def test_the_same_sources_are_the_same_files(laptop: Laptop, server: GitServer) -> None:
+def test_same_sources_give_the_same_bundle(laptop: Laptop, server: GitServer) -> None:
     first, second = (
         bundle(laptop, library(server)),
         laptop.make(laptop.wish(laptop.archive((), "again"), libraries=[library(server)])),
@@ -117,7 +117,7 @@ def test_the_same_sources_are_the_same_files(laptop: Laptop, server: GitServer) 
         (TOKEN, "0" * 40, f"has no revision {'0' * 40}"),
     ],
 )
-def test_what_the_server_does_not_give_is_told(
+def test_server_errors_are_reported(
     laptop: Laptop, server: GitServer, token: str | None, revision: str, words: str
 ) -> None:
     with pytest.raises(BundleError) as caught:
@@ -126,7 +126,7 @@ def test_what_the_server_does_not_give_is_told(
     assert "wrong" not in str(caught.value)
 
 
-def test_a_submodule_by_ssh_on_the_same_server_comes_by_http(
+def test_ssh_submodule_on_the_same_server_is_fetched_over_http(
     laptop: Laptop, server: GitServer, projects: InteropProjects
 ) -> None:
     projects.release("v3.0.0", "ssh, same server", submodule_at="git@127.0.0.1:c4i/c4i-asset-msgs.git")
@@ -143,7 +143,7 @@ def test_a_submodule_that_needs_an_account_is_named(
         bundle(laptop, library(server, "v2.0.0"))
 
 
-def test_a_bundle_with_another_revision_is_not_enough(laptop: Laptop, server: GitServer) -> None:
+def test_bundle_with_another_revision_is_refused(laptop: Laptop, server: GitServer) -> None:
     bundle(laptop, library(server))
     wish = laptop.wish(laptop.archive((), "again"), libraries=[library(server, "v2.0.0")])
     with pytest.raises(BundleError) as caught:

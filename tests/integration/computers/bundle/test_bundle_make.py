@@ -83,9 +83,7 @@ def test_its_repository_is_signed_by_the_key_of_the_manifest(laptop: Laptop) -> 
     assert find_signer((laptop.place / "manifest.json").read_bytes(), signature, public) == manifest.key
 
 
-def test_the_same_contents_have_the_same_signature_on_a_slow_computer(
-    laptop: Laptop, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_signature_does_not_depend_on_signing_speed(laptop: Laptop, monkeypatch: pytest.MonkeyPatch) -> None:
     signer = laptop.keys.signer()
     quick = signer.sign_inline("text\n")
     slow = laptop.folder / "slow"
@@ -97,7 +95,7 @@ def test_the_same_contents_have_the_same_signature_on_a_slow_computer(
     assert signer.sign_inline("text\n") == quick
 
 
-def test_the_size_is_told_before_and_what_is_there_is_not_fetched_again(laptop: Laptop) -> None:
+def test_size_is_reported_and_existing_files_are_not_fetched_again(laptop: Laptop) -> None:
     wish = laptop.wish(laptop.archive(PACKAGES), "ros-foxy-ros-base", "chrony")
     first = laptop.make(wish)
     second = laptop.make(wish)
@@ -107,7 +105,9 @@ def test_the_size_is_told_before_and_what_is_there_is_not_fetched_again(laptop: 
     assert (second.id, second.files) == (first.id, first.files)
 
 
-def test_an_interrupted_bundle_goes_on_from_what_is_right(laptop: Laptop, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_bundle_continues_and_refetches_damaged_files(
+    laptop: Laptop, monkeypatch: pytest.MonkeyPatch
+) -> None:
     wish = laptop.wish(laptop.archive(PACKAGES), "ros-foxy-ros-base", "chrony")
     monkeypatch.setattr("atlantis_netcfg.computers.bundle.build._write_manifest", _killed)
     with pytest.raises(KeyboardInterrupt):
@@ -124,7 +124,7 @@ def test_an_interrupted_bundle_goes_on_from_what_is_right(laptop: Laptop, monkey
     assert open_bundle(laptop.place, laptop.keys, [wish]).manifest == manifest
 
 
-def test_a_cut_while_the_new_bundle_takes_its_place_loses_nothing(laptop: Laptop) -> None:
+def test_interrupted_replacement_of_a_bundle_loses_nothing(laptop: Laptop) -> None:
     wish = laptop.wish(laptop.archive(PACKAGES), "chrony")
     laptop.make(wish)
     laptop.place.rename(laptop.folder / ".bundle.old")
@@ -133,7 +133,7 @@ def test_a_cut_while_the_new_bundle_takes_its_place_loses_nothing(laptop: Laptop
     assert not (laptop.folder / ".bundle.old").exists()
 
 
-def test_a_stick_without_hard_links_will_do(laptop: Laptop, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bundle_works_on_a_stick_without_hard_links(laptop: Laptop, monkeypatch: pytest.MonkeyPatch) -> None:
     wish = laptop.wish(laptop.archive(PACKAGES), "chrony")
     laptop.make(wish)
     monkeypatch.setattr("os.link", _refused)
@@ -150,7 +150,7 @@ def _killed(*_arguments: object) -> None:
     raise KeyboardInterrupt
 
 
-def test_everything_that_cannot_be_had_is_named(laptop: Laptop) -> None:
+def test_all_unavailable_packages_are_listed(laptop: Laptop) -> None:
     wish = laptop.wish(laptop.archive(PACKAGES), "ros-foxy-nav", "gpsd", "chrony=4*")
     assert refusal(laptop, wish) == [
         "the packages cannot be resolved: Version '4*' for 'chrony' was not found",
@@ -160,7 +160,7 @@ def test_everything_that_cannot_be_had_is_named(laptop: Laptop) -> None:
     assert not laptop.place.exists()
 
 
-def test_a_dependency_that_cannot_be_had_is_named(laptop: Laptop) -> None:
+def test_unavailable_dependency_is_reported(laptop: Laptop) -> None:
     archive = laptop.archive((arm64("needy", "1", "nowhere (>= 2)"),))
     assert refusal(laptop, laptop.wish(archive, "needy")) == [
         "the packages cannot be resolved: needy : Depends: nowhere (>= 2) but it is not installable"
@@ -182,7 +182,7 @@ def test_two_hosts_share_packages_and_each_sees_its_own(laptop: Laptop) -> None:
     ("signed", "expires", "words"),
     [(datetime(2020, 1, 1, tzinfo=UTC), datetime(2021, 1, 1, tzinfo=UTC), "EXPKEYSIG"), (None, None, "NO_PUBKEY")],
 )
-def test_a_source_whose_key_is_not_good_is_refused(
+def test_source_with_an_invalid_key_is_refused(
     laptop: Laptop, signed: datetime | None, expires: datetime | None, words: str
 ) -> None:
     archive = publish(laptop.folder / "archive", PACKAGES, codename="focal", signed_at=signed, expires=expires)

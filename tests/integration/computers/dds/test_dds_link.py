@@ -203,7 +203,7 @@ def test_dds_crosses_the_bridge_and_never_the_satellite(tmp_path: Path, monkeypa
         assert not stand.kept_off()
 
 
-def test_a_router_without_a_word_lets_dds_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unresponsive_router_or_forged_icmp_does_not_block_dds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A forged refusal of another computer in the LAN does not count, nor one that is not related to an echo."""
     monkeypatch.setattr(base, "dds_link", lambda *of: replace(dds_link(*of), every_s=_EVERY_S))  # type: ignore[type-var]
     with quay(tmp_path, pilot()) as stand:

@@ -192,7 +192,7 @@ def _lived_through(told: dict[str, Told]) -> dict[str, Told]:
     return told
 
 
-def test_real_participants_live_through_a_satellites_silence(outage: Mapping[str, Told]) -> None:
+def test_real_participants_survive_a_satellite_outage(outage: Mapping[str, Told]) -> None:
     """One test, because the outage is real time and two workers of xdist would each have one."""
     for way in DdsPath:
         for name in KINDS:

@@ -44,7 +44,7 @@ def profile(participants: int) -> str:
 
 
 @pytest.mark.parametrize("participants", [1, 3])
-def test_as_many_processes_as_declared(tmp_path: Path, participants: int) -> None:
+def test_profile_limits_the_number_of_processes(tmp_path: Path, participants: int) -> None:
     file = tmp_path / "cyclonedds.xml"
     file.write_text(profile(participants), encoding="utf-8")
     words = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "sh", sys.executable, "-c", START]

@@ -159,7 +159,7 @@ def kept_off(made: Vpn) -> int:
 @pytest.mark.parametrize(
     "links", [("wifi-ptp", "4g", "satellite"), ("wifi-ptp", "satellite")], ids=["named", "not named by the centre"]
 )
-def test_the_vpn_and_dds_over_the_satellite(
+def test_idle_vpn_and_dds_traffic_over_the_satellite_matches_the_estimate(
     links: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tuning = replace(TUNING[Pace.SATELLITE], announce_s=_ANNOUNCE_S)
@@ -223,12 +223,12 @@ def knock(made: Vpn) -> None:
     stream.connect_ex((endpoint, 1194))
 
 
-def test_the_link_is_as_slow_as_the_declared_satellite() -> None:
+def test_emulated_link_has_the_declared_satellite_rate() -> None:
     rate = next(one.rate for one in load(SHIPPED).sites["coastal"].bearers if one.name == "satellite")
     assert (rate.rtt_ms, rate.up_kbps * 1000, rate.down_kbps * 1000) == (2000 * DELAY_S, UP_BPS, DOWN_BPS)
 
 
-def test_an_idle_tunnel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_idle_tunnel_traffic_matches_the_estimate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(TIMERS, MemberLink.SATELLITE, (_PING_S, 300))
     monkeypatch.setattr("atlantis_netcfg.vpn.identity.RENEGOTIATION_S", _RENEGOTIATION_S)
     declaration = pilot()

@@ -197,7 +197,7 @@ def differences(found: Mapping[Domain, tuple[float, float]], pace: LinkPace) -> 
     ]
 
 
-def test_topics_on_the_cable(tmp_path: Path, programs: Mapping[Kind, Sequence[str]]) -> None:
+def test_topic_traffic_on_the_lan_matches_the_estimate(tmp_path: Path, programs: Mapping[Kind, Sequence[str]]) -> None:
     declaration, of = declared(DdsPath.LAN, ON_THE_CABLE), domains(ON_THE_CABLE, CYCLONE, FAST)
     addresses = [declaration.pilot.dds.address_of(declaration.hosts[host].device) for host, _ in HOSTS.values()]  # type: ignore[union-attr, arg-type]
     with routed(*addresses) as stand:
@@ -210,7 +210,9 @@ def test_topics_on_the_cable(tmp_path: Path, programs: Mapping[Kind, Sequence[st
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("kind", [CYCLONE, FAST], ids=lambda kind: kind.middleware.value)
-def test_topics_over_the_satellite(tmp_path: Path, programs: Mapping[Kind, Sequence[str]], kind: Kind) -> None:
+def test_topic_traffic_over_the_satellite_matches_the_estimate(
+    tmp_path: Path, programs: Mapping[Kind, Sequence[str]], kind: Kind
+) -> None:
     """Inside the tunnel, one implementation at a time; what the VPN adds is `test_standing_bytes.py`'s."""
     declaration, of = declared(DdsPath.VPN, OVER_THE_SATELLITE), domains(OVER_THE_SATELLITE, kind)
     with tunnelled(declaration, tmp_path) as stand:

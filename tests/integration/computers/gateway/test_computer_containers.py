@@ -57,7 +57,7 @@ def inside(gateway: Machine) -> str:
     return gateway.run("podman inspect --format '{{.State.Pid}}' atlantis-service-backend").stdout.strip()
 
 
-def test_a_container_runs_from_the_pinned_archive_within_its_bounds_and_goes(stand: Stand) -> None:
+def test_container_runs_from_the_pinned_archive_and_is_removed_cleanly(stand: Stand) -> None:
     gateway = stand.gateway
     image, sha256 = archive(18082)
     gateway.put_bytes(f"{IMAGES}/{sha256}.tar", image)
@@ -94,7 +94,7 @@ def test_a_container_runs_from_the_pinned_archive_within_its_bounds_and_goes(sta
     assert stand.run()["changes"] == []
 
 
-def test_another_archive_is_not_loaded_and_the_declared_one_is_once_it_is_there(stand: Stand) -> None:
+def test_container_archive_with_another_hash_is_not_loaded(stand: Stand) -> None:
     gateway = stand.gateway
     (image, sha256), (other, _) = archive(18082), archive(18083)
     gateway.put_bytes(f"{IMAGES}/{sha256}.tar", other)
@@ -110,7 +110,7 @@ def test_another_archive_is_not_loaded_and_the_declared_one_is_once_it_is_there(
     assert (told["exit"], told["changes"]) == (0, []), "brought, it starts by itself"
 
 
-def test_drift_of_the_image_and_of_the_folder_is_a_finding(stand: Stand) -> None:
+def test_drift_of_image_and_folder_is_reported(stand: Stand) -> None:
     gateway = stand.gateway
     (image, sha256), (other, newer) = archive(18082), archive(18083)
     gateway.put_bytes(f"{IMAGES}/{sha256}.tar", image)

@@ -52,7 +52,7 @@ s = socket.create_connection(("192.0.2.1", 18082), 1, ("{source}", 0)); print(s.
     return "stand-in" in done.stdout
 
 
-def test_a_service_runs_is_open_to_whom_it_says_and_goes(stand: Stand) -> None:
+def test_service_runs_is_reachable_as_declared_and_is_removed(stand: Stand) -> None:
     told = stand.run()
     assert (told["status"], told["exit"]) == ("changed", 0), told["message"]
     assert stand.run()["changes"] == [], "nothing is left"
@@ -72,7 +72,7 @@ def test_a_service_runs_is_open_to_whom_it_says_and_goes(stand: Stand) -> None:
     assert stand.run()["changes"] == []
 
 
-def test_what_does_not_listen_is_a_finding(stand: Stand) -> None:
+def test_service_that_does_not_listen_is_a_finding(stand: Stand) -> None:
     stand.run()
     gateway = stand.gateway
     finding = "the service `backend` does not listen at tcp port 18082"
@@ -93,7 +93,7 @@ def test_what_does_not_listen_is_a_finding(stand: Stand) -> None:
     assert (finding in told["message"], told["exit"]) == (False, 0), "brought, it starts by itself"
 
 
-def test_a_plan_of_a_fresh_computer_starts_nothing(stand: Stand) -> None:
+def test_check_mode_on_a_fresh_computer_starts_nothing(stand: Stand) -> None:
     told = stand.run("--check")
     assert f"unit {UNIT} started" in told["changes"]
     assert stand.gateway.run(f"systemctl is-active {UNIT}", check=False).stdout.strip() == "inactive"

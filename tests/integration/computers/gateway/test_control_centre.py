@@ -47,7 +47,7 @@ def test_the_control_centre_converges_and_its_services_listen(tmp_path: Path) ->
     assert any("stand-ins listen at the declared ports" in line for line in told["not_rehearsed"])
 
 
-def test_of_an_operator_station_the_membership_alone_changes(tmp_path: Path) -> None:
+def test_operator_station_changes_only_its_vpn_membership(tmp_path: Path) -> None:
     inventory = shutil.copytree(CHECKOUT / "inventory", tmp_path / "inventory")
     (inventory / "host_vars/scc-desk1.yml").write_text(STATION)
     hosts = inventory / "hosts.yml"

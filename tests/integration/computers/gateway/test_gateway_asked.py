@@ -53,7 +53,7 @@ def asked(ears: RealTransport, *questions: Listen | RunProgram | DhcpDiscoverReq
     return asyncio.run(ears.ask(Place.GATEWAY, None, [(one.name, one) for one in questions], lambda *_: None))
 
 
-def test_a_gateway_is_asked_in_one_command(
+def test_gateway_queries_share_one_ssh_connection(
     ears: RealTransport,
     ground: Lab,  # noqa: F811 - as above
     technician: Key,  # noqa: F811

@@ -40,7 +40,7 @@ def logs_in(stand: Stand, folder: Path) -> bool:
 
 
 @pytest.mark.smoke
-def test_a_computer_becomes_a_gateway(stand: Stand, ground: Lab, tmp_path: Path) -> None:  # noqa: F811 - fixtures
+def test_computer_is_configured_as_a_gateway(stand: Stand, ground: Lab, tmp_path: Path) -> None:  # noqa: F811 - fixtures
     planned = stand.run("--check")
     assert said(stand, "cat /etc/timezone") == "Etc/UTC"
     done = stand.run()
@@ -90,7 +90,7 @@ def who_answers(ground: Lab, stand: Stand) -> dict[str, bool]:  # noqa: F811 - a
     }
 
 
-def test_nobody_is_shut_out(machine: Start, technician: Key, ground: Lab, tmp_path: Path) -> None:  # noqa: F811
+def test_technician_is_not_locked_out(machine: Start, technician: Key, ground: Lab, tmp_path: Path) -> None:  # noqa: F811
     """The technician works from 192.0.2.1, which the site does not admit, as root or by sudo; then sshd is odd."""
     ground.add_address("192.0.2.1/24")
     stand = made(machine, technician, tmp_path, address="192.0.2.10/24", gateway="192.0.2.1")
@@ -117,7 +117,7 @@ def test_nobody_is_shut_out(machine: Start, technician: Key, ground: Lab, tmp_pa
     assert logs_in(stand, tmp_path)
 
 
-def test_a_kernel_without_a_firewall_gets_everything_else_and_is_not_green(stand: Stand) -> None:
+def test_kernel_without_nftables_gets_everything_else_and_fails(stand: Stand) -> None:
     """Stands for a vendor's kernel 4.9 without nf_tables: nft says what it says there."""
     words = "netlink: Error: cache initialization failed: Operation not supported"
     stand.gateway.put("/usr/local/sbin/nft", f"#!/bin/sh\necho '{words}' >&2; exit 1\n", mode="0755")
@@ -142,7 +142,7 @@ def test_a_kernel_without_a_firewall_gets_everything_else_and_is_not_green(stand
     assert "tcp dport 22 accept" in said(stand, "nft list ruleset")
 
 
-def test_a_full_card_is_left_as_it_was(machine: Start, technician: Key, tmp_path: Path) -> None:  # noqa: F811
+def test_full_disk_leaves_the_gateway_unchanged(machine: Start, technician: Key, tmp_path: Path) -> None:  # noqa: F811
     stand = made(machine, technician, tmp_path, disk_mb=64)
     before = said(stand, "find /etc /var/lib -type f | sort")
     stand.gateway.fill_disk()

@@ -79,7 +79,7 @@ def stand(machine: Start, technician: Key, tmp_path: Path) -> Stand:  # noqa: F8
     return made
 
 
-def test_every_check_sees_its_own_breach_and_no_other(stand: Stand) -> None:
+def test_each_check_detects_only_its_own_violation(stand: Stand) -> None:
     before, after = replace(stand.gateway.traffic), stand.gateway.traffic
     assert checked(stand, user=ACCOUNT) == {}
     assert after.connections == before.connections + 1

@@ -95,7 +95,7 @@ def booted(folder: Path, disk: Path, host_key: str, key: Key, port: int) -> Iter
             qemu.kill()
 
 
-def test_a_clock_that_is_ten_years_off_is_set_and_kept(technician: Key, tmp_path: Path) -> None:  # noqa: F811
+def test_clock_ten_years_off_is_corrected(technician: Key, tmp_path: Path) -> None:  # noqa: F811
     if (reason := why_not()) is not None:
         pytest.skip(reason)
     disk, host_key = card(tmp_path, technician)

@@ -33,7 +33,7 @@ def environment(stand: Stand, of: str) -> set[str]:
     }
 
 
-def test_profiles_come_change_and_go_and_what_hinders_them_is_told(stand: Stand) -> None:
+def test_dds_profiles_are_installed_changed_and_removed(stand: Stand) -> None:
     planned = stand.run("--check")
     assert stand.gateway.run("ls /etc/atlantis", check=False).stdout == ""
     laid = stand.run()

@@ -116,7 +116,7 @@ def answers(guest: Guest, number: int, address: str) -> bool:
     return guest.run(f"ip netns exec r{number} ping -c 5 -W 2 {address}", check=False).returncode == 0
 
 
-def test_the_gateway_joins_a_robot_with_its_key_alone(guest: Guest, tmp_path: Path) -> None:
+def test_gateway_joins_a_robot_only_with_the_right_key(guest: Guest, tmp_path: Path) -> None:
     text = rendered(tmp_path, "wlan1")
     start(guest, 0, ROBOT, opens=True)
     start(guest, 1, text, opens=False)
@@ -126,7 +126,7 @@ def test_the_gateway_joins_a_robot_with_its_key_alone(guest: Guest, tmp_path: Pa
 
 
 @pytest.mark.parametrize("isolated", [True, False])
-def test_stations_of_the_gateway_are_apart_as_declared(guest: Guest, tmp_path: Path, *, isolated: bool) -> None:
+def test_station_isolation_matches_the_inventory(guest: Guest, tmp_path: Path, *, isolated: bool) -> None:
     start(guest, 0, rendered(tmp_path, "wlan0", isolated=isolated), opens=True)
     guest.run("ip -n r0 addr replace 10.71.1.1/24 dev wlan0")
     for number in (1, 2):
@@ -137,7 +137,7 @@ def test_stations_of_the_gateway_are_apart_as_declared(guest: Guest, tmp_path: P
     assert answers(guest, 1, "10.71.1.12") is not isolated
 
 
-def test_a_station_with_another_key_stays_outside(guest: Guest, tmp_path: Path) -> None:
+def test_station_with_another_key_is_rejected(guest: Guest, tmp_path: Path) -> None:
     start(guest, 0, rendered(tmp_path, "wlan0"), opens=True)
     start(guest, 1, STATION.format(key="EXAMPLE-another-key"), opens=False)
     assert not joined(guest, 1, 40)

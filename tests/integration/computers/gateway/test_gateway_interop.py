@@ -124,7 +124,7 @@ def certified(folder: Path, address: str) -> tuple[str, ssl.SSLContext]:
     return text.decode(), context
 
 
-def test_it_is_built_once_per_revision_and_serves_with_the_vpn(interop: Interop) -> None:  # noqa: PLR0915 - one life
+def test_interop_is_built_once_per_revision_and_runs_over_the_vpn(interop: Interop) -> None:  # noqa: PLR0915 - one life
     stand = interop.stand
     stand.roles = ["gateway_interop", "gateway_interop/connection_test"]
     test = {"program": "example-robot", "config": "config/robot-config.yml"}
@@ -210,7 +210,7 @@ def test_it_is_built_once_per_revision_and_serves_with_the_vpn(interop: Interop)
     assert seen_of_the_token(interop) == ""
 
 
-def test_a_full_card_a_killed_laptop_and_a_power_cut_lose_nothing(interop: Interop) -> None:
+def test_build_survives_full_disk_killed_laptop_and_power_cut(interop: Interop) -> None:
     gateway = interop.stand.gateway
     gateway.put("/usr/local/share/ca-certificates/forge.crt", interop.authority)
     interop.on("update-ca-certificates")
@@ -243,7 +243,7 @@ def test_a_full_card_a_killed_laptop_and_a_power_cut_lose_nothing(interop: Inter
 
 
 @pytest.mark.campaign
-def test_a_gap_of_the_satellite_is_waited_through(interop: Interop) -> None:
+def test_build_survives_a_satellite_outage(interop: Interop) -> None:
     gateway = interop.stand.gateway
     gateway.put("/usr/local/share/ca-certificates/forge.crt", interop.authority)
     interop.on("update-ca-certificates; touch /var/tmp/hold")

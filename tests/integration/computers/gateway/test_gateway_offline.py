@@ -52,7 +52,7 @@ def test_a_gateway_without_network_is_installed_from_a_bundle(quay: Quay) -> Non
     assert f"bundle {manifest.id} removed" in told(said)["changes"]
 
 
-def test_a_carry_that_was_killed_is_resumed_and_sends_only_the_rest(quay: Quay) -> None:
+def test_killed_bundle_transfer_resumes_and_sends_only_the_rest(quay: Quay) -> None:
     parts = tuple(StubPackage(f"map-part{number}", "1", padding_kb=3000) for number in range(6))
     manifest = quay.bundle(parts)
     whole = bytes_to_carry(open_bundle(quay.folder / "bundle", quay.keys), "coastal-gateway")
@@ -73,7 +73,7 @@ def test_a_carry_that_was_killed_is_resumed_and_sends_only_the_rest(quay: Quay) 
     assert (code, "changed=0" in said, told(said)["carried_bytes"]) == (0, True, 0), said
 
 
-def test_what_is_damaged_on_the_board_is_sent_again(quay: Quay) -> None:
+def test_damaged_file_on_the_board_is_sent_again(quay: Quay) -> None:
     manifest = quay.bundle(PACKAGES)
     code, said = quay.run()
     assert code == 0, said
@@ -85,7 +85,7 @@ def test_what_is_damaged_on_the_board_is_sent_again(quay: Quay) -> None:
     assert "changed=0" in quay.run(install(PACKAGES))[1]
 
 
-def test_an_ordinary_account_carries_it_too_and_a_metered_link_is_asked_for(quay: Quay) -> None:
+def test_unprivileged_account_transfers_and_metered_link_needs_consent(quay: Quay) -> None:
     quay.gateway.run("useradd -m odroid && cp -r /root/.ssh /home/odroid && chown -R odroid /home/odroid")
     quay.gateway.put("/etc/sudoers.d/odroid", "odroid ALL=(ALL) NOPASSWD: ALL\n", mode="0440")
     quay.bundle(PACKAGES)

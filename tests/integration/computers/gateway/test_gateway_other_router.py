@@ -86,7 +86,7 @@ def test_no_route_comes_from_another_computer(stand: Stand, ground: Lab) -> None
     assert routes(stand) == none, "the kernel alone, without the firewall"
 
 
-def test_the_firewall_alone_keeps_them_out(stand: Stand, ground: Lab) -> None:  # noqa: F811 - a fixture
+def test_firewall_alone_blocks_foreign_routes(stand: Stand, ground: Lab) -> None:  # noqa: F811 - a fixture
     """Whatever switches the kernel's own protection off: a tool of the network, or a person."""
     stand.run()
     keys = "/proc/sys/net/ipv4/conf/*/accept_redirects /proc/sys/net/ipv6/conf/*/accept_ra"

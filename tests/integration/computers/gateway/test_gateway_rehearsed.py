@@ -23,7 +23,7 @@ def provision(state: Path, *words: str, code: int) -> subprocess.CompletedProces
     return done
 
 
-def test_it_converges_and_over_every_bearer_nothing_is_left(tmp_path: Path) -> None:
+def test_gateway_converges_and_second_run_over_every_link_is_unchanged(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=coastal", "--rehearse", "--json", code=0)
     told = json.loads(done.stdout)["devices"][HOST]
     assert (told["status"], told["second_pass"]) == ("changed", 0)
@@ -40,14 +40,14 @@ def test_it_converges_and_over_every_bearer_nothing_is_left(tmp_path: Path) -> N
     )
 
 
-def test_a_plan_shows_texts_and_leaves_the_computer_as_it_is(tmp_path: Path) -> None:
+def test_plan_shows_file_diffs_and_changes_nothing(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=coastal", "--rehearse", "--plan", code=2)
     assert "the emulated device is unchanged, byte for byte" in done.stdout
     assert "+PasswordAuthentication no" in done.stdout
     assert "package ros-foxy-ros-base" in done.stdout
 
 
-def test_drift_of_a_fresh_computer_is_all_that_a_run_would_do(tmp_path: Path) -> None:
+def test_drift_of_a_fresh_computer_lists_all_changes_of_a_run(tmp_path: Path) -> None:
     told = json.loads(provision(tmp_path, "drift", "site=coastal", "--rehearse", "--json", code=6).stdout)
     host = told["devices"][HOST]
     assert host["verdict"] == "FAIL"

@@ -45,7 +45,7 @@ def ros(ground: Lab, machine: Start, technician: Key, tmp_path: Path) -> Ros:  #
     return Ros(stand, lambda archive: ground.serve(archive.folder))
 
 
-def test_it_comes_talks_changes_its_version_and_stays(ros: Ros, tmp_path: Path) -> None:
+def test_ros2_is_installed_works_and_changes_version(ros: Ros, tmp_path: Path) -> None:
     every = (*ros_packages("foxy", FIRST), *ros_packages("foxy", SECOND))
     archive = publish(tmp_path / "archive", every, codename="focal")
     versions = [{"package": f"ros-foxy-{name}", "version": "0.9.2-1*"} for name in ("ros-base", "ros-core")]
@@ -73,7 +73,7 @@ def test_it_comes_talks_changes_its_version_and_stays(ros: Ros, tmp_path: Path) 
     assert ros.stand.run()["changes"] == []
 
 
-def test_a_listener_that_hears_nothing_fails_the_gateway(ros: Ros, tmp_path: Path) -> None:
+def test_listener_that_receives_nothing_fails_the_gateway(ros: Ros, tmp_path: Path) -> None:
     listener = "/opt/ros/foxy/lib/demo_nodes_py/listener"
     deaf = StubPackage("ros-foxy-demo-nodes-py", "1.0", files={listener: "#!/bin/sh\necho no middleware\nexit 3\n"})
     others = [package for package in ros_packages("foxy") if package.name != deaf.name]
@@ -84,7 +84,7 @@ def test_a_listener_that_hears_nothing_fails_the_gateway(ros: Ros, tmp_path: Pat
     assert "listener: no middleware" in told["message"]
 
 
-def test_another_system_an_old_key_and_an_empty_archive_are_told_and_change_nothing(ros: Ros, tmp_path: Path) -> None:
+def test_wrong_system_expired_key_or_empty_archive_changes_nothing(ros: Ros, tmp_path: Path) -> None:
     archive = publish(tmp_path / "archive", ros_packages("foxy"), codename="focal", architectures=("arm64",))
     ros.declare(archive)
     told = ros.stand.run()
@@ -97,7 +97,7 @@ def test_another_system_an_old_key_and_an_empty_archive_are_told_and_change_noth
     assert told["changes"] == []
 
 
-def test_a_recording_is_made_kept_and_taken_away(ros: Ros, tmp_path: Path) -> None:
+def test_recording_service_is_installed_records_and_is_removed(ros: Ros, tmp_path: Path) -> None:
     """The unit waits for the VPN's interface, which is not there: its very program is started by hand."""
     every = ros_packages("foxy", more=packages("foxy"))
     ros.declare(publish(tmp_path / "archive", every, codename="focal"))
@@ -121,7 +121,7 @@ def test_a_recording_is_made_kept_and_taken_away(ros: Ros, tmp_path: Path) -> No
     assert ros.stand.run()["changes"] == []
 
 
-def test_a_bridge_to_ros_1_comes_with_its_archive_waits_and_is_taken_away(ros: Ros, tmp_path: Path) -> None:
+def test_ros1_bridge_is_installed_waits_and_is_removed(ros: Ros, tmp_path: Path) -> None:
     """Its program is started by hand, as that of the recording; of ROS 1 there is no more than its set-up file."""
     archive = publish(tmp_path / "archive", ros_packages("foxy", more=ros1_bridge.packages("foxy")), codename="focal")
     ros.declare(archive, ros1_mirror=ros.serve(archive))

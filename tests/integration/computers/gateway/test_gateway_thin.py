@@ -38,7 +38,7 @@ def tools(stand: Stand) -> list[str]:
     return stand.gateway.run(f"ls -A {FOLDER}", check=False).stdout.split()
 
 
-def test_the_tool_goes_over_once_and_again_where_it_is_not_whole(
+def test_tool_is_sent_once_and_again_if_incomplete(
     machine: Start,  # noqa: F811 - a fixture
     technician: Key,  # noqa: F811 - a fixture
     tmp_path: Path,
@@ -97,7 +97,7 @@ def test_an_ordinary_account_becomes_root_by_sudo(
     assert text.count("SSH: EXEC") == len(("configure", "env_conflicts")), "one command a call, and no other"
 
 
-def test_a_power_cut_while_the_tool_is_sent_leaves_nothing_that_a_repeat_does_not_mend(
+def test_power_cut_during_tool_transfer_is_repaired_by_a_repeat(
     machine: Start,  # noqa: F811 - a fixture
     technician: Key,  # noqa: F811 - a fixture
     tmp_path: Path,
@@ -129,7 +129,7 @@ def test_a_power_cut_while_the_tool_is_sent_leaves_nothing_that_a_repeat_does_no
     assert stand.run()["changes"] == []
 
 
-def test_a_full_card_and_a_missing_python_are_told_in_words(
+def test_full_disk_and_missing_python_are_reported(
     machine: Start,  # noqa: F811 - a fixture
     technician: Key,  # noqa: F811 - a fixture
     tmp_path: Path,

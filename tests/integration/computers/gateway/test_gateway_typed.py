@@ -96,7 +96,7 @@ def typed(
     return stand
 
 
-def test_it_is_planned_done_and_done_again(typed: Typed, ground: Lab) -> None:  # noqa: F811 - a fixture
+def test_plan_run_and_repeated_run_are_consistent(typed: Typed, ground: Lab) -> None:  # noqa: F811 - a fixture
     typed.pack()
     bundle = str(typed.folder / "bundle")
     known = typed.known.read_text()
@@ -121,7 +121,7 @@ def test_it_is_planned_done_and_done_again(typed: Typed, ground: Lab) -> None:  
     assert (other["exit"], other["devices"][NAME]["status"]) == (4, "left-as-found"), other["errors"]
 
 
-def test_a_bundle_that_lacks_something_is_refused_before_anything_starts(typed: Typed, ground: Lab) -> None:  # noqa: F811
+def test_incomplete_bundle_is_refused_before_contacting_the_gateway(typed: Typed, ground: Lab) -> None:  # noqa: F811
     typed.pack()
     pilot = typed.inventory / "group_vars/all/pilot.yml"
     pilot.write_text(

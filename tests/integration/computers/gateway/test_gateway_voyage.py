@@ -146,7 +146,7 @@ def voyage(
     return stand
 
 
-def test_all_roles_take_everything_from_the_bundle(voyage: Voyage, ashore: tuple[GitServer, StubArchive, str]) -> None:
+def test_all_roles_install_from_the_bundle_alone(voyage: Voyage, ashore: tuple[GitServer, StubArchive, str]) -> None:
     manifest = voyage.pack()
     asked = len(ashore[0].requests)
     planned = voyage.run("--check")

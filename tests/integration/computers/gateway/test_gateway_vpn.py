@@ -80,7 +80,7 @@ def notice(stand: Stand) -> None:
 UP = f"ip -4 -oneline address show dev tun0 | grep -q 'inet {ADDRESS}/16'"
 
 
-def test_a_gateway_joins_is_refused_and_comes_back(stand: Stand, vpn: Vpn) -> None:
+def test_gateway_joins_is_rejected_and_rejoins_the_vpn(stand: Stand, vpn: Vpn) -> None:
     alone = stand.run()
     assert alone["status"] == "changed", alone["message"]
     assert [note for note in alone["notes"] if "`provision vpn accept file=FILE`" in note]

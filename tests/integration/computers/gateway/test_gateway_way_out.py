@@ -134,7 +134,7 @@ def _load(*, vpn: bool) -> None:
 
 
 @pytest.mark.usefixtures("air")
-def test_with_a_way_to_the_vpn_stations_reach_its_server_and_nothing_else() -> None:
+def test_stations_reach_only_the_vpn_server_through_the_gateway() -> None:
     _load(vpn=True)
     _load(vpn=True)
     assert _asked(SERVER, 1194, 10.0) == "10.64.1.10", "the router knows the gateway alone"
@@ -150,7 +150,7 @@ def test_the_gateway_that_forwards_is_no_router_for_the_lan() -> None:
 
 
 @pytest.mark.usefixtures("air")
-def test_without_it_they_reach_nobody_also_after_it_was_there() -> None:
+def test_without_vpn_forwarding_stations_reach_nothing() -> None:
     _load(vpn=True)
     assert _asked(SERVER, 1194, 10.0)
     _load(vpn=False)

@@ -60,7 +60,7 @@ def changed(by: str, old: str, new: str, rollback_s: int) -> dict[str, Any]:
 
 
 @EVERY
-def test_what_is_declared_comes_and_stays_whatever_is_tried_and_cut(network_stand: NetworkStand, by: str) -> None:
+def test_network_is_applied_and_survives_interruptions_and_power_cuts(network_stand: NetworkStand, by: str) -> None:
     before = network_stand.network()
     code, said = network_stand.run(wanted(by), "--check")
     assert code == 0, said
@@ -95,7 +95,7 @@ def test_what_is_declared_comes_and_stays_whatever_is_tried_and_cut(network_stan
 
 
 @SAMPLED
-def test_what_cuts_the_way_in_is_taken_back(network_stand: NetworkStand, by: str) -> None:
+def test_change_that_cuts_access_is_rolled_back(network_stand: NetworkStand, by: str) -> None:
     """An address where nobody looks for it, an interface without a cable, a gateway that nobody is."""
     before = settled(network_stand, by)
     gateway = network_stand.gateway
@@ -114,7 +114,7 @@ def test_what_cuts_the_way_in_is_taken_back(network_stand: NetworkStand, by: str
     unchanged(network_stand, by)
 
 
-def test_the_role_tells_what_was_not_reached(network_stand: NetworkStand) -> None:
+def test_unreachable_address_is_reported_and_rolled_back(network_stand: NetworkStand) -> None:
     """Here no tool has made the network that comes back: what was done by hand is done again."""
     before = network_stand.network()
     code, said = network_stand.run(changed("networkd", "10.64.1.10", "10.64.1.77", 6))
@@ -132,7 +132,7 @@ KILLED = {"apply": "activ", "back": "activating"}
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("verb", list(KILLED))
-def test_a_kill_while_its_tool_works(network_stand: NetworkStand, verb: str) -> None:
+def test_killed_network_unit_still_ends_in_a_rollback(network_stand: NetworkStand, verb: str) -> None:
     """Of the unit that changes the network, and of the one that takes it back."""
     before = settled(network_stand, "ifupdown")
     gateway = network_stand.gateway

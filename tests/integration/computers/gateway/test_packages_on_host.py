@@ -103,7 +103,7 @@ def board(ground: Lab, machine: Start, technician: Key, tmp_path: Path) -> Board
     return made
 
 
-def test_exactly_what_is_declared_comes_and_the_second_run_finds_nothing_to_do(board: Board) -> None:
+def test_declared_packages_are_installed_and_second_run_is_unchanged(board: Board) -> None:
     board.publish("archive")
     planned = board.run("one=1.0", check=True)
     assert board.gateway.run(f"ls {SOURCE}", check=False).stdout == ""
@@ -122,7 +122,7 @@ def test_exactly_what_is_declared_comes_and_the_second_run_finds_nothing_to_do(b
     assert "--accept-cost" in dear["hint"]
 
 
-def test_a_package_that_cannot_be_set_up_is_told_and_replaced_by_a_better_one(board: Board) -> None:
+def test_package_that_fails_to_configure_is_reported_and_replaceable(board: Board) -> None:
     board.publish("archive")
     assert board.run("one")["changes"][-1] == "package one 2.0"
     told = board.run("broken=1.0")
@@ -150,7 +150,7 @@ def test_a_power_cut_while_a_package_is_set_up_is_finished_by_the_next_run(board
     assert board.gateway.run("dpkg --audit").stdout == ""
 
 
-def test_another_one_at_work_is_named_and_waited_for(board: Board) -> None:
+def test_concurrent_package_manager_is_reported_and_waited_for(board: Board) -> None:
     board.publish("archive")
     board.gateway.put("/srv/slow", "")
     with board.start("slow") as running:
@@ -163,7 +163,7 @@ def test_another_one_at_work_is_named_and_waited_for(board: Board) -> None:
     assert "package one 2.0" in board.run("one")["changes"]
 
 
-def test_a_full_disk_is_told_before_and_while_and_the_next_run_ends(
+def test_full_disk_is_reported_and_next_run_completes(
     ground: Lab,  # noqa: F811 - a fixture
     machine: Start,  # noqa: F811 - a fixture
     technician: Key,  # noqa: F811 - a fixture
@@ -186,7 +186,7 @@ def test_a_full_disk_is_told_before_and_while_and_the_next_run_ends(
     assert board.run("large")["changes"] == []
 
 
-def test_what_a_power_cut_has_spoilt_is_mended(board: Board) -> None:
+def test_packages_damaged_by_a_power_cut_are_repaired(board: Board) -> None:
     board.publish("archive")
     assert board.run("one=1.0", "slow")["versions"].keys() == {"one", "slow"}
     for line in (

@@ -28,7 +28,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
 
 
-def test_from_the_shipped_inventory_an_example_survives_a_gap(capsys: pytest.CaptureFixture[str]) -> None:
+def test_rehearsed_retrieval_survives_an_outage(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["retrieve", "site=coastal", "--rehearse", "link=wifi-ptp"]) == 0
     printed = capsys.readouterr().out
     for words in (
@@ -41,7 +41,7 @@ def test_from_the_shipped_inventory_an_example_survives_a_gap(capsys: pytest.Cap
         assert words in printed
 
 
-def test_a_robot_is_collected_first_and_a_spoilt_copy_is_not_green(
+def test_robot_is_collected_first_and_a_damaged_copy_fails(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     declared: Inventory = with_retrieval(robots=[ROBOT], sources=[{"host": GATEWAY}])

@@ -27,7 +27,7 @@ def on_gateway(made: Ends) -> str:
     return made.gateway.run(f"find {folders} -type f", check=False).stdout
 
 
-def test_a_robot_is_collected_first_and_what_it_gave_stays_when_it_goes(
+def test_robot_data_is_collected_first_and_kept_after_it_leaves(
     ground: Lab,  # noqa: F811 - a fixture
     machine: Start,  # noqa: F811 - a fixture
 ) -> None:

@@ -43,7 +43,7 @@ def test_the_control_centre_converges_twice_and_admits_the_gateway(
 
 
 @pytest.mark.campaign
-def test_a_gateway_converges_twice_and_what_is_declared_no_more_goes(
+def test_gateway_converges_and_removed_retrieval_is_cleaned_up(
     machine: Start,  # noqa: F811 - fixtures
     technician: Key,  # noqa: F811 - fixtures
     tmp_path: Path,

@@ -30,7 +30,7 @@ def asked_by_ssh(pair: Ends, key: Key, folder: Path) -> RetrievalProgram:
     return program_by_ssh(pair.declaration, source_at(pair.declaration, "coastal", pair.source)[0], request)
 
 
-def test_a_transfer_is_whole_survives_a_cut_and_is_mended(
+def test_transfer_is_complete_survives_a_cut_and_repairs_damage(
     pair: Ends,
     technician: Key,  # noqa: F811 - a fixture
     tmp_path: Path,
@@ -75,7 +75,7 @@ def test_a_transfer_is_whole_survives_a_cut_and_is_mended(
     assert pair.sent() - start < 0.3 * MB, "and mended by the blocks that differ"
 
 
-def test_it_ends_when_it_is_told_or_has_sent_enough_and_nothing_else_is_admitted(pair: Ends) -> None:
+def test_transfer_stops_on_request_or_limit_and_checks_the_host_key(pair: Ends) -> None:
     pair.record("a.db3", 2 * MB)
     start = pair.sent()
     pair.start(cap=600_000)
@@ -117,7 +117,7 @@ def test_it_ends_when_it_is_told_or_has_sent_enough_and_nothing_else_is_admitted
 
 
 @pytest.mark.campaign
-def test_a_gap_of_70_s_and_a_power_cut_as_they_are(pair: Ends) -> None:
+def test_transfer_survives_a_70_s_outage_and_a_power_cut(pair: Ends) -> None:
     pair.record("a.db3", 6 * MB)
     start = pair.sent()
     pair.start(rate_bps=2 * MB, silence_s=120)

@@ -65,7 +65,7 @@ def install(centre: Machine) -> None:
     centre.run(f"tar -C {there} -xf /root/cyclonedds.tar && rm /root/cyclonedds.tar")
 
 
-def test_a_control_centre_listens(
+def test_control_centre_listens_for_robots(
     ground: Lab,  # noqa: F811 - fixtures
     machine: Start,  # noqa: F811
     technician: Key,  # noqa: F811

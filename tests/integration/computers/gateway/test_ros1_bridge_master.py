@@ -109,7 +109,7 @@ def children(process: subprocess.Popen[str]) -> list[str]:
     return found.stdout.split()
 
 
-def test_it_waits_for_the_master_and_gives_it_the_topics(ground: Ground, tmp_path: Path) -> None:
+def test_bridge_waits_for_the_master_and_sets_the_topics(ground: Ground, tmp_path: Path) -> None:
     bridge = ground.start("sh", str(program(tmp_path, *TOPICS)))
     assert bridge.stdout is not None
     assert bridge.stdout.readline() == f"waiting for the master of ROS 1 at {URI}\n"
@@ -133,7 +133,7 @@ def test_it_waits_for_the_master_and_gives_it_the_topics(ground: Ground, tmp_pat
     wait_until(lambda: not children(bridge), lambda: "the bridge goes with it")
 
 
-def test_another_master_ends_it_so_that_it_is_started_anew(ground: Ground, tmp_path: Path) -> None:
+def test_bridge_exits_when_another_master_starts(ground: Ground, tmp_path: Path) -> None:
     first = ground.master()
     bridge = ground.start("sh", str(program(tmp_path)))
     assert said(tmp_path)[0] == "words run ros1_bridge dynamic_bridge --bridge-all-topics"

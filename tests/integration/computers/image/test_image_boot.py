@@ -152,7 +152,7 @@ def booted(machine: Machine, device: Path, root: Path, port: int) -> Iterator[Gu
             qemu.kill()
 
 
-def test_the_card_boots_with_the_declared_name_and_keys_and_without_the_password(
+def test_card_boots_with_declared_name_and_keys_and_without_password(
     machine: Machine, debian: Path, tmp_path: Path
 ) -> None:
     key = paramiko.ECDSAKey.generate()
@@ -205,5 +205,5 @@ def _look(guest: Guest, key: paramiko.PKey) -> None:
         guest.login(password=PASSWORD)
 
 
-def test_what_the_test_needs_is_there(machine: Machine) -> None:
+def test_required_programs_are_installed(machine: Machine) -> None:
     assert all(shutil.which(name) for name in ("mmdebstrap", machine.qemu[0]))

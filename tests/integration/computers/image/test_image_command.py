@@ -78,7 +78,7 @@ def desk(
         yield Desk(card, shown, tmp_path / "state", words, capsys)
 
 
-def test_a_card_is_made(desk: Desk) -> None:
+def test_card_is_written(desk: Desk) -> None:
     code, out, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     assert code == 0, err
     assert f"USB, serial {SERIAL}" in out
@@ -94,7 +94,7 @@ def test_a_card_is_made(desk: Desk) -> None:
     assert list(desk.state.parent.glob("atlantis-image-*")) == []
 
 
-def test_json(desk: Desk, vendors: Path) -> None:
+def test_json_output(desk: Desk, vendors: Path) -> None:
     code, out, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes", "--json")
     told = json.loads(out)
     assert (code, err, told["exit"]) == (0, "", 0)
@@ -139,7 +139,7 @@ def test_example_values_make_an_image_and_no_card(desk: Desk, tmp_path: Path) ->
         ([f"serial={SERIAL}", "--yes", "sha256=12"], "`12` is no SHA-256"),
     ],
 )
-def test_refused_and_nothing_written(desk: Desk, more: list[str], said: str) -> None:
+def test_invalid_target_is_refused_and_nothing_is_written(desk: Desk, more: list[str], said: str) -> None:
     code, _, err = desk.type(f"to={desk.card.device}", *more)
     assert code == 3
     assert said in err
@@ -147,9 +147,7 @@ def test_refused_and_nothing_written(desk: Desk, more: list[str], said: str) -> 
     assert desk.receipts == []
 
 
-def test_programs_that_are_missing_are_told_before_anything_is_unpacked(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_programs_are_reported_before_unpacking(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     def unpacked(*_given: object) -> None:
         raise AssertionError("it was unpacked")
 
@@ -162,7 +160,7 @@ def test_programs_that_are_missing_are_told_before_anything_is_unpacked(
     assert desk.untouched
 
 
-def test_a_refused_disk(desk: Desk) -> None:
+def test_disk_in_use_by_this_computer_is_refused(desk: Desk) -> None:
     desk.tree.mount(desk.card.number, "/home", "/dev/sdb")
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     assert code == 3
@@ -170,7 +168,7 @@ def test_a_refused_disk(desk: Desk) -> None:
     assert desk.untouched
 
 
-def test_a_card_that_was_changed_while_the_image_was_made(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_card_swapped_during_image_preparation_is_refused(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     real = customise
 
     def swapped(*given: object) -> tuple[str, ...]:
@@ -201,7 +199,7 @@ class Keyboard(io.StringIO):
     ],
     ids=["serial", "yes", "end of input"],
 )
-def test_a_person_types_the_serial(
+def test_serial_must_be_typed_to_confirm(
     desk: Desk, monkeypatch: pytest.MonkeyPatch, typed: str, code: int, said: str
 ) -> None:
     monkeypatch.setattr("sys.stdin", Keyboard(typed))
@@ -211,7 +209,7 @@ def test_a_person_types_the_serial(
     assert desk.untouched is (code != 0)
 
 
-def test_stopped_before_a_card_was_touched(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_before_writing_leaves_the_card_untouched(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(*_given: object) -> tuple[str, ...]:
         raise KeyboardInterrupt
 
@@ -223,20 +221,20 @@ def test_stopped_before_a_card_was_touched(desk: Desk, monkeypatch: pytest.Monke
     assert list(desk.state.parent.glob("atlantis-image-*")) == []
 
 
-def test_other_hosts_have_no_card(desk: Desk) -> None:
+def test_card_for_an_unsupported_host_is_refused(desk: Desk) -> None:
     desk.words[2] = "host=coastal-router"
     code, _, err = desk.type("--image-only", "x")
     assert code == 3
     assert "`coastal-router` is a router: cards are made for gateways, control centres and operator stations" in err
 
 
-def test_where_to_is_asked_for(desk: Desk) -> None:
+def test_missing_target_is_refused(desk: Desk) -> None:
     code, _, err = desk.type()
     assert code == 3
     assert "where shall the image go?" in err
 
 
-def test_a_failure_is_on_record(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_write_is_recorded(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(_descriptor: int, _data: memoryview, _at: int) -> int:
         raise OSError(5, "Input/output error")
 

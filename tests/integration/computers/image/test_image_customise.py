@@ -41,7 +41,7 @@ def cat(image: Path, path: str) -> str:
     return subprocess.run(asked, check=True, capture_output=True, text=True).stdout
 
 
-def test_the_image_is_that_of_the_host(image: Path) -> None:
+def test_image_is_customised_for_the_host(image: Path) -> None:
     assert customise(image, N2, WISH) == ()
     assert cat(image, "/etc/hostname") == "coastal-gateway\n"
     assert cat(image, "/root/.ssh/authorized_keys") == f"{KEY}\n"
@@ -57,7 +57,7 @@ def test_the_image_is_that_of_the_host(image: Path) -> None:
     assert status.target == "/usr/share/zoneinfo/Europe/Lisbon"
 
 
-def test_the_gap_and_the_fat_partition_are_kept(image: Path, tmp_path: Path) -> None:
+def test_boot_gap_and_fat_partition_are_preserved(image: Path, tmp_path: Path) -> None:
     before = image.read_bytes()[:BOOT_AT]
     customise(image, N2, WISH)
     assert image.read_bytes()[:BOOT_AT] == before
@@ -66,7 +66,7 @@ def test_the_gap_and_the_fat_partition_are_kept(image: Path, tmp_path: Path) -> 
     assert "made for coastal-gateway of site coastal" in (tmp_path / "ATLANTIS.TXT").read_text()
 
 
-def test_twice_is_as_once(image: Path) -> None:
+def test_customising_twice_changes_nothing(image: Path) -> None:
     customise(image, N2, WISH)
     paths = [
         *("/etc/hosts", "/etc/shadow", "/etc/ssh/sshd_config"),
@@ -79,7 +79,7 @@ def test_twice_is_as_once(image: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="root becomes an ordinary user here; the others are one already")
-def test_an_ordinary_user_can_do_it(image: Path, tmp_path: Path) -> None:
+def test_unprivileged_user_can_customise_an_image(image: Path, tmp_path: Path) -> None:
     """As `nobody`, in a directory of its own; the modes and owners inside are root's nevertheless."""
     place = tmp_path / "own"
     place.mkdir()
@@ -109,12 +109,12 @@ def test_an_ordinary_user_can_do_it(image: Path, tmp_path: Path) -> None:
     assert (status.mode, status.owner) == (0o600, (0, 0))
 
 
-def test_a_plain_image_has_one_ext4(image: Path) -> None:
+def test_plain_ext4_image_is_customised(image: Path) -> None:
     customise(image, PLAIN, WISH)
     assert cat(image, "/etc/hostname") == "coastal-gateway\n"
 
 
-def test_a_gpt_image(tmp_path: Path) -> None:
+def test_gpt_image_is_customised(tmp_path: Path) -> None:
     image, root = tmp_path / "gpt.img", tree(tmp_path / "root")
     with image.open("wb") as file:
         file.truncate(40 * 2**20)
@@ -144,7 +144,7 @@ def test_an_image_of_another_kind_is_refused(image: Path, at: int, data: bytes, 
         customise(image, N2, WISH)
 
 
-def test_a_full_file_system_is_told(tmp_path: Path) -> None:
+def test_full_file_system_is_reported(tmp_path: Path) -> None:
     """debugfs ends with 0 also where it could not write: reading back finds it."""
     image = disk(tmp_path / "full.img", tree(tmp_path / "root"), root_mib=4)
     root = Ext4(image, ROOT_AT)
@@ -155,7 +155,7 @@ def test_a_full_file_system_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "edit", [ImageFile("/etc/a b", b""), ImageFile("/etc/../x", b""), Remove('/etc/"x"'), ImageFile("etc/x", b"")]
 )
-def test_a_path_that_debugfs_could_take_apart_is_refused(image: Path, edit: Edit) -> None:
+def test_path_that_debugfs_would_misparse_is_refused(image: Path, edit: Edit) -> None:
     with pytest.raises(ImageError, match="cannot be the path of a file"):
         Ext4(image, ROOT_AT).apply([edit])
 
@@ -177,7 +177,7 @@ def test_a_missing_program_is_named(image: Path, monkeypatch: pytest.MonkeyPatch
         ("/etc/systemd", "/usr/share/systemd"),
     ],
 )
-def test_a_link_in_the_place_of_a_file_or_folder_is_named(tmp_path: Path, path: str, target: str) -> None:
+def test_symlink_in_place_of_a_file_or_folder_is_refused(tmp_path: Path, path: str, target: str) -> None:
     """debugfs edits the link, and what is read back is something else: that is no full file system."""
     root = tree(tmp_path / "root")
     aside = root / (Path("/etc") / target).resolve().relative_to("/")
@@ -193,7 +193,7 @@ def test_a_link_in_the_place_of_a_file_or_folder_is_named(tmp_path: Path, path: 
     assert cat(image, "/etc/hostname") == "odroid\n"
 
 
-def test_a_link_on_the_way_is_followed(tmp_path: Path) -> None:
+def test_symlink_in_a_parent_path_is_followed(tmp_path: Path) -> None:
     root = tree(tmp_path / "root")
     (root / "var" / "home" / "odroid").mkdir(parents=True)
     (root / "home").symlink_to("var/home")
@@ -208,7 +208,7 @@ def test_a_feature_that_debugfs_cannot_edit_is_named(tmp_path: Path) -> None:
         customise(image, N2, WISH)
 
 
-def test_a_feature_that_nobody_here_knows_is_no_damage(tmp_path: Path) -> None:
+def test_unknown_file_system_feature_is_not_reported_as_damage(tmp_path: Path) -> None:
     """Bit 31 of the incompatible features: e2fsck says that it wants a newer e2fsck."""
     image = disk(tmp_path / "gw.img", tree(tmp_path / "root"), features="^metadata_csum")
     with image.open("r+b") as file:
@@ -239,7 +239,7 @@ def cloud_init_runs(image: Path, folder: Path, words: str = "") -> bool:
 
 
 @pytest.mark.parametrize("by", ["etc/cloud/cloud.cfg", "etc/cloud/cloud-init.enabled"])
-def test_cloud_init_itself_says_that_it_does_nothing(tmp_path: Path, by: str) -> None:
+def test_cloud_init_is_disabled(tmp_path: Path, by: str) -> None:
     image = disk(tmp_path / "gw.img", tree(tmp_path / "root", {**ROOT, by: "x: y\n"}))
     assert cloud_init_runs(image, tmp_path / "before")
     customise(image, N2, WISH)
@@ -247,7 +247,7 @@ def test_cloud_init_itself_says_that_it_does_nothing(tmp_path: Path, by: str) ->
     assert cloud_init_runs(image, tmp_path / "told", "quiet cloud-init=enabled"), "why such an image is refused"
 
 
-def test_cloud_init_does_not_come_back(tmp_path: Path) -> None:
+def test_cloud_init_stays_disabled(tmp_path: Path) -> None:
     files = {**ROOT, "etc/cloud/cloud.cfg": "preserve_hostname: false\n"}
     image = disk(tmp_path / "gw.img", tree(tmp_path / "root", files))
     assert "cloud-init of the image is switched off" in customise(image, N2, WISH)[0]

@@ -73,7 +73,7 @@ CASES: dict[str, tuple[Callable[[Tree], object], str]] = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_refused(name: str, tmp_path: Path) -> None:
+def test_unsuitable_disk_is_refused_with_the_reason(name: str, tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     make, said = CASES[name]
     make(tree)
@@ -85,7 +85,7 @@ def test_refused(name: str, tmp_path: Path) -> None:
     assert any(re.fullmatch(said, line.strip()) for line in why), why
 
 
-def test_all_reasons_are_told_together(tmp_path: Path) -> None:
+def test_all_reasons_are_reported_together(tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     disk = tree.disk(bus=SATA, size=10**6)
     disk.say(ro="1")
@@ -99,7 +99,7 @@ def test_all_reasons_are_told_together(tmp_path: Path) -> None:
     ("bus", "serial", "kind"),
     [(USB, "20090516388200", DeviceBus.USB), (SLOT, "0x5f2b1c3d", DeviceBus.MMC), (USB, "", DeviceBus.USB)],
 )
-def test_a_card_is_admitted(bus: str, serial: str, kind: DeviceBus, tmp_path: Path) -> None:
+def test_card_is_accepted(bus: str, serial: str, kind: DeviceBus, tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     disk = tree.disk(bus=bus)
     if serial:

@@ -51,7 +51,7 @@ def put(image: Path, card: Card, parts: tuple[Segment, ...] | None = None) -> tu
     return write(image, segments(image, SIZE) if parts is None else parts, card, told.append), told
 
 
-def test_the_card_is_the_image_and_nothing_shines_through(tmp_path: Path, image: Path, used: LoopCard) -> None:
+def test_card_equals_the_image_and_rest_is_unchanged(tmp_path: Path, image: Path, used: LoopCard) -> None:
     written, told = put(image, shown(tmp_path, used))
     assert used.device.read_bytes()[:SIZE] == image.read_bytes()
     assert used.file.read_bytes()[SIZE:] == (OLD * (MIB // len(OLD) + 1))[:MIB] * 8
@@ -70,7 +70,7 @@ def test_writing_again_writes_no_zeros(tmp_path: Path, image: Path, used: LoopCa
     assert used.device.read_bytes()[:SIZE] == image.read_bytes()
 
 
-def test_what_a_block_map_leaves_out_is_neither_written_nor_read(tmp_path: Path, image: Path, used: LoopCard) -> None:
+def test_blocks_outside_the_block_map_are_neither_written_nor_read(tmp_path: Path, image: Path, used: LoopCard) -> None:
     parts = segments(image, SIZE, [(0, 4 * MIB)])
     written, _ = put(image, shown(tmp_path, used), parts)
     after, wanted = used.device.read_bytes(), image.read_bytes()
@@ -103,7 +103,7 @@ class Stopped:
 
 
 @pytest.mark.parametrize("step", [WriterStep.CLEARING, WriterStep.WRITING, WriterStep.COMPARING])
-def test_a_card_that_was_stopped_does_not_boot(step: WriterStep, tmp_path: Path, image: Path, used: LoopCard) -> None:
+def test_interrupted_card_does_not_boot(step: WriterStep, tmp_path: Path, image: Path, used: LoopCard) -> None:
     card = shown(tmp_path, used)
     with pytest.raises(CardWriteError, match=r"it was stopped. Its first block is empty") as caught:
         write(image, segments(image, SIZE), card, Stopped(step))
@@ -143,7 +143,7 @@ def test_a_kill_before_the_end_leaves_a_card_that_does_not_boot(tmp_path: Path, 
     assert after[2 * MIB : 3 * MIB] == image.read_bytes()[2 * MIB : 3 * MIB]
 
 
-def test_a_card_that_does_not_keep_what_it_is_given(
+def test_card_that_loses_data_is_detected(
     tmp_path: Path, image: Path, used: LoopCard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a card that claims more room than it has: what was written at one place is gone when it is read back."""
@@ -160,7 +160,7 @@ def test_a_card_that_does_not_keep_what_it_is_given(
     assert used.device.read_bytes()[:MIB] == bytes(MIB)
 
 
-def test_an_error_of_the_card_is_told(
+def test_write_error_of_the_card_is_reported(
     tmp_path: Path, image: Path, used: LoopCard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     card = shown(tmp_path, used)

@@ -46,7 +46,7 @@ def test_the_campaign_shortened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert sum(line.startswith("| 128 B ") for line in lines) == 2
 
 
-def test_the_full_grids_are_those_of_the_tables() -> None:
+def test_full_grid_has_all_cells() -> None:
     grid = cells(60.0)
     assert len(grid) == 3 * 4 + 6 * 4
     assert len({cell.stream for cell in grid}) == len(grid)

@@ -36,7 +36,7 @@ def test_a_modem_answers_another_client() -> None:
         assert twin.forbidden == []
 
 
-def test_a_modem_counts_what_it_must_never_be_sent() -> None:
+def test_modem_counts_forbidden_commands() -> None:
     with RunningEvologics(EvologicsSpec(hears=())) as twin, AtClient(twin.host, twin.port) as client:
         for command in ("AT!L0", "AT@CTRL", "AT&W", "ATZ0", "ATC", "AT*SEND,5,2,hello"):
             client.send(f"+++{command}\n".encode())
@@ -50,7 +50,7 @@ def test_a_modem_counts_what_it_must_never_be_sent() -> None:
 
 
 @pytest.mark.parametrize("in_water", [True, False])
-def test_a_message_is_damage_in_air(in_water: bool) -> None:  # noqa: FBT001 - a case
+def test_message_sent_in_air_is_counted(in_water: bool) -> None:  # noqa: FBT001 - a case
     text = "a\n\x00+"
     with RunningEvologics(EvologicsSpec(in_water=in_water, hears=())) as twin, AtClient(twin.host, twin.port) as client:
         assert client.ask(f"AT*SENDIM,{len(text)},2,ack,{text}") == b"OK"
@@ -61,7 +61,7 @@ def test_a_message_is_damage_in_air(in_water: bool) -> None:  # noqa: FBT001 - a
         assert twin.transmitted_in_air == ([] if in_water else twin.transmitted)
 
 
-def test_a_modem_has_one_seat() -> None:
+def test_modem_accepts_one_client_by_default() -> None:
     with RunningEvologics(EvologicsSpec()) as twin, AtClient(twin.host, twin.port) as first:
         assert first.ask("AT?AL") == b"1"
         with Wire(twin.host, twin.port) as second:
@@ -69,7 +69,7 @@ def test_a_modem_has_one_seat() -> None:
         assert first.ask("AT?AL") == b"1"
 
 
-def test_a_modem_may_have_many() -> None:
+def test_modem_can_accept_several_clients() -> None:
     with RunningEvologics(EvologicsSpec(seats=None)) as twin, AtClient(twin.host, twin.port) as first:
         with AtClient(twin.host, twin.port) as second:
             assert second.ask("AT?AL") == b"1"
@@ -92,7 +92,7 @@ def test_a_beacon_answers_another_client() -> None:
         assert (twin.forbidden, twin.damaged, twin.transmitted, twin.transmitted_in_air) == ([], [], [2, 3], [])
 
 
-def test_a_beacon_counts_what_it_must_never_be_sent() -> None:
+def test_beacon_counts_forbidden_commands() -> None:
     with RunningSeatrac(SeatracSpec(hears=())) as twin, BeaconClient(twin.host, twin.port) as client:
         for number in (0x03, 0x0D, 0x12, 0x16, 0x18, 0x19, 0x20, 0x22, 0x48, 0x60):
             client.order(number)
@@ -103,7 +103,7 @@ def test_a_beacon_counts_what_it_must_never_be_sent() -> None:
 
 
 @pytest.mark.parametrize(("busy", "expected"), [(True, 0x30), (False, 0x00)])
-def test_a_busy_beacon_pings_nobody(busy: bool, expected: int) -> None:  # noqa: FBT001 - a case
+def test_busy_beacon_sends_no_ping(busy: bool, expected: int) -> None:  # noqa: FBT001 - a case
     spec = SeatracSpec(busy=busy, hears=(), in_water=True)
     with RunningSeatrac(spec) as twin, BeaconClient(twin.host, twin.port) as client:
         client.order(0x40, bytes([2, 4]))
@@ -159,7 +159,7 @@ ASKED: dict[str, tuple[tuple[str, str, str], tuple[Twin, ...], list[str]]] = {
 }
 
 
-def test_probes_through_the_real_ear() -> None:
+def test_probes_judge_the_emulators_over_real_connections() -> None:
     declaration = load(ROOT / "inventory")
     probes = {name: _probe(declaration, *which) for name, (which, _, _) in ASKED.items()}
     with ExitStack() as running:
@@ -198,7 +198,7 @@ class Ears:
         return await ask_here(led, heard)
 
 
-def test_a_modem_with_one_seat_serves_all_who_want_to_know(tmp_path: Path) -> None:
+def test_single_client_modem_is_shared_by_all_checks(tmp_path: Path) -> None:
     """Both columns, the fleet and what transmits: no twin is ever opened by two at a time, and each is read once."""
     declaration = load(ROOT / "inventory")
     twins: dict[str, Twin] = {
@@ -227,7 +227,7 @@ def test_a_modem_with_one_seat_serves_all_who_want_to_know(tmp_path: Path) -> No
     assert [(twin.forbidden, len(twin.transmitted)) for twin in twins.values()] == [([], 1), ([], 1), ([], 1), ([], 0)]
 
 
-def test_who_leaves_makes_room_for_who_comes() -> None:
+def test_disconnected_client_frees_the_modem() -> None:
     """Also one who leaves in the middle of an answer: nobody is turned away, and the twin goes on."""
     with RunningEvologics(EvologicsSpec(fix_every_s=0.001)) as twin:
         for _ in range(20):

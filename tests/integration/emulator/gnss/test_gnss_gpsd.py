@@ -85,7 +85,7 @@ EXPECTED = {
 }
 
 
-def test_receivers_are_judged_alike_behind_gpsd_and_behind_its_twin() -> None:
+def test_receivers_get_the_same_verdict_from_gpsd_and_emulator() -> None:
     """Each mood behind the real gpsd, and the same behind the twin, all listened to at once."""
     with ExitStack() as stack:
         real, twin = {}, {}
@@ -99,7 +99,7 @@ def test_receivers_are_judged_alike_behind_gpsd_and_behind_its_twin() -> None:
     assert {mood: codes(found[f"{mood}, twin"]) for mood in MOODS} == EXPECTED
 
 
-def test_a_gpsd_without_its_receiver_says_so() -> None:
+def test_missing_receiver_is_reported() -> None:
     gone = "tcp://127.0.0.1:1"
     with gpsd(gone, at_once=False) as port, RunningGpsd(GnssSpec(device=False)) as twin:
         found = judged(
@@ -108,7 +108,7 @@ def test_a_gpsd_without_its_receiver_says_so() -> None:
     assert codes(found["real"]) == codes(found["twin"]) == ["FAIL device-missing"]
 
 
-def test_gpsds_own_client_reads_the_twin() -> None:
+def test_gpspipe_reads_json_from_the_emulator() -> None:
     with RunningGpsd(GnssSpec(every_s=0.02, status=2)) as twin:
         words = [program("gpspipe"), "-w", "-n", "9", f"{twin.host}:{twin.port}"]
         ran = subprocess.run(words, env=environment(), capture_output=True, text=True, check=True)
@@ -118,7 +118,7 @@ def test_gpsds_own_client_reads_the_twin() -> None:
     assert [(one["mode"], one["status"]) for one in objects if one["class"] == "TPV"] == [(3, 2)] * 3
 
 
-def test_gpsds_own_client_reads_sentences_from_the_twin() -> None:
+def test_gpspipe_reads_sentences_from_the_emulator() -> None:
     with RunningGpsd(GnssSpec(every_s=0.02)) as twin:
         words = [program("gpspipe"), "-r", "-n", "9", f"{twin.host}:{twin.port}"]
         ran = subprocess.run(words, env=environment(), capture_output=True, text=True, check=True)
@@ -176,7 +176,7 @@ def _until_polled(lines: Iterator[bytes]) -> Iterator[bytes]:
             yield line
 
 
-def test_the_twin_answers_word_for_word_as_gpsd_does() -> None:
+def test_emulator_responses_equal_those_of_gpsd() -> None:
     with (
         RunningNmea(GnssSpec()) as receiver,
         gpsd(f"tcp://127.0.0.1:{receiver.port}") as port,

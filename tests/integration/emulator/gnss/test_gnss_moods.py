@@ -57,7 +57,7 @@ def listened(name: str, spec: GnssSpec) -> float | None:
     return LONG_S if until_the_end else None
 
 
-def test_every_mood_is_told_as_what_it_is() -> None:
+def test_every_mood_gets_its_verdict() -> None:
     """All of them at once; none is sent what a receiver must not be sent."""
     running: list[RunningGpsd | RunningNmea | RunningNmeaPort] = []
     asked = {}
@@ -78,6 +78,6 @@ def test_every_mood_is_told_as_what_it_is() -> None:
     assert {name: codes(one) for name, one in found.items()} == {name: case[2] for name, case in CASES.items()}
 
 
-def test_a_serial_port_that_is_not_there_is_missing() -> None:
+def test_missing_serial_port_is_reported() -> None:
     found = judged({"gone": Asked(SERIAL, path="/dev/ttyEXAMPLE")})["gone"]
     assert codes(found) == ["FAIL device-missing"]

@@ -30,14 +30,14 @@ def test_root_logs_in_with_the_key_at_the_pinned_host(gateway: Machine, key: par
     assert gateway.traffic.connections == 1
 
 
-def test_nobody_logs_in_with_a_password(gateway: Machine) -> None:
+def test_password_login_is_refused(gateway: Machine) -> None:
     gateway.run("chpasswd", input="root:odroid\n")
     with client(gateway) as one, pytest.raises(paramiko.BadAuthenticationType) as caught:
         one.connect("127.0.0.1", gateway.port, "root", "odroid", allow_agent=False, look_for_keys=False)
     assert caught.value.allowed_types == ["publickey"]
 
 
-def test_the_bearers_delay_is_in_every_round_trip(gateway: Machine, key: paramiko.PKey) -> None:
+def test_link_delay_is_in_every_round_trip(gateway: Machine, key: paramiko.PKey) -> None:
     gateway.link(delay_s=0.05)
     begin = time.monotonic()
     assert ssh(gateway, key, "echo far") == "far\n"
@@ -45,18 +45,18 @@ def test_the_bearers_delay_is_in_every_round_trip(gateway: Machine, key: paramik
 
 
 @pytest.mark.parametrize("way", ["ssh", "run"])
-def test_it_cannot_set_the_clock_of_this_computer(gateway: Machine, key: paramiko.PKey, way: str) -> None:
+def test_machine_cannot_set_the_host_clock(gateway: Machine, key: paramiko.PKey, way: str) -> None:
     said = ssh(gateway, key, _READ_BOUNDING_SET) if way == "ssh" else gateway.run(_READ_BOUNDING_SET).stdout
     assert int(said.split()[1], 16) & _SYS_TIME == 0
 
 
-def test_what_a_gateways_network_needs_is_allowed(gateway: Machine) -> None:
+def test_machine_may_forward_and_create_tunnels(gateway: Machine) -> None:
     assert gateway.run("sysctl -nw net.ipv4.ip_forward=1").stdout == "1\n"
     gateway.run("ip tuntap add mode tun name tun0 && ip link set tun0 up")
     assert gateway.run("ip -br link show tun0").stdout.startswith("tun0 ")
 
 
-def test_commands_get_input_and_tell_their_failure(gateway: Machine) -> None:
+def test_commands_get_input_and_report_failure(gateway: Machine) -> None:
     gateway.put("/etc/atlantis/new folder/file", "text\n", mode="0600")
     assert gateway.run("cat", input="in\n").stdout == "in\n"
     assert gateway.run("stat -c %a '/etc/atlantis/new folder/file'").stdout == "600\n"
@@ -65,7 +65,7 @@ def test_commands_get_input_and_tell_their_failure(gateway: Machine) -> None:
         gateway.run("ls /none")
 
 
-def test_a_spare_interface_and_a_network_of_its_own_making(ground: Lab, bare: Path, key: paramiko.PKey) -> None:
+def test_spare_interface_on_an_unconfigured_machine(ground: Lab, bare: Path, key: paramiko.PKey) -> None:
     keys = (f"{key.get_name()} {key.get_base64()}",)
     one = ground.start(
         *("robot", bare), address=ADDRESS, gateway=ROUTER, keys=keys, spare="eth1", is_configured=False, wait_s=None
@@ -78,7 +78,7 @@ def test_a_spare_interface_and_a_network_of_its_own_making(ground: Lab, bare: Pa
     assert ssh(one, key, "ip -br link show eth1").startswith("eth1@")
 
 
-def test_machines_of_a_yard_and_its_servers_reach_each_other(
+def test_machines_and_servers_of_a_lab_reach_each_other(
     gateway: Machine, ground: Lab, bare: Path, tmp_path: Path
 ) -> None:
     other = ground.start("other", bare, address="10.64.2.10/24", gateway="10.64.2.1", wait_s=None)
@@ -98,6 +98,6 @@ def test_machines_of_a_yard_and_its_servers_reach_each_other(
     ]
 
 
-def test_one_name_stands_once(gateway: Machine, ground: Lab, bare: Path) -> None:
+def test_machine_name_is_unique(gateway: Machine, ground: Lab, bare: Path) -> None:
     with pytest.raises(MachineError, match=f"{gateway.name} stands in this yard already"):
         ground.start(gateway.name, bare, address=ADDRESS, gateway=ROUTER)

@@ -68,7 +68,7 @@ def _await_nothing(name: str) -> None:
     wait_until(lambda: not left(name), lambda: left(name))
 
 
-def test_a_block_that_fails(bare: Path, tmp_path: Path) -> None:
+def test_failing_block_leaves_nothing_behind(bare: Path, tmp_path: Path) -> None:
     names = []
 
     def fail() -> None:
@@ -85,12 +85,12 @@ def test_a_block_that_fails(bare: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_an_owner_that_is_ended(owner: Owner, number: signal.Signals) -> None:
+def test_terminated_owner_leaves_nothing_behind(owner: Owner, number: signal.Signals) -> None:
     owner.end(number)
     _await_nothing(owner.yard)
 
 
-def test_a_killed_owner_whose_fork_lives_on(bare: Path, tmp_path: Path) -> None:
+def test_killed_owner_with_a_living_fork_leaves_nothing_behind(bare: Path, tmp_path: Path) -> None:
     owner = Owner(tmp_path / "owner", bare, "with a worker")
     try:
         owner.end(signal.SIGKILL)
@@ -101,7 +101,7 @@ def test_a_killed_owner_whose_fork_lives_on(bare: Path, tmp_path: Path) -> None:
         owner.process.communicate()
 
 
-def test_an_owner_that_is_killed_with_its_reaper_is_swept_by_the_next_yard(owner: Owner, tmp_path: Path) -> None:
+def test_next_lab_removes_leftovers_of_a_killed_owner_and_reaper(owner: Owner, tmp_path: Path) -> None:
     assert left(owner.yard)
     os.kill(owner.reaper(), signal.SIGKILL)
     owner.end(signal.SIGKILL)
@@ -109,7 +109,7 @@ def test_an_owner_that_is_killed_with_its_reaper_is_swept_by_the_next_yard(owner
         _await_nothing(owner.yard)  # another test's yard may have begun to sweep it before ours
 
 
-def test_yards_of_other_owners_stand_beside_it(owner: Owner, gateway: Machine, ground: Lab, tmp_path: Path) -> None:
+def test_labs_of_other_owners_are_left_alone(owner: Owner, gateway: Machine, ground: Lab, tmp_path: Path) -> None:
     with open_lab(tmp_path / "third") as third:
         names = {owner.yard, ground.name, third.name}
         assert len(names) == 3
@@ -120,7 +120,7 @@ def test_yards_of_other_owners_stand_beside_it(owner: Owner, gateway: Machine, g
     assert owner.process.poll() is None
 
 
-def test_a_killed_build_is_thrown_away_but_not_what_is_mounted_in_it(
+def test_killed_build_is_discarded_but_not_files_mounted_in_it(
     bare: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert bare.is_dir()  # machines run here
@@ -138,7 +138,7 @@ def test_a_killed_build_is_thrown_away_but_not_what_is_mounted_in_it(
     assert str(ours) not in Path("/proc/self/mountinfo").read_text()
 
 
-def test_a_stopped_machine_is_gone_before_its_yard(gateway: Machine, ground: Lab) -> None:
+def test_stopped_machine_is_removed_before_its_lab(gateway: Machine, ground: Lab) -> None:
     gateway.stop()
     running = subprocess.run(["ip", "netns", "pids", ground.name], capture_output=True, text=True, check=True)
     assert running.stdout == ""

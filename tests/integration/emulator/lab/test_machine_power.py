@@ -15,7 +15,7 @@ _SYNCED = "import os; f = open('/root/kept', 'w'); f.write('kept\\n'); f.flush()
 _WRITE = "import errno; f = open('/root/more', 'w')\ntry: f.write('x' * 100000); f.flush()\nexcept OSError as e: print(errno.errorcode[e.errno])"  # noqa: E501 - one program
 
 
-def test_what_was_synced_outlives_a_power_cut_and_processes_do_not(gateway: Machine, key: paramiko.PKey) -> None:
+def test_synced_files_survive_a_power_cut_and_processes_do_not(gateway: Machine, key: paramiko.PKey) -> None:
     host, card = gateway.host_key, gateway.run("cat /etc/machine-id /sys/class/net/eth0/address").stdout
     gateway.run(f'python3 -c "{_SYNCED}"')
     gateway.run("systemd-run --quiet --unit=busy sleep infinity")
@@ -31,7 +31,7 @@ def test_what_was_synced_outlives_a_power_cut_and_processes_do_not(gateway: Mach
     assert gateway.host_key == host
 
 
-def test_nobody_hears_of_a_power_cut(gateway: Machine) -> None:
+def test_power_cut_closes_no_connection(gateway: Machine) -> None:
     """The end of a connection would be read before the reset that the machine answers with once it is up again."""
     with socket.create_connection(("127.0.0.1", gateway.port), HANG_S) as caller:
         assert caller.recv(4) == b"SSH-"
@@ -44,7 +44,7 @@ def test_nobody_hears_of_a_power_cut(gateway: Machine) -> None:
             caller.recv(1024)
 
 
-def test_a_reboot_from_inside_ends_it_until_it_gets_power(gateway: Machine) -> None:
+def test_reboot_stops_the_machine_until_power_on(gateway: Machine) -> None:
     gateway.run("systemctl reboot", check=False)
     while gateway.runs:
         pass
@@ -64,12 +64,12 @@ def test_a_full_disk_is_full_until_it_is_freed(gateway: Machine) -> None:
     assert gateway.run("head -c 1000000 /dev/zero > /root/all", check=False).returncode != 0
 
 
-def test_its_disk_has_the_size_that_was_asked_for(gateway: Machine) -> None:
+def test_disk_has_the_requested_size(gateway: Machine) -> None:
     assert gateway.run("df --output=size -m / | tail -1").stdout.strip() == "64"
     assert gateway.run("head -c 70000000 /dev/zero > /root/big", check=False).returncode != 0
 
 
-def test_a_machine_that_cannot_boot_says_so_with_its_console(gateway: Machine) -> None:
+def test_boot_failure_is_reported_with_the_console(gateway: Machine) -> None:
     gateway.power_cut()
     gateway.put("/sbin/init", "not a program\n", mode="0755")
     with pytest.raises(MachineError, match=r"machine coastal-gateway ended while it booted; its console \(.*\):\n  "):

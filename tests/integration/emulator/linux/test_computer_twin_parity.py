@@ -90,7 +90,7 @@ def twin(command: str) -> Printed:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_twin_prints_what_the_program_prints(command: str, real: Mapping[str, Printed]) -> None:
+def test_emulator_output_equals_that_of_the_program(command: str, real: Mapping[str, Printed]) -> None:
     emulated = twin(command)
     assert emulated[0] == real[command][0]
     assert emulated[2] == real[command][2]
@@ -121,7 +121,7 @@ def _shape(out: str) -> list[str]:
     return [times.sub("T", line) for line in lines]
 
 
-def test_our_probes_read_both_alike(real: Mapping[str, Printed]) -> None:
+def test_our_parsers_read_both_outputs_alike(real: Mapping[str, Printed]) -> None:
     both = [
         CommandResult(None, "", *told["ip -j addr show"])
         for told in (real, {"ip -j addr show": twin("ip -j addr show")})

@@ -92,7 +92,7 @@ def test_pymavlinks_own_stream_is_understood(sender: int) -> None:
 
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.usefixtures("environment")
-def test_pymavlinks_own_receiver_reads_the_twin(version: int) -> None:
+def test_pymavlink_receives_from_the_emulator(version: int) -> None:
     with RunningAutopilot(AutopilotSpec(version=version, rssi=77, is_armed=True, every_s=0.02)) as twin:
         link: Any = mavutil.mavlink_connection(f"udpin:127.0.0.1:{twin.port}", dialect="common")
         with closing(link):
@@ -142,7 +142,7 @@ STOPS_S = 3.8
 """Longer than the oldest message that passes."""
 
 
-def test_every_mood_is_told_as_what_it_is() -> None:
+def test_every_mood_gets_its_verdict() -> None:
     """All of them at once; nothing is sent to any."""
     probes: dict[str, tuple[Probe, float | None]] = {}
     twins = []
@@ -158,7 +158,7 @@ def test_every_mood_is_told_as_what_it_is() -> None:
     assert {name: codes(one) for name, one in found.items()} == {name: case[2] for name, case in CASES.items()}
 
 
-def test_a_port_that_a_ground_station_has_is_in_use() -> None:
+def test_port_used_by_a_ground_station_is_reported_as_in_use() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.bind(("127.0.0.1", 0))
         wanted = replace(WANTED, port=station.getsockname()[1])
@@ -166,7 +166,7 @@ def test_a_port_that_a_ground_station_has_is_in_use() -> None:
     assert codes(found) == ["INCONCLUSIVE in-use"]
 
 
-def test_whatever_is_sent_to_the_twin_is_counted() -> None:
+def test_packets_sent_to_the_emulator_are_counted() -> None:
     with RunningAutopilot(AutopilotSpec()) as twin, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as somebody:
         somebody.sendto(b"\xfd", twin.source)
         assert wait_until(lambda: twin.forbidden) == [b"\xfd"]

@@ -38,7 +38,7 @@ def test_commands(tmp_path: Path, version: str) -> None:
         )
 
 
-def test_a_set_of_commands(tmp_path: Path) -> None:
+def test_config_set(tmp_path: Path) -> None:
     lines = [f"/ip pool add name=p{number} ranges=10.0.0.{number}" for number in range(1, 11)]
     with twin(tmp_path) as box, netmiko_on(box) as connection:
         connection.send_config_set(lines)

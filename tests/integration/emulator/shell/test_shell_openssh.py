@@ -49,7 +49,7 @@ def test_one_command(tmp_path: Path) -> None:
             assert shown == "  name: MikroTik\r\n\r\n"
 
 
-def test_without_a_terminal_the_console_is_dumb(tmp_path: Path) -> None:
+def test_console_without_a_terminal_sends_no_escapes(tmp_path: Path) -> None:
     with twin(tmp_path / "state") as box:
         script = '/ip pool add name=p ranges=10.0.0.1\n:put "done"\n/quit\n'
         shown = openssh("ssh", box, tmp_path, "-T", "-p", str(box.port), "admin@127.0.0.1", stdin=script)
@@ -91,7 +91,7 @@ class Screen:
         return self.until(pattern)
 
 
-def test_ansible_s_flags(tmp_path: Path) -> None:
+def test_ansible_login_flags(tmp_path: Path) -> None:
     with twin(tmp_path) as box, paramiko_on(box, "admin+cet512w") as client:
         screen = Screen(client)
         assert b"\x1b" not in screen.until(ANSIBLE)
@@ -104,7 +104,7 @@ def test_ansible_s_flags(tmp_path: Path) -> None:
         assert box.info["ssh"] == box.port
 
 
-def test_ansible_s_answer_to_the_probe(tmp_path: Path) -> None:
+def test_ansible_reply_to_the_terminal_probe(tmp_path: Path) -> None:
     with twin(tmp_path) as box, paramiko_on(box) as client:
         screen = Screen(client)
         screen.until(re.compile(rb"\x1bZ"))
@@ -113,7 +113,7 @@ def test_ansible_s_answer_to_the_probe(tmp_path: Path) -> None:
         assert box.info["ssh"] == box.port
 
 
-def test_a_person_s_terminal(tmp_path: Path) -> None:
+def test_interactive_terminal(tmp_path: Path) -> None:
     """OpenSSH with a pty, whose terminal answers the probe by its size."""
     with twin(tmp_path / "state") as box:
         hosts = f"UserKnownHostsFile={known_hosts(box, tmp_path)}"

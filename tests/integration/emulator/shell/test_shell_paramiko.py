@@ -37,7 +37,7 @@ def timeless(export: str) -> str:
 
 
 @pytest.mark.parametrize("version", ["6.49.10", "7.9.2", "7.16", "7.18.2", "7.21.5"])
-def test_export_is_the_twin_s_own(tmp_path: Path, version: str) -> None:
+def test_export_equals_that_of_the_emulator(tmp_path: Path, version: str) -> None:
     with twin(tmp_path, version=version, seed=SEED) as box, paramiko_on(box) as client:
         for command, options in FORMS.items():
             if version.startswith("6.") and "sensitive" in command:
@@ -64,7 +64,7 @@ def test_output_and_status(tmp_path: Path) -> None:
         assert len(box.rows("/ip/pool/print")) == 2
 
 
-def test_each_channel_is_a_session_of_its_own(tmp_path: Path) -> None:
+def test_each_channel_is_a_separate_session(tmp_path: Path) -> None:
     with twin(tmp_path) as box, paramiko_on(box) as client:
         assert run(client, "/ip address")[0] == ""
         assert run(client, "print count-only")[0].startswith("bad command name print")
@@ -136,7 +136,7 @@ def private(kind: str) -> paramiko.PKey:
 
 
 @pytest.mark.parametrize("case", RECORDED)
-def test_a_user_with_a_key(tmp_path: Path, case: dict[str, Any]) -> None:
+def test_login_with_a_key(tmp_path: Path, case: dict[str, Any]) -> None:
     key = private(case["input"].partition("key ")[2] or "ed25519")
     with twin(tmp_path, version=case["version"]) as box:
         with paramiko_on(box) as client:
@@ -156,7 +156,7 @@ def test_a_user_with_a_key(tmp_path: Path, case: dict[str, Any]) -> None:
             pass
 
 
-def test_settings_let_a_user_with_a_key_in_by_password(tmp_path: Path) -> None:
+def test_settings_allow_password_login_for_a_user_with_a_key(tmp_path: Path) -> None:
     key = private("ed25519")
     line = f'/user/ssh-keys/add user=admin key="{key.get_name()} {key.get_base64()}"'
     for version, setting in (("7.18.2", "always-allow-password-login=yes"), ("7.21.5", "password-authentication=yes")):
@@ -168,7 +168,7 @@ def test_settings_let_a_user_with_a_key_in_by_password(tmp_path: Path) -> None:
                 assert run(client, ":put kept") == ("kept\r\n", 0)
 
 
-def test_an_upload_runs_if_its_name_says_so(tmp_path: Path) -> None:
+def test_uploaded_script_runs_only_with_the_auto_suffix(tmp_path: Path) -> None:
     script = b'/ip pool add name=up ranges=10.0.0.1\n:put "done"\n/ip pool add name=up ranges=10.0.0.1\n'
     with twin(tmp_path) as box, paramiko_on(box) as client:
         files = client.open_sftp()
@@ -184,7 +184,7 @@ def test_an_upload_runs_if_its_name_says_so(tmp_path: Path) -> None:
         assert box.rows("/ip/pool/print") == []
 
 
-def test_a_full_disk_refuses(tmp_path: Path) -> None:
+def test_full_disk_refuses_uploads(tmp_path: Path) -> None:
     with twin(tmp_path, disk_bytes=1000) as box, paramiko_on(box) as client:
         files = client.open_sftp()
         files.putfo(io.BytesIO(b"x" * 900), "fits")
@@ -198,7 +198,7 @@ def test_a_full_disk_refuses(tmp_path: Path) -> None:
         files.putfo(io.BytesIO(b"x" * 200), "does-not")
 
 
-def test_somebody_without_the_policy_gets_no_files(tmp_path: Path) -> None:
+def test_user_without_the_policy_cannot_access_files(tmp_path: Path) -> None:
     with twin(tmp_path) as box, paramiko_on(box, "guest") as client:
         with pytest.raises(PermissionError):
             client.open_sftp().listdir()
@@ -220,7 +220,7 @@ def seen(port: int) -> str:
     return "SHA256:" + base64.b64encode(digest).decode().rstrip("=")
 
 
-def test_the_host_key_survives_a_restart_and_not_a_new_one(tmp_path: Path) -> None:
+def test_host_key_survives_a_restart_and_changes_on_rekey(tmp_path: Path) -> None:
     with twin(tmp_path) as box:
         first = box.info["host_key"]
         assert seen(box.port) == first
@@ -231,7 +231,7 @@ def test_the_host_key_survives_a_restart_and_not_a_new_one(tmp_path: Path) -> No
         assert seen(box.port) == second
 
 
-def test_a_slow_link_costs_what_it_costs(tmp_path: Path) -> None:
+def test_slow_link_is_counted(tmp_path: Path) -> None:
     with twin(tmp_path, link=RouterLink(delay_s=0.05)) as box, paramiko_on(box) as client:
         before = box.do("counters")
         assert run(client, ':put "a"')[0] == "a\r\n"

@@ -10,7 +10,7 @@ from waiting import HANG_S
 from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterSpec, SiteSpec, User, spawn
 
 
-def test_a_process_of_its_own(tmp_path: Path) -> None:
+def test_emulator_runs_in_a_separate_process(tmp_path: Path) -> None:
     users = (User(name="admin", password=PASSWORD),)
     spec = EmulatorSpec(router=RouterSpec(name="router", serial=True, users=users))
     plain = EmulatorSpec(router=RouterSpec(name="plain", users=users))

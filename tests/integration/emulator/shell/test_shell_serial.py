@@ -58,7 +58,7 @@ def test_login(tmp_path: Path) -> None:
         assert "=via=console" not in str(box.rows("/user/active/print"))
 
 
-def test_who_has_no_local_policy_is_not_let_in(tmp_path: Path) -> None:
+def test_user_without_local_policy_is_rejected(tmp_path: Path) -> None:
     with twin(tmp_path, serial=True) as box, cable(box) as line:
         box.do("console", words=["/user/group/add", "=name=remote", "=policy=ssh,read"])
         box.do("console", words=["/user/set", "=numbers=guest", "=group=remote"])
@@ -77,7 +77,7 @@ def test_first_login(tmp_path: Path) -> None:
         assert box.info["serial"]
 
 
-def test_the_network_s_faults_do_not_reach_it_and_a_reboot_does(tmp_path: Path) -> None:
+def test_serial_line_survives_network_faults_and_restarts_on_reboot(tmp_path: Path) -> None:
     with twin(tmp_path, serial=True, knobs=WireBehaviour(boot_s=0.2)) as box, cable(box) as line:
         line.login()
         for fault in ("drop", "vanish"):
@@ -103,7 +103,7 @@ def test_safe_mode_on_the_line(tmp_path: Path) -> None:
             line.say("/quit\r", b"Login: ")
 
 
-def test_a_terminal_that_says_nothing_about_itself_sees_no_output(tmp_path: Path) -> None:
+def test_terminal_that_ignores_the_probe_gets_no_output(tmp_path: Path) -> None:
     with twin(tmp_path, serial=True, knobs=WireBehaviour(probe_s=0.1)) as box, cable(box) as line:
         line.say("\r", b"Login: ")
         line.say("admin\r", b"Password: ")
@@ -112,7 +112,7 @@ def test_a_terminal_that_says_nothing_about_itself_sees_no_output(tmp_path: Path
         assert box.info["serial"] == line.port.port
 
 
-def test_a_long_output_is_not_lost(tmp_path: Path) -> None:
+def test_long_output_is_complete(tmp_path: Path) -> None:
     with twin(tmp_path, serial=True) as box, cable(box) as line:
         line.login("admin+cet9999w")
         shown = line.say("/export verbose\r", PROMPT)

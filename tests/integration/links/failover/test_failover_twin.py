@@ -41,7 +41,7 @@ def declared(**times: int) -> World:
 
 @pytest.mark.parametrize("home", [False, True])
 @pytest.mark.parametrize("version", VERSIONS)
-def test_traffic_moves_down_the_links_and_back_as_declared(version: str, home: bool) -> None:  # noqa: FBT001
+def test_traffic_fails_over_and_back_within_the_declared_times(version: str, home: bool) -> None:  # noqa: FBT001
     quay = world(version=version, home=home)
     begun = quay.now
     quay.lose("wifi-ptp")
@@ -63,7 +63,7 @@ def test_traffic_moves_down_the_links_and_back_as_declared(version: str, home: b
     assert quay.errors() == []
 
 
-def test_afterwards_everything_is_as_it_was_declared() -> None:
+def test_configuration_is_unchanged_after_fail_back() -> None:
     """Nothing is left behind: distances, the holding route, rows of netwatch."""
     quay = world()
     before = quay.device.export(header=False)
@@ -77,7 +77,7 @@ def test_afterwards_everything_is_as_it_was_declared() -> None:
 
 @pytest.mark.parametrize("hold_down_s", [20, 45, 200])
 @pytest.mark.parametrize("fail_back_s", [200, 600])
-def test_any_declared_times_are_kept(hold_down_s: int, fail_back_s: int) -> None:
+def test_any_declared_times_are_respected(hold_down_s: int, fail_back_s: int) -> None:
     quay = declared(hold_down_s=hold_down_s, fail_back_s=fail_back_s)
     begun = quay.now
     quay.lose("wifi-ptp")
@@ -91,14 +91,14 @@ def test_any_declared_times_are_kept(hold_down_s: int, fail_back_s: int) -> None
     assert fail_back_s <= quay.seen[-1][0] - begun
 
 
-def test_one_canary_alone_moves_nothing() -> None:
+def test_one_silent_probe_target_does_not_fail_over() -> None:
     quay = world()
     quay.silence(quay.canaries("wifi-ptp")[:1])
     quay.passes(600)
     assert quay.order() == ["wifi-ptp"]
 
 
-def test_a_short_silence_moves_nothing() -> None:
+def test_short_silence_does_not_fail_over() -> None:
     """Not even where check-gateway has given both canaries up meanwhile."""
     quay = world()
     for _ in range(20):
@@ -110,7 +110,7 @@ def test_a_short_silence_moves_nothing() -> None:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_flapping_link_is_left_once_and_not_taken_back(version: str) -> None:
+def test_flapping_link_is_left_once_and_not_used_again(version: str) -> None:
     quay = world(version=version)
     for _ in range(40):
         quay.lose("wifi-ptp")
@@ -123,7 +123,7 @@ def test_a_flapping_link_is_left_once_and_not_taken_back(version: str) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in range(2, 6))])
-def test_no_pattern_of_silence_breaks_the_two_times(seed: int) -> None:
+def test_no_pattern_of_silence_violates_hold_down_or_fail_back_time(seed: int) -> None:
     """A link is left after its hold-down of silence at the earliest, and taken back after as long without any."""
     quay, chance = world(), random.Random(seed)  # noqa: S311 - repeatable, no secret
     silent_since: float | None = None
@@ -146,7 +146,7 @@ def test_no_pattern_of_silence_breaks_the_two_times(seed: int) -> None:
     assert quay.errors() == []
 
 
-def test_gaps_on_the_satellite_flap_nothing() -> None:
+def test_satellite_gaps_cause_no_flapping() -> None:
     quay = world()
     quay.lose("wifi-ptp", "4g")
     quay.passes(PATIENCE_S)
@@ -186,7 +186,7 @@ def test_a_link_that_falls_silent_during_a_reboot_is_left() -> None:
 
 
 @pytest.mark.parametrize("moment_s", [0, 4, 10, 18, 25, 60, 130])
-def test_a_reboot_at_any_moment_ends_well(moment_s: int) -> None:
+def test_reboot_at_any_moment_ends_in_the_declared_state(moment_s: int) -> None:
     """Half-done: held, not yet left; left, not yet proved. The router finds out anew and ends as declared."""
     quay = world()
     before = quay.device.export(header=False)
@@ -202,7 +202,7 @@ def test_a_reboot_at_any_moment_ends_well(moment_s: int) -> None:
     assert quay.device.export(header=False) == before
 
 
-def test_without_netwatch_traffic_moves_all_the_same() -> None:
+def test_failover_works_without_netwatch() -> None:
     """The fail-safe: check-gateway leaves after two misses, and returns at the first answer."""
     quay = world()
     quay.run("/tool netwatch disable [find]")
@@ -217,7 +217,7 @@ def test_without_netwatch_traffic_moves_all_the_same() -> None:
     assert quay.active() == "wifi-ptp"
 
 
-def test_no_silence_leaves_a_site_without_a_route() -> None:
+def test_site_always_has_a_route() -> None:
     """All canaries silent, and the satellite unplugged: a link that was given up is still better than nothing."""
     quay = world()
     quay.lose("wifi-ptp", "4g")
@@ -231,7 +231,7 @@ def test_no_silence_leaves_a_site_without_a_route() -> None:
     assert None not in quay.order()
 
 
-def test_the_vessel_leaves_its_only_other_link_too() -> None:
+def test_vessel_fails_over_to_its_only_other_link() -> None:
     vessel = world("te4sea")
     vessel.lose("4g")
     vessel.passes(PATIENCE_S)
@@ -240,7 +240,7 @@ def test_the_vessel_leaves_its_only_other_link_too() -> None:
     assert vessel.order() == ["4g", "satellite", "4g"]
 
 
-def test_in_quiet_times_nothing_but_the_watch_asks_and_nothing_changes() -> None:
+def test_idle_time_causes_no_extra_probes_and_no_changes() -> None:
     quay = world()
     revision = quay.device.revision
     quay.passes(3600)
@@ -250,7 +250,7 @@ def test_in_quiet_times_nothing_but_the_watch_asks_and_nothing_changes() -> None
     assert {int(done) for name, done in asked.items() if done is not None and name.startswith("4g")} == {121}
 
 
-def test_a_state_that_somebody_has_put_there_does_not_last() -> None:
+def test_inconsistent_failover_state_is_corrected() -> None:
     """As a restored configuration does: a good link given up, or a silent one in use, and netwatch none the wiser."""
     quay = world()
     left = quay.canaries("wifi-ptp")

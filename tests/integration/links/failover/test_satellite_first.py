@@ -39,7 +39,7 @@ def first(**more: Any) -> World:  # noqa: ANN401 - fields of Bearer
     return made
 
 
-def test_such_an_order_is_valid(tmp_path: Path) -> None:
+def test_satellite_first_order_is_valid(tmp_path: Path) -> None:
     root = tmp_path / "inventory"
     shutil.copytree(INVENTORY, root)
     path = root / "group_vars" / "te4sea.yml"
@@ -50,7 +50,7 @@ def test_such_an_order_is_valid(tmp_path: Path) -> None:
     assert [bearer.name for bearer in load(root).sites["te4sea"].bearers] == ["satellite", "4g"]
 
 
-def test_it_carries_the_traffic_until_its_terminal_is_dead() -> None:
+def test_satellite_carries_traffic_until_its_terminal_is_dead() -> None:
     quay = first()
     before = quay.device.export(header=False)
     assert quay.order() == ["satellite"]
@@ -63,7 +63,7 @@ def test_it_carries_the_traffic_until_its_terminal_is_dead() -> None:
     assert quay.device.export(header=False) == before
 
 
-def test_nothing_is_sent_over_it() -> None:
+def test_nothing_is_probed_over_the_satellite() -> None:
     quay = first()
     asked = {row["host"] for row in quay.rows("/tool/netwatch")}
     assert asked == set(quay.canaries("wifi-ptp"))  # 4g is the last one now
@@ -75,7 +75,7 @@ def budgeted() -> World:
     return first(canaries=tuple(map(IPv4Address, CANARIES)), canary_budget_mb=BUDGET_MB)
 
 
-def test_canaries_within_a_budget_leave_it_when_what_is_behind_is_silent() -> None:
+def test_budgeted_probe_targets_trigger_failover_behind_a_live_terminal() -> None:
     """Its terminal answers all the time."""
     quay = budgeted()
     before = quay.device.export(header=False)
@@ -93,7 +93,7 @@ def test_canaries_within_a_budget_leave_it_when_what_is_behind_is_silent() -> No
     assert quay.errors() == []
 
 
-def test_its_own_gaps_of_70_s_move_no_traffic() -> None:
+def test_gaps_of_70_s_do_not_fail_over() -> None:
     """Two gaps, the second 70 s later in the time between two questions: together they leave no moment out."""
     quay = budgeted()
     met = 0
@@ -108,14 +108,14 @@ def test_its_own_gaps_of_70_s_move_no_traffic() -> None:
     assert quay.order() == ["satellite"]
 
 
-def test_its_terminal_is_watched_all_the_same() -> None:
+def test_terminal_is_watched_with_budgeted_probe_targets() -> None:
     quay = budgeted()
     quay.silence([TERMINAL, *CANARIES])
     quay.passes(25)
     assert quay.active() == "wifi-ptp"
 
 
-def test_what_they_take_is_within_the_budget_and_told() -> None:
+def test_probe_traffic_is_within_the_budget_and_reported() -> None:
     quay = budgeted()
     (satellite, *_) = standing_traffic(quay.declaration, "coastal")
     (asked,) = [flow for flow in satellite.flows if flow.source is TrafficSource.CANARIES]
@@ -129,9 +129,7 @@ def test_what_they_take_is_within_the_budget_and_told() -> None:
 
 
 @pytest.mark.parametrize("budget", [{}, {"canary_budget_mb": BUDGET_MB}, {"canary_budget_eur": BUDGET_EUR}])
-def test_a_budget_in_euro_is_one_in_bytes_and_without_one_nobody_may_be_asked(
-    tmp_path: Path, budget: dict[str, float]
-) -> None:
+def test_probe_budget_in_euro_equals_bytes_and_is_required(tmp_path: Path, budget: dict[str, float]) -> None:
     root = tmp_path / "inventory"
     shutil.copytree(INVENTORY, root)
     path = root / "group_vars" / "coastal.yml"
@@ -147,7 +145,7 @@ def test_a_budget_in_euro_is_one_in_bytes_and_without_one_nobody_may_be_asked(
         load(root)
 
 
-def test_the_routers_pings_to_them_pass_its_allow_list_and_nothing_else() -> None:
+def test_allow_list_lets_only_the_probes_of_the_router_pass() -> None:
     quay = budgeted()
     host = quay.declaration.hosts["coastal-router"]
     view = router_view(quay.declaration, host)

@@ -207,7 +207,7 @@ def _beside(folder: Path) -> _Beside:
     return _Beside(train, load, json.loads(written.read_text(encoding="utf-8")), iperf3_up[0], iperf3_down[0])
 
 
-def test_irtt_iperf3_and_we_see_the_same(tmp_path: Path) -> None:
+def test_irtt_and_iperf3_measure_the_same_as_we_do(tmp_path: Path) -> None:
     numbers = itertools.count()
 
     def judge() -> None:

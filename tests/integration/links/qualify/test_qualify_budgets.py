@@ -59,12 +59,12 @@ def _judge(outcomes: list[Outcome]) -> None:
 
 
 @pytest.mark.slow
-def test_a_sample_of_budgets_by_the_interface() -> None:
+def test_sample_of_budgets_is_kept_by_interface_counters() -> None:
     with ThreadPoolExecutor(2) as pool:
         _judge([*chain.from_iterable(pool.map(_outcomes, (range(10), range(10, 20))))])
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("block", range(10))
-def test_a_thousand_budgets_by_the_interface(block: int) -> None:
+def test_thousand_budgets_are_kept_by_interface_counters(block: int) -> None:
     _judge(_outcomes(range(block * 100, block * 100 + 100)))

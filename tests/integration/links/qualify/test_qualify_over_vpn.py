@@ -226,7 +226,7 @@ def octets(made: Vpn, port: str) -> int:
     return sum(way["bytes"] - 14 * way["packets"] for way in ways)
 
 
-def test_the_tunnel_is_led_over_the_link_counted_there_and_paid_with_its_own_octets(
+def test_tunnel_over_the_link_is_counted_and_billed_with_its_overhead(
     stand: Vpn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = {port: octets(stand, port) for port in ("eth0", "eth1")}
@@ -248,7 +248,7 @@ def test_the_tunnel_is_led_over_the_link_counted_there_and_paid_with_its_own_oct
     assert (idle.loss.sent, idle.loss.lost) == (600, 0)
 
 
-def test_a_tunnel_that_goes_its_own_way_is_no_proof_and_keeps_to_the_budget_all_the_same(
+def test_tunnel_over_another_link_proves_nothing_and_stays_in_budget(
     stand: Vpn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = octets(stand, "eth0")

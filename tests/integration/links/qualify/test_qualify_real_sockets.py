@@ -106,7 +106,7 @@ def test_messages_over_the_emulated_link(port: int) -> None:
 
 
 @pytest.mark.parametrize("kind", [MessageStream, DownMessageStream])
-def test_a_fast_pace_is_kept(port: int, kind: type[MessageStream | DownMessageStream]) -> None:
+def test_fast_sending_rate_is_kept(port: int, kind: type[MessageStream | DownMessageStream]) -> None:
     """A sender that falls behind its pace would show a slower link than there is."""
 
     def judge() -> None:
@@ -125,7 +125,7 @@ def test_a_fast_pace_is_kept(port: int, kind: type[MessageStream | DownMessageSt
     measure(judge)
 
 
-def test_nobody_there_is_silence_and_not_an_error() -> None:
+def test_missing_reflector_is_loss_and_not_an_error() -> None:
     samples: list[Sample] = []
     with UdpTransport(("127.0.0.1", 9)) as transport:
         peer = ReflectorPeer(KEY)
@@ -135,7 +135,7 @@ def test_nobody_there_is_silence_and_not_an_error() -> None:
     assert (loss.received, loss.sent + loss.unsent) == (0, 10)
 
 
-def test_the_program_ends_in_order_and_says_what_it_refused(tmp_path: Path) -> None:
+def test_reflector_exits_cleanly_and_reports_refused_packets(tmp_path: Path) -> None:
     far = reflector(tmp_path / "far")
     with far as (process, port), UdpTransport(("127.0.0.1", port)) as transport:
         transport.send(b"no packet of STAMP")
@@ -148,13 +148,13 @@ def test_the_program_ends_in_order_and_says_what_it_refused(tmp_path: Path) -> N
     assert said == "Statistics(answered=6, refused=1, stale=0, replayed=0, limited=0, requested=0)\n"
 
 
-def test_the_program_ends_by_itself_once_nobody_measures(tmp_path: Path) -> None:
+def test_reflector_exits_when_idle(tmp_path: Path) -> None:
     with reflector(tmp_path / "far", "--idle-s", "0.1") as (process, _):
         assert process.wait(HANG_S) == 0
 
 
 @pytest.mark.parametrize("key", ["short", None])
-def test_the_program_needs_a_key_or_the_word_that_it_goes_without(key: str | None, tmp_path: Path) -> None:
+def test_reflector_needs_a_key_or_unauthenticated(key: str | None, tmp_path: Path) -> None:
     words = []
     if key is not None:
         (tmp_path / "key").write_text(key)

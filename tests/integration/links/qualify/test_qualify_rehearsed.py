@@ -24,7 +24,7 @@ def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProces
 
 @pytest.mark.smoke
 @pytest.mark.slow
-def test_a_link_that_does_not_carry_the_traffic_is_measured_and_the_router_counts_it_alone(tmp_path: Path) -> None:
+def test_inactive_link_is_measured_and_counted_separately(tmp_path: Path) -> None:
     """The satellite is the last of three links, so only our routing rule can have led the packets there."""
     typed = ("site=coastal", "link=satellite", "profile=throughput", "--max-mb", "0.4", "--rehearse", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
@@ -51,7 +51,7 @@ def test_a_link_that_does_not_carry_the_traffic_is_measured_and_the_router_count
 
 
 @pytest.mark.slow
-def test_a_good_link_is_green(tmp_path: Path) -> None:
+def test_good_link_passes(tmp_path: Path) -> None:
     told: dict[str, Any] = json.loads(
         provision(tmp_path, "site=coastal", "link=satellite", "--rehearse", "--json", code=0).stdout
     )
@@ -65,7 +65,7 @@ def test_a_good_link_is_green(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_limit_in_eur_is_kept(tmp_path: Path) -> None:
+def test_price_limit_is_kept(tmp_path: Path) -> None:
     typed = ("site=coastal", "link=satellite", "--max-eur", "1", "--rehearse", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
     run = told["links"][0]["run"]
@@ -75,7 +75,7 @@ def test_a_limit_in_eur_is_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_through_the_vpn_the_way_is_proved_and_what_the_boxes_say_is_kept(tmp_path: Path) -> None:
+def test_vpn_measurement_proves_the_route_and_records_device_facts(tmp_path: Path) -> None:
     typed = ("site=coastal", "link=4g", "over=vpn", "--max-mb", "0.1", "--rehearse", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
     (link,) = told["links"]
@@ -92,7 +92,7 @@ def test_through_the_vpn_the_way_is_proved_and_what_the_boxes_say_is_kept(tmp_pa
 
 
 @pytest.mark.slow
-def test_a_far_end_of_others_answers_packets_and_is_not_called_ours(tmp_path: Path) -> None:
+def test_foreign_far_end_is_measured_and_not_reported_as_ours(tmp_path: Path) -> None:
     typed = ("site=coastal", "link=4g", "far=192.0.2.7:8620", "--max-mb", "0.2", "--rehearse", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
     (link,) = told["links"]
@@ -104,7 +104,7 @@ def test_a_far_end_of_others_answers_packets_and_is_not_called_ours(tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_each_link_that_was_asked_for_has_a_result_though_the_limit_was_used_up(tmp_path: Path) -> None:
+def test_every_requested_link_has_a_result_after_the_limit_is_used_up(tmp_path: Path) -> None:
     typed = ("site=coastal", "link=all", "--max-mb", "0.1", "--rehearse", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
     assert [(each["run"]["link"], each["run"]["reason"]) for each in told["links"]] == [("wifi-ptp", "bytes")]
@@ -127,7 +127,7 @@ def test_each_link_that_was_asked_for_has_a_result_though_the_limit_was_used_up(
         (("site=coastal", "link=4g", "profile=videos"), 3, "telemetry, images, throughput, all"),
     ],
 )
-def test_what_cannot_be_measured_is_said_before_anything_is_sent(
+def test_impossible_measurement_is_refused_before_anything_is_sent(
     typed: tuple[str, ...], code: int, words: str, tmp_path: Path
 ) -> None:
     done = provision(tmp_path, *typed, code=code)

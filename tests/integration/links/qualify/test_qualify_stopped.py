@@ -99,7 +99,7 @@ def loaded(folder: Path, disturbed: Any = nothing) -> Load:  # noqa: ANN401 - a 
     return Load(rows, next(each for each in told["judgements"] if each["criterion"].startswith("buffer delay")))
 
 
-def test_a_process_that_runs_tells_the_truth(tmp_path: Path) -> None:
+def test_undisturbed_process_measures_correctly(tmp_path: Path) -> None:
     def judge() -> None:
         load = loaded(tmp_path)
         for way, row in load.rows.items():
@@ -111,7 +111,7 @@ def test_a_process_that_runs_tells_the_truth(tmp_path: Path) -> None:
     measure(judge)
 
 
-def test_a_process_that_is_stopped_measures_itself(tmp_path: Path) -> None:
+def test_suspended_process_reports_its_own_delay(tmp_path: Path) -> None:
     load = loaded(tmp_path, stops)
     up = load.rows["up"]
     assert up["goodput_bps"] < 0.9 * GOODPUT, "or the stops do nothing here"
@@ -121,7 +121,7 @@ def test_a_process_that_is_stopped_measures_itself(tmp_path: Path) -> None:
     assert load.is_right("down") or load.rows["down"]["verdict"] == "INCONCLUSIVE"
 
 
-def test_a_busy_computer_is_right_or_says_that_it_does_not_know(tmp_path: Path) -> None:
+def test_busy_computer_is_correct_or_inconclusive(tmp_path: Path) -> None:
     load = loaded(tmp_path, busy)
     for way, row in load.rows.items():
         assert load.is_right(way) or row["verdict"] == "INCONCLUSIVE", row

@@ -24,7 +24,7 @@ def provision(state: Path, *typed: str, code: int, command: str = "prove") -> su
 
 @pytest.mark.smoke
 @pytest.mark.slow
-def test_the_emulated_router_refuses_what_is_not_declared(tmp_path: Path) -> None:
+def test_emulated_router_refuses_undeclared_targets(tmp_path: Path) -> None:
     told: dict[str, Any] = json.loads(
         provision(tmp_path, "site=coastal", "bearer=satellite", "--rehearse", "--json", code=6).stdout
     )
@@ -49,7 +49,7 @@ def test_the_filter_is_closed_again_after_it_was_opened(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_rows_of_a_moment_are_taken_by_the_emulated_router_and_gone_afterwards(tmp_path: Path) -> None:
+def test_probes_that_the_emulator_cannot_send_are_not_tried(tmp_path: Path) -> None:
     """The router refuses arguments that it does not know, and names that are not there."""
     inventory = tmp_path / "inventory"
     shutil.copytree(Path(__file__).parents[4] / "inventory", inventory)
@@ -64,13 +64,13 @@ def test_rows_of_a_moment_are_taken_by_the_emulated_router_and_gone_afterwards(t
 
 
 @pytest.mark.slow
-def test_a_site_that_declares_nothing_to_refuse_is_not_called_proved(tmp_path: Path) -> None:
+def test_site_without_refused_targets_is_not_reported_as_proved(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=te4sea", "--rehearse", code=7)
     assert "0 of 3 targets proved, 3 could not be tried" in done.stdout
 
 
 @pytest.mark.slow
-def test_a_session_over_the_satellite_keeps_to_the_budget_and_asks_for_the_whole_window(tmp_path: Path) -> None:
+def test_session_over_the_satellite_stays_in_budget_and_waits_long_enough(tmp_path: Path) -> None:
     """Each look at the counters costs airtime here, so that there are few of them, and time between them."""
     told = json.loads(provision(tmp_path, "site=te4sea", "--try-all", "--rehearse", "--json", code=6).stdout)
     assert {row["target"]: row["outcome"] for row in told["targets"]}["203.0.113.2 udp 1194"] == "answered"
@@ -79,7 +79,7 @@ def test_a_session_over_the_satellite_keeps_to_the_budget_and_asks_for_the_whole
 
 
 @pytest.mark.slow
-def test_a_proof_asks_for_what_it_bills(tmp_path: Path) -> None:
+def test_announced_cost_covers_the_billed_bytes(tmp_path: Path) -> None:
     """The session to the vessel's router goes over the satellite as well, and its handshake is paid for."""
     told = json.loads(provision(tmp_path, "site=te4sea", "--rehearse", "--json", code=7).stdout)
     ((expected,), cost) = told["expected"], told["cost"]
@@ -89,7 +89,7 @@ def test_a_proof_asks_for_what_it_bills(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_satellite_that_was_proved_is_put_in_use(tmp_path: Path) -> None:
+def test_proved_satellite_can_be_used(tmp_path: Path) -> None:
     """What `use` advises where nobody asks over a link is typed, and then it takes the link. A real OpenVPN answers."""
     use = ("site=coastal", "link=satellite", "for=10m", "--rehearse")
     refused = provision(tmp_path, *use, code=4, command="use").stderr
@@ -101,7 +101,7 @@ def test_a_satellite_that_was_proved_is_put_in_use(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_proof_of_a_link_says_nothing_of_another_one_nor_of_a_real_one(tmp_path: Path) -> None:
+def test_proof_applies_only_to_its_link_and_mode(tmp_path: Path) -> None:
     Store(tmp_path).keep_proof("coastal", "satellite")
     Store(tmp_path, is_rehearsal=True).keep_proof("coastal", "4g")
     use = ("site=coastal", "link=satellite", "for=10m", "--rehearse")
@@ -109,13 +109,13 @@ def test_a_proof_of_a_link_says_nothing_of_another_one_nor_of_a_real_one(tmp_pat
 
 
 @pytest.mark.slow
-def test_a_hint_of_a_rehearsal_is_of_a_rehearsal(tmp_path: Path) -> None:
+def test_hint_of_a_rehearsal_rehearses(tmp_path: Path) -> None:
     told = json.loads(provision(tmp_path, "site=coastal", "--rehearse", "--json", code=6).stdout)
     hints = {row["hint"] for row in told["targets"] if row["outcome"] == "not tried"}
     assert hints == {"`provision prove site=coastal --try-all --rehearse` tries it"}
 
 
-def test_what_cannot_be_proved_is_said_before_anything_is_contacted(tmp_path: Path) -> None:
+def test_impossible_proof_is_refused_before_contacting_a_device(tmp_path: Path) -> None:
     assert "`scc` has no satellite link" in provision(tmp_path, "site=scc", code=7).stderr
     assert "no satellite link `4g`" in provision(tmp_path, "site=coastal", "bearer=4g", code=7).stderr
     assert "example values" in provision(tmp_path, "site=coastal", code=3).stderr

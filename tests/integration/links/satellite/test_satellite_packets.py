@@ -81,16 +81,16 @@ def terminal(made: Stage) -> str:
     return next(link.gateway for link in made.view.uplinks if link.kind == "satellite")
 
 
-def test_a_robot_reaches_what_is_declared_and_nothing_else(built: Stage) -> None:
+def test_robot_reaches_only_declared_targets(built: Stage) -> None:
     assert leaving(built, ROBOT, (*WORLD, terminal(built))) == DECLARED
 
 
-def test_the_router_itself_reaches_what_is_declared_and_its_terminal(built: Stage) -> None:
+def test_router_reaches_only_declared_targets_and_its_terminal(built: Stage) -> None:
     own = {(protocol, terminal(built), port) for protocol, port in product(("udp", "tcp"), PORTS)}
     assert leaving(built, "router", (*WORLD, terminal(built))) == DECLARED | own | {("icmp", terminal(built), 0)}
 
 
-def test_the_technician_also_sees_the_terminals_pages(built: Stage) -> None:
+def test_technician_also_reaches_the_terminal(built: Stage) -> None:
     own = {(protocol, terminal(built), port) for protocol, port in product(("udp", "tcp"), PORTS)}
     assert leaving(built, "technician", (*WORLD, terminal(built))) == DECLARED | own | {("icmp", terminal(built), 0)}
 
@@ -99,7 +99,7 @@ def test_a_partner_of_the_vpn_reaches_nothing_by_satellite(built: Stage) -> None
     assert leaving(built, PARTNER, (*WORLD, terminal(built))) == set()
 
 
-def test_another_uplink_carries_what_the_satellite_does_not(built: Stage) -> None:
+def test_another_uplink_carries_all_packets(built: Stage) -> None:
     """So that the tests above do not pass for want of packets."""
     other = built.view.uplinks[0].name
     built.prefer(other)
@@ -113,7 +113,7 @@ def test_another_uplink_carries_what_the_satellite_does_not(built: Stage) -> Non
     assert flows == {*product(("udp", "tcp"), WORLD, PORTS), *(("icmp", address, 0) for address in WORLD)}
 
 
-def test_without_its_last_rule_the_filter_would_leak(site: tuple[Stage, Export]) -> None:
+def test_filter_leaks_without_its_last_rule(site: tuple[Stage, Export]) -> None:
     """So that the tests above cannot pass whatever the filter says."""
     made, export = site
     made.load(replace(export, statements=tuple(row for row in export.statements if row.get("comment") != DROP)))
@@ -121,7 +121,7 @@ def test_without_its_last_rule_the_filter_would_leak(site: tuple[Stage, Export])
     assert ("tcp", *STRANGER) in leaving(made, ROBOT, WORLD)
 
 
-def test_a_datagram_flow_that_began_on_another_link_does_not_go_on(built: Stage) -> None:
+def test_udp_flow_of_another_link_does_not_continue_over_the_satellite(built: Stage) -> None:
     other = built.view.uplinks[0].name
     built.prefer(other)
     with built.udp(other, *STRANGER) as server, built.udp(ROBOT) as client:
@@ -139,7 +139,7 @@ def test_a_datagram_flow_that_began_on_another_link_does_not_go_on(built: Stage)
     watch.close()
 
 
-def test_a_tcp_connection_that_began_on_another_link_does_not_go_on(built: Stage) -> None:
+def test_tcp_connection_of_another_link_does_not_continue_over_satellite(built: Stage) -> None:
     other = built.view.uplinks[0].name
     built.prefer(other)
     with built.listener(other, *STRANGER) as listening, built.open(ROBOT, socket.SOCK_STREAM) as client:
@@ -159,7 +159,7 @@ def test_a_tcp_connection_that_began_on_another_link_does_not_go_on(built: Stage
     watch.close()
 
 
-def test_a_flow_that_is_declared_goes_on_over_the_satellite(built: Stage) -> None:
+def test_declared_flow_continues_over_the_satellite(built: Stage) -> None:
     """As a connection of its own: Linux gives up a masqueraded one whose way out has changed, with one packet."""
     other = built.view.uplinks[0].name
     built.prefer(other)
@@ -176,12 +176,12 @@ def test_a_flow_that_is_declared_goes_on_over_the_satellite(built: Stage) -> Non
     assert built.packets(DROP) == 0
 
 
-def test_answers_of_declared_targets_come_in(built: Stage) -> None:
+def test_responses_of_declared_targets_are_accepted(built: Stage) -> None:
     assert answered(built)
     assert built.packets("atlantis: answers of VPN server") == 1
 
 
-def test_nobody_opens_a_connection_from_the_satellite(built: Stage) -> None:
+def test_no_connection_can_be_opened_from_the_satellite(built: Stage) -> None:
     """Neither to the router nor through it, from whatever address, also from those on the allow-list."""
     local = next(link.address for link in built.view.uplinks if link.kind == "satellite")
     built.run("satellite", "ip", "route", "replace", built.robot, "via", local)
@@ -206,7 +206,7 @@ def test_nobody_opens_a_connection_from_the_satellite(built: Stage) -> None:
     assert built.packets("atlantis: satellite, everything else that comes in") == 3 * 2 * (len(WORLD) + 1)
 
 
-def test_an_answer_to_a_flow_of_another_link_does_not_come_in_by_satellite(built: Stage) -> None:
+def test_response_to_a_flow_of_another_link_is_dropped_on_the_satellite(built: Stage) -> None:
     other = built.view.uplinks[0]
     built.run("satellite", "ip", "route", "replace", other.address, "via", _own(built))
     built.prefer(other.name)
@@ -223,7 +223,7 @@ def test_an_answer_to_a_flow_of_another_link_does_not_come_in_by_satellite(built
     inside.close()
 
 
-def test_an_error_about_a_declared_flow_comes_in(built: Stage) -> None:
+def test_icmp_error_about_a_declared_flow_is_accepted(built: Stage) -> None:
     """Nobody listens on the time server's port: its ICMP error reaches the robot, as path MTU discovery needs."""
     with built.udp(ROBOT) as client:
         client.connect(NTP)
@@ -267,7 +267,7 @@ def _knock(made: Stage, src: str, dst: str) -> None:
         one.close()
 
 
-def test_the_packets_of_the_tests_are_told_apart() -> None:
+def test_captured_packets_are_distinguished() -> None:
     seen = Seen("udp", "10.0.0.1", "10.0.0.2", 1, 2)
     assert seen.flow == ("udp", "10.0.0.2", 2)
     assert replace(seen, protocol="icmp", dst_port=8).flow == ("icmp", "10.0.0.2", 0)

@@ -116,7 +116,7 @@ def as_nft(packet: Packet) -> Nft:
 
 @settings(max_examples=150)
 @drawn(export=firewalls(), some=st.lists(packets(), min_size=1, max_size=8))
-def test_the_translation_decides_as_the_model_of_the_chains(export: rsc.Export, some: list[Packet]) -> None:
+def test_translation_decides_like_the_chain_model(export: rsc.Export, some: list[Packet]) -> None:
     walk, ruleset = Walk(export), translate(export)
     for packet in some:
         assert passes(ruleset, "forward", as_nft(packet)) is walk.accepts("forward", packet), packet
@@ -136,7 +136,7 @@ def test_the_sites_own_filter_is_decided_alike(site: str, packet: Packet, chain:
     assert passes(ruleset, chain, as_nft(asked)) is walk.accepts(chain, asked)
 
 
-def test_an_unknown_matcher_does_not_pass_unseen() -> None:
+def test_unknown_matcher_is_refused() -> None:
     for words in ("action=accept time=1h-2h,mon", "action=tarpit", "action=accept layer7-protocol=x"):
         with pytest.raises(ValueError, match="unknown"):
             translate(rsc.parse(f"/ip firewall filter\nadd chain=forward {words}\n"))
@@ -151,7 +151,7 @@ def built() -> Iterator[Stage]:
 @pytest.mark.namespace
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @drawn(export=firewalls())
-def test_the_kernel_decides_as_the_model_of_the_chains(built: Stage, export: rsc.Export) -> None:
+def test_kernel_decides_like_the_chain_model(built: Stage, export: rsc.Export) -> None:
     """A sample of random filters, loaded into the kernel: datagrams of a robot over two links."""
     head = rsc.parse(f"/ip firewall filter\nadd action=accept chain=forward dst-port={SENTINEL} protocol=udp\n")
     whole = replace(export, statements=(*head.statements, *export.statements))

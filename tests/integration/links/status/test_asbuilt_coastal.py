@@ -57,7 +57,7 @@ def device(record: AsBuiltRecord, name: str) -> DeviceRecord:
     return found
 
 
-def test_every_device_is_there_with_what_came_of_it(coastal: Bench) -> None:
+def test_every_device_is_recorded_with_its_state(coastal: Bench) -> None:
     record, _ = looked(coastal)
     assert {item.name: item.state for item in record.devices} == {
         ROUTER: ReadState.READ,
@@ -75,7 +75,7 @@ def test_every_device_is_there_with_what_came_of_it(coastal: Bench) -> None:
     assert device(record, ROUTER).facts["certificate"].value == coastal.request.targets[ROUTER].pin
 
 
-def test_a_device_is_read_in_one_session_of_five_turns_and_a_few_kilobytes(coastal: Bench) -> None:
+def test_device_is_read_in_one_session_of_five_round_trips(coastal: Bench) -> None:
     _, site = looked(coastal)
     assert set(site.sessions) == {ROUTER, NEAR, UNIT}
     assert {name: spent.round_trips for name, spent in site.usage.items()} == dict.fromkeys(site.sessions, 5)
@@ -83,7 +83,7 @@ def test_a_device_is_read_in_one_session_of_five_turns_and_a_few_kilobytes(coast
     assert max(spent.bytes for spent in site.usage.values()) < 9_000
 
 
-def test_what_is_read_costs_nothing_that_is_not_told(coastal: Bench) -> None:
+def test_cost_of_reading_is_reported(coastal: Bench) -> None:
     made = coastal.request.model_copy(update={"via": {ROUTER: "satellite"}})
     site = SiteLook(coastal.declaration, "coastal", made, ignore, {}, PATIENCE_S)
     asyncio.run(site.devices(choose(coastal.declaration, "coastal", (ROUTER,))))
@@ -102,7 +102,7 @@ def test_nothing_is_changed_on_a_device(coastal: Bench) -> None:
     assert exports() == before
 
 
-def test_what_is_plugged_into_a_port_is_a_difference(coastal: Bench) -> None:
+def test_new_device_on_a_port_is_a_difference(coastal: Bench) -> None:
     before, _ = looked(coastal, name="1")
     coastal.do(ROUTER, "around", plugged={"ether4": [MAC]})
     now, _ = looked(coastal, name="2")
@@ -123,7 +123,7 @@ def test_a_port_without_a_link_is_a_difference(coastal: Bench) -> None:
     assert next(port.link for port in device(now, ROUTER).ports if port.name == "ether5") is CableState.DOWN
 
 
-def test_a_device_that_does_not_answer_is_not_green_and_keeps_what_was_known(coastal: Bench) -> None:
+def test_unreachable_device_is_not_green_and_keeps_its_last_facts(coastal: Bench) -> None:
     before, _ = looked(coastal, name="1")
     coastal.away(NEAR)
     record = compare(looked(coastal, name="2")[0], before)
@@ -136,7 +136,7 @@ def test_a_device_that_does_not_answer_is_not_green_and_keeps_what_was_known(coa
     assert record.changes == ()
 
 
-def test_an_impostor_is_told_nothing_and_gives_nothing(coastal: Bench) -> None:
+def test_device_with_another_certificate_is_not_read(coastal: Bench) -> None:
     """Another certificate than the pinned one: the password is not sent, and no value of it stands in the record."""
     target = coastal.request.targets[NEAR].model_copy(update={"pin": "0" * 64})
     coastal.targets = {NEAR: target}
@@ -146,7 +146,7 @@ def test_an_impostor_is_told_nothing_and_gives_nothing(coastal: Bench) -> None:
     assert near.read_at is None
 
 
-def test_only_some_are_asked_and_nobody_is_no_green(coastal: Bench) -> None:
+def test_selection_without_readable_devices_is_not_green(coastal: Bench) -> None:
     record, site = looked(coastal, TERMINAL)
     assert (record.exit, site.usage) == (ExitCode.NOTHING, {})
     assert device(record, ROUTER).state is ReadState.LEFT_OUT
@@ -158,7 +158,7 @@ def provision(state: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=HANG_S, check=False)
 
 
-def test_the_command_keeps_a_record_compares_it_with_the_last_one_and_prints_labels(tmp_path: Path) -> None:
+def test_record_is_saved_compared_and_printed_with_labels(tmp_path: Path) -> None:
     first = provision(tmp_path, "--json", "--labels")
     assert first.returncode == 0, first.stderr
     told = json.loads(first.stdout)

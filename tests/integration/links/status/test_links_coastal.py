@@ -55,14 +55,14 @@ def codes(report: LinksReport, bearer: str) -> list[str]:
 
 
 @pytest.mark.smoke
-def test_all_is_well(coastal: Bench) -> None:
+def test_healthy_site_passes(coastal: Bench) -> None:
     report = coastal.report()
     golden("coastal-well", report)
     assert report.exit is ExitCode.DONE
     assert [one["state"] for one in report.bearers.values()] == ["up", "up", "unknown"]
 
 
-def test_a_survey_hears_the_unit_and_knows_which_link_carries_the_traffic(coastal: Bench) -> None:
+def test_survey_reads_the_unit_and_the_active_link(coastal: Bench) -> None:
     hosts, store = coastal.declaration.hosts, Store(coastal.request.state, is_rehearsal=True)
     radio = UnitRadio(coastal.declaration, hosts[UNIT], coastal.request, store, hosts[ROUTER])
     heard = radio.read()
@@ -78,7 +78,7 @@ def test_a_survey_hears_the_unit_and_knows_which_link_carries_the_traffic(coasta
     assert silent.no_radio
 
 
-def test_json_has_what_is_promised(coastal: Bench) -> None:
+def test_json_has_the_documented_fields(coastal: Bench) -> None:
     told = json.loads(json.dumps(coastal.report().as_json()))
     assert list(told["bearers"]) == ["wifi-ptp", "4g", "satellite"]
     assert all(set(one) >= KEYS for one in told["bearers"].values())
@@ -91,7 +91,7 @@ def test_json_has_what_is_promised(coastal: Bench) -> None:
     assert (told["site"], told["exit"], list(told["not_asked"])) == ("coastal", 0, [TERMINAL])
 
 
-def test_a_look_is_a_few_round_trips_and_changes_nothing(coastal: Bench) -> None:
+def test_reading_takes_few_round_trips_and_changes_nothing(coastal: Bench) -> None:
     names = (ROUTER, NEAR, FAR, UNIT)
     before = [plain_export(coastal, name) for name in names]
     history = [coastal.do(name, "console", words=["/system/history/print"]) for name in names]
@@ -111,7 +111,7 @@ def plain_export(at: Bench, name: str) -> str:
     return "\n".join(line for line in lines if not line.startswith("#"))
 
 
-def test_no_secret_and_no_identity_is_told(coastal: Bench) -> None:
+def test_no_secret_or_identity_is_printed(coastal: Bench) -> None:
     report = coastal.report()
     said = json.dumps(report.as_json()) + report.as_text()
     assert "EXAMPLE-ptp-key" not in said
@@ -119,7 +119,7 @@ def test_no_secret_and_no_identity_is_told(coastal: Bench) -> None:
     assert not any(word in said for word in ("imei", "imsi", "iccid"))
 
 
-def test_a_radio_that_cannot_be_read_is_told_on_its_link(coastal: Bench) -> None:
+def test_unreachable_radio_is_reported_on_its_link(coastal: Bench) -> None:
     coastal.away(NEAR)
     report = coastal.report()
     golden("coastal-cpe-unreachable", report)
@@ -127,7 +127,7 @@ def test_a_radio_that_cannot_be_read_is_told_on_its_link(coastal: Bench) -> None
     assert report.exit is ExitCode.CHECKS_FAILED
 
 
-def test_a_router_that_cannot_be_read_leaves_the_boxes(coastal: Bench) -> None:
+def test_unreachable_router_does_not_hide_the_other_devices(coastal: Bench) -> None:
     coastal.away(ROUTER)
     report = coastal.report()
     golden("coastal-router-unreachable", report)
@@ -136,7 +136,7 @@ def test_a_router_that_cannot_be_read_leaves_the_boxes(coastal: Bench) -> None:
     assert report.exit is ExitCode.CHECKS_FAILED
 
 
-def test_nobody_answers(coastal: Bench) -> None:
+def test_no_device_responds(coastal: Bench) -> None:
     coastal.away(ROUTER, NEAR, FAR, UNIT)
     report = coastal.report()
     assert [one["device"] for one in report.unreachable] == [ROUTER, NEAR, FAR, UNIT]
@@ -144,7 +144,7 @@ def test_nobody_answers(coastal: Bench) -> None:
     assert report.exit is ExitCode.CHECKS_FAILED
 
 
-def test_only_some_are_asked(coastal: Bench) -> None:
+def test_selected_devices_are_queried(coastal: Bench) -> None:
     report = coastal.report(ROUTER)
     assert report.queried_devices == (ROUTER,)
     assert set(report.not_asked) == {NEAR, FAR, UNIT, TERMINAL}
@@ -155,14 +155,14 @@ def test_only_some_are_asked(coastal: Bench) -> None:
     assert radios.as_text().endswith("is not known: the router was not read")
 
 
-def test_nobody_was_asked(coastal: Bench) -> None:
+def test_selection_without_readable_devices_knows_nothing(coastal: Bench) -> None:
     report = coastal.report(TERMINAL)
     assert report.exit is ExitCode.NOTHING
     assert report.queried_devices == ()
     assert report.as_text().endswith("Nobody was asked, so nothing is known of coastal")
 
 
-def test_the_bridge_is_lost_behind_its_radios_and_4g_carries(coastal: Bench) -> None:
+def test_bridge_is_lost_behind_its_radios_and_4g_is_active(coastal: Bench) -> None:
     coastal.lose("wifi-ptp")
     report = coastal.report()
     golden("coastal-canaries-lost", report)
@@ -171,7 +171,7 @@ def test_the_bridge_is_lost_behind_its_radios_and_4g_carries(coastal: Bench) -> 
     assert report.exit is ExitCode.CHECKS_FAILED
 
 
-def test_the_better_link_is_back_and_not_taken_yet(coastal: Bench) -> None:
+def test_recovered_preferred_link_is_not_yet_active(coastal: Bench) -> None:
     coastal.lose("wifi-ptp")
     coastal.do(ROUTER, "silence", addresses=[])
     report = coastal.report()
@@ -198,7 +198,7 @@ def test_a_radio_on_another_network_name(coastal: Bench) -> None:
         associated(coastal)
 
 
-def test_a_radio_that_is_too_loud(coastal: Bench) -> None:
+def test_too_strong_radio_signal_is_a_warning(coastal: Bench) -> None:
     power = ("=tx-power-mode=all-rates-fixed", "=tx-power=30", "=frequency-mode=superchannel")
     before = [word for word in radio(coastal, NEAR) if word.startswith(("=tx-power", "=frequency-mode="))]
     coastal.types(NEAR, "/interface/wireless/set", "=.id=wlan1", *power)
@@ -223,7 +223,7 @@ def associated(at: Bench) -> None:
     wait_until(lambda: at.hears(NEAR) and at.hears(FAR), every_s=0)
 
 
-def test_the_command_rehearses_over_a_bearer_that_the_other_end_has_not(tmp_path: Path) -> None:
+def test_rehearsal_over_a_link_that_the_other_end_lacks(tmp_path: Path) -> None:
     done = subprocess.run(
         [PROVISION, "links", "site=coastal", "via=4g", "--rehearse", "--json"],
         env={**os.environ, "ATLANTIS_STATE": str(tmp_path)},
@@ -238,7 +238,7 @@ def test_the_command_rehearses_over_a_bearer_that_the_other_end_has_not(tmp_path
     assert [one["state"] for one in told["bearers"].values()] == ["up", "up", "unknown"]
 
 
-def test_radios_of_the_newer_family(tmp_path: Path) -> None:
+def test_wifi_radios_without_ccq(tmp_path: Path) -> None:
     """The menus `wifi` have no CCQ, which is left out and not shown as 0."""
     files = {f"host_vars/{name}.yml": PLAIN_80211 for name in (NEAR, FAR)}
     with bench(tmp_path, "coastal", root=inventory(tmp_path, files)) as opened:

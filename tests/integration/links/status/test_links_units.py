@@ -98,14 +98,14 @@ def codes(report: LinksReport) -> list[str]:
     return [f"{one['verdict']} {one['code']}" for one in report.bearers["4g"]["findings"]]
 
 
-def test_two_links_and_both_are_well(te4sea: Bench) -> None:
+def test_healthy_vessel_passes(te4sea: Bench) -> None:
     report = te4sea.report()
     assert list(report.bearers) == ["4g", "satellite"]
     assert report.as_text().endswith("4g carries the traffic of te4sea: it is the preferred link")
     golden("te4sea-rutos", report)
 
 
-def test_a_look_over_a_metered_link_is_priced(te4sea: Bench) -> None:
+def test_reading_over_a_metered_link_is_priced(te4sea: Bench) -> None:
     """The router of te4sea is declared to be reached over its satellite."""
     (cost,) = te4sea.report().as_json()["costs"].items()
     assert cost[0] == "satellite"
@@ -126,7 +126,7 @@ SICK: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", SICK)
-def test_a_unit_that_is_sick(name: str, te4sea: Bench, tmp_path: Path) -> None:
+def test_faulty_unit_is_reported(name: str, te4sea: Bench, tmp_path: Path) -> None:
     spec, code = SICK[name]
     with unit(te4sea, tmp_path, spec):
         te4sea.lose("4g")
@@ -136,7 +136,7 @@ def test_a_unit_that_is_sick(name: str, te4sea: Bench, tmp_path: Path) -> None:
     assert report.exit is ExitCode.CHECKS_FAILED
 
 
-def test_a_wrong_pin_is_told_and_not_tried_again(te4sea: Bench, tmp_path: Path) -> None:
+def test_wrong_pin_is_reported_and_not_retried(te4sea: Bench, tmp_path: Path) -> None:
     root = inventory(tmp_path, {FILE: ("apn: internet # EXAMPLE\n", f"apn: internet\n    pin: {VAULTED}\n")})
     te4sea.declaration = load(root, decrypt=wrong)
     te4sea.request = te4sea.request.model_copy(update={"state": tmp_path / "state"})  # where the PIN is noted
@@ -170,7 +170,7 @@ def test_a_modem_on_a_serial_line(te4sea: Bench, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("driver", "codes_of"), [("manual", ["INCONCLUSIVE look-yourself"]), ("modemmanager", [])])
-def test_drivers_without_an_emulation_are_named(
+def test_drivers_without_an_emulator_are_reported(
     driver: str, codes_of: list[str], te4sea: Bench, tmp_path: Path
 ) -> None:
     te4sea.declaration = load(_declared(tmp_path, OTHERS.format(driver=driver)))
@@ -198,7 +198,7 @@ def with_modem(sick: ModemSpec) -> Callable[[EmulatorSpec], EmulatorSpec]:
     return spoil
 
 
-def test_a_mikrotik_box_that_roams_and_may_not(tmp_path: Path) -> None:
+def test_forbidden_roaming_of_a_mikrotik_device_is_reported(tmp_path: Path) -> None:
     abroad = ModemSpec(sim=SimSpec(home="00101"), cell=CellSpec(plmn=FOREIGN))
     with bench(tmp_path, "coastal", BOX, spoil=with_modem(abroad)) as coastal:
         report = coastal.report(BOX)
@@ -207,7 +207,7 @@ def test_a_mikrotik_box_that_roams_and_may_not(tmp_path: Path) -> None:
     assert report.exit is ExitCode.CHECKS_FAILED
 
 
-def test_a_pin_that_a_run_has_tried_on_a_mikrotik_box_is_wrong(tmp_path: Path) -> None:
+def test_pin_already_tried_on_a_mikrotik_device_is_reported_as_wrong(tmp_path: Path) -> None:
     with bench(tmp_path, "coastal", BOX, spoil=with_modem(ModemSpec(sim=SimSpec(pin="1234")))) as coastal:
         assert codes(coastal.report(BOX)) == ["FAIL pin-needed"]
         store = Store(coastal.request.state, is_rehearsal=True)
@@ -215,7 +215,7 @@ def test_a_pin_that_a_run_has_tried_on_a_mikrotik_box_is_wrong(tmp_path: Path) -
         assert codes(coastal.report(BOX)) == ["FAIL pin-wrong"]
 
 
-def test_a_mikrotik_box_without_a_card(tmp_path: Path) -> None:
+def test_mikrotik_device_without_a_sim_card(tmp_path: Path) -> None:
     with bench(tmp_path, "coastal", BOX, spoil=with_modem(ModemSpec(sim=None))) as coastal:
         report = coastal.report(BOX)
     assert codes(report) == ["FAIL sim-missing"]

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
     ],
     ids=["missing", "wrong", "right"],
 )
-def test_the_password(
+def test_vault_password_verdict(
     tmp_path: Path, keyboard: str | None, flags: tuple[str, ...], verdict: str, measured: str
 ) -> None:
     done = typed(_inventory(tmp_path), ("doctor", *flags), keyboard)
@@ -37,7 +37,7 @@ def test_the_password(
     assert "a-real-" not in done.stdout + done.stderr
 
 
-def test_on_a_terminal_it_is_asked_for_once(tmp_path: Path) -> None:
+def test_vault_password_is_requested_once_on_a_terminal(tmp_path: Path) -> None:
     done = typed(_inventory(tmp_path), ("doctor",), _VAULT_PASSWORD.decode())
     assert "  PASS vault               the password opens all " in done.stdout
     assert done.stderr.count(QUESTION.decode()) == 1

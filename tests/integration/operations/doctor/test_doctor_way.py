@@ -21,7 +21,7 @@ def verdicts(at: LaptopStand) -> dict[str, str]:
 
 
 @pytest.mark.smoke
-def test_the_address_is_missing_and_what_is_advised_gives_it(at: LaptopStand) -> None:
+def test_advised_command_sets_the_missing_address(at: LaptopStand) -> None:
     at.cable("eth0")
     found = at.look()
     assert found["port"]["verdict"] == "PASS"
@@ -51,7 +51,7 @@ def test_the_address_is_missing_and_what_is_advised_gives_it(at: LaptopStand) ->
     assert after["router"]["commands"] == ["provision trust site=coastal"]
 
 
-def test_the_router_hears_one_handshake_and_no_word(at: LaptopStand) -> None:
+def test_router_receives_one_handshake_and_no_data(at: LaptopStand) -> None:
     at.cable("eth0", address=MINE)
     digest = at.serve("eth0")
     file = at.inventory / "host_vars" / "coastal-router.yml"
@@ -62,7 +62,7 @@ def test_the_router_hears_one_handshake_and_no_word(at: LaptopStand) -> None:
     assert at.heard() == ["said b''"]
 
 
-def test_another_certificate_is_noticed(at: LaptopStand) -> None:
+def test_another_certificate_fails(at: LaptopStand) -> None:
     at.cable("eth0", address=MINE)
     at.serve("eth0")
     file = at.inventory / "host_vars" / "coastal-router.yml"
@@ -70,7 +70,7 @@ def test_another_certificate_is_noticed(at: LaptopStand) -> None:
     assert at.look()["router"]["verdict"] == "FAIL"
 
 
-def test_nobody_is_contacted_over_a_link_that_is_paid_by_the_byte(at: LaptopStand) -> None:
+def test_no_device_is_contacted_over_a_metered_link(at: LaptopStand) -> None:
     at.cable("eth0", address="10.80.0.5/24")
     at.ip("route", "add", "10.64.0.0/16", "dev", "eth0")
     at.serve("eth0")
@@ -80,14 +80,14 @@ def test_nobody_is_contacted_over_a_link_that_is_paid_by_the_byte(at: LaptopStan
     assert at.heard() == []
 
 
-def test_nobody_answers(at: LaptopStand) -> None:
+def test_silent_router_fails(at: LaptopStand) -> None:
     at.cable("eth0", address=MINE)
     found = at.look()
     assert found["route"]["verdict"] == "PASS"
     assert found["router"]["verdict"] == "FAIL"
 
 
-def test_a_port_that_is_off_is_switched_on(at: LaptopStand) -> None:
+def test_advised_command_enables_a_disabled_port(at: LaptopStand) -> None:
     at.cable("eth0", up=False)
     found = at.look()
     assert found["port"]["measured"] == "eth0 is switched off"
@@ -95,7 +95,7 @@ def test_a_port_that_is_off_is_switched_on(at: LaptopStand) -> None:
     assert at.look()["port"]["verdict"] == "PASS"
 
 
-def test_no_cable(at: LaptopStand) -> None:
+def test_missing_cable_fails(at: LaptopStand) -> None:
     at.cable("eth0", address=MINE)
     at.unplug("eth0")
     found = at.look()
@@ -105,12 +105,12 @@ def test_no_cable(at: LaptopStand) -> None:
     assert found["router"]["verdict"] == "SKIP"
 
 
-def test_no_port(at: LaptopStand) -> None:
+def test_laptop_without_ethernet_port(at: LaptopStand) -> None:
     assert at.look()["port"]["measured"] == "this laptop has no Ethernet port"
 
 
 @pytest.mark.parametrize("address", ["192.168.88.5/24", "10.64.101.1/24", "10.64.101.10/32", "10.64.101.55/24"])
-def test_a_wrong_address_and_what_is_advised_puts_it_right(at: LaptopStand, address: str) -> None:
+def test_advised_command_corrects_a_wrong_address(at: LaptopStand, address: str) -> None:
     at.cable("eth0", address=address)
     found = at.look()
     assert found["address"]["verdict"] != "PASS"
@@ -121,7 +121,7 @@ def test_a_wrong_address_and_what_is_advised_puts_it_right(at: LaptopStand, addr
     }
 
 
-def test_two_ports_in_one_network_and_the_route_that_is_advised(at: LaptopStand) -> None:
+def test_advised_commands_fix_two_ports_in_one_network(at: LaptopStand) -> None:
     at.cable("wlan9", address="10.64.101.77/24")
     at.cable("eth0", address=MINE)
     found = at.look()
@@ -133,7 +133,7 @@ def test_two_ports_in_one_network_and_the_route_that_is_advised(at: LaptopStand)
     assert verdicts(at)["other ports"] == "PASS"
 
 
-def test_a_narrower_route_elsewhere(at: LaptopStand) -> None:
+def test_advised_command_removes_a_narrower_route(at: LaptopStand) -> None:
     at.cable("eth0", address=MINE)
     at.cable("tun9")
     at.ip("route", "add", "10.64.101.0/25", "dev", "tun9")
@@ -144,7 +144,7 @@ def test_a_narrower_route_elsewhere(at: LaptopStand) -> None:
     assert verdicts(at)["route"] == "PASS"
 
 
-def test_the_default_route_over_the_site(at: LaptopStand) -> None:
+def test_advised_command_removes_the_default_route_over_the_site(at: LaptopStand) -> None:
     at.cable("eth0", address=MINE)
     at.ip("route", "add", "default", "via", "10.64.101.1", "dev", "eth0")
     found = at.look()
@@ -153,13 +153,13 @@ def test_the_default_route_over_the_site(at: LaptopStand) -> None:
     assert verdicts(at)["default route"] == "PASS"
 
 
-def test_two_cables(at: LaptopStand) -> None:
+def test_two_cables_are_a_warning(at: LaptopStand) -> None:
     at.cable("eth0")
     at.cable("eth1")
     assert at.look()["port"]["verdict"] == "WARN"
 
 
-def test_the_screen(at: LaptopStand) -> None:
+def test_terminal_output(at: LaptopStand) -> None:
     """The last lines alone say what is wrong and what to type; nothing is wider than a terminal."""
     at.cable("eth0")
     done = at.provision("doctor", "site=coastal", program=True)

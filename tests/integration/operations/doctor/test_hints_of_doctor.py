@@ -33,7 +33,7 @@ def lines(at: Quay, code: int) -> list[list[str]]:
     return [words for line in printed.splitlines() for words in advised(line)]
 
 
-def test_an_unknown_router_is_agreed_to_by_what_is_advised(at: Quay) -> None:
+def test_advised_command_pins_an_unknown_router(at: Quay) -> None:
     Store(at.state).pins.change(ROUTER, None)
     found = items(at, 6)
     assert found["router"]["verdict"] == "WARN"
@@ -46,7 +46,7 @@ def test_an_unknown_router_is_agreed_to_by_what_is_advised(at: Quay) -> None:
     assert ROUTER not in after["known devices"]["measured"]
 
 
-def test_a_plan_is_made_next(at: Quay) -> None:
+def test_plan_is_the_advised_next_step(at: Quay) -> None:
     """The keys of the gateway are nobody's here: without them nothing is red."""
     file = at.inventory / "host_vars" / "coastal-gateway.yml"
     text = file.read_text(encoding="utf-8")
@@ -56,7 +56,7 @@ def test_a_plan_is_made_next(at: Quay) -> None:
     at.provision(*words, code=2)
 
 
-def test_the_passwords_open_and_are_not_shown(at: Quay) -> None:
+def test_vault_passwords_are_checked_and_not_shown(at: Quay) -> None:
     done = at.provision("doctor", "site=coastal", "via=wifi-ptp", code=6)
     assert "a-real-" not in done.stdout
     assert items(at, 6)["vault"]["measured"].startswith("the password opens all ")

@@ -94,7 +94,7 @@ def _no_shared_connection(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> No
     monkeypatch.setenv("HOME", str(tmp_path))
 
 
-def test_a_gateways_gpsd_is_heard_through_ssh(tmp_path: Path) -> None:
+def test_gpsd_of_a_gateway_is_read_over_ssh(tmp_path: Path) -> None:
     with RunningGpsd(GnssSpec(every_s=0.1)) as twin, gateway(tmp_path, twin.port) as target:
         source, found = heard(tmp_path, target, "gateway")
     assert source.name == f"gpsd of {GATEWAY}"
@@ -102,7 +102,7 @@ def test_a_gateways_gpsd_is_heard_through_ssh(tmp_path: Path) -> None:
     assert (found.latitude, found.longitude) == (41.68642, -8.83883)
 
 
-def test_another_computer_in_its_place_is_told_nothing(tmp_path: Path) -> None:
+def test_computer_with_another_host_key_receives_nothing(tmp_path: Path) -> None:
     with RunningGpsd(GnssSpec(every_s=0.1)) as twin, gateway(tmp_path, twin.port) as target:
         other = asyncssh.generate_private_key("ssh-ed25519").export_public_key().decode()
         (tmp_path / "known").write_text(f"{GATEWAY} {other}", encoding="ascii")
@@ -111,6 +111,6 @@ def test_another_computer_in_its_place_is_told_nothing(tmp_path: Path) -> None:
     assert "Host key verification failed" in source.trouble
 
 
-def test_what_is_no_gpsd_is_refused_before_anything_is_sent(tmp_path: Path) -> None:
+def test_source_that_is_no_gpsd_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="is no gpsd"):
         heard(tmp_path, None, "somewhere else")

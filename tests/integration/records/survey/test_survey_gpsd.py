@@ -51,7 +51,7 @@ def test_an_hour_over_the_units_own_interface(tmp_path: Path) -> None:
     assert len(points) > 100
 
 
-def test_the_real_gpsd_says_where_the_voyage_is(tmp_path: Path) -> None:
+def test_real_gpsd_reports_the_position_of_the_voyage(tmp_path: Path) -> None:
     seconds = replayed(nmea(tmp_path / "voyage.nmea", 12))
     plan = SurveyPlan(step_m=None, step_s=2.0, max_seconds=10.0)
     with sailing(tmp_path, plan, lambda at, _latitude, _longitude: seconds[at]) as (voyage, survey, points):
@@ -83,7 +83,7 @@ def until(source: GpsdSource, holds: Callable[[TrackPosition | NoPosition], bool
     return found
 
 
-def test_a_gpsd_is_heard_through_its_socket_and_through_a_program() -> None:
+def test_gpsd_is_read_over_its_socket_and_through_a_program() -> None:
     with RunningNmea(GnssSpec(every_s=0.1)) as receiver, gpsd(f"tcp://127.0.0.1:{receiver.port}") as port:
         with GpsdSource("real", ("127.0.0.1", port)) as source:
             found = until(source, lambda found: isinstance(found, TrackPosition))
@@ -98,7 +98,7 @@ def test_a_gpsd_is_heard_through_its_socket_and_through_a_program() -> None:
         assert distance_m(each.latitude, each.longitude, 41.68642, -8.83883) < 1.0
 
 
-def test_a_gpsd_that_is_missing_or_goes_is_said_so() -> None:
+def test_lost_gpsd_is_reported() -> None:
     with ExitStack() as stack:
         twin = stack.enter_context(RunningGpsd(GnssSpec(every_s=0.05)))
         with GpsdSource("twin", (twin.host, twin.port)) as source:
@@ -107,7 +107,7 @@ def test_a_gpsd_that_is_missing_or_goes_is_said_so() -> None:
             until(source, lambda found: found is NoPosition.NO_GPSD)
 
 
-def test_what_a_program_complains_of_is_kept() -> None:
+def test_error_output_of_the_program_is_stored() -> None:
     words = ["sh", "-c", "echo first >&2; echo Host key verification failed. >&2; exit 255"]
     with GpsdSource("gpsd of a gateway", command=words) as source:
         wait_until(lambda: source.trouble)
@@ -115,6 +115,6 @@ def test_what_a_program_complains_of_is_kept() -> None:
     assert source.trouble == "Host key verification failed."
 
 
-def test_a_gpsd_without_a_fix_is_said_so() -> None:
+def test_gpsd_without_a_fix_is_reported() -> None:
     with RunningGpsd(GnssSpec(every_s=0.05, mode=1)) as twin, GpsdSource("twin", (twin.host, twin.port)) as source:
         until(source, lambda found: found is NoPosition.NO_FIX)

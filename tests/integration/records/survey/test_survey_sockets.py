@@ -65,7 +65,7 @@ def far_end() -> Iterator[Inventory]:
             thread.join()
 
 
-def test_a_point_through_real_sockets(tmp_path: Path) -> None:
+def test_survey_point_over_real_sockets(tmp_path: Path) -> None:
     points: list[SurveyPoint] = []
     samples: list[Sample] = []
     with ExitStack() as stack:
@@ -97,7 +97,7 @@ def test_a_point_through_real_sockets(tmp_path: Path) -> None:
     assert not header.emulated
 
 
-def test_a_computer_without_a_way_to_the_far_end_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_far_end_without_a_route_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def unreachable(_far_end: tuple[str, int]) -> None:
         raise OSError(errno.ENETUNREACH, "Network is unreachable")
 
@@ -109,7 +109,7 @@ def test_a_computer_without_a_way_to_the_far_end_says_so(tmp_path: Path, monkeyp
         site.build_survey(stack, lambda _sample: None, lambda _point: None)
 
 
-def test_a_point_where_a_person_says_where_it_is_and_nothing_is_sent(tmp_path: Path) -> None:
+def test_manual_position_gives_a_point_without_sending(tmp_path: Path) -> None:
     points: list[SurveyPoint] = []
     with ExitStack() as stack:
         units = stack.enter_context(emulated_units([UNIT], tmp_path))

@@ -36,7 +36,7 @@ def words(error: NetcfgError) -> str:
 
 
 @pytest.mark.smoke
-def test_a_box_becomes_an_adopted_router(box: Carton) -> None:
+def test_factory_router_is_adopted(box: Carton) -> None:
     result = box.adopt()
     assert (result.status, result.exit) == ("changed", ExitCode.DONE)
     assert box.export() == adopted_export()
@@ -66,7 +66,7 @@ def test_the_second_run_changes_nothing(box: Carton) -> None:
     assert not [one for one in second.log.records if isinstance(one, ContactStep)]
 
 
-def test_a_plan_touches_nothing(box: Carton) -> None:
+def test_plan_changes_nothing(box: Carton) -> None:
     before = box.export()
     result = box.adoption().plan()
     assert result.exit is ExitCode.CHANGES
@@ -79,7 +79,7 @@ def test_a_plan_touches_nothing(box: Carton) -> None:
     assert box.adoption().plan().exit is ExitCode.DONE
 
 
-def test_the_way_that_remains_is_told_before_the_old_one_goes(box: Carton) -> None:
+def test_new_access_port_is_announced_before_the_old_one_is_removed(box: Carton) -> None:
     box.adopt()
     move = "now plug the laptop into ether8, with address 10.64.100.10/24: "
     told = [place for place, message in enumerate(box.told) if message.startswith(move)]
@@ -87,7 +87,7 @@ def test_the_way_that_remains_is_told_before_the_old_one_goes(box: Carton) -> No
     assert told < cleared
 
 
-def test_nobody_who_comes_over_leaves_both_ways(box: Carton) -> None:
+def test_without_reconnection_both_access_ports_remain(box: Carton) -> None:
     locate = box.adoption().locate
     adoption = box.adoption(wait_s=0.0)
     adoption.locate = lambda address, port: ("127.0.0.1", 1) if address == "10.64.100.1" else locate(address, port)
@@ -103,7 +103,7 @@ def test_nobody_who_comes_over_leaves_both_ways(box: Carton) -> None:
     ]
 
 
-def test_somebodys_router_is_not_touched(tmp_path: Path) -> None:
+def test_configured_router_is_not_touched(tmp_path: Path) -> None:
     seed = "/system identity set name=boat\n/ip firewall filter add action=drop chain=forward\n"
     with carton(tmp_path, seed=seed) as box:
         before = box.export()
@@ -115,7 +115,7 @@ def test_somebodys_router_is_not_touched(tmp_path: Path) -> None:
         assert Store(box.state, is_rehearsal=True).pins.host_key(ROUTER) is None
 
 
-def test_somebodys_router_is_taken_over_when_told_so(tmp_path: Path) -> None:
+def test_configured_router_is_taken_over_on_request(tmp_path: Path) -> None:
     rule = "/ip firewall filter add action=drop chain=input src-address=10.64.0.0/16\n"
     seed = f"{rule}/ip pool add name=boat ranges=10.1.0.2\n"
     users = (User(name="admin"), User(name="boss", password="b", group="full"))
@@ -129,7 +129,7 @@ def test_somebodys_router_is_taken_over_when_told_so(tmp_path: Path) -> None:
         assert box.adopt().status == "unchanged"
 
 
-def test_a_wrong_password(tmp_path: Path) -> None:
+def test_wrong_password_changes_nothing(tmp_path: Path) -> None:
     with carton(tmp_path, users=(User(name="admin", password="sticker"),)) as box:
         before = box.export()
         with pytest.raises(ConsoleLoginError) as failed:
@@ -154,7 +154,7 @@ def test_another_host_key_is_refused(box: Carton) -> None:
     assert pins.host_key(ROUTER) == info["host_key"]
 
 
-def test_an_adopted_router_of_another_laptop_is_told_no_password_of_ours(box: Carton) -> None:
+def test_router_adopted_elsewhere_gets_no_password_before_it_is_pinned(box: Carton) -> None:
     """It has to be agreed to first: by what the inventory declares, or by `provision trust`."""
     box.adopt()
     pins, info = Store(box.state, is_rehearsal=True).pins, box.site.do(ROUTER, "info")
@@ -188,7 +188,7 @@ def test_every_version_is_adopted(tmp_path: Path, version: str) -> None:
         assert box.adopt().status == "unchanged"
 
 
-def test_a_flagged_router_is_not_begun_with(tmp_path: Path) -> None:
+def test_flagged_router_is_refused(tmp_path: Path) -> None:
     with carton(tmp_path, device_mode=DeviceMode(mode=DeviceModeName.HOME, is_flagged=True)) as box:
         before = box.export()
         with pytest.raises(PreflightError, match="device-mode has flagged this router"):
@@ -196,7 +196,7 @@ def test_a_flagged_router_is_not_begun_with(tmp_path: Path) -> None:
         assert box.export() == before
 
 
-def test_a_box_is_adopted_over_its_serial_line(tmp_path: Path) -> None:
+def test_router_is_adopted_over_its_serial_line(tmp_path: Path) -> None:
     with carton(tmp_path, serial=True) as box:
         result = box.adopt()
         assert result.status == "changed"
@@ -207,7 +207,7 @@ def test_a_box_is_adopted_over_its_serial_line(tmp_path: Path) -> None:
         assert box.adopt().status == "unchanged"
 
 
-def test_what_the_serial_line_cannot_show_is_said(tmp_path: Path, laptop: Laptop) -> None:
+def test_unverifiable_steps_over_the_serial_line_are_reported(tmp_path: Path, laptop: Laptop) -> None:
     hint = (
         "not verified, because the laptop is on the serial line: that {} answers on {}; plug into {} with address {}, "
         "and `provision site=…` verifies it"
@@ -228,7 +228,7 @@ def test_what_the_serial_line_cannot_show_is_said(tmp_path: Path, laptop: Laptop
         assert pins.host_key(ROUTER) == box.site.do(ROUTER, "info")["host_key"]
 
 
-def test_a_box_that_was_reset_without_defaults(tmp_path: Path) -> None:
+def test_router_reset_without_defaults_is_adopted_over_serial(tmp_path: Path) -> None:
     """No address is left on it: only the serial line leads in."""
     with carton(tmp_path, serial=True, factory=False, users=(User(name="admin"),), certificates=()) as box:
         assert box.adopt().status == "changed"

@@ -69,7 +69,7 @@ def adopted(**changes: Any) -> str:  # noqa: ANN401 - of RouterSpec
     return Device(router, lambda: 0.0).export(header=False)
 
 
-def test_a_cpe_out_of_its_box_is_adopted_and_adopting_it_again_changes_nothing(tmp_path: Path) -> None:
+def test_factory_cpe_is_adopted_and_second_adoption_changes_nothing(tmp_path: Path) -> None:
     with boxed(tmp_path) as box:
         assert "mode=station" not in adopted()
         assert "disabled=no" in box.export()
@@ -83,7 +83,7 @@ def test_a_cpe_out_of_its_box_is_adopted_and_adopting_it_again_changes_nothing(t
         assert (again.status, box.export()) == ("unchanged", after)
 
 
-def test_the_radio_of_the_newer_driver_is_switched_off_as_well(tmp_path: Path) -> None:
+def test_radio_of_the_new_driver_is_disabled_too(tmp_path: Path) -> None:
     newer = {"packages": ("routeros", "wifi-qcom"), "radios": ({"name": "wifi1"},)}
     with boxed(tmp_path, **newer) as box:
         assert "disabled=no" in box.export()
@@ -91,7 +91,7 @@ def test_the_radio_of_the_newer_driver_is_switched_off_as_well(tmp_path: Path) -
         assert "disabled=no" not in box.export().partition("/interface wifi")[2].partition("\n/")[0]
 
 
-def test_a_cpe_without_a_driver_is_told_so_before_anything_is_changed(tmp_path: Path) -> None:
+def test_cpe_without_a_radio_driver_is_refused_unchanged(tmp_path: Path) -> None:
     with boxed(tmp_path, packages=("routeros",)) as box:
         before = box.export()
         with pytest.raises(PreflightError, match=r"since 7\.13 `wireless` is a package of its own"):

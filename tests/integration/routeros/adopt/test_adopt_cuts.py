@@ -100,24 +100,28 @@ def repeated(box: Carton) -> None:
 
 
 @pytest.mark.parametrize(("number", "when"), SAMPLE)
-def test_a_cut_is_repeated(box: Carton, number: int, when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sample_of_interrupted_adoptions_can_be_repeated(
+    box: Carton, number: int, when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     cut_and_repeat(box, number, when, monkeypatch)
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize(("number", "when"), ALL)
-def test_every_cut_is_repeated(box: Carton, number: int, when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_interrupted_adoption_can_be_repeated(
+    box: Carton, number: int, when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     cut_and_repeat(box, number, when, monkeypatch)
 
 
 @pytest.mark.parametrize(("number", "when"), KILLED)
-def test_a_killed_laptop_repeats(box: Carton, number: int, when: str) -> None:
+def test_sample_of_killed_adoptions_can_be_repeated(box: Carton, number: int, when: str) -> None:
     kill_and_repeat(box, number, when)
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize(("number", "when"), ALL)
-def test_every_killed_laptop_repeats(box: Carton, number: int, when: str) -> None:
+def test_every_killed_adoption_can_be_repeated(box: Carton, number: int, when: str) -> None:
     kill_and_repeat(box, number, when)
 
 

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("version", ["7.18.2", "7.21.5"])
-def test_what_first_contact_types_is_in_the_tree(version: str, tmp_path: Path) -> None:
+def test_first_contact_commands_exist_in_the_command_tree(version: str, tmp_path: Path) -> None:
     with carton(tmp_path, version=version) as box, listening() as heard:
         assert box.adopt().status == "changed"
         assert box.adopt().status == "unchanged"

@@ -36,7 +36,7 @@ async def twice(bench: Bench) -> tuple[DeviceResult, DeviceResult, int, int]:
     return results[0], results[1], turns[0], turns[1]
 
 
-def test_a_first_configuration_converges_twice(tmp_path: Path) -> None:
+def test_first_configuration_converges_and_second_run_is_unchanged(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     first, second, turns, idle = on(bench, twice)
     assert (first.status, first.message) == (Status.CHANGED, f"{first.planned_count} actions applied and verified")
@@ -55,7 +55,7 @@ def test_round_trips_do_not_grow_with_the_number_of_items(tmp_path: Path, number
     assert second.round_trips == idle + HANDSHAKE <= 5
 
 
-def test_the_wire_is_used_well_over_a_slow_link(tmp_path: Path) -> None:
+def test_unchanged_run_takes_five_round_trips_over_a_slow_link(tmp_path: Path) -> None:
     """An idle run over 700 ms: the TCP and TLS handshakes, the login and the reading."""
     bench = Bench(tmp_path, link=RouterLink(delay_s=0.35))
 
@@ -67,7 +67,7 @@ def test_the_wire_is_used_well_over_a_slow_link(tmp_path: Path) -> None:
     assert second.seconds <= (3 + 2) * 0.7 + 0.1
 
 
-def test_bytes_are_those_on_the_wire(tmp_path: Path) -> None:
+def test_reported_bytes_match_the_wire(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> tuple[DeviceResult, int, int]:
@@ -96,7 +96,7 @@ def test_a_plan_changes_nothing(tmp_path: Path) -> None:
     assert without_header(before) == without_header(now)
 
 
-def test_only_the_plan_that_was_agreed_to_is_carried_out(tmp_path: Path) -> None:
+def test_only_the_approved_plan_is_applied(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, DeviceResult]:
@@ -113,7 +113,7 @@ def test_only_the_plan_that_was_agreed_to_is_carried_out(tmp_path: Path) -> None
     assert agreed.status is Status.CHANGED
 
 
-def test_the_journal_tells_the_whole_run(tmp_path: Path) -> None:
+def test_journal_records_the_whole_run(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     result = on(bench, lambda bench: bench.converge())
     (run,) = bench.store.runs("coastal")
@@ -152,7 +152,7 @@ def test_the_journal_tells_the_whole_run(tmp_path: Path) -> None:
     assert run.settled_devices == {"router"}
 
 
-def test_the_state_before_is_what_the_device_exports(tmp_path: Path) -> None:
+def test_state_before_the_run_is_the_device_export(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> str:
@@ -167,7 +167,7 @@ def test_the_state_before_is_what_the_device_exports(tmp_path: Path) -> None:
     assert saved.path.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_saved_state_is_gone_back_to(tmp_path: Path) -> None:
+def test_saved_state_is_restored(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> tuple[str, DeviceResult, str]:
@@ -200,7 +200,7 @@ def test_a_backup_is_saved_and_nothing_is_changed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("execute", [Execute.TRAP, Execute.NONE])
-def test_devices_that_answer_scripts_otherwise_converge_too(tmp_path: Path, execute: Execute) -> None:
+def test_devices_with_other_script_output_converge_too(tmp_path: Path, execute: Execute) -> None:
     bench = Bench(tmp_path, spec={"execute": execute})
     first, second, _, idle = on(bench, twice)
     assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED)
@@ -231,7 +231,7 @@ def test_a_result_is_json(tmp_path: Path) -> None:
     assert data["protection"] == "safe-mode"
 
 
-def test_every_result_tells_of_a_routeros_newer_than_anything_known(tmp_path: Path) -> None:
+def test_every_result_reports_an_unknown_newer_routeros(tmp_path: Path) -> None:
     """Where something is planned, done or has drifted, and where nothing is to do; a known one is told by none."""
     modes = (JobMode.DRIFT, JobMode.PLAN, JobMode.APPLY, JobMode.PLAN, JobMode.APPLY, JobMode.DRIFT)
 

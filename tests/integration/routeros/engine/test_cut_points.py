@@ -88,7 +88,9 @@ SAMPLE = [
 @pytest.mark.parametrize(
     "kind", [FaultKind.DROP, FaultKind.VANISH, FaultKind.TRUNCATE, FaultKind.GARBAGE, FaultKind.GAP]
 )
-def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, path: str, nth: int, status: Status | None) -> None:
+def test_fault_at_a_critical_point_has_the_expected_status(
+    tmp_path: Path, kind: FaultKind, path: str, nth: int, status: Status | None
+) -> None:
     result = cut(tmp_path, LinkFault(do=kind, match=path, sentence=nth, when="after", seconds=GAP_S))
     # A device that falls silent while it is only read is read again in smaller batches.
     goes_on = kind is FaultKind.GAP or (kind is FaultKind.VANISH and (path, nth) == ("/ip/address/print", 1))
@@ -99,7 +101,7 @@ def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, path: str, nth: int
 @pytest.mark.parametrize("kind", [FaultKind.REBOOT, FaultKind.POWER, FaultKind.HANG])
 @pytest.mark.parametrize("when", ["before", "after"])
 @pytest.mark.parametrize("path", ["/execute", "/safe-mode/release"])
-def test_the_router_falls_silent_in_mid_apply(tmp_path: Path, kind: FaultKind, when: str, path: str) -> None:
+def test_router_silent_during_apply_ends_as_expected(tmp_path: Path, kind: FaultKind, when: str, path: str) -> None:
     nth = 3 if path == "/execute" else 1
     result = cut(tmp_path, LinkFault.model_validate({"do": kind, "match": path, "sentence": nth, "when": when}))
     released = path == "/safe-mode/release" and when == "after"
@@ -108,7 +110,7 @@ def test_the_router_falls_silent_in_mid_apply(tmp_path: Path, kind: FaultKind, w
 
 @pytest.mark.parametrize("nth", [3, 4, 5])
 @pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.POWER])
-def test_a_long_plan_is_cut_between_its_pieces(tmp_path: Path, kind: FaultKind, nth: int) -> None:
+def test_long_plan_cut_between_its_parts_is_rolled_back_or_complete(tmp_path: Path, kind: FaultKind, nth: int) -> None:
     fault = LinkFault(do=kind, match="/execute", sentence=nth, when="after")
     assert cut(tmp_path, fault, LONG).status in (Status.ROLLED_BACK, Status.CHANGED)
 
@@ -124,7 +126,7 @@ def test_a_long_plan_is_cut_between_its_pieces(tmp_path: Path, kind: FaultKind, 
     ],
     ids=["script", "release", "long", "sentences"],
 )
-def test_the_power_fails_and_the_router_keeps_what_was_in_safe_mode(
+def test_power_loss_that_keeps_safe_mode_changes_still_ends_consistently(
     tmp_path: Path, where: tuple[str, int], when: str, plan: tuple[str, Execute]
 ) -> None:
     """Without `safe-mode-power-loss` the run reads what has stayed, and still ends as before or as declared."""
@@ -139,7 +141,9 @@ def test_the_power_fails_and_the_router_keeps_what_was_in_safe_mode(
     [(TEXT, Execute.OUTPUT), (LONG, Execute.OUTPUT), (TEXT, Execute.NONE), (TEXT, Execute.TRAP)],
     ids=["scripts", "long", "sentences", "traps"],
 )
-def test_cut_everywhere(tmp_path: Path, kind: FaultKind, when: str, text: str, execute: Execute) -> None:
+def test_fault_at_every_sentence_ends_consistently(
+    tmp_path: Path, kind: FaultKind, when: str, text: str, execute: Execute
+) -> None:
     for sentence in range(1, clean(text, execute).sentences + 1):
         fault = {"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S}
         cut(tmp_path / str(sentence), LinkFault.model_validate(fault), text, execute)
@@ -148,6 +152,6 @@ def test_cut_everywhere(tmp_path: Path, kind: FaultKind, when: str, text: str, e
 @pytest.mark.campaign
 @pytest.mark.parametrize("offset", [0, 1, 2, 3, 5, 8, 13, 21, 34, 55, 89])
 @pytest.mark.parametrize("kind", [FaultKind.TRUNCATE, FaultKind.GARBAGE])
-def test_answers_are_spoilt_at_many_places(tmp_path: Path, kind: FaultKind, offset: int) -> None:
+def test_corrupted_responses_end_consistently(tmp_path: Path, kind: FaultKind, offset: int) -> None:
     for sentence in range(1, clean(TEXT, Execute.OUTPUT).sentences + 1):
         cut(tmp_path / str(sentence), LinkFault(do=kind, when="after", sentence=sentence, offset=offset))

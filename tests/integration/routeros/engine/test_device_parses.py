@@ -73,7 +73,7 @@ def line_of(text: str, part: str) -> int:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_misspelt_argument(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str) -> None:
+def test_misspelt_argument_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str) -> None:
     with_argument(monkeypatch, "/ip/pool", "rangse")
     text = TEXT.replace("ranges=10.64.1.100-10.64.1.199", "ranges=10.64.1.100-10.64.1.199 rangse=x")
     result = on(Bench(tmp_path, spec={"version": version}), lambda bench: refused(bench, text))
@@ -85,7 +85,7 @@ def test_a_misspelt_argument(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ve
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_an_argument_that_is_newer_than_the_device(
+def test_argument_newer_than_the_device_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str
 ) -> None:
     menu, name = NEWER[version]
@@ -98,7 +98,7 @@ def test_an_argument_that_is_newer_than_the_device(
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_menu_of_a_package_that_is_not_installed(tmp_path: Path, version: str) -> None:
+def test_menu_of_a_missing_package_is_refused(tmp_path: Path, version: str) -> None:
     """The reading has found that out already."""
     text = f"{TEXT}/interface wireless security-profiles\nadd comment=atlantis name=link mode=dynamic-keys\n"
     result = on(Bench(tmp_path, spec={"version": version}), lambda bench: refused(bench, text))
@@ -106,7 +106,7 @@ def test_a_menu_of_a_package_that_is_not_installed(tmp_path: Path, version: str)
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_value_outside_a_closed_list(tmp_path: Path, version: str) -> None:
+def test_value_outside_a_closed_list_is_refused(tmp_path: Path, version: str) -> None:
     text = TEXT.replace(
         'action=drop chain=input comment="atlantis: rest"', 'action=dorp chain=input comment="atlantis: rest"'
     )
@@ -116,7 +116,7 @@ def test_a_value_outside_a_closed_list(tmp_path: Path, version: str) -> None:
     assert result.message.endswith(", not dorp")
 
 
-def test_all_that_is_wrong_is_said_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_errors_are_reported_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with_argument(monkeypatch, "/ip/pool", "rangse")
     text = TEXT.replace("name=lan ranges=", "name=lan rangse=x ranges=").replace(
         "action=masquerade", "action=maskerade"
@@ -128,7 +128,7 @@ def test_all_that_is_wrong_is_said_at_once(tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.mark.parametrize("mode", [JobMode.PLAN, JobMode.APPLY])
 @pytest.mark.parametrize("more", [0, 150], ids=["few", "many"])
-def test_a_plan_that_is_right_costs_no_round_trip_more(
+def test_parsing_a_valid_plan_costs_no_extra_round_trip(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: JobMode, more: int
 ) -> None:
     with_it = on(
@@ -144,7 +144,7 @@ def test_a_plan_that_is_right_costs_no_round_trip_more(
     assert with_it.sent_bytes > without.sent_bytes
 
 
-def test_what_is_as_declared_is_not_parsed(tmp_path: Path) -> None:
+def test_unchanged_configuration_is_not_parsed(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, list[str]]:
         await bench.converge()
         result = await bench.converge()
@@ -155,7 +155,7 @@ def test_what_is_as_declared_is_not_parsed(tmp_path: Path) -> None:
     assert not {"/execute", "/console/inspect"} & set(said)
 
 
-def test_drift_asks_no_parser(tmp_path: Path) -> None:
+def test_drift_does_not_use_the_parser(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, list[str]]:
         result = await bench.converge(JobMode.DRIFT)
         return result, [sentence[0] for each in bench.router.connections() for sentence in each.sentences]
@@ -165,7 +165,7 @@ def test_drift_asks_no_parser(tmp_path: Path) -> None:
     assert "/execute" not in said
 
 
-def test_a_device_that_runs_no_scripts_is_inconclusive_and_goes_on(tmp_path: Path) -> None:
+def test_device_without_scripts_is_inconclusive_and_run_continues(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
         return await bench.converge(JobMode.PLAN), await bench.converge()
 
@@ -176,7 +176,7 @@ def test_a_device_that_runs_no_scripts_is_inconclusive_and_goes_on(tmp_path: Pat
         assert "the device does not run a script that only parses (no such command)" in note
 
 
-def test_a_user_who_may_only_read_is_inconclusive(tmp_path: Path) -> None:
+def test_read_only_user_makes_parsing_inconclusive(tmp_path: Path) -> None:
     users = (User(name="provision", password=PASSWORD, group="read"),)
     planned = on(Bench(tmp_path, spec={"users": users}), lambda bench: bench.converge(JobMode.PLAN))
     assert planned.status is Status.REFUSED

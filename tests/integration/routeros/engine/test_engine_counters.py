@@ -33,7 +33,7 @@ def test_counters_cost_no_round_trip(tmp_path: Path) -> None:
     assert all(one.counts == () for one in without)
 
 
-def test_what_the_router_counts_is_what_we_have_sent(tmp_path: Path) -> None:
+def test_router_counters_match_what_we_sent(tmp_path: Path) -> None:
     for result in twice(tmp_path, "ether2", "ether3"):
         first, last = result.counts
         assert first.ports["ether2"] == last.ports["ether2"] == (0, 0)
@@ -55,7 +55,7 @@ def test_a_first_configuration_is_counted_nearly_whole(tmp_path: Path) -> None:
     assert after.uptime_s is not None
 
 
-def test_a_port_that_is_not_there_is_not_counted_as_nothing(tmp_path: Path) -> None:
+def test_missing_port_gives_no_counts(tmp_path: Path) -> None:
     for result in twice(tmp_path, "ether33"):
         assert result.counts == ()
 
@@ -85,7 +85,7 @@ class Collector:
         return Admission(("told in any case",), "too dear" if spends and not is_plan else None, "wait for the cable")
 
 
-def test_a_run_that_is_too_dear_changes_nothing_and_says_why(tmp_path: Path) -> None:
+def test_run_over_the_cost_limit_changes_nothing_and_says_why(tmp_path: Path) -> None:
     collector = Collector()
 
     said: list[str] = []
@@ -115,13 +115,13 @@ def test_a_run_that_is_too_dear_changes_nothing_and_says_why(tmp_path: Path) -> 
     ("beside", "first", "last"),
     [(1, 1, 1), (WINDOW - 2, 1, 1), (WINDOW - 1, 0, 1), (WINDOW, 0, 0), (WINDOW + 1, 1, 1), (2 * WINDOW, 0, 0)],
 )
-def test_looks_take_the_room_that_is_left(beside: int, first: int, last: int) -> None:
+def test_counter_reads_fill_the_remaining_window(beside: int, first: int, last: int) -> None:
     assert tuple(map(len, counter_reads(("ether3",), beside, WINDOW))) == (first, last)
     assert -(-(beside + first + last) // WINDOW) == -(-beside // WINDOW)
     assert counter_reads((), beside, WINDOW) == ([], [])
 
 
-def test_one_command_asks_for_all_ports() -> None:
+def test_one_command_reads_all_ports() -> None:
     assert counting(("ether1", "ether2", "ether3")).queries == (
         "?default-name=ether1", "?default-name=ether2", "?#|", "?default-name=ether3", "?#|",
     )  # fmt: skip
@@ -131,11 +131,11 @@ def test_one_command_asks_for_all_ports() -> None:
     ("text", "expected"),
     [("0s", 0), ("1m5s", 65), ("2h", 7200), ("1w2d3h4m5s", 788_645), ("", None), ("soon", None), ("5", None)],
 )
-def test_times_of_routeros_are_read(text: str, expected: float | None) -> None:
+def test_routeros_durations_are_parsed(text: str, expected: float | None) -> None:
     assert seconds(text) == expected
 
 
-def test_answers_without_numbers_are_no_counters() -> None:
+def test_responses_without_numbers_give_no_counters() -> None:
     resource = Reply(({"uptime": "1m"},))
     rows = (("ether1", "7"), ("ether2", ""))
     whole = Reply(tuple({"default-name": name, "rx-byte": rx, "tx-byte": "8"} for name, rx in rows))

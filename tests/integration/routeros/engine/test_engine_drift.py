@@ -24,7 +24,7 @@ async def drift(bench: Bench, text: str | None = None) -> DeviceResult:
     return result
 
 
-def test_drift_costs_two_round_trips_more_than_a_plan_only_where_there_is_any(tmp_path: Path) -> None:
+def test_drift_costs_two_more_round_trips_only_if_there_is_any(tmp_path: Path) -> None:
     async def act(bench: Bench) -> list[DeviceResult]:
         await bench.converge()
         same = await drift(bench)
@@ -51,7 +51,7 @@ DOORS = {
 
 
 @pytest.mark.parametrize("menu", DOORS)
-def test_a_door_that_somebody_has_opened_is_drift_and_the_next_run_shuts_it(tmp_path: Path, menu: str) -> None:
+def test_weakened_setting_is_drift_and_the_next_run_restores_it(tmp_path: Path, menu: str) -> None:
     opened, declared = DOORS[menu]
 
     async def act(bench: Bench) -> list[DeviceResult]:
@@ -69,7 +69,7 @@ def test_a_door_that_somebody_has_opened_is_drift_and_the_next_run_shuts_it(tmp_
     assert [one.status for one in (shut, once_more, same)] == [Status.CHANGED, Status.UNCHANGED, Status.UNCHANGED]
 
 
-def test_what_is_declared_since_is_no_fault_of_the_device(tmp_path: Path) -> None:
+def test_newly_declared_row_is_not_attributed_to_the_device(tmp_path: Path) -> None:
     async def act(bench: Bench) -> DeviceResult:
         await bench.converge()
         return await drift(bench, WANTED_MORE)
@@ -81,7 +81,7 @@ def test_what_is_declared_since_is_no_fault_of_the_device(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("nth", [1, 2, 20, 40])
 @pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.REBOOT])
-def test_a_reading_that_is_cut_is_an_error_and_no_drift(tmp_path: Path, kind: FaultKind, nth: int) -> None:
+def test_interrupted_reading_is_an_error_and_no_drift(tmp_path: Path, kind: FaultKind, nth: int) -> None:
     async def act(bench: Bench) -> DeviceResult:
         await bench.converge()
         bench.router.arm(LinkFault(do=kind, sentence=nth, when="before"))
@@ -94,7 +94,7 @@ def test_a_reading_that_is_cut_is_an_error_and_no_drift(tmp_path: Path, kind: Fa
     assert nth > 20 or result.status is Status.LEFT_AS_FOUND
 
 
-def test_what_cannot_be_compared_is_refused_in_words(tmp_path: Path) -> None:
+def test_incomparable_state_is_refused_with_a_reason(tmp_path: Path) -> None:
     async def act(bench: Bench) -> DeviceResult:
         return await drift(bench, TEXT + "/interface ethernet\nset [ find default-name=ether99 ] name=far\n")
 
@@ -103,12 +103,12 @@ def test_what_cannot_be_compared_is_refused_in_words(tmp_path: Path) -> None:
     assert "there is no ether99" in result.message
 
 
-def test_a_router_without_safe_mode_can_be_read(tmp_path: Path) -> None:
+def test_drift_works_without_safe_mode(tmp_path: Path) -> None:
     result = on(Bench(tmp_path, spec={"version": "7.16"}), drift)
     assert result.status is Status.DRIFTED
 
 
-def test_whoever_holds_safe_mode_is_named(tmp_path: Path) -> None:
+def test_holder_of_safe_mode_is_reported(tmp_path: Path) -> None:
     async def act(bench: Bench) -> DeviceResult:
         await bench.converge()
         await bench.router.console(["/safe-mode/take"])
@@ -120,7 +120,7 @@ def test_whoever_holds_safe_mode_is_named(tmp_path: Path) -> None:
     assert any("holds safe mode" in note and "may yet be taken back" in note for note in result.notes)
 
 
-def test_a_run_keeps_what_it_has_read_back_and_a_failed_one_does_not(tmp_path: Path) -> None:
+def test_only_a_successful_run_saves_the_confirmed_state(tmp_path: Path) -> None:
     async def act(bench: Bench) -> list[DeviceResult]:
         results = [await bench.converge(), await bench.converge(), await bench.converge(JobMode.PLAN)]
         bench.text = WANTED_MORE
@@ -137,7 +137,7 @@ def test_a_run_keeps_what_it_has_read_back_and_a_failed_one_does_not(tmp_path: P
     assert kept[0].path == kept[1].path
 
 
-def test_a_state_that_cannot_be_read_leaves_since_when_open(tmp_path: Path) -> None:
+def test_unreadable_confirmed_state_leaves_the_time_unknown(tmp_path: Path) -> None:
     async def act(bench: Bench) -> DeviceResult:
         await bench.converge()
         await bench.router.console(["/ip/pool/set", "=.id=lan", "=ranges=10.64.1.7"])
@@ -151,7 +151,7 @@ def test_a_state_that_cannot_be_read_leaves_since_when_open(tmp_path: Path) -> N
     assert [note for note in result.notes if "it was changed since" in note] == list(result.notes)
 
 
-def test_a_full_disk_is_told_and_the_outcome_stays(tmp_path: Path) -> None:
+def test_unwritable_state_folder_is_reported_and_keeps_the_outcome(tmp_path: Path) -> None:
     async def act(bench: Bench) -> DeviceResult:
         (tmp_path / "state/real/coastal").mkdir(parents=True)
         (tmp_path / "state/real/coastal/confirmed").write_text("no folder")
@@ -165,7 +165,7 @@ def test_a_full_disk_is_told_and_the_outcome_stays(tmp_path: Path) -> None:
     assert run.outcomes["router"].status == "changed"
 
 
-def test_a_fault_of_ours_in_keeping_the_state_leaves_the_outcome(
+def test_internal_error_while_saving_the_state_keeps_the_outcome(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: object) -> NoReturn:

@@ -20,7 +20,7 @@ async def route(bench: Bench, name: str, comment: str) -> str:
 
 
 @pytest.mark.parametrize("version", ["7.16", "7.18.2", "7.21.5"])
-def test_a_run_leaves_a_failed_over_router_as_it_is(tmp_path: Path, version: str) -> None:
+def test_run_does_not_change_a_failed_over_router(tmp_path: Path, version: str) -> None:
     async def act(bench: Bench) -> None:
         first = await bench.converge()
         assert first.status is Status.CHANGED, first.message
@@ -42,7 +42,7 @@ def test_a_run_leaves_a_failed_over_router_as_it_is(tmp_path: Path, version: str
     on(bench(tmp_path, "coastal-router", version=version), act)
 
 
-def test_a_change_of_something_else_meanwhile_is_kept(tmp_path: Path) -> None:
+def test_change_during_failover_is_applied_and_failover_remains(tmp_path: Path) -> None:
     """A router is reconfigured while its link is left: the run reads back, and the link stays left."""
 
     async def act(bench: Bench) -> None:
@@ -58,7 +58,7 @@ def test_a_change_of_something_else_meanwhile_is_kept(tmp_path: Path) -> None:
     on(bench(tmp_path, "coastal-router"), act)
 
 
-def test_a_watch_that_somebody_has_switched_off_is_switched_on(tmp_path: Path) -> None:
+def test_disabled_watch_is_enabled(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await bench.converge()
         await bench.router.console(["/tool/netwatch/disable", f"=numbers=wifi-ptp-{PTP[0]}-watch"])

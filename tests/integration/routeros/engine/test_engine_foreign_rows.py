@@ -30,7 +30,7 @@ def left(bench: Bench) -> int:
     return bench.export().count("comment=blocked")
 
 
-def test_a_hundred_go_as_ever(tmp_path: Path) -> None:
+def test_hundred_foreign_rows_are_removed_without_consent(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, int]:
         await bench.converge()
         await foreign(bench, 100)
@@ -42,7 +42,7 @@ def test_a_hundred_go_as_ever(tmp_path: Path) -> None:
     assert result.foreign_words == ""
 
 
-def test_more_than_a_hundred_are_agreed_to_apart(tmp_path: Path) -> None:
+def test_more_than_a_hundred_foreign_rows_need_consent(tmp_path: Path) -> None:
     words = "removes 101 rows that carry no mark of ours: 101 from /ip firewall address-list"
 
     async def act(bench: Bench) -> tuple[list[DeviceResult], list[int]]:
@@ -72,7 +72,7 @@ def test_more_than_a_hundred_are_agreed_to_apart(tmp_path: Path) -> None:
     assert (again.status, again.rows, again.foreign_words) == (Status.UNCHANGED, 0, "")
 
 
-def test_rows_of_ours_are_not_foreign(tmp_path: Path) -> None:
+def test_our_own_rows_are_not_foreign(tmp_path: Path) -> None:
     """A declaration that shrinks by two hundred rows of its own needs no other word than the plan."""
     rows = "".join(f'add address=198.18.0.{each} comment="atlantis: b" list=sat-allow\n' for each in range(1, 201))
 
@@ -85,7 +85,7 @@ def test_rows_of_ours_are_not_foreign(tmp_path: Path) -> None:
     assert (result.status, result.rows, result.foreign_words) == (Status.CHANGED, 200, "")
 
 
-def test_where_the_menu_is_not_ours_they_stay(tmp_path: Path) -> None:
+def test_foreign_rows_in_an_unmanaged_menu_remain(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, int]:
         await bench.converge()
         await foreign(bench, 150)
@@ -96,7 +96,7 @@ def test_where_the_menu_is_not_ours_they_stay(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_thousand_over_the_satellite_are_estimated_by_rows(tmp_path: Path) -> None:
+def test_estimate_for_a_thousand_rows_over_the_satellite_is_accurate(tmp_path: Path) -> None:
     """What the plan says it costs is what it costs: bytes within a fiftieth, pieces of safe mode included."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
@@ -135,7 +135,7 @@ async def metered(bench: Bench, mode: JobMode, **changes: Any) -> tuple[DeviceRe
         return result, proxy.count
 
 
-def test_a_plan_over_the_satellite_reads_of_three_thousand_what_it_needs(tmp_path: Path) -> None:
+def test_plan_over_the_satellite_reads_three_thousand_rows_partially(tmp_path: Path) -> None:
     """Before the rows of others were read bare it was 349 kB for this plan, 281 of them for the first reading."""
 
     async def act(bench: Bench) -> tuple[list[tuple[DeviceResult, Count]], int]:
@@ -170,7 +170,7 @@ def test_a_plan_over_the_satellite_reads_of_three_thousand_what_it_needs(tmp_pat
 
 
 @pytest.mark.parametrize("mode", [JobMode.PLAN, JobMode.APPLY])
-def test_five_thousand_are_read_bare_over_a_cable_too(tmp_path: Path, mode: JobMode) -> None:
+def test_five_thousand_rows_are_read_partially_over_a_cable_too(tmp_path: Path, mode: JobMode) -> None:
     """A hundred kilobytes for 3,000 rows at most, whatever they are read for; it was 520 kB for these."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, DeviceResult]:
@@ -187,7 +187,7 @@ def test_five_thousand_are_read_bare_over_a_cable_too(tmp_path: Path, mode: JobM
     assert whole.diff.count("\n- add address=198.18.") == 5000
 
 
-def test_a_hundred_and_what_the_router_has_made_are_read_whole(tmp_path: Path) -> None:
+def test_up_to_a_hundred_rows_are_read_fully(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, Count]:
         await bench.converge()
         await many(bench, 100)
@@ -198,7 +198,7 @@ def test_a_hundred_and_what_the_router_has_made_are_read_whole(tmp_path: Path) -
     assert planned.diff.count("\n- add address=198.18.0.") == 100
 
 
-def test_what_a_declared_row_may_find_is_read_whole(tmp_path: Path) -> None:
+def test_unmarked_row_that_matches_a_declared_one_becomes_ours(tmp_path: Path) -> None:
     """A row without our mark may be the one that is declared: it becomes ours, and is not added a second time."""
     unmarked = "/ip firewall address-list add address=192.0.2.10 list=sat-allow\n"
 
@@ -216,7 +216,7 @@ def test_what_a_declared_row_may_find_is_read_whole(tmp_path: Path) -> None:
     assert [planned.status, done.status, again.status] == [Status.PLANNED, Status.CHANGED, Status.UNCHANGED]
 
 
-def test_a_rule_that_only_rows_of_others_kept_from_us_is_objected_to(tmp_path: Path) -> None:
+def test_guard_reads_foreign_rows_fully_before_judging_access(tmp_path: Path) -> None:
     """What lets us in stands in a row that is read bare: the guard has all of them read before it judges."""
     closed = OURS.replace(
         'add action=accept chain=input comment="atlantis: management" in-interface=ether8\n',
@@ -244,7 +244,7 @@ def test_a_rule_that_only_rows_of_others_kept_from_us_is_objected_to(tmp_path: P
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [2_000, pytest.param(10_000, marks=pytest.mark.campaign)])
-def test_thousands_come_and_go(tmp_path: Path, number: int) -> None:
+def test_thousands_of_foreign_rows_are_removed_in_linear_time(tmp_path: Path, number: int) -> None:
     """Planned, refused, removed and nothing left to do, over TLS, in a time that grows with their number alone."""
 
     async def act(bench: Bench) -> tuple[list[DeviceResult], int]:
@@ -269,7 +269,7 @@ def test_thousands_come_and_go(tmp_path: Path, number: int) -> None:
         (("/ip/pool/add", "=name=theirs", "=ranges=10.9.0.1-10.9.0.9"), "/ip pool"),
     ],
 )
-def test_what_somebody_does_meanwhile_is_still_noticed(tmp_path: Path, words: tuple[str, ...], where: str) -> None:
+def test_concurrent_change_is_still_detected(tmp_path: Path, words: tuple[str, ...], where: str) -> None:
     """Where history is full all is looked at again before the first change; of very many rows their number."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, int]:

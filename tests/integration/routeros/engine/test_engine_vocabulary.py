@@ -62,7 +62,7 @@ SCENES: dict[str, tuple[Callable[[Bench], Coroutine[Any, Any, None]], dict[str, 
 
 @pytest.mark.parametrize("version", ["7.16", "7.18.2", "7.21.5"])
 @pytest.mark.parametrize("scene", SCENES)
-def test_what_the_engine_says_is_in_the_tree(scene: str, version: str, tmp_path: Path) -> None:
+def test_commands_of_the_engine_exist_in_the_command_tree(scene: str, version: str, tmp_path: Path) -> None:
     act, spec = SCENES[scene]
     with listening() as heard:
         on(Bench(tmp_path, spec={"version": version, **spec}), act)
@@ -74,7 +74,7 @@ def test_what_the_engine_says_is_in_the_tree(scene: str, version: str, tmp_path:
     assert bool(heard.typed) == (version == "7.16") or scene != "changes"
 
 
-def test_what_the_engine_asks_for_is_a_property(tmp_path: Path) -> None:
+def test_properties_read_by_the_engine_exist(tmp_path: Path) -> None:
     """Settable ones are in the trees; which others a menu prints is the table's word, as no tree tells."""
     with listening() as heard:
         on(Bench(tmp_path), _changes)

@@ -39,7 +39,7 @@ def console(bench: Bench, *sentences: list[str]) -> Any:  # noqa: ANN401 - a cor
 
 
 @pytest.mark.parametrize("execute", list(Execute))
-def test_a_line_that_the_router_refuses(tmp_path: Path, execute: Execute) -> None:
+def test_refused_line_is_rolled_back(tmp_path: Path, execute: Execute) -> None:
     bench = Bench(tmp_path, text=TEXT + LAST, spec={"execute": execute})
     result, before, now = on(bench, tried)
     assert (result.status, result.exit) == (Status.ROLLED_BACK, ExitCode.FAILED)
@@ -49,7 +49,7 @@ def test_a_line_that_the_router_refuses(tmp_path: Path, execute: Execute) -> Non
     assert result.confirmed_count == 0
 
 
-def test_a_script_that_is_lost_blames_nobody(tmp_path: Path) -> None:
+def test_failed_script_without_a_line_names_no_action(tmp_path: Path) -> None:
     bench = Bench(tmp_path, text=TEXT + LAST, spec={"execute": Execute.TRAP})
     result, _, _ = on(bench, tried)
     assert "the device says: " in result.message
@@ -57,7 +57,7 @@ def test_a_script_that_is_lost_blames_nobody(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("extra", [LIST, leases(99)], ids=["before safe mode", "after safe mode"])
 @pytest.mark.parametrize("execute", [Execute.OUTPUT, Execute.NONE])
-def test_what_went_outside_safe_mode_is_put_back_by_us(tmp_path: Path, extra: str, execute: Execute) -> None:
+def test_changes_outside_safe_mode_are_undone_by_us(tmp_path: Path, extra: str, execute: Execute) -> None:
     """Harmless rows were permanent when the rest was refused."""
     twisted = extra.replace("02:00:00:01:00:62", "02:00:00:01:00:00").replace('of another kind"', '"') + LAST
     bench = Bench(tmp_path, text=TEXT + (LAST + extra if extra is LIST else twisted), spec={"execute": execute})
@@ -79,14 +79,16 @@ _TAKEN = ("=mac-address=02:00:00:01:00:30", "=address=10.64.9.9", "=server=lan")
 """A lease that another admin adds just before ours with the same card."""
 
 
-def test_a_way_that_is_cut_in_spite_of_the_guard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cut_access_despite_the_guard_is_rolled_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("atlantis_netcfg.routeros.guard.objections", lambda *_: ())
     result, before, now = on(Bench(tmp_path, text=TEXT.replace(MANAGEMENT, "")), tried)
     assert result.status is Status.ROLLED_BACK
     assert now == before
 
 
-def test_new_sessions_are_shut_out_in_spite_of_the_guard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocked_new_sessions_despite_the_guard_are_rolled_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Our session lives on, and would not notice."""
     monkeypatch.setattr("atlantis_netcfg.routeros.guard.objections", lambda *_: ())
     text = TEXT.replace("set telnet disabled=yes\n", "set telnet disabled=yes\nset api-ssl disabled=yes\n")
@@ -96,7 +98,7 @@ def test_new_sessions_are_shut_out_in_spite_of_the_guard(tmp_path: Path, monkeyp
     assert now == before
 
 
-def test_rows_that_the_router_takes_and_does_not_use(tmp_path: Path) -> None:
+def test_rows_that_stay_inactive_are_rolled_back(tmp_path: Path) -> None:
     text = TEXT.replace("interface=bridge-lan lease-time", "interface=ether4 lease-time")
     result, before, now = on(Bench(tmp_path, text=text), tried)
     assert result.status is Status.ROLLED_BACK
@@ -104,7 +106,7 @@ def test_rows_that_the_router_takes_and_does_not_use(tmp_path: Path) -> None:
     assert now == before
 
 
-def test_a_row_that_was_unused_before_stops_nobody(tmp_path: Path) -> None:
+def test_row_that_was_inactive_before_is_only_noted(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> DeviceResult:
@@ -127,7 +129,7 @@ def test_a_row_that_was_unused_before_stops_nobody(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("nth", [2, 3, 4, 5])
-def test_another_admin_unrolls_what_is_ours(tmp_path: Path, nth: int) -> None:
+def test_safe_mode_unrolled_by_another_admin(tmp_path: Path, nth: int) -> None:
     """Before we take it; before the script, which is permanent then; before the verification; before the release."""
     bench = Bench(tmp_path)
 
@@ -165,7 +167,7 @@ def test_another_admin_takes_safe_mode_from_us(tmp_path: Path, nth: int, end: st
     assert (now == before) == undone
 
 
-def test_another_admin_keeps_safe_mode(tmp_path: Path) -> None:
+def test_safe_mode_still_held_by_another_admin_gives_an_unknown_outcome(tmp_path: Path) -> None:
     """The declared rows are there, but whoever holds safe mode may yet undo them: nobody can say."""
     bench = Bench(tmp_path)
 
@@ -180,7 +182,7 @@ def test_another_admin_keeps_safe_mode(tmp_path: Path) -> None:
     assert "provision resume site=coastal" in result.hint
 
 
-def test_the_history_is_exhausted_and_safe_mode_is_gone(tmp_path: Path) -> None:
+def test_exhausted_history_ends_safe_mode_and_keeps_a_complete_change(tmp_path: Path) -> None:
     """The router left safe mode without a word: everything is permanent, and as it is all there, it may stay."""
     result, before, now = on(Bench(tmp_path, spec={"history_limit": 10}), tried)
     assert result.status is Status.CHANGED
@@ -188,14 +190,14 @@ def test_the_history_is_exhausted_and_safe_mode_is_gone(tmp_path: Path) -> None:
     assert now != before
 
 
-def test_the_history_is_exhausted_before_the_end(tmp_path: Path) -> None:
+def test_exhausted_history_before_a_refused_line_is_undone_by_us(tmp_path: Path) -> None:
     result, before, now = on(Bench(tmp_path, text=TEXT + LAST, spec={"history_limit": 10}), tried)
     assert result.status is Status.ROLLED_BACK
     assert "put back by us" in result.message
     assert now == before
 
 
-def test_a_router_that_never_comes_back(tmp_path: Path) -> None:
+def test_router_that_never_returns_has_an_unknown_outcome(tmp_path: Path) -> None:
     bench = Bench(tmp_path, knobs=WireBehaviour(boot_s=100_000))
 
     async def act(bench: Bench) -> DeviceResult:
@@ -210,7 +212,7 @@ def test_a_router_that_never_comes_back(tmp_path: Path) -> None:
     assert run.unsettled_devices == ("router",)
 
 
-def test_resuming_waits_until_the_router_has_undone_what_was_left(tmp_path: Path) -> None:
+def test_resume_waits_until_the_router_has_rolled_back(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, float]:
@@ -227,7 +229,7 @@ def test_resuming_waits_until_the_router_has_undone_what_was_left(tmp_path: Path
     assert 200 < waited < 600
 
 
-def test_without_waiting_a_dead_session_stands_in_the_way(tmp_path: Path) -> None:
+def test_apply_is_refused_while_a_dead_session_holds_safe_mode(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> DeviceResult:
@@ -256,7 +258,7 @@ class Deadly(Journal):
 
 
 @pytest.mark.parametrize("version", ["7.18.2", "7.16"])
-def test_the_same_command_typed_again_waits_for_what_its_own_dead_run_has_left(tmp_path: Path, version: str) -> None:
+def test_repeated_command_waits_for_its_own_dead_run(tmp_path: Path, version: str) -> None:
     """By safe mode, or below 7.18 by the dead-man job: the journal says that the run is of this computer."""
     bench = Bench(tmp_path, spec={"version": version})
 
@@ -282,7 +284,7 @@ def test_the_same_command_typed_again_waits_for_what_its_own_dead_run_has_left(t
     assert bench.store.unfinished_runs("coastal") == ()
 
 
-def test_a_link_lost_before_the_first_change_is_gone_on_with(tmp_path: Path) -> None:
+def test_link_lost_before_the_first_change_can_be_resumed(tmp_path: Path) -> None:
     """Safe mode was asked for and nothing was written: what is advised then finds a run to go on with."""
     bench = Bench(tmp_path)
 
@@ -334,7 +336,7 @@ class LostFolder(Journal):
     [(FullDisk, "No space left on device"), (LostFolder, "was deleted or replaced")],
     ids=["full disk", "state folder deleted"],
 )
-def test_a_journal_that_fails_at_any_record(
+def test_journal_failure_at_any_record_ends_safely(
     tmp_path: Path, broken: type[FullDisk | LostFolder], words: str, records: int
 ) -> None:
     """Nobody could go on with such a run: before the release it is taken back, after it the result is not green."""
@@ -361,7 +363,7 @@ def test_a_journal_that_fails_at_any_record(
 
 
 @pytest.mark.parametrize("stage", [Stage.CONNECTING, Stage.PLANNED, Stage.PROTECTED, Stage.APPLYING, Stage.VERIFYING])
-def test_a_run_that_is_stopped_by_hand(tmp_path: Path, stage: Stage) -> None:
+def test_stop_by_hand_leaves_the_device_as_before(tmp_path: Path, stage: Stage) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> tuple[list[DeviceResult], str, str]:
@@ -385,9 +387,7 @@ def test_a_run_that_is_stopped_by_hand(tmp_path: Path, stage: Stage) -> None:
     assert now == before
 
 
-def test_a_fault_of_ours_takes_the_change_back_and_is_handed_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_internal_error_rolls_back_and_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def broken(*_: object) -> None:
         raise ZeroDivisionError
 
@@ -398,7 +398,9 @@ def test_a_fault_of_ours_takes_the_change_back_and_is_handed_on(
     assert now == before
 
 
-def test_a_fault_of_ours_while_we_find_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_internal_error_while_settling_gives_an_unknown_outcome(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 

@@ -57,7 +57,7 @@ def test_devices_do_not_wait_for_each_other(tmp_path: Path) -> None:
     assert took_s < 1.5 * max(result.seconds for result in results)
 
 
-def test_a_dead_device_holds_nobody_up(tmp_path: Path) -> None:
+def test_dead_device_does_not_delay_the_others(tmp_path: Path) -> None:
     """One is not there, one falls silent for ever in mid-apply, one drops its session; the others never notice."""
     done: dict[str, float] = {}
 
@@ -107,7 +107,7 @@ def test_silent_devices_on_a_cable_are_given_up_in_seconds(tmp_path: Path) -> No
     assert took_s == pytest.approx(PATIENCE_S, abs=0.1)
 
 
-def test_only_so_many_are_in_work_at_once(tmp_path: Path) -> None:
+def test_number_of_concurrent_devices_is_limited(tmp_path: Path) -> None:
     open_now: set[int] = set()
     most = 0
 
@@ -144,7 +144,7 @@ def test_no_device_is_no_result() -> None:
     assert run(fleet.run([])) == []
 
 
-def test_memory_is_not_kept_for_devices_that_are_done(tmp_path: Path) -> None:
+def test_result_does_not_hold_the_rows_of_the_device(tmp_path: Path) -> None:
     """A result holds what is told of a device, not its rows."""
 
     async def main() -> list[DeviceResult]:

@@ -29,7 +29,7 @@ def waiting(job: DeviceJob) -> fleet.PendingJob:
 
 
 @pytest.mark.slow
-def test_results_of_many_come_before_those_of_the_slow_the_silent_and_the_dead(tmp_path: Path) -> None:
+def test_fast_devices_report_before_slow_silent_and_dead_ones(tmp_path: Path) -> None:
     told: dict[str, tuple[float, Status]] = {}
 
     async def main() -> None:
@@ -57,7 +57,7 @@ def test_results_of_many_come_before_those_of_the_slow_the_silent_and_the_dead(t
     assert told["ship0"][0] > 100
 
 
-def test_a_place_is_handed_on_when_a_device_keeps_it_too_long(tmp_path: Path) -> None:
+def test_slow_device_gives_its_slot_to_the_next(tmp_path: Path) -> None:
     """Two places, two silent devices: the third does not wait for their time-outs."""
     ended: dict[str, float] = {}
 
@@ -77,7 +77,7 @@ def test_a_place_is_handed_on_when_a_device_keeps_it_too_long(tmp_path: Path) ->
     assert min(ended["ship0"], ended["ship1"]) > 100
 
 
-def test_rows_and_plans_of_devices_that_are_done_are_let_go(tmp_path: Path) -> None:
+def test_memory_of_finished_devices_is_released(tmp_path: Path) -> None:
     """What engine and parser allocated and still hold, after the results were reduced to data."""
     number = 12
     told: dict[str, Mapping[str, Any]] = {}
@@ -107,7 +107,7 @@ def test_rows_and_plans_of_devices_that_are_done_are_let_go(tmp_path: Path) -> N
 PARTS = ("routeros", "rsc")
 
 
-def test_a_job_that_cannot_be_made_is_that_devices_result(tmp_path: Path) -> None:
+def test_job_that_cannot_be_created_fails_only_its_device(tmp_path: Path) -> None:
     def refused() -> DeviceJob:
         raise UsageError("`via=smoke`: no such bearer", hint="it has: lan")
 

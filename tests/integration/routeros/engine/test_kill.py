@@ -153,7 +153,7 @@ def kill_below_safe_mode(folder: Path, record: int, *, console: bool) -> bool:
 @pytest.mark.campaign
 @pytest.mark.parametrize("console", [True, False], ids=["console", "job"])
 @pytest.mark.parametrize("record", [3, 4, 5, 6, 7, 8, 9])
-def test_killed_below_safe_mode(tmp_path: Path, record: int, console: bool) -> None:  # noqa: FBT001
+def test_run_killed_on_a_router_without_safe_mode_is_resumed(tmp_path: Path, record: int, console: bool) -> None:  # noqa: FBT001
     """The router returns by itself before the resumed run begins; in real time, a minute each."""
     assert kill_below_safe_mode(tmp_path, record, console=console)
 
@@ -163,7 +163,7 @@ def test_killed_before_a_job_is_armed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0, 0.05, 0.5, 0.8, 0.9, 0.97])
-def test_a_disk_that_becomes_full(tmp_path: Path, share: float) -> None:
+def test_full_disk_leaves_an_intact_journal(tmp_path: Path, share: float) -> None:
     """The file system takes so much of what a whole run writes."""
     for name in ("whole", "full"):
         (tmp_path / name).mkdir()

@@ -93,7 +93,7 @@ async def started(bench: Bench) -> str:
 
 @pytest.mark.parametrize("version", ["7.16", "7.18.2", "7.21.5"])
 @pytest.mark.parametrize("link", ["4g", "satellite"])
-def test_the_order_comes_back_by_itself(tmp_path: Path, version: str, link: str) -> None:
+def test_link_use_ends_automatically(tmp_path: Path, version: str, link: str) -> None:
     async def act(bench: Bench) -> None:
         before = await started(bench)
         changed = await begin(bench, link)
@@ -109,7 +109,7 @@ def test_the_order_comes_back_by_itself(tmp_path: Path, version: str, link: str)
     on(router(tmp_path, version=version), act)
 
 
-def test_a_link_that_dies_in_use_is_left_as_declared_and_taken_again(tmp_path: Path) -> None:
+def test_used_link_that_fails_is_left_and_used_again(tmp_path: Path) -> None:
     """One silent canary moves nothing, two do, to the next link as declared; a link that is back is in use again."""
 
     async def act(bench: Bench) -> None:
@@ -135,7 +135,7 @@ def test_a_link_that_dies_in_use_is_left_as_declared_and_taken_again(tmp_path: P
 
 @pytest.mark.parametrize("moment_s", [1, 35, 300, 595])
 @pytest.mark.parametrize("clock", ["1970-01-01 00:00:00", "2031-05-05 05:05:05"])
-def test_a_restart_ends_it_whatever_the_clock(tmp_path: Path, moment_s: int, clock: str) -> None:
+def test_restart_ends_the_link_use_whatever_the_clock(tmp_path: Path, moment_s: int, clock: str) -> None:
     async def act(bench: Bench) -> None:
         before = await started(bench)
         assert (await begin(bench, "4g")).status is Status.CHANGED
@@ -152,7 +152,7 @@ def test_a_restart_ends_it_whatever_the_clock(tmp_path: Path, moment_s: int, clo
 
 
 @pytest.mark.parametrize("clock", ["1970-01-01 00:00:00", "2031-05-05 05:05:05"])
-def test_a_clock_that_jumps_moves_no_end(tmp_path: Path, clock: str) -> None:
+def test_clock_jump_does_not_change_the_end_of_the_use(tmp_path: Path, clock: str) -> None:
     async def act(bench: Bench) -> None:
         before = await started(bench)
         await begin(bench, "4g")
@@ -167,7 +167,7 @@ def test_a_clock_that_jumps_moves_no_end(tmp_path: Path, clock: str) -> None:
     on(router(tmp_path), act)
 
 
-def test_every_run_tells_it_and_changes_nothing_of_it(tmp_path: Path) -> None:
+def test_every_run_reports_the_use_and_leaves_it(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await started(bench)
         await begin(bench, "satellite")
@@ -186,7 +186,7 @@ def test_every_run_tells_it_and_changes_nothing_of_it(tmp_path: Path) -> None:
     on(router(tmp_path), act)
 
 
-def test_without_its_job_it_is_a_difference_that_a_run_puts_right(tmp_path: Path) -> None:
+def test_use_without_its_job_is_drift_that_a_run_repairs(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         before = await started(bench)
         await begin(bench, "satellite")
@@ -200,7 +200,7 @@ def test_without_its_job_it_is_a_difference_that_a_run_puts_right(tmp_path: Path
     on(router(tmp_path), act)
 
 
-def test_it_is_prolonged_shortened_moved_and_ended(tmp_path: Path) -> None:
+def test_use_is_extended_shortened_moved_and_ended(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         before = await started(bench)
         await begin(bench, "4g", 120)
@@ -241,7 +241,7 @@ def test_the_job_may_run_while_the_use_is_ended(tmp_path: Path, nth: int) -> Non
     on(router(tmp_path), act)
 
 
-def test_a_router_that_may_not_run_jobs_refuses_it(tmp_path: Path) -> None:
+def test_router_that_forbids_the_scheduler_refuses_the_use(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         before = await started(bench)
         refused = await begin(bench, "4g")
@@ -252,7 +252,7 @@ def test_a_router_that_may_not_run_jobs_refuses_it(tmp_path: Path) -> None:
     on(router(tmp_path, device_mode=DeviceMode(mode=DeviceModeName.HOME)), act)
 
 
-def test_a_link_that_does_not_carry_the_traffic_then_is_taken_back(tmp_path: Path) -> None:
+def test_link_that_does_not_carry_the_traffic_is_rolled_back(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         before = await started(bench)
         result = await begin(bench, "4g", shows=lambda _seen: "4g does not carry the traffic")
@@ -263,7 +263,7 @@ def test_a_link_that_does_not_carry_the_traffic_then_is_taken_back(tmp_path: Pat
     on(router(tmp_path), act)
 
 
-def test_a_router_that_is_not_as_declared_refuses_it(tmp_path: Path) -> None:
+def test_router_that_deviates_from_the_inventory_refuses_the_use(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         refused = await begin(bench, "4g")
         assert refused.status is Status.REFUSED
@@ -286,7 +286,7 @@ def reads(bench: Bench, session: int) -> list[set[str]]:
     return [{each[0] for each in said if ("=count-only=" in each) is counted} for counted in (False, True)]
 
 
-def test_what_leads_the_answers_is_read_and_what_was_written_is_read_back(tmp_path: Path) -> None:
+def test_only_route_related_and_written_menus_are_read(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[list[set[str]], list[set[str]]]:
         await started(bench)
         assert (await begin(bench, "4g")).status is Status.CHANGED
@@ -308,7 +308,7 @@ ONE_ROUTE = '/system scheduler\n/ip route\nadd blackhole comment="atlantis: x" d
 
 
 @pytest.mark.parametrize("mode", [JobMode.PLAN, JobMode.APPLY])
-def test_an_order_that_moves_the_answers_is_judged_by_all_that_the_guard_reads(tmp_path: Path, mode: JobMode) -> None:
+def test_route_change_that_affects_our_session_is_checked_by_the_guard(tmp_path: Path, mode: JobMode) -> None:
     """Refused in the words of a run that has read all of it at first."""
 
     async def act(bench: Bench) -> tuple[str, DeviceResult, list[set[str]]]:
@@ -327,7 +327,7 @@ def test_an_order_that_moves_the_answers_is_judged_by_all_that_the_guard_reads(t
     assert full >= {f"{menu}/print" for menu in MENUS}
 
 
-def test_an_order_that_leaves_the_answers_is_carried_out(tmp_path: Path) -> None:
+def test_route_change_that_spares_our_session_is_applied(tmp_path: Path) -> None:
     async def act(bench: Bench) -> set[str]:
         result = await bench.converge(desired_state=desired.read(ONE_ROUTE.format("203.0.113.0/24")))
         assert result.status is Status.CHANGED, result.message
@@ -437,7 +437,7 @@ OLD, NEW = "7.18.2", "7.21.5"
 
 
 @pytest.mark.parametrize(("part", "version"), [(0.2, OLD), (0.5, NEW), (0.7, OLD), (0.8, NEW), (0.9, OLD)])
-def test_the_laptop_dies_at_some_moments(tmp_path: Path, part: float, version: str) -> None:
+def test_killed_laptop_at_sampled_sentences(tmp_path: Path, part: float, version: str) -> None:
     killed(tmp_path, round(part * sentences(version)), version)
 
 
@@ -448,7 +448,7 @@ PARTS = 8
 @pytest.mark.campaign
 @pytest.mark.parametrize("part", range(PARTS))
 @pytest.mark.parametrize("version", [OLD, NEW])
-def test_the_laptop_dies_at_every_moment(tmp_path: Path, version: str, part: int) -> None:
+def test_killed_laptop_at_every_sentence(tmp_path: Path, version: str, part: int) -> None:
     for sentence in range(part, sentences(version), PARTS):
         killed(tmp_path / str(sentence), sentence, version)
 
@@ -474,7 +474,7 @@ def faults() -> Iterator[tuple[FaultKind, str]]:
 
 @pytest.mark.parametrize(("kind", "when"), [(FaultKind.VANISH, "after"), (FaultKind.POWER, "before")])
 @pytest.mark.parametrize(("part", "version"), [(0.7, OLD), (0.8, NEW), (0.9, OLD)])
-def test_cut_at_some_moments(tmp_path: Path, kind: FaultKind, when: str, part: float, version: str) -> None:
+def test_fault_at_sampled_sentences(tmp_path: Path, kind: FaultKind, when: str, part: float, version: str) -> None:
     cut(tmp_path, round(part * sentences(version)), kind, when, version)
 
 
@@ -482,6 +482,6 @@ def test_cut_at_some_moments(tmp_path: Path, kind: FaultKind, when: str, part: f
 @pytest.mark.parametrize("part", range(PARTS))
 @pytest.mark.parametrize(("kind", "when"), list(faults()))
 @pytest.mark.parametrize("version", [OLD, NEW])
-def test_cut_everywhere(tmp_path: Path, version: str, kind: FaultKind, when: str, part: int) -> None:
+def test_fault_at_every_sentence(tmp_path: Path, version: str, kind: FaultKind, when: str, part: int) -> None:
     for sentence in range(1 + part, sentences(version) + 1, PARTS):
         cut(tmp_path / str(sentence), sentence, kind, when, version)

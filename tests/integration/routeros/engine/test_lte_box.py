@@ -50,7 +50,7 @@ async def findings(bench: Bench) -> tuple[LinkFinding, ...]:
 
 
 @pytest.mark.parametrize("version", ["7.18.2", "7.21.5"])
-def test_it_converges_and_then_has_the_declared_access_point(tmp_path: Path, version: str) -> None:
+def test_device_converges_and_has_the_declared_apn(tmp_path: Path, version: str) -> None:
     async def act(bench: Bench) -> None:
         assert {one.code for one in await findings(bench)} == {"apn-of-the-network", "no-address"}
         first = await bench.converge()
@@ -62,7 +62,7 @@ def test_it_converges_and_then_has_the_declared_access_point(tmp_path: Path, ver
     on(box(tmp_path, version), act)
 
 
-def test_cable_and_modem_that_have_swapped_their_names_get_them_back(tmp_path: Path) -> None:
+def test_swapped_names_of_cable_and_modem_are_restored(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         assert (await bench.converge()).status == "changed"
         before = bench.export()
@@ -92,7 +92,7 @@ def test_a_renamed_modem_is_read_as_before(tmp_path: Path) -> None:
     on(box(tmp_path), act)
 
 
-def test_the_way_back_leads_to_what_it_was(tmp_path: Path) -> None:
+def test_rollback_restores_the_former_configuration(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         before = bench.export()
         saved = bench.router.export()
@@ -121,7 +121,7 @@ def test_the_way_back_leads_to_what_it_was(tmp_path: Path) -> None:
         (None, {}, {"sim-missing"}),
     ],
 )
-def test_what_is_wrong_with_the_subscription_is_told_by_name(
+def test_subscription_problems_are_reported(
     tmp_path: Path, sim: SimSpec | None, cell: dict[str, Any], codes: set[str]
 ) -> None:
     async def act(bench: Bench) -> None:
@@ -132,7 +132,7 @@ def test_what_is_wrong_with_the_subscription_is_told_by_name(
     on(box(tmp_path, sim=sim, **cell), act)
 
 
-def test_a_running_twin_is_told_of_another_network(tmp_path: Path) -> None:
+def test_network_of_a_running_emulator_can_be_changed(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await bench.converge()
         site = EmulatedSite(SiteSpec(name="coastal", emulators=()), tmp_path)
@@ -148,7 +148,7 @@ def test_a_running_twin_is_told_of_another_network(tmp_path: Path) -> None:
     on(box(tmp_path), act)
 
 
-def test_a_board_without_a_modem_is_refused_before_anything_is_sent(tmp_path: Path) -> None:
+def test_board_without_a_modem_is_refused_unchanged(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         before = bench.export()
         found = await bench.converge()

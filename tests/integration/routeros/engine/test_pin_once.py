@@ -87,7 +87,7 @@ def test_a_wrong_pin_reaches_the_sim_once_over_many_runs(tmp_path: Path, version
 @pytest.mark.parametrize(
     ("pin", "status", "entered"), [("73951846", "changed", (3, 1)), ("99887766", "rolled-back", (2, 1))]
 )
-def test_a_renamed_modem_is_asked_under_its_name(
+def test_renamed_modem_gets_the_pin_at_most_once(
     tmp_path: Path, name: str, pin: str, status: str, entered: tuple[int, int]
 ) -> None:
     """Its identity is its default name; by `lte1` it says nothing of its PIN, and none would be sent."""
@@ -102,7 +102,7 @@ def test_a_renamed_modem_is_asked_under_its_name(
     on(bench(tmp_path, pin), act)
 
 
-def test_after_a_person_has_corrected_it_the_right_one_is_sent(tmp_path: Path) -> None:
+def test_corrected_pin_is_sent_after_the_record_is_deleted(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await once(bench)
         bench.text = TEXT.format(pin="73951846")
@@ -124,7 +124,7 @@ def test_no_file_holds_the_pin(tmp_path: Path) -> None:
     on(bench(tmp_path, "90210768", asks="90210768"), act)
 
 
-def test_a_sim_that_asks_for_none_gets_none(tmp_path: Path) -> None:
+def test_sim_without_pin_request_gets_none(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         assert (await once(bench)).status == "changed"
         assert (card(bench), tried(bench)) == ((3, 0), False)
@@ -155,7 +155,7 @@ def test_a_plan_sends_nothing(tmp_path: Path) -> None:
     on(bench(tmp_path, "99887766"), act)
 
 
-def test_nothing_is_sent_where_it_cannot_be_noted(tmp_path: Path) -> None:
+def test_pin_is_not_sent_if_the_attempt_cannot_be_recorded(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         path = TriedPin(bench.store.root, "coastal", "router").path
         path.parent.parent.mkdir(parents=True, exist_ok=True)
@@ -168,7 +168,7 @@ def test_nothing_is_sent_where_it_cannot_be_noted(tmp_path: Path) -> None:
     on(bench(tmp_path, "73951846"), act)
 
 
-def test_a_modem_that_stays_silent_keeps_no_pin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pin_is_removed_if_the_modem_does_not_accept_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As if the modem never came back after it was given the PIN."""
     heard: list[str] = []
 

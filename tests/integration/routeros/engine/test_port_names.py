@@ -67,7 +67,7 @@ async def twice(bench: Bench) -> tuple[DeviceResult, str, DeviceResult]:
 
 
 @pytest.mark.parametrize("name", RENAMED)
-def test_a_port_that_somebody_renamed_gets_its_name_back_and_nothing_else_moves(tmp_path: Path, name: str) -> None:
+def test_renamed_port_gets_its_name_back_and_nothing_else_changes(tmp_path: Path, name: str) -> None:
     first, export, second = on(Bench(tmp_path, text=DECLARED, spec={"seed": AFTER_ALL[name]}), twice)
     assert first.status is Status.CHANGED, first.message
     assert all("/interface ethernet" in line or "default-name" in line for line in first.diff.splitlines()), first.diff
@@ -76,7 +76,7 @@ def test_a_port_that_somebody_renamed_gets_its_name_back_and_nothing_else_moves(
 
 
 @pytest.mark.parametrize("name", SWAPPED_BEFORE)
-def test_a_site_on_the_wrong_sockets_is_put_on_the_right_ones(tmp_path: Path, name: str) -> None:
+def test_site_with_swapped_ports_is_corrected(tmp_path: Path, name: str) -> None:
     first, export, second = on(Bench(tmp_path, text=DECLARED, spec={"seed": BY_NAME[name]}), twice)
     assert first.status is Status.CHANGED, first.message
     assert sorted(export.splitlines()) == sorted(as_declared().splitlines())
@@ -84,7 +84,7 @@ def test_a_site_on_the_wrong_sockets_is_put_on_the_right_ones(tmp_path: Path, na
 
 
 @pytest.mark.parametrize("name", LOCKS_OUT)
-def test_nobody_is_shut_out_of_a_site_on_the_wrong_sockets_and_the_way_out_is_one(tmp_path: Path, name: str) -> None:
+def test_swapped_management_port_is_refused_with_a_working_hint(tmp_path: Path, name: str) -> None:
     """The cable of management is in the socket that has its name; declared so, everything stays where it is plugged."""
     names = RENAMED[name]
     socket = {name: port for port, name in names.items()}
@@ -124,7 +124,7 @@ CUT = {
 @pytest.mark.parametrize("when", ["before", "after"])
 @pytest.mark.parametrize(("path", "nth"), [("/execute", 3), ("/login", 2), ("/safe-mode/release", 1)])
 @pytest.mark.parametrize("seed", CUT)
-def test_names_are_all_new_or_all_old(  # noqa: PLR0913, PLR0917 - where it is cut, and how
+def test_interrupted_renaming_leaves_all_names_old_or_new(  # noqa: PLR0913, PLR0917 - where it is cut, and how
     tmp_path: Path, seed: str, path: str, nth: int, when: str, kind: FaultKind
 ) -> None:
     fault = LinkFault.model_validate({"do": kind, "match": path, "sentence": nth, "when": when})
@@ -134,16 +134,14 @@ def test_names_are_all_new_or_all_old(  # noqa: PLR0913, PLR0917 - where it is c
 @pytest.mark.parametrize("version", ["7.18.2", "7.16"])
 @pytest.mark.parametrize("nth", [1, 2, 3, 4])
 @pytest.mark.parametrize("seed", ["circle after", "swap before"])
-def test_a_router_that_runs_no_scripts_is_cut_between_two_names(
-    tmp_path: Path, seed: str, nth: int, version: str
-) -> None:
+def test_interrupted_renaming_without_scripts_is_rolled_back(tmp_path: Path, seed: str, nth: int, version: str) -> None:
     """The session that holds safe mode dies, or the job of a router without it takes back what was done."""
     fault = LinkFault(do=FaultKind.DROP, match="/interface/ethernet/set", sentence=nth, when="after")
     result = cut(tmp_path, fault, DECLARED, Execute.NONE, CUT[seed], version)
     assert result.status is Status.ROLLED_BACK
 
 
-def test_the_job_of_a_router_without_safe_mode_puts_every_row_back_on_its_socket(tmp_path: Path) -> None:
+def test_dead_man_job_returns_every_row_to_its_port(tmp_path: Path) -> None:
     """By then names are as declared; the job gives them back first, and finds rows by those."""
     fault = LinkFault(do=FaultKind.DROP, match="/interface/list/member/add", sentence=1, when="after")
     result = cut(tmp_path, fault, DECLARED, Execute.NONE, CUT["swap before"], "7.16")
@@ -160,7 +158,7 @@ EVERYWHERE = [
 @pytest.mark.campaign
 @pytest.mark.parametrize(("kind", "when"), list(faults()))
 @pytest.mark.parametrize(("seed", "execute", "version"), EVERYWHERE)
-def test_names_are_cut_everywhere(  # noqa: PLR0913, PLR0917 - every way to cut
+def test_renaming_cut_at_every_sentence(  # noqa: PLR0913, PLR0917 - every way to cut
     tmp_path: Path, seed: str, execute: Execute, version: str, kind: FaultKind, when: str
 ) -> None:
     for sentence in range(1, clean(DECLARED, execute, CUT[seed], version).sentences + 1):
@@ -171,12 +169,12 @@ def test_names_are_cut_everywhere(  # noqa: PLR0913, PLR0917 - every way to cut
 @pytest.mark.campaign
 @pytest.mark.parametrize("execute", [Execute.OUTPUT, Execute.NONE])
 @pytest.mark.parametrize("seed", [*AFTER_ALL.values(), *(BY_NAME[name] for name in SWAPPED_BEFORE)])
-def test_every_set_of_names_is_cut_everywhere(tmp_path: Path, seed: str, execute: Execute) -> None:
+def test_every_permutation_of_names_cut_at_every_sentence(tmp_path: Path, seed: str, execute: Execute) -> None:
     for sentence in range(1, clean(DECLARED, execute, seed).sentences + 1):
         cut(tmp_path / str(sentence), LinkFault(do=FaultKind.DROP, sentence=sentence), DECLARED, execute, seed)
 
 
-def test_names_and_ports_that_nobody_declares_are_told_as_drift_and_put_right(tmp_path: Path) -> None:
+def test_undeclared_names_and_ports_are_drift_and_get_repaired(tmp_path: Path) -> None:
     async def act(bench: Bench) -> list[DeviceResult]:
         drifted = await bench.converge(JobMode.DRIFT)
         await bench.converge()
@@ -202,7 +200,7 @@ def test_names_and_ports_that_nobody_declares_are_told_as_drift_and_put_right(tm
     assert (then.status, then.message) == (Status.UNCHANGED, "as declared")
 
 
-def test_a_name_that_somebody_else_has_is_refused_with_a_command_that_frees_it(tmp_path: Path) -> None:
+def test_name_in_use_elsewhere_is_refused_with_a_command_that_frees_it(tmp_path: Path) -> None:
     bridge = "/interface bridge\nadd name=ether3\n"
     seed = body(DECLARED) + called({"ether3": "starlink"}) + bridge
 
@@ -233,9 +231,7 @@ RADIO = (
 @pytest.mark.parametrize(
     ("menu", "radio", "package"), [("wireless", "wlan1", "wireless"), ("wifi", "wifi1", "wifi-qcom")]
 )
-def test_cable_and_radio_that_have_swapped_their_names_get_them_back(
-    tmp_path: Path, menu: str, radio: str, package: str
-) -> None:
+def test_swapped_names_of_cable_and_radio_are_restored(tmp_path: Path, menu: str, radio: str, package: str) -> None:
     rows = RADIO.format(radio=radio)
     text = (
         "/interface ethernet\nset [ find default-name=ether1 ] name=ether1\n"

@@ -65,7 +65,7 @@ def test_safe_mode_of_a_console_and_a_job(tmp_path: Path, version: str) -> None:
 
 
 @pytest.mark.parametrize(("version", "status"), [("7.16", Status.REFUSED), ("7.18.2", Status.CHANGED)])
-def test_safe_mode_of_a_console_needs_a_user_who_may_use_ssh(tmp_path: Path, version: str, status: Status) -> None:
+def test_safe_mode_of_a_console_needs_the_ssh_policy(tmp_path: Path, version: str, status: Status) -> None:
     seed = "/user group set full policy=local,telnet,ftp,reboot,read,write,policy,test,winbox,web,sniff,sensitive,api"
     bench = Bench(tmp_path, spec={"version": version, "seed": seed})
     result = on(bench, lambda bench: bench.converge(ssh=bench.ssh))
@@ -80,7 +80,7 @@ def test_safe_mode_of_a_console_alone_in_device_mode_home(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("version", ["7.9", "7.12.2", "7.16", "7.17.1", "6.49.19"])
-def test_a_job_alone(tmp_path: Path, version: str) -> None:
+def test_dead_man_job_alone(tmp_path: Path, version: str) -> None:
     bench = Bench(tmp_path, spec={"version": version})
     converged(bench, JOB, f"a dead-man job, 10 min ({NO_SSH})", ssh=False)
 
@@ -90,7 +90,7 @@ def test_a_plan_of_several_pieces(tmp_path: Path) -> None:
     converged(bench, CONSOLE, "safe mode of an SSH session and a dead-man job, 22 min", ssh=True)
 
 
-def test_a_host_key_that_was_never_pinned(tmp_path: Path) -> None:
+def test_unpinned_host_key_is_refused(tmp_path: Path) -> None:
     bench = Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME})
 
     async def act(bench: Bench) -> DeviceResult:
@@ -101,7 +101,7 @@ def test_a_host_key_that_was_never_pinned(tmp_path: Path) -> None:
     assert "and its SSH host key is not pinned" in result.message
 
 
-def test_another_host_key(tmp_path: Path) -> None:
+def test_changed_host_key_changes_nothing(tmp_path: Path) -> None:
     """No password is sent to it, and nothing is changed."""
     bench = Bench(tmp_path, spec={"version": "7.16"})
 
@@ -131,7 +131,7 @@ async def tried(bench: Bench, **changes: Any) -> tuple[DeviceResult, bool, tuple
 
 @pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
 @pytest.mark.parametrize("version", ["7.16", "6.49.19"])
-def test_a_line_that_the_router_refuses(tmp_path: Path, version: str, ssh: bool) -> None:  # noqa: FBT001
+def test_refused_line_is_rolled_back(tmp_path: Path, version: str, ssh: bool) -> None:  # noqa: FBT001
     bench = Bench(tmp_path, text=TEXT + LAST, spec={"version": version})
 
     async def act(bench: Bench) -> Any:  # noqa: ANN401
@@ -143,7 +143,7 @@ def test_a_line_that_the_router_refuses(tmp_path: Path, version: str, ssh: bool)
 
 
 @pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
-def test_new_sessions_are_shut_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ssh: bool) -> None:  # noqa: FBT001
+def test_blocked_new_sessions_are_rolled_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ssh: bool) -> None:  # noqa: FBT001
     monkeypatch.setattr("atlantis_netcfg.routeros.guard.objections", lambda *_: ())
     bench = Bench(tmp_path, text=SHUT, spec={"version": "7.16"})
 
@@ -157,7 +157,13 @@ def test_new_sessions_are_shut_out(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.VANISH, FaultKind.REBOOT])
 @pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
 @pytest.mark.parametrize(("path", "nth"), [("/execute", 3), ("/ip/address/print", 3), ("/system/scheduler/remove", 1)])
-def test_the_session_is_cut(tmp_path: Path, kind: FaultKind, ssh: bool, path: str, nth: int) -> None:  # noqa: FBT001
+def test_interrupted_session_ends_consistently_and_resumes(
+    tmp_path: Path,
+    kind: FaultKind,
+    ssh: bool,  # noqa: FBT001
+    path: str,
+    nth: int,
+) -> None:
     # A console that is opened again waits for a reboot in real time.
     bench = Bench(tmp_path, spec={"version": "7.16"}, knobs=WireBehaviour(boot_s=2.0))
 
@@ -203,7 +209,7 @@ async def die_armed(bench: Bench) -> DeviceResult:
     return dead
 
 
-def test_a_job_that_nobody_takes_away_runs(tmp_path: Path) -> None:
+def test_remaining_dead_man_job_rolls_the_router_back(tmp_path: Path) -> None:
     """The router is not as declared: it returns by itself, and a later run is told before that."""
     bench = Bench(tmp_path, spec={"version": "7.16"})
 
@@ -238,7 +244,7 @@ JOB_ROW = ["/system/scheduler/add", "=name=atlantis-dead-man", "=interval=10m", 
 
 
 @pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME])
-def test_what_a_dead_run_has_left_goes_where_the_router_is_as_declared(tmp_path: Path, mode: JobMode) -> None:
+def test_leftovers_of_a_dead_run_are_removed_on_a_converged_router(tmp_path: Path, mode: JobMode) -> None:
     """The script had been executed: nothing is waited for, and nothing is taken back later."""
 
     async def act(bench: Bench) -> tuple[list[DeviceResult], list[tuple[int, bool]], bool]:
@@ -268,7 +274,7 @@ def test_what_a_dead_run_has_left_goes_where_the_router_is_as_declared(tmp_path:
     assert (second.status, stays) == (Status.UNCHANGED, True), second.message
 
 
-def test_a_job_on_a_router_that_has_safe_mode_by_now(tmp_path: Path) -> None:
+def test_job_on_a_router_upgraded_to_safe_mode_is_removed(tmp_path: Path) -> None:
     """It would take back what a later run has confirmed."""
 
     async def act(bench: Bench) -> tuple[list[DeviceResult], tuple[int, bool]]:
@@ -297,7 +303,7 @@ def test_the_job_of_a_run_that_may_be_alive_is_left_alone(tmp_path: Path) -> Non
     assert "run 20260101T000000Z of provision@10.64.101.99 is armed" in result.message
 
 
-def test_looking_for_what_is_armed_costs_no_round_trip(tmp_path: Path) -> None:
+def test_check_for_armed_jobs_costs_no_round_trip(tmp_path: Path) -> None:
     """Below 7.18 it was a question of its own; now it goes beside the others, in a few bytes."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
@@ -312,7 +318,7 @@ def test_looking_for_what_is_armed_costs_no_round_trip(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("when", ["before", "after"])
 @pytest.mark.parametrize(("path", "nth"), [("/system/scheduler/add", 1), ("/system/scheduler/print", 2)])
-def test_a_job_that_was_sent_and_not_read_back_does_not_stay(tmp_path: Path, path: str, nth: int, when: str) -> None:
+def test_unconfirmed_job_is_removed(tmp_path: Path, path: str, nth: int, when: str) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, tuple[int, bool]]:
         bench.router.arm(LinkFault.model_validate({"do": FaultKind.DROP, "match": path, "sentence": nth, "when": when}))
         return await bench.converge(), await left_behind(bench)
@@ -322,7 +328,7 @@ def test_a_job_that_was_sent_and_not_read_back_does_not_stay(tmp_path: Path, pat
     assert left[0] == 0
 
 
-def test_a_job_that_nobody_can_take_away_is_told(tmp_path: Path) -> None:
+def test_job_that_cannot_be_removed_is_reported(tmp_path: Path) -> None:
     """It runs in vain, and takes itself away: nothing was changed that it could take back."""
 
     async def act(bench: Bench) -> DeviceResult:

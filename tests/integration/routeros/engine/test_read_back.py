@@ -37,20 +37,20 @@ def meddled(tmp_path: Path, words: Sequence[str], path: str = "/execute") -> tup
     return on(Bench(tmp_path), act)
 
 
-def test_only_what_was_touched_is_read_in_full(tmp_path: Path) -> None:
+def test_only_changed_menus_are_read_in_full(tmp_path: Path) -> None:
     result, _, full = meddled(tmp_path, ["/system/identity/print"])
     assert result.status is Status.CHANGED
     assert set(full) == {"/login", "/ip/firewall/filter/print", "/system/resource/print", "/safe-mode/print"}
 
 
-def test_a_menu_that_somebody_has_added_to_is_read_as_well(tmp_path: Path) -> None:
+def test_menu_with_a_concurrent_addition_is_read_too(tmp_path: Path) -> None:
     result, export, full = meddled(tmp_path, ["/ip/pool/add", "=name=theirs", "=ranges=10.0.0.1"])
     assert result.status is Status.CHANGED
     assert "name=theirs" in export
     assert "/ip/pool/print" in full
 
 
-def test_a_row_that_somebody_has_removed_meanwhile_is_missed(tmp_path: Path) -> None:
+def test_concurrently_removed_row_is_detected(tmp_path: Path) -> None:
     result, export, _ = meddled(tmp_path, ["/ip/firewall/address-list/remove", "=.id=*1"])
     assert result.status is not Status.CHANGED, result.message
     assert "one more" not in export
@@ -64,7 +64,7 @@ def test_a_row_that_somebody_has_removed_meanwhile_is_missed(tmp_path: Path) -> 
     ],
     ids=["other menus", "a group"],
 )
-def test_users_are_read_back_where_the_text_has_them(tmp_path: Path, more: str, kept: set[str]) -> None:
+def test_users_are_read_back_only_if_the_text_contains_them(tmp_path: Path, more: str, kept: set[str]) -> None:
     """No other menu changes them; everything else may have followed a change of bridges and addresses."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, set[str], set[str]]:
@@ -149,7 +149,7 @@ LOCKED_OUT = '/ip firewall filter\nadd action=drop chain=input comment="atlantis
     ],
     ids=["cost", "agreed", "guard"],
 )
-def test_no_state_is_asked_for_when_the_plan_is_refused(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+def test_no_state_is_read_if_the_plan_is_refused(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, int]:
         return await bench.converge(**changes), asked(bench)
 
@@ -201,9 +201,7 @@ class _Doubted:
     [("/safe-mode/print", Reply(({"enabled": "false", "current": "false"},))), ("/console/inspect", Reply())],
     ids=["the holder is asked again", "a list is asked for whole"],
 )
-def test_what_was_read_beside_safe_mode_is_read_again_after_one_more_question(
-    tmp_path: Path, path: str, answer: Reply
-) -> None:
+def test_change_while_safe_mode_is_taken_is_detected(tmp_path: Path, path: str, answer: Reply) -> None:
     """What somebody does in that round trip is noticed as before."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, str, int]:
@@ -222,7 +220,7 @@ def test_what_was_read_beside_safe_mode_is_read_again_after_one_more_question(
 
 
 @pytest.mark.parametrize("stage", [Stage.PLANNED, Stage.PROTECTED])
-def test_a_stop_before_the_first_change_is_heard_before_it(tmp_path: Path, stage: Stage) -> None:
+def test_stop_before_the_first_change_changes_nothing(tmp_path: Path, stage: Stage) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, list[Stage], str, str]:
         await bench.converge()
         bench.text, before = MORE, bench.export()

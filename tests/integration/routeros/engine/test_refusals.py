@@ -62,7 +62,7 @@ def test_another_certificate(tmp_path: Path) -> None:
     assert bench.store.pins.get("router") is None
 
 
-def test_a_certificate_that_nobody_has_agreed_to(tmp_path: Path) -> None:
+def test_unpinned_certificate_is_refused_without_a_login(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> tuple[DeviceResult, int]:
@@ -75,7 +75,7 @@ def test_a_certificate_that_nobody_has_agreed_to(tmp_path: Path) -> None:
     assert bench.store.pins.get("router") is None
 
 
-def test_nobody_at_home(tmp_path: Path) -> None:
+def test_unreachable_device_is_reported(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> DeviceResult:
@@ -120,7 +120,7 @@ def test_a_device_without_any_protection(tmp_path: Path) -> None:
     assert "--without-protection" in result.hint
 
 
-def test_a_person_may_do_without_protection(tmp_path: Path) -> None:
+def test_unprotected_change_can_be_allowed(tmp_path: Path) -> None:
     bench = Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME})
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
@@ -131,7 +131,7 @@ def test_a_person_may_do_without_protection(tmp_path: Path) -> None:
     assert any("nothing protects this change" in note for note in first.notes)
 
 
-def test_a_device_without_safe_mode_takes_what_can_do_no_harm(tmp_path: Path) -> None:
+def test_harmless_change_needs_no_protection(tmp_path: Path) -> None:
     text = MANAGEMENT.join(
         ("/ip address\n", '/ip pool\nadd comment="atlantis: x" name=spare ranges=10.9.9.1-10.9.9.9\n')
     )
@@ -153,7 +153,7 @@ def test_device_mode_home_forbids_a_feature(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("group", ["read", "write"])
-def test_our_user_may_not_do_enough(tmp_path: Path, group: str) -> None:
+def test_insufficient_policies_of_our_user_are_refused(tmp_path: Path, group: str) -> None:
     users = (User(name="provision", password=PASSWORD, group=group),)
     refused(Bench(tmp_path, spec={"users": users}), Status.REFUSED, "our user may not", "policy")
 
@@ -188,7 +188,7 @@ def test_a_menu_that_the_version_lacks(tmp_path: Path) -> None:
     ],
     ids=["address", "bridge port", "service", "service address", "service port", "input rule", "route"],
 )
-def test_a_plan_that_would_cut_our_own_way(tmp_path: Path, old: str, new: str) -> None:
+def test_plan_that_would_cut_our_access_is_refused(tmp_path: Path, old: str, new: str) -> None:
     assert old in TEXT
     refused(Bench(tmp_path, text=TEXT.replace(old, new, 1)), Status.REFUSED, "refused, nothing was changed")
 
@@ -212,7 +212,7 @@ def test_a_full_disk_before_the_first_change(tmp_path: Path) -> None:
     assert "=enabled=false" in safe_mode
 
 
-def test_a_text_that_hides_a_secret_is_not_told(tmp_path: Path) -> None:
+def test_secret_is_neither_printed_nor_stored(tmp_path: Path) -> None:
     text = TEXT + (
         '/interface ovpn-client\nadd comment="atlantis: vpn" connect-to=192.0.2.10 name=vpn password=hush-hush user=r\n'
     )

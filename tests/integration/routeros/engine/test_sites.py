@@ -55,7 +55,7 @@ def test_a_declared_router_converges_twice_at_the_promised_cost(tmp_path: Path, 
     assert second.planned_count == 0
 
 
-def test_an_idle_run_over_iridium_is_five_round_trips_long(tmp_path: Path) -> None:
+def test_unchanged_run_over_iridium_takes_five_round_trips(tmp_path: Path) -> None:
     """Three for TCP and TLS 1.2, one for the login, one for everything that is read."""
 
     async def act(bench: Bench) -> DeviceResult:
@@ -69,7 +69,7 @@ def test_an_idle_run_over_iridium_is_five_round_trips_long(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("name", ROUTERS)
-def test_the_estimate_is_what_it_costs(tmp_path: Path, name: str) -> None:
+def test_estimate_matches_the_actual_cost(tmp_path: Path, name: str) -> None:
     bearer = site_link_of(declaration(), declaration().hosts[name])
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
@@ -81,7 +81,7 @@ def test_the_estimate_is_what_it_costs(tmp_path: Path, name: str) -> None:
         assert result.estimate.bytes == pytest.approx(result.sent_bytes + result.received_bytes, rel=0.25)
 
 
-def test_it_can_be_gone_back_to_what_it_was(tmp_path: Path) -> None:
+def test_failed_run_restores_the_former_configuration(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
         before = bench.export()
         bench.text += 'add address=10.99.2.1 comment="atlantis: twice" mac-address=02:00:00:02:00:00 server=dhcp-lan\n'
@@ -95,7 +95,7 @@ def test_it_can_be_gone_back_to_what_it_was(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("nth", [3, 4, 5])
 @pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.REBOOT])
-def test_a_declared_router_is_cut_between_its_pieces(tmp_path: Path, kind: FaultKind, nth: int) -> None:
+def test_declared_router_cut_between_its_parts_can_be_resumed(tmp_path: Path, kind: FaultKind, nth: int) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, str, str, DeviceResult]:
         before = bench.export()
         bench.router.arm(LinkFault(do=kind, match="/execute", sentence=nth, when="after"))
@@ -108,7 +108,7 @@ def test_a_declared_router_is_cut_between_its_pieces(tmp_path: Path, kind: Fault
     assert resumed.exit == 0
 
 
-def test_what_is_sent_and_kept_holds_no_secret(tmp_path: Path) -> None:
+def test_results_and_files_contain_no_secret(tmp_path: Path) -> None:
     async def act(bench: Bench) -> Any:  # noqa: ANN401 - a result
         return await bench.converge()
 

@@ -43,7 +43,7 @@ def bench(tmp_path: Path, desired: str, version: str = "7.18.2", **spec: Any) ->
 
 
 @pytest.mark.parametrize("version", ["7.18.2", "7.21.5"])
-def test_it_converges_twice(tmp_path: Path, version: str) -> None:
+def test_switch_converges_twice(tmp_path: Path, version: str) -> None:
     async def act(bench: Bench) -> None:
         first = await bench.converge()
         assert (first.status, first.protection) == ("changed", "safe-mode")
@@ -53,7 +53,7 @@ def test_it_converges_twice(tmp_path: Path, version: str) -> None:
     on(bench(tmp_path, text(isolated="ether3"), version), act)
 
 
-def test_an_access_point_on_a_tether_converges_twice(tmp_path: Path) -> None:
+def test_access_point_on_a_switch_converges_twice(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         assert (await bench.converge()).status == "changed"
         assert (await bench.converge()).status == "unchanged"
@@ -63,7 +63,7 @@ def test_an_access_point_on_a_tether_converges_twice(tmp_path: Path) -> None:
     on(bench(tmp_path, text(access_point=RADIO), **radio), act)
 
 
-def test_a_port_becomes_isolated_and_is_so_no_more(tmp_path: Path) -> None:
+def test_port_isolation_is_added_and_removed(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         assert (await bench.converge()).status == "changed"
         assert "horizon" not in bench.export()

@@ -27,7 +27,7 @@ def texts() -> tuple[Inventory, str, str]:
     return declared, plain, more
 
 
-def test_classes_come_stay_and_go(tmp_path: Path) -> None:
+def test_traffic_classes_are_added_kept_and_removed(tmp_path: Path) -> None:
     declared, plain, classed = texts()
     (twin,) = site_spec(declared, [declared.hosts[ROUTER]]).emulators
     spec = {**dict(twin.router), "users": (User(name="provision", password=PASSWORD),)}

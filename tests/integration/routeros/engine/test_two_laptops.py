@@ -173,7 +173,7 @@ def meetings(  # noqa: PLR0913 - who meets, when and how
 
 @pytest.mark.parametrize("at_once", [True, False], ids=["one after the other", "at the same time"])
 @pytest.mark.parametrize("second", [TEXT, OTHER], ids=["same", "other"])
-def test_at_every_sentence(tmp_path: Path, second: str, at_once: bool) -> None:  # noqa: FBT001
+def test_second_run_at_every_sentence(tmp_path: Path, second: str, at_once: bool) -> None:  # noqa: FBT001
     found = meetings(tmp_path, TEXT, second, None, at_once=at_once)
     assert len(found) > 5
     losers = [each for each in found if Status.LEFT_AS_FOUND in {result.status for result in each.results.values()}]
@@ -184,13 +184,13 @@ def test_at_every_sentence(tmp_path: Path, second: str, at_once: bool) -> None: 
 
 @pytest.mark.parametrize("at_once", [True, False], ids=["one after the other", "at the same time"])
 @pytest.mark.parametrize("first", [LONG, BROAD, NAMES], ids=["behind", "before", "pieces"])
-def test_while_safe_mode_is_not_held(tmp_path: Path, first: str, at_once: bool) -> None:  # noqa: FBT001
+def test_second_run_while_safe_mode_is_not_held(tmp_path: Path, first: str, at_once: bool) -> None:  # noqa: FBT001
     found = meetings(tmp_path, first, OTHER, [5, 6, 7, 8, 9, 10, 12], at_once=at_once)
     assert found
 
 
 @pytest.mark.parametrize("version", ["7.18.2", "7.16"])
-def test_two_runs_of_one_name_behind_one_address(tmp_path: Path, version: str) -> None:
+def test_runs_with_the_same_id_behind_one_address(tmp_path: Path, version: str) -> None:
     """Both began in the same second, and a tunnel or a NAT gives both the same address."""
     found = meetings(
         tmp_path, BROAD, BROAD, [5, 6, 7, 8, 9, 10], at_once=False, version=version, run="20261126T055812Z"
@@ -200,7 +200,7 @@ def test_two_runs_of_one_name_behind_one_address(tmp_path: Path, version: str) -
 
 
 @pytest.mark.parametrize("second", [TEXT, OTHER], ids=["same", "other"])
-def test_a_router_without_safe_mode_for_programs(tmp_path: Path, second: str) -> None:
+def test_router_without_safe_mode_for_the_api(tmp_path: Path, second: str) -> None:
     found = meetings(tmp_path, TEXT, second, [4, 5, 6, 7, 9, 11], at_once=True, version="7.16")
     words = {result.message for each in found for result in each.results.values()}
     assert any(
@@ -213,7 +213,7 @@ def test_a_router_without_safe_mode_for_programs(tmp_path: Path, second: str) ->
 @pytest.mark.parametrize("at_once", [True, False], ids=["one after the other", "at the same time"])
 @pytest.mark.parametrize("second", ["same", "other"])
 @pytest.mark.parametrize("first", [TEXT, LONG, BROAD, NAMES], ids=["short", "behind", "before", "pieces"])
-def test_everything_at_every_sentence(
+def test_every_combination_at_every_sentence(
     tmp_path: Path,
     first: str,
     second: str,

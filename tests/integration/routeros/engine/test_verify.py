@@ -63,12 +63,12 @@ def passed(seen: SeenAnswers) -> set[str]:
 
 
 @pytest.mark.parametrize("version", ["7.18.2", "7.20.8", "7.21.5"])
-def test_all_hold(tmp_path: Path, version: str) -> None:
+def test_all_assumptions_hold(tmp_path: Path, version: str) -> None:
     seen = on(bench(tmp_path, version=version), trying)
     assert (failed(seen), passed(seen)) == (set(), READING | set(TRIES))
 
 
-def test_below_safe_mode_a_device_is_read_and_nothing_is_tried(tmp_path: Path) -> None:
+def test_device_without_safe_mode_is_only_read(tmp_path: Path) -> None:
     async def act(bench: Bench) -> SeenAnswers:
         seen = await reading(bench)
         with pytest.raises(DeviceError, match="no safe mode for the API"):
@@ -79,7 +79,7 @@ def test_below_safe_mode_a_device_is_read_and_nothing_is_tried(tmp_path: Path) -
     assert (failed(seen), passed(seen)) == (set(), READING)
 
 
-def test_a_renamed_modem_is_asked_under_its_name(tmp_path: Path) -> None:
+def test_renamed_modem_is_read_under_its_new_name(tmp_path: Path) -> None:
     async def act(bench: Bench) -> SeenAnswers:
         await bench.router.console(["/interface/lte/set", "=.id=lte1", "=name=starlink"])
         return await reading(bench)
@@ -96,7 +96,7 @@ OFF_BY_READING: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", OFF_BY_READING)
-def test_what_is_turned_off_is_told_by_reading(tmp_path: Path, name: str) -> None:
+def test_violated_assumption_is_detected_by_reading(tmp_path: Path, name: str) -> None:
     seen = on(bench(tmp_path, **OFF_BY_READING[name]), reading)
     assert (failed(seen), passed(seen)) == ({name}, READING - {name})
 
@@ -115,7 +115,7 @@ OFF_BY_TRYING: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", OFF_BY_TRYING)
-def test_what_is_turned_off_is_told_by_trying(tmp_path: Path, name: str) -> None:
+def test_violated_assumption_is_detected_by_trying(tmp_path: Path, name: str) -> None:
     seen = on(bench(tmp_path, **OFF_BY_TRYING[name]), trying)
     wrong = {finding.id for finding in seen.findings if finding.verdict is Verdict.FAIL}
     assert wrong == {name}
@@ -141,7 +141,7 @@ def test_a_silent_session_is_noticed(
     assert (found.id, found.verdict) == ("api-silent-session", verdict)
 
 
-def test_somebody_who_holds_safe_mode_is_left_alone(tmp_path: Path) -> None:
+def test_holder_of_safe_mode_is_left_alone(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await bench.router.console(["/safe-mode/take"])
         with pytest.raises(DeviceError, match="somebody holds safe mode"):
@@ -152,7 +152,7 @@ def test_somebody_who_holds_safe_mode_is_left_alone(tmp_path: Path) -> None:
     on(bench(tmp_path), act)
 
 
-def test_scratch_rows_of_an_earlier_try_are_told_with_their_way_out(tmp_path: Path) -> None:
+def test_scratch_rows_of_an_earlier_try_are_reported_with_a_command(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await bench.router.console(["/interface/bridge/add", "=name=left", f"=comment={MARK}"])
         before = bench.export()
@@ -164,7 +164,7 @@ def test_scratch_rows_of_an_earlier_try_are_told_with_their_way_out(tmp_path: Pa
     on(bench(tmp_path), act)
 
 
-def test_a_device_that_was_never_met_is_refused(tmp_path: Path) -> None:
+def test_unpinned_device_is_refused(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         with pytest.raises(DeviceError, match="certificate"):
             await read(replace(bench.job().endpoint, pin=None))

@@ -68,7 +68,7 @@ async def every_part(bench: Bench, text: str, step: int) -> int:
     [("", TEXT), (TEXT, OTHER), (LONGER, TURNED), (TURNED, TEXT), (LONGER, OTHER)],
     ids=["everything", "changes", "moves", "removals", "all kinds"],
 )
-def test_after_any_part_of_a_plan(tmp_path: Path, first: str, second: str, version: str) -> None:
+def test_rollback_works_after_any_part_of_a_plan(tmp_path: Path, first: str, second: str, version: str) -> None:
     bench = Bench(tmp_path, spec={"version": version})
 
     async def act(bench: Bench) -> int:
@@ -80,7 +80,7 @@ def test_after_any_part_of_a_plan(tmp_path: Path, first: str, second: str, versi
     assert on(bench, act) >= 1
 
 
-def test_a_way_back_that_would_hold_a_password(tmp_path: Path) -> None:
+def test_rollback_script_that_would_contain_a_password_is_refused(tmp_path: Path) -> None:
     """Anybody who may read the configuration could read it there."""
     client = '/interface ovpn-client\nadd comment="atlantis: vpn" connect-to=192.0.2.10 name=vpn password={} user=r\n'
     bench = Bench(tmp_path)
@@ -97,7 +97,7 @@ def test_a_way_back_that_would_hold_a_password(tmp_path: Path) -> None:
     assert "hush-hush" in bench.router.export(show_sensitive=True)
 
 
-def test_a_way_back_that_is_too_long(tmp_path: Path) -> None:
+def test_rollback_script_that_is_too_long_is_refused(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> str:

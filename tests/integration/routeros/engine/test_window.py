@@ -25,7 +25,7 @@ def twice(tmp_path: Path, knobs: WireBehaviour) -> tuple[DeviceResult, DeviceRes
     return on(Bench(tmp_path, knobs=knobs), act)
 
 
-def test_a_device_that_bears_it_is_read_in_one_flight(tmp_path: Path) -> None:
+def test_capable_device_is_read_in_one_batch(tmp_path: Path) -> None:
     first, second, told = twice(tmp_path, WireBehaviour())
     assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED)
     assert not told
@@ -33,7 +33,7 @@ def test_a_device_that_bears_it_is_read_in_one_flight(tmp_path: Path) -> None:
     assert not [note for note in (*first.notes, *second.notes) if NOTE in note]
 
 
-def test_a_device_that_hangs_is_asked_again_in_smaller_batches_and_that_is_told(tmp_path: Path) -> None:
+def test_hanging_device_is_read_in_smaller_batches_and_noted(tmp_path: Path) -> None:
     first, second, told = twice(tmp_path, WireBehaviour(hang_at=25))
     assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED), first.message
     assert told == [True]
@@ -44,7 +44,7 @@ def test_a_device_that_hangs_is_asked_again_in_smaller_batches_and_that_is_told(
     assert not [note for note in second.notes if NOTE in note]
 
 
-def test_a_plan_is_told_so_as_well(tmp_path: Path) -> None:
+def test_plan_notes_smaller_batches_too(tmp_path: Path) -> None:
     async def act(bench: Bench) -> DeviceResult:
         return await bench.converge(JobMode.PLAN)
 

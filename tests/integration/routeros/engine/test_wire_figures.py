@@ -54,7 +54,7 @@ def figures(shape: Shape = PLAIN) -> dict[Scenario, wire.WireFigure]:
 
 
 @pytest.mark.parametrize("scenario", Scenario)
-def test_the_wire_is_used_as_well_as_promised(scenario: Scenario) -> None:
+def test_round_trips_and_bytes_meet_the_goals(scenario: Scenario) -> None:
     figure = figures()[scenario]
     assert figure.result.status is (Status.UNCHANGED if scenario is Scenario.NOTHING else Status.CHANGED)
     round_trips, size = GOALS[scenario]
@@ -63,14 +63,14 @@ def test_the_wire_is_used_as_well_as_promised(scenario: Scenario) -> None:
 
 
 @pytest.mark.parametrize("scenario", Scenario)
-def test_a_run_takes_its_round_trips_and_nothing_else(scenario: Scenario) -> None:
+def test_run_takes_only_the_time_of_its_round_trips(scenario: Scenario) -> None:
     """In this clock nobody needs time for anything but the link."""
     figure = figures()[scenario]
     assert figure.wall_s == pytest.approx(figure.count.round_trips * RTT_S, abs=0.01)
 
 
 @pytest.mark.parametrize("scenario", Scenario)
-def test_what_a_run_says_of_itself_is_what_the_wire_has_carried(scenario: Scenario) -> None:
+def test_reported_traffic_matches_the_wire(scenario: Scenario) -> None:
     compare(figures()[scenario].result, figures()[scenario].count)
 
 
@@ -94,9 +94,7 @@ def at(proxy: Proxy, endpoint: Endpoint, **changes: Any) -> Endpoint:  # noqa: A
         ({"pin": None}, "its certificate is not known here", 1),
     ],
 )
-def test_a_session_that_fails_is_told_as_well(
-    tmp_path: Path, changes: dict[str, Any], message: str, sessions: int
-) -> None:
+def test_failed_session_is_counted(tmp_path: Path, changes: dict[str, Any], message: str, sessions: int) -> None:
     """A refused login, another certificate, and a device that nobody has agreed to, which is told nothing."""
 
     async def act(bench: Bench) -> None:
@@ -110,7 +108,7 @@ def test_a_session_that_fails_is_told_as_well(
     on(Bench(tmp_path), act)
 
 
-def test_a_session_that_is_lost_in_its_login_and_repeated_is_told_twice(tmp_path: Path) -> None:
+def test_session_lost_in_its_login_and_repeated_is_counted_twice(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
             bench.router.arm(LinkFault(do=FaultKind.DROP, match="/login", sentence=2, when="after"))
@@ -123,7 +121,7 @@ def test_a_session_that_is_lost_in_its_login_and_repeated_is_told_twice(tmp_path
 
 
 @pytest.mark.parametrize("password", [PASSWORD, "another one"])
-def test_the_console_that_holds_safe_mode_is_told_as_well(tmp_path: Path, password: str) -> None:
+def test_console_session_that_holds_safe_mode_is_counted(tmp_path: Path, password: str) -> None:
     """Before RouterOS 7.18 there is none on the API; also where it does not let us in."""
 
     async def act(bench: Bench) -> None:
@@ -143,7 +141,7 @@ def test_the_console_that_holds_safe_mode_is_told_as_well(tmp_path: Path, passwo
     on(Bench(tmp_path, spec={"version": "7.16"}), act)
 
 
-def test_a_port_that_does_not_speak_tls_is_told_as_well(tmp_path: Path) -> None:
+def test_port_that_does_not_speak_tls_is_counted(tmp_path: Path) -> None:
     async def refuse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.read(1)
         writer.write(b"HTTP/1.1 400 Bad Request\r\n\r\n")
@@ -161,7 +159,7 @@ def test_a_port_that_does_not_speak_tls_is_told_as_well(tmp_path: Path) -> None:
     on(Bench(tmp_path), act)
 
 
-def test_a_look_at_the_links_tells_failed_sessions_as_well(tmp_path: Path) -> None:
+def test_links_command_counts_failed_sessions(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
             endpoint = at(proxy, bench.job().endpoint)
@@ -180,7 +178,7 @@ def test_a_look_at_the_links_tells_failed_sessions_as_well(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("scenario", Scenario)
-def test_the_estimate_is_what_the_wire_carries(scenario: Scenario) -> None:
+def test_estimate_matches_the_wire(scenario: Scenario) -> None:
     figure = figures()[scenario]
     assert figure.result.estimate is not None
     assert figure.result.estimate.round_trips == pytest.approx(figure.count.round_trips, abs=1)
@@ -188,7 +186,7 @@ def test_the_estimate_is_what_the_wire_carries(scenario: Scenario) -> None:
 
 
 @pytest.mark.parametrize("scenario", [Scenario.FIRST, Scenario.FIREWALL])
-def test_the_devices_parser_costs_what_it_may(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parser_check_stays_within_its_byte_limit(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     """No round trip, and at most 1.3 times the bytes of the scripts, in both directions together."""
     with_it = figures()[scenario].count
     scripts: list[int] = []
@@ -208,7 +206,7 @@ def test_the_devices_parser_costs_what_it_may(scenario: Scenario, monkeypatch: p
 
 @pytest.mark.slow
 @pytest.mark.namespace
-def test_the_command_takes_what_was_promised_and_the_page_says_so(tmp_path: Path) -> None:
+def test_command_meets_the_goals_and_the_page_is_up_to_date(tmp_path: Path) -> None:
     """Typed as a technician does, over TLS; whoever moves it writes the page anew: `python -m bench --wire PAGE`."""
     page = tmp_path / "benchmarks.md"
     shutil.copy(PAGE, page)

@@ -31,7 +31,7 @@ SIDES = [
 
 
 @pytest.mark.parametrize(("family", "near_mode", "change"), SIDES)
-def test_changes(tmp_path: Path, family: str, near_mode: str, change: str) -> None:
+def test_change_converges_on_both_ends(tmp_path: Path, family: str, near_mode: str, change: str) -> None:
     words = CHANGES[change]
 
     async def act(bench: PairBench) -> tuple[tuple[DeviceResult, ...], tuple[DeviceResult, ...], bool, tuple[str, str]]:
@@ -52,7 +52,7 @@ def test_changes(tmp_path: Path, family: str, near_mode: str, change: str) -> No
     assert all(words.key not in state.text() for state in kept.values() if words.key)
 
 
-def test_the_progress_of_an_end_that_is_done_is_whole(tmp_path: Path) -> None:
+def test_progress_of_a_finished_end_is_complete(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> list[tuple[str, int, int]]:
         await bench.converge(CHANGES["name"])
         return [(event.device, event.done_count, event.total) for event in bench.events if event.stage == "confirmed"]
@@ -63,7 +63,7 @@ def test_the_progress_of_an_end_that_is_done_is_whole(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("change", ["nothing", "identity", "name"])
-def test_a_result_tells_every_session_with_its_end(tmp_path: Path, change: str) -> None:
+def test_result_counts_every_session_of_its_end(tmp_path: Path, change: str) -> None:
     """Also those in which both were read as a pair, before they were changed one by one."""
     words = CHANGES["name"] if change == "name" else Words()
 

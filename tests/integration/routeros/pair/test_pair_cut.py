@@ -112,13 +112,17 @@ CUTS = [
 @pytest.mark.parametrize(
     ("kind", "end", "path", "nth"), CUTS, ids=[f"{kind} {end} {path}" for kind, end, path, _ in CUTS]
 )
-def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, end: str, path: str, nth: int) -> None:
+def test_fault_at_a_critical_point_ends_consistently(
+    tmp_path: Path, kind: FaultKind, end: str, path: str, nth: int
+) -> None:
     results = cut(tmp_path, end, LinkFault(do=kind, match=path, sentence=nth, when="after"))
     assert all(result.exit.value in (0, 4, 5) for result in results)
 
 
 @pytest.mark.parametrize(("end", "path", "nth"), SAMPLE, ids=[f"{end} {path}" for end, path, _ in SAMPLE])
-def test_the_power_fails_and_an_end_keeps_what_was_in_safe_mode(tmp_path: Path, end: str, path: str, nth: int) -> None:
+def test_power_loss_that_keeps_safe_mode_changes_ends_consistently(
+    tmp_path: Path, end: str, path: str, nth: int
+) -> None:
     """Without `safe-mode-power-loss`."""
     fault = LinkFault(do=FaultKind.POWER, match=path, sentence=nth, when="after")
     results = cut(tmp_path, end, fault, deviations=(Deviation.POWER_LOSS,))
@@ -175,7 +179,9 @@ def test_nothing_is_armed_when_the_advice_was_followed(
 @pytest.mark.parametrize(("kind", "when"), list(faults()))
 @pytest.mark.parametrize("end", ["near", "far"])
 @pytest.mark.parametrize("family", ["legacy", "wifi"])
-def test_cut_everywhere(tmp_path: Path, family: str, end: str, kind: FaultKind, when: str) -> None:
+def test_fault_at_every_sentence_ends_consistently(
+    tmp_path: Path, family: str, end: str, kind: FaultKind, when: str
+) -> None:
     whole = clean(family)
     assert LINK_TIMEOUT_S < LONG_S
     for sentence in range(1, (whole.near if end == "near" else whole.far) + 1):

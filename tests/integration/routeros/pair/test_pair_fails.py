@@ -48,7 +48,7 @@ def test_ends_that_disagree_are_refused_before_anything_is_sent(
 
 @FAMILIES
 @pytest.mark.parametrize("mode", [JobMode.PLAN, JobMode.APPLY])
-def test_what_the_devices_parser_does_not_take_is_refused(
+def test_syntax_refused_by_the_device_parser_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, family: str, mode: JobMode
 ) -> None:
     monkeypatch.setattr(
@@ -66,7 +66,7 @@ def test_what_the_devices_parser_does_not_take_is_refused(
     assert sent == []
 
 
-def test_protocols_that_never_meet_are_refused(tmp_path: Path) -> None:
+def test_incompatible_protocols_are_refused(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], list[str]]:
         return await bench.converge(Words(protocol="nv2"), far_words=Words(ssid="other")), writes(bench)
 
@@ -92,7 +92,7 @@ ROLES = [
 
 
 @pytest.mark.parametrize(("family", "near_mode", "case"), ROLES)
-def test_a_link_that_does_not_come_back(tmp_path: Path, family: str, near_mode: str, case: str) -> None:
+def test_link_that_does_not_return_is_rolled_back(tmp_path: Path, family: str, near_mode: str, case: str) -> None:
     air, frequency = NO_LINK[case]
     words = Words(ssid="new name", key=NEW.key, frequency=frequency)
 
@@ -113,7 +113,7 @@ def test_a_link_that_does_not_come_back(tmp_path: Path, family: str, near_mode: 
     assert all("the link was not back and proved within 270 s" in result.message for result in results)
 
 
-def test_where_the_scheduler_is_forbidden_the_far_end_needs_its_own_time(tmp_path: Path) -> None:
+def test_far_end_without_scheduler_is_rolled_back_by_safe_mode(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], tuple[str, str], tuple[str, str]]:
         before = bench.exports()
         return await bench.converge(Words(ssid="new name", frequency=5520)), before, bench.exports()
@@ -135,7 +135,7 @@ LEVELS: Mapping[str, tuple[Signal, Status]] = {
 
 @FAMILIES
 @pytest.mark.parametrize("case", LEVELS)
-def test_levels_are_proved_before_anything_is_kept(tmp_path: Path, family: str, case: str) -> None:
+def test_signal_levels_are_verified_before_the_change_is_kept(tmp_path: Path, family: str, case: str) -> None:
     signal, expected = LEVELS[case]
 
     async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], bool]:
@@ -150,7 +150,7 @@ def test_levels_are_proved_before_anything_is_kept(tmp_path: Path, family: str, 
     assert [result.protection for result in results] == ["safe-mode", "safe-mode and a job of the scheduler"]
 
 
-def test_a_far_end_that_is_gone_is_left_alone_and_so_is_the_near_one(tmp_path: Path) -> None:
+def test_unreachable_far_end_leaves_both_ends_unchanged(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], tuple[str, str], tuple[str, str]]:
         before = bench.exports()
         bench.link.change(Air(distance_m=500_000.0))

@@ -116,7 +116,7 @@ async def lose_the_link(bench: PairBench) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME, JobMode.ROLLBACK])
-def test_a_job_of_a_run_that_was_killed_after_both_ends_were_kept_is_removed(tmp_path: Path, mode: JobMode) -> None:
+def test_job_of_a_killed_but_completed_run_is_removed(tmp_path: Path, mode: JobMode) -> None:
     async def act(bench: PairBench) -> tuple[Results, list[str], bool, Results, str]:
         assert await killed(bench, kept("near"))
         assert await armed(bench, "far") == ["=name=atlantis-"]
@@ -135,7 +135,7 @@ def test_a_job_of_a_run_that_was_killed_after_both_ends_were_kept_is_removed(tmp
     assert [each.status for each in second] == [Status.UNCHANGED] * 2, told(second)
 
 
-def test_a_plan_and_drift_tell_a_job_that_is_armed(tmp_path: Path) -> None:
+def test_plan_and_drift_report_an_armed_job(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[Results, Results, list[str], str]:
         assert await killed(bench, kept("near"))
         plan, drift = await again(bench, JobMode.PLAN), await again(bench, JobMode.DRIFT)
@@ -153,7 +153,7 @@ def test_a_plan_and_drift_tell_a_job_that_is_armed(tmp_path: Path) -> None:
     assert difference.menu in comparison.menus
 
 
-def test_one_end_alone_tells_the_job_and_leaves_it(tmp_path: Path) -> None:
+def test_run_on_one_end_reports_the_job_and_leaves_it(tmp_path: Path) -> None:
     """Whether the pair is as declared, only a run that sees both ends knows."""
 
     async def act(bench: PairBench) -> tuple[DeviceResult, list[str]]:
@@ -167,7 +167,7 @@ def test_one_end_alone_tells_the_job_and_leaves_it(tmp_path: Path) -> None:
     assert "the job atlantis-pair of" in result.message
 
 
-def test_the_end_that_can_be_seen_is_not_green_while_its_job_is_armed(tmp_path: Path) -> None:
+def test_visible_end_is_not_green_while_its_job_is_armed(tmp_path: Path) -> None:
     """The technician has crossed the water: the former far end is the near one, and the other end is away."""
 
     async def act(bench: PairBench) -> Results:
@@ -204,7 +204,7 @@ def kill_and_run_again(folder: Path, record: int, mode: JobMode) -> bool:
 
 @pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME])
 @pytest.mark.parametrize("record", [7, 10, 15, 16, 17, 18])
-def test_nothing_is_armed_after_what_follows_a_kill(tmp_path: Path, record: int, mode: JobMode) -> None:
+def test_nothing_is_armed_after_the_run_that_follows_a_kill(tmp_path: Path, record: int, mode: JobMode) -> None:
     assert kill_and_run_again(tmp_path, record, mode)
 
 

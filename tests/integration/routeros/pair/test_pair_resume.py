@@ -23,7 +23,7 @@ async def far_alone(bench: PairBench) -> None:
 
 
 @pytest.mark.parametrize("family", ["legacy", "wifi"])
-def test_the_near_end_follows(tmp_path: Path, family: str) -> None:
+def test_resume_brings_the_near_end_to_the_far_end(tmp_path: Path, family: str) -> None:
     async def act(bench: PairBench) -> tuple[Results, Results, bool]:
         await far_alone(bench)
         return await bench.converge(NEW, JobMode.RESUME), await bench.converge(NEW), bench.link.up
@@ -34,7 +34,7 @@ def test_the_near_end_follows(tmp_path: Path, family: str) -> None:
     assert up
 
 
-def test_an_ordinary_run_does_not_guess(tmp_path: Path) -> None:
+def test_ordinary_run_changes_nothing_if_only_the_far_end_changed(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[Results, bool]:
         await far_alone(bench)
         before = bench.exports()
@@ -45,7 +45,7 @@ def test_an_ordinary_run_does_not_guess(tmp_path: Path) -> None:
     assert as_before
 
 
-def test_a_far_end_that_has_gone_for_good_is_not_followed(tmp_path: Path) -> None:
+def test_resume_with_a_lost_far_end_rolls_the_near_end_back(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[Results, bool]:
         before = bench.exports()
         bench.link.change(Air(distance_m=500_000.0))
@@ -58,7 +58,7 @@ def test_a_far_end_that_has_gone_for_good_is_not_followed(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(("mode", "status"), [(JobMode.APPLY, Status.LEFT_AS_FOUND), (JobMode.RESUME, Status.CHANGED)])
-def test_a_job_that_is_there_is_somebody_elses_unless_we_resume(tmp_path: Path, mode: JobMode, status: Status) -> None:
+def test_only_resume_takes_over_an_existing_job(tmp_path: Path, mode: JobMode, status: Status) -> None:
     async def act(bench: PairBench) -> tuple[Results, bool, str]:
         before = bench.exports()
         job = [
@@ -80,7 +80,7 @@ TYPED = {"resume": JobMode.RESUME}
 """What a command of a hint is for the engine, which knows no command line."""
 
 
-def test_what_is_advised_beside_the_job_of_a_dead_run_goes_on(tmp_path: Path) -> None:
+def test_advice_about_the_job_of_a_dead_run_leads_on(tmp_path: Path) -> None:
     hint = (
         "let them finish, then run the same command again; if a run of ours has died there: `provision resume site={}`"
     )
@@ -98,7 +98,7 @@ def test_what_is_advised_beside_the_job_of_a_dead_run_goes_on(tmp_path: Path) ->
     assert [each.status for each in followed] == [Status.CHANGED] * 2
 
 
-def test_what_is_advised_where_the_outcome_is_not_known_settles_it(tmp_path: Path) -> None:
+def test_advice_for_an_unknown_outcome_settles_it(tmp_path: Path) -> None:
     hint = (
         "each end takes back by itself what was not kept, within ten minutes if its link has died; then: "
         "`provision resume site={}`"

@@ -9,7 +9,7 @@ from trees import Tree
 
 
 @pytest.mark.parametrize("family", ["legacy", "wifi"])
-def test_what_is_said_to_both_ends_is_in_the_tree(family: str, tmp_path: Path) -> None:
+def test_commands_for_both_ends_exist_in_the_command_tree(family: str, tmp_path: Path) -> None:
     words = Words(ssid="new name", key="a new key for both ends", frequency=5520)
 
     async def act(bench: PairBench) -> None:

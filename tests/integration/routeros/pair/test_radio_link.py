@@ -37,7 +37,7 @@ OUTAGES = [
 
 
 @pytest.mark.parametrize(("end", "words", "seconds"), OUTAGES)
-def test_how_long_the_link_is_away(tmp_path: Path, end: str, words: list[str], seconds: float) -> None:
+def test_duration_of_the_link_outage(tmp_path: Path, end: str, words: list[str], seconds: float) -> None:
     async def act(bench: PairBench) -> float:
         await bench.router(end).console([SET, "=.id=wlan1", *words])
         return await outage(bench)
@@ -62,7 +62,7 @@ def test_a_session_over_the_link_lives_through_a_short_outage(tmp_path: Path) ->
     assert name
 
 
-def test_nobody_is_refused_while_the_link_is_away_and_a_dead_session_is_noticed_late(tmp_path: Path) -> None:
+def test_dead_session_over_a_lost_link_is_detected_late(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[int, int]:
         far = await session(bench, "far")
         bench.link.change(Air(distance_m=500_000.0))
@@ -78,7 +78,7 @@ def test_nobody_is_refused_while_the_link_is_away_and_a_dead_session_is_noticed_
 
 
 @pytest.mark.parametrize("row", ["ether1", "wlan1"])
-def test_the_way_to_the_far_end_leads_through_the_near_ends_bridge(tmp_path: Path, row: str) -> None:
+def test_far_end_is_reached_through_the_bridge_of_the_near_end(tmp_path: Path, row: str) -> None:
     async def act(bench: PairBench) -> tuple[bool, bool]:
         await bench.router("near").console(["/interface/bridge/port/remove", f"=.id={row}"])
         try:

@@ -109,7 +109,7 @@ def body(text: str) -> str:
 
 
 @pytest.mark.parametrize("path", SITES, ids=lambda path: path.stem)
-def test_both_forms_of_a_first_configuration_do_the_same_and_leave_nothing_to_do(path: Path) -> None:
+def test_both_forms_of_a_first_configuration_have_the_same_result(path: Path) -> None:
     text, by_sentences = site(path)
     desired = read(text, path.name)
     planned = by_sentences.plan(desired)
@@ -124,7 +124,7 @@ def test_both_forms_of_a_first_configuration_do_the_same_and_leave_nothing_to_do
 
 
 @pytest.mark.parametrize("path", SITES, ids=lambda path: path.stem)
-def test_a_device_is_as_its_own_export_says(path: Path) -> None:
+def test_plan_from_the_own_export_is_empty(path: Path) -> None:
     text, bench = site(path)
     for action in bench.plan(read(text)).actions:
         bench.send(action)
@@ -134,7 +134,7 @@ def test_a_device_is_as_its_own_export_says(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", SITES, ids=lambda path: path.stem)
-def test_going_back_to_a_saved_export_gives_that_export_again(path: Path) -> None:
+def test_rollback_to_a_saved_export_reproduces_it(path: Path) -> None:
     text, bench = site(path)
     before = bench.text(secrets=False)
     forward = bench.plan(read(text))
@@ -159,7 +159,7 @@ add action=accept chain=input comment="atlantis: c" protocol=igmp
 """
 
 
-def test_moves_and_replacements_end_as_the_text_has_it() -> None:
+def test_moves_and_replacements_reach_the_order_of_the_text() -> None:
     bench = Bench(ManagementSpec())
     first = read(FIREWALL)
     bench.script(bench.plan(first))
@@ -178,7 +178,7 @@ def simple(case: dict[str, Any]) -> bool:
 
 
 @for_each_row("case", [case for case in CASES if simple(case)], ids=lambda case: case["name"])
-def test_what_cuts_the_way_to_the_twin_was_objected_to(case: dict[str, Any]) -> None:
+def test_plan_that_cuts_access_to_the_emulator_has_objections(case: dict[str, Any]) -> None:
     bench = Bench(ManagementSpec(), seed=SEED, version=case.get("version", "7.18.2"))
     bench.say("/user/set", "=.id=provision", "=comment=atlantis: provisioner")
     path = ManagementPath(bench.management.technician, bench.management.local)

@@ -33,7 +33,7 @@ def test_name_version_and_architecture_are_read(tmp_path: Path, file: str) -> No
     assert (found.size, found.sha256) == (len(data), hashlib.sha256(data).hexdigest())
 
 
-def test_the_bundle_of_version_6_is_routeros(tmp_path: Path) -> None:
+def test_version_6_bundle_is_read_as_routeros(tmp_path: Path) -> None:
     body = (
         info("routeros-mipsbe", Version(6, 49, 19), kind=18) + part(16, b"mipsbe") + info("system", Version(6, 49, 19))
     )
@@ -53,7 +53,7 @@ REFUSED: dict[str, tuple[Callable[[bytes], bytes], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_a_damaged_file_is_refused_by_its_name(tmp_path: Path, case: str) -> None:
+def test_damaged_file_is_refused_with_its_path(tmp_path: Path, case: str) -> None:
     damage, words = REFUSED[case]
     path = tmp_path / "routeros-7.18.2-arm64.npk"
     path.write_bytes(damage(contents("routeros", "7.18.2", "arm64")))
@@ -71,7 +71,7 @@ RENAMED = {
 
 
 @pytest.mark.parametrize("file", RENAMED)
-def test_a_file_that_says_two_things_is_refused(tmp_path: Path, file: str) -> None:
+def test_file_name_that_contradicts_its_content_is_refused(tmp_path: Path, file: str) -> None:
     path = tmp_path / file
     path.write_bytes(contents("routeros", "7.18.2", "arm64"))
     with pytest.raises(NotAPackage, match=re.escape(RENAMED[file])):
@@ -79,20 +79,20 @@ def test_a_file_that_says_two_things_is_refused(tmp_path: Path, file: str) -> No
 
 
 @pytest.mark.parametrize("file", ["routeros.npk", "routeros-7.18.2-arm64.zip", "ROUTEROS-7.18.2-ARM64.npk", "7.18.npk"])
-def test_a_strange_name_is_refused(tmp_path: Path, file: str) -> None:
+def test_malformed_package_file_name_is_refused(tmp_path: Path, file: str) -> None:
     path = tmp_path / file
     path.write_bytes(contents("routeros", "7.18.2", "arm64"))
     with pytest.raises(NotAPackage, match="not the name of a package"):
         read_npk(path)
 
 
-def test_a_missing_file_is_told_with_its_path(tmp_path: Path) -> None:
+def test_missing_file_is_reported_with_its_path(tmp_path: Path) -> None:
     with pytest.raises(NotAPackage, match=r"routeros-7\.18\.2-arm64\.npk: No such file"):
         read_npk(tmp_path / "routeros-7.18.2-arm64.npk")
 
 
 @given(flips=st.lists(st.tuples(st.integers(0, 400), st.integers(0, 255)), max_size=8), cut=st.integers(0, 500))
-def test_no_bytes_break_the_reader(
+def test_reader_survives_corrupt_bytes(
     tmp_path_factory: pytest.TempPathFactory, flips: list[tuple[int, int]], cut: int
 ) -> None:
     data = bytearray(contents("routeros", "7.18.2", "arm64", payload=300))

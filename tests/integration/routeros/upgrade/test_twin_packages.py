@@ -85,7 +85,7 @@ def test_case(name: str) -> None:
     assert {row["name"]: row["version"] for row in rows(again, "/system/package")} == case.after
 
 
-def test_the_new_version_has_its_own_commands_and_the_old_configuration() -> None:
+def test_upgrade_brings_new_commands_and_keeps_configuration() -> None:
     device = router("7.16")
     caller = device.login("provision", "", via="api-ssl", address="10.64.101.10")
     device.run(caller, ["/ip/pool/add", "=name=kept", "=ranges=10.0.0.1-10.0.0.9"])
@@ -98,7 +98,7 @@ def test_the_new_version_has_its_own_commands_and_the_old_configuration() -> Non
     assert device.export(header=False) == before
 
 
-def test_a_package_file_tells_what_it_is() -> None:
+def test_package_file_reports_its_name_and_architecture() -> None:
     device = router()
     flash = device.snapshot()
     whole = contents("routeros", "7.21.5", "arm64").decode(errors="surrogateescape")

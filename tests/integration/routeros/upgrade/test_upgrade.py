@@ -76,7 +76,7 @@ def state(running: RunningSite) -> str:
     return "\n".join(line for line in lines if not line.startswith("#"))
 
 
-def test_a_device_is_upgraded_once(tmp_path: Path) -> None:
+def test_repeated_upgrade_has_nothing_to_send(tmp_path: Path) -> None:
     with router(tmp_path) as (running, upgrading):
         before, journal = state(running), Records()
         back = run(upgrading, journal)
@@ -89,7 +89,7 @@ def test_a_device_is_upgraded_once(tmp_path: Path) -> None:
         assert not seen.files, "the device has taken its packages away"
 
 
-def test_a_package_keeps_its_companions(tmp_path: Path) -> None:
+def test_upgrade_requires_packages_for_all_installed_packages(tmp_path: Path) -> None:
     with router(tmp_path, packages=("routeros", "gps")) as (running, upgrading):
         before = running.do("router", "counters")
         with pytest.raises(UpgradeError, match="gps is installed"):
@@ -100,7 +100,7 @@ def test_a_package_keeps_its_companions(tmp_path: Path) -> None:
         assert {package.name for package in back.software.packages} == {"routeros", "gps"}
 
 
-def test_a_device_that_was_never_met_is_sent_nothing(tmp_path: Path) -> None:
+def test_unknown_or_changed_host_key_prevents_any_upload(tmp_path: Path) -> None:
     with router(tmp_path) as (running, upgrading):
         for key, refusal in ((None, UnknownHostKey), ("SHA256:" + "A" * 43, HostKeyMismatch)):
             with pytest.raises(refusal):
@@ -112,7 +112,7 @@ def test_a_device_that_was_never_met_is_sent_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", ["drop", "gap"])
-def test_a_link_that_dies_while_sending_leaves_nothing_behind(tmp_path: Path, fault: str) -> None:
+def test_link_failure_during_upload_leaves_no_files(tmp_path: Path, fault: str) -> None:
     with router(tmp_path) as (running, upgrading):
         before = state(running)
         running.do("router", "link", delay_s=0.0, rate_up_bps=800_000.0)
@@ -142,7 +142,7 @@ class Killed(BaseException):
 
 
 @pytest.mark.parametrize("moment", [PackageSent, Rebooting, PackageConfirmation])
-def test_a_run_that_is_killed_is_repeated(tmp_path: Path, moment: type) -> None:
+def test_killed_run_can_be_repeated(tmp_path: Path, moment: type) -> None:
     def die(record: Record) -> None:
         if isinstance(record, moment):
             raise Killed
@@ -162,7 +162,7 @@ def test_a_run_that_is_killed_is_repeated(tmp_path: Path, moment: type) -> None:
         assert state(running) == before
 
 
-def test_a_device_that_does_not_come_back_is_unknown(tmp_path: Path) -> None:
+def test_outcome_is_unknown_if_device_does_not_come_back(tmp_path: Path) -> None:
     with router(tmp_path, boot_s=3.0) as (running, upgrading):
         hurried = replace(upgrading, waiting=WaitingUpgrade(until_s=1.0, poll_s=0.2, connect_s=0.5))
         with pytest.raises(OutcomeUnknown, match="is not back after 1 s") as unknown:
@@ -176,7 +176,7 @@ def test_a_device_that_does_not_come_back_is_unknown(tmp_path: Path) -> None:
         assert str(asyncio.run(until_back()).software.version) == "7.21.5"
 
 
-def test_a_device_that_has_rebooted_before_its_session_ended_is_back(
+def test_device_that_reboots_before_its_session_ends_counts_as_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A link that closes one way keeps the old session for a while, in which the device is up again already."""
@@ -192,7 +192,7 @@ def test_a_device_that_has_rebooted_before_its_session_ended_is_back(
         assert str(run(upgrading).software.version) == "7.21.5"
 
 
-def test_a_package_that_the_device_does_not_take_is_told_in_its_words(tmp_path: Path) -> None:
+def test_rejected_package_is_reported_in_the_device_s_words(tmp_path: Path) -> None:
     with router(tmp_path) as (_running, upgrading):
         (right,) = upgrading.packages
 
@@ -206,7 +206,7 @@ def test_a_package_that_the_device_does_not_take_is_told_in_its_words(tmp_path: 
         assert right.name == "routeros"
 
 
-def test_packages_of_somebody_else_stop_the_run(tmp_path: Path) -> None:
+def test_foreign_packages_on_device_stop_the_run(tmp_path: Path) -> None:
     with router(tmp_path) as (_running, upgrading):
         stranger = read_npk(write(tmp_path, "container", "7.18.2", "arm64"))
         upgrading._upload(stranger, 0, stranger.size)

@@ -30,7 +30,7 @@ def test_a_plan_shows_files_and_cost_and_changes_nothing(tmp_path: Path, provisi
     assert "over satellite of coastal, which is paid by the byte: about 2.4 MB, " in told.stdout
 
 
-def test_a_rehearsal_ends_with_what_was_read_back(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
+def test_rehearsal_reports_the_version_read_back(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
     path, radio = (write(tmp_path, name, "7.21.5", "arm64") for name in ("routeros", "wifi-qcom"))
     done = provision(f"packages={path}", f"packages={radio}", "--rehearse", "--json")
     assert done.returncode == 0, done.stderr
@@ -39,7 +39,7 @@ def test_a_rehearsal_ends_with_what_was_read_back(tmp_path: Path, provision: Any
     assert result["packages"] == ["routeros", "wifi-qcom"]
 
 
-def test_the_version_that_runs_is_left_alone(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
+def test_device_already_on_target_version_is_left_alone(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
     path = write(tmp_path, "routeros", "7.18.2", "arm64")
     done = provision(f"packages={path}", "--rehearse")
     assert (done.returncode, done.stdout.split()[1:]) == (0, ["already", "so:", "RouterOS", "7.18.2"])
@@ -53,7 +53,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_a_refusal_says_what_and_why(tmp_path: Path, provision: Any, case: str) -> None:  # noqa: ANN401
+def test_refusal_states_reason_and_file(tmp_path: Path, provision: Any, case: str) -> None:  # noqa: ANN401
     exit_, words = REFUSED[case]
     architecture = "arm" if case == "another board" else "arm64"
     path = write(tmp_path, "routeros", "7.16" if case == "back" else "7.21.5", architecture)

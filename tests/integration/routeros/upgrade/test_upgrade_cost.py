@@ -40,7 +40,7 @@ def prepared(declaration: Inventory, tmp_path: Path, via: str, size: int) -> Pre
     return PreparedUpgrade(nothing, nothing, upgrade, bearer, cost, nothing)
 
 
-def test_the_device_is_not_even_looked_at_before_somebody_pays(declaration: Inventory, tmp_path: Path) -> None:
+def test_device_is_not_contacted_before_cost_is_accepted(declaration: Inventory, tmp_path: Path) -> None:
     path = write(tmp_path, "routeros", "7.21.5", "arm64")
     with pytest.raises(CostRefusal, match="nothing was sent: over satellite of coastal") as refused:
         PreparedUpgrade.of(declaration, declaration.hosts[ROUTER], [path], request(tmp_path, "satellite"), ignore)
@@ -48,7 +48,7 @@ def test_the_device_is_not_even_looked_at_before_somebody_pays(declaration: Inve
     assert not (tmp_path / "state").exists()
 
 
-def test_files_beyond_the_cap_are_refused_whatever_anybody_accepts(declaration: Inventory, tmp_path: Path) -> None:
+def test_files_beyond_the_cap_are_refused_even_if_cost_is_accepted(declaration: Inventory, tmp_path: Path) -> None:
     beyond = prepared(declaration, tmp_path, "satellite", 6_000_000)
     accepted = request(tmp_path, "satellite", accept_cost=True)
     with pytest.raises(CostRefusal, match=r"no action may send more than 5\.0 MB there") as refused:
@@ -61,7 +61,7 @@ def test_files_beyond_the_cap_are_refused_whatever_anybody_accepts(declaration: 
     prepared(declaration, tmp_path, "lan", 6_000_000).affordable(request(tmp_path, "lan"))
 
 
-def test_files_below_the_cap_are_sent_when_somebody_pays(declaration: Inventory, tmp_path: Path) -> None:
+def test_files_below_the_cap_are_refused_until_cost_is_accepted(declaration: Inventory, tmp_path: Path) -> None:
     dear = prepared(declaration, tmp_path, "satellite", 2_000_000)
     dear.affordable(request(tmp_path, "satellite"))
     assert dear.cost.bill.payload_bytes > 2_000_000 * 1.1

@@ -7,7 +7,7 @@ from test_upgrade import router, run
 from trees import Tree
 
 
-def test_what_an_upgrade_says_is_in_the_trees_of_both_versions(tmp_path: Path) -> None:
+def test_upgrade_commands_exist_in_both_versions(tmp_path: Path) -> None:
     with router(tmp_path) as (_, upgrading), listening() as heard:
         run(upgrading)
     for version in ("7.18.2", "7.21.5"):

@@ -38,11 +38,11 @@ def six_at_once(work: Path) -> None:
     assert numbers == sorted(set(numbers))
 
 
-def test_six_at_once_are_six_correct_results(tmp_path: Path) -> None:
+def test_six_concurrent_operations_succeed(tmp_path: Path) -> None:
     six_at_once(tmp_path / "work")
 
 
 @pytest.mark.campaign
-def test_six_at_once_many_times(tmp_path: Path) -> None:
+def test_six_concurrent_operations_succeed_repeatedly(tmp_path: Path) -> None:
     for number in range(1000):
         six_at_once(tmp_path / str(number))

@@ -17,7 +17,7 @@ def points(cutting: Cutting, fault: str) -> list[Cut]:
 @pytest.mark.parametrize(
     ("name", "fault"), [("issue", "kill"), ("renew", "kill"), ("revoke", "kill"), ("issue", "full"), ("revoke", "full")]
 )
-def test_sampled_cuts(name: str, fault: str, tmp_path: Path) -> None:
+def test_sampled_interruptions_are_survived(name: str, fault: str, tmp_path: Path) -> None:
     cutting = Cutting(name, tmp_path)
     every = points(cutting, fault)
     assert len(every) > 4 * SAMPLED
@@ -28,7 +28,7 @@ def test_sampled_cuts(name: str, fault: str, tmp_path: Path) -> None:
 @pytest.mark.campaign
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_cut(name: str, fault: str, tmp_path: Path) -> None:
+def test_every_interruption_is_survived(name: str, fault: str, tmp_path: Path) -> None:
     cutting = Cutting(name, tmp_path)
     failed = {}
     for cut in points(cutting, fault):

@@ -52,7 +52,7 @@ for command in ("issue c d", "renew iqua-a", "revoke iqua-b"):
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount")
 @pytest.mark.namespace
-def test_a_full_disk_is_refused_in_words_and_harms_nothing(tmp_path: Path) -> None:
+def test_full_disk_is_reported_and_harms_nothing(tmp_path: Path) -> None:
     (tmp_path / "before").mkdir()
     (tmp_path / "disk").mkdir()
     script = f'mount -t tmpfs -o size=512k tmpfs "$1/disk" && exec "{sys.executable}" -c "$2" "$1/before" "$1/disk"'

@@ -131,7 +131,7 @@ def _refused(stand: Stand, client: Client, profiles: Sequence[Path]) -> None:
         assert "Unrecognized option" in path.with_suffix(".log").read_text()
 
 
-def test_networkmanager_imports_each(office: Office, profiles: dict[str, Path], tmp_path: Path) -> None:
+def test_networkmanager_imports_each_profile(office: Office, profiles: dict[str, Path], tmp_path: Path) -> None:
     """Its plugin reads every word of a profile that it has a setting for, and puts the keys away for their owner."""
     (library,) = _PLUGIN.glob("usr/lib/*/NetworkManager/libnm-vpn-plugin-openvpn.so")
     named = {name: path for name, path in profiles.items() if office.wanted[name].kind is not MemberKind.ROUTER}

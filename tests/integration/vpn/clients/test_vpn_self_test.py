@@ -148,7 +148,7 @@ def at_home(stand: Stand, folder: Path, user: int, *command: str, where: str = "
     return stand.inside(where, *home, *who, *command)
 
 
-def test_every_fault_is_named(office: Office, stand: Stand, tmp_path: Path) -> None:
+def test_self_test_names_every_fault(office: Office, stand: Stand, tmp_path: Path) -> None:
     """All at once: most of them are silence, and take their time."""
     running = {}
     for number, (case, fault) in enumerate(FAULTS.items()):
@@ -169,7 +169,7 @@ def test_every_fault_is_named(office: Office, stand: Stand, tmp_path: Path) -> N
     assert "control centre" not in said["refused on the way"].partition("What to do:")[0]
 
 
-def test_pass_as_root_and_nothing_is_left(office: Office, stand: Stand, tmp_path: Path) -> None:
+def test_self_test_as_root_passes_and_leaves_nothing_behind(office: Office, stand: Stand, tmp_path: Path) -> None:
     folder = unpacked(office.declaration, office.identities["udg-good"], tmp_path / "handout")
     command = stand.inside("devices", PYTHON, str(folder / "self-test.py"))
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -180,7 +180,7 @@ def test_pass_as_root_and_nothing_is_left(office: Office, stand: Stand, tmp_path
     assert "10.80." not in stand.run("devices", "ip", "-4", "-o", "address")
 
 
-def test_pass_by_the_tunnel_that_is_up(office: Office, stand: Stand, tmp_path: Path) -> None:
+def test_self_test_passes_over_existing_tunnel(office: Office, stand: Stand, tmp_path: Path) -> None:
     """Also without root, and without a program `openvpn` in reach, as with OpenVPN Connect."""
     folder = unpacked(office.declaration, office.identities["udg-shared"], tmp_path / "handout", NOBODY)
     log = tmp_path / "log"

@@ -50,7 +50,7 @@ def changed(datagram: bytes, place: int) -> bytes:
 
 @pytest.mark.parametrize("wrap", list(Wrap))
 @pytest.mark.parametrize("cookie", [False, True])
-def test_the_server_answers_a_member_and_its_tunnel_is_not_touched(
+def test_server_answers_first_packet_without_disturbing_the_tunnel(
     wrap: Wrap,
     cookie: bool,  # noqa: FBT001 - a case
     tmp_path: Path,
@@ -72,7 +72,7 @@ def test_the_server_answers_a_member_and_its_tunnel_is_not_touched(
     assert not FirstPacket(other, packet.session).is_answer(answer)
 
 
-def test_the_server_is_silent_to_who_has_another_key(tmp_path: Path) -> None:
+def test_server_does_not_answer_an_unknown_key(tmp_path: Path) -> None:
     with standing(tmp_path, Wrap.TLS_CRYPT_V2) as (made, server, name):
         other = pki.client_key(pki.server_key(), b"cn=other")
         strangers = [FirstPacket(key) for key in (pki.shared_key(), other)]

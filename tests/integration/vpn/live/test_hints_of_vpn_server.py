@@ -164,7 +164,7 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop, Server], str], str, str]] = {
 
 
 @pytest.mark.parametrize("name", SITUATIONS)
-def test_what_is_advised_is_typed(name: str, laptop: Laptop, server: Server) -> None:
+def test_recommended_command_works_when_typed(name: str, laptop: Laptop, server: Server) -> None:
     brings, hint, says = SITUATIONS[name]
     printed = brings(laptop, server)
     reached(laptop, server)

@@ -176,7 +176,7 @@ def loose(scene: Scene) -> list[str]:
 
 
 @pytest.mark.parametrize("how", ["age", pytest.param("vault", marks=pytest.mark.campaign)])
-def test_a_secret_is_nowhere_but_in_its_place(how: str, tmp_path: Path) -> None:
+def test_secrets_are_only_where_they_belong(how: str, tmp_path: Path) -> None:
     (tmp_path / "scene").mkdir(mode=0o700)
     scene = Scene(tmp_path / "scene")
     scene.type(0, ["init", f"sealed={how}", "PASS"])

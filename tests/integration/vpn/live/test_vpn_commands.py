@@ -122,7 +122,7 @@ def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) 
         assert any(part in one for one in words_of_all), (part, words_of_all)
 
 
-def test_a_guest_comes_in_is_ended_and_refused_and_nothing_is_left(
+def test_guest_connects_is_ended_and_leaves_no_trace(
     desk: Desk, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(checkout() / "inventory", desk.folder / "inventory")
@@ -167,7 +167,7 @@ def typed(desk: Desk, *words: str) -> str:
     return printed.out
 
 
-def test_a_server_that_is_away_delays_and_loses_nothing(
+def test_unreachable_server_delays_changes_but_loses_none(
     desk: Desk, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     there = connected.over_ssh
@@ -195,7 +195,7 @@ def test_a_server_that_is_away_delays_and_loses_nothing(
     assert desk.told("status")["queued"] == []
 
 
-def test_a_changed_file_on_the_server_is_told_and_not_put_right_in_passing(desk: Desk, server: Server) -> None:
+def test_manual_change_on_server_is_reported_and_fixed_only_by_sync(desk: Desk, server: Server) -> None:
     desk.told(*SEALED, passphrase=PASSPHRASE)
     server.put(f"/etc/openvpn/atlantis/ccd/{_MEMBER}", "ifconfig-push 10.80.17.9 255.255.0.0\n")
     for _ in range(2):

@@ -64,7 +64,7 @@ def memory_kb(server: Server) -> int:
 
 
 @pytest.mark.parametrize("seconds", [5, pytest.param(60, marks=pytest.mark.campaign)])
-def test_who_is_connected_stays_and_who_is_revoked_is_out(tmp_path: Path, seconds: int) -> None:
+def test_during_a_flood_members_stay_connected_and_revoked_one_is_out(tmp_path: Path, seconds: int) -> None:
     made = record(tmp_path / "vpn")
     with server_of(made) as server:
         revoked, other, recorded = made.onboard(3)

@@ -41,7 +41,7 @@ def asked(link: LocalLink | SshLink) -> dict[str, Any]:
     return link.ask("sessions", place=dict(PLACE))
 
 
-def test_the_tool_is_sent_once_and_again_where_it_is_not_whole(computer: Computer) -> None:
+def test_tool_is_sent_once_and_resent_if_incomplete(computer: Computer) -> None:
     path = f"{FOLDER}/{build_live().sha256}.pyz"
     computer.run("rm", "-rf", FOLDER)
     with LocalLink(NAME, computer.enter) as link:
@@ -58,7 +58,7 @@ def test_the_tool_is_sent_once_and_again_where_it_is_not_whole(computer: Compute
     assert computer.at(path).read_bytes() == build_live().content
 
 
-def test_a_computer_that_is_no_server_says_so(computer: Computer) -> None:
+def test_computer_that_is_no_vpn_server_is_reported(computer: Computer) -> None:
     with LocalLink(NAME, computer.enter) as link:
         with pytest.raises(ServerRefusal, match="no server of the VPN was ever set up") as refused:
             link.ask("push", place=dict(PLACE), files=[], only=[])
@@ -69,7 +69,7 @@ def test_a_computer_that_is_no_server_says_so(computer: Computer) -> None:
 
 
 @pytest.mark.parametrize("cut", ["exit", "half"])
-def test_an_answer_that_does_not_come_whole_is_no_answer(computer: Computer, cut: str) -> None:
+def test_incomplete_response_counts_as_lost(computer: Computer, cut: str) -> None:
     said = {"exit": "", "half": f"{vpn_serve.MARK}eJwrS\\n"}[cut]
     computer.put(
         "/usr/local/sbin/python3", f"#!/bin/sh\nprintf '{vpn_serve.MARK}hello\\n'\nread x\nprintf '{said}'\n", 0o755
@@ -88,7 +88,7 @@ def test_an_answer_that_does_not_come_whole_is_no_answer(computer: Computer, cut
         ("echo 'cannot start' >&2; exit 9", r"did not start \(exit 9\): cannot start"),
     ],
 )
-def test_a_python_that_will_not_do_is_told(computer: Computer, script: str, words: str) -> None:
+def test_unusable_python_is_reported(computer: Computer, script: str, words: str) -> None:
     computer.put("/usr/local/sbin/python3", f"#!/bin/sh\n{script}\n", 0o755)
     try:
         with LocalLink(NAME, computer.enter) as link, pytest.raises(ServerAway, match=words):
@@ -97,7 +97,7 @@ def test_a_python_that_will_not_do_is_told(computer: Computer, script: str, word
         computer.at("/usr/local/sbin/python3").unlink()
 
 
-def test_a_card_on_which_the_tool_has_no_place_is_told(computer: Computer) -> None:
+def test_unwritable_tool_folder_is_reported(computer: Computer) -> None:
     computer.run("rm", "-rf", FOLDER)
     computer.put(FOLDER, "in the way")
     try:
@@ -164,7 +164,9 @@ def served(computer: Computer, folder: Path) -> Iterator[dict[str, Any]]:
         loop.close()
 
 
-def test_over_ssh_it_is_the_same(computer: Computer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_link_over_ssh_works_and_reports_failures(
+    computer: Computer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("ANSIBLE_SSH_ARGS", "-o ControlMaster=no")
     computer.run("rm", "-rf", FOLDER)
     with served(computer, tmp_path) as access:

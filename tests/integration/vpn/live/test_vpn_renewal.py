@@ -24,7 +24,7 @@ def standings(made: Record, name: str) -> dict[str, CertificateStatus]:
     return {one.common_name: one.standing for one in made.authority.membership().members[name].certificates}
 
 
-def test_the_old_one_works_until_the_new_one_was_seen(tmp_path: Path) -> None:
+def test_old_certificate_works_until_new_one_is_used(tmp_path: Path) -> None:
     made = record(tmp_path / "vpn")
     (name,) = made.onboard()
     with server_of(made) as server:
@@ -65,7 +65,7 @@ def test_the_old_one_works_until_the_new_one_was_seen(tmp_path: Path) -> None:
         assert server.names() == []
 
 
-def test_who_was_seen_between_two_commands_counts(tmp_path: Path) -> None:
+def test_session_seen_between_two_commands_counts(tmp_path: Path) -> None:
     made = record(tmp_path / "vpn")
     name, other = made.onboard(2)
     second = made.renew(name)

@@ -148,7 +148,7 @@ def pilot(
 
 
 @pytest.mark.parametrize(("order", "more"), list(_sampled()))
-def test_no_order_readmits_anybody_and_every_one_is_told(
+def test_restored_copy_readmits_nobody_in_any_order_of_commands(
     order: tuple[str, ...], more: tuple[str, ...], pilot: Pilot
 ) -> None:
     for step in order:
@@ -157,7 +157,7 @@ def test_no_order_readmits_anybody_and_every_one_is_told(
     pilot.nobody_comes_back()
 
 
-def test_the_server_itself_refuses_what_an_older_copy_signs(pilot: Pilot) -> None:
+def test_server_refuses_what_an_older_copy_signs(pilot: Pilot) -> None:
     """Of one who does not look before: with the same number and another list, and with one that lacks somebody."""
     server, record = pilot.server, pilot.server.record
     pilot.restore()
@@ -176,7 +176,7 @@ def test_the_server_itself_refuses_what_an_older_copy_signs(pilot: Pilot) -> Non
     pilot.nobody_comes_back()
 
 
-def test_status_tells_that_the_record_is_older_and_sends_nothing(pilot: Pilot) -> None:
+def test_status_reports_that_the_record_is_older_and_changes_nothing(pilot: Pilot) -> None:
     pilot.restore()
     before = pilot.listed(), pilot.admitted()
     code, out, _ = pilot.desk.type("status")
@@ -185,7 +185,7 @@ def test_status_tells_that_the_record_is_older_and_sends_nothing(pilot: Pilot) -
     assert (pilot.listed(), pilot.admitted()) == before
 
 
-def test_a_copy_that_is_lost_for_good_is_made_up_for_from_the_server(pilot: Pilot) -> None:
+def test_permanently_lost_copy_is_rebuilt_from_the_server(pilot: Pilot) -> None:
     """Also of those whom only the lost copy has known."""
     record = pilot.server.record
     (unknown,) = record.onboard()

@@ -59,7 +59,7 @@ def refused(server: Server, client: Client, why: str) -> None:
     client.stop()
 
 
-def test_a_revoked_member_is_dead_at_once_and_does_not_come_back(server: Server) -> None:
+def test_revoked_member_is_cut_off_at_once_and_cannot_reconnect(server: Server) -> None:
     (other, *names), (bystander, *clients) = connected(server, 6)
     with Echo(bystander) as beside:
         for name, client in zip(names, clients, strict=True):
@@ -85,7 +85,7 @@ def test_a_revoked_member_is_dead_at_once_and_does_not_come_back(server: Server)
     assert server.drift() == ()
 
 
-def test_who_does_not_listen_is_dead_as_well(server: Server) -> None:
+def test_unresponsive_client_is_cut_off_too(server: Server) -> None:
     """As behind a dead link, or where somebody has made a client that heeds nothing."""
     (name,), (client,) = connected(server)
     client.pause()
@@ -95,7 +95,7 @@ def test_who_does_not_listen_is_dead_as_well(server: Server) -> None:
     assert name not in server.names()
 
 
-def test_what_a_revocation_leaves_is_what_the_role_wants(server: Server) -> None:
+def test_revocation_leaves_what_the_role_expects(server: Server) -> None:
     (name,), _ = connected(server)
     server.throw_out(name)
     for file in live.desired_files(declaration(), server.record.authority):
@@ -108,7 +108,7 @@ def test_what_a_revocation_leaves_is_what_the_role_wants(server: Server) -> None
     assert stamps == {"unit atlantis-vpn-firewall.service": {FIREWALL: ruleset}}
 
 
-def test_two_lists_of_one_second_are_both_read(server: Server) -> None:
+def test_revocations_in_the_same_second_are_all_enforced(server: Server) -> None:
     names, clients = connected(server, 3)
     times = []
     for name in names:
@@ -119,7 +119,7 @@ def test_two_lists_of_one_second_are_both_read(server: Server) -> None:
         refused(server, client, "certificate revoked")
 
 
-def test_who_holds_the_socket_does_not_hold_the_traffic(server: Server) -> None:
+def test_blocked_management_socket_does_not_delay_the_cut_off(server: Server) -> None:
     (name,), (client,) = connected(server)
     with closing(socket.socket(socket.AF_UNIX)) as holder, Echo(client) as echo:
         holder.connect(str(server.at(MANAGEMENT)))
@@ -142,7 +142,7 @@ def test_who_holds_the_socket_does_not_hold_the_traffic(server: Server) -> None:
     assert server.go_on() is None
 
 
-def test_a_server_that_is_down_has_no_sessions_and_one_that_may_not_be_is_not_trusted(server: Server) -> None:
+def test_stopped_server_has_no_sessions_only_if_that_is_certain(server: Server) -> None:
     (one, other), (client, _) = connected(server, 2)
     server.stop()
     try:
@@ -166,7 +166,7 @@ def test_a_server_that_is_down_has_no_sessions_and_one_that_may_not_be_is_not_tr
     refused(server, client, "certificate revoked")
 
 
-def test_a_server_that_was_started_anew_meanwhile_is_asked_as_before(server: Server) -> None:
+def test_revocation_works_after_server_restart(server: Server) -> None:
     (name,), (client,) = connected(server)
     assert name in server.names()
     server.stop()
@@ -178,7 +178,7 @@ def test_a_server_that_was_started_anew_meanwhile_is_asked_as_before(server: Ser
     assert [one.common_name for one in evidence.ended] == [name]
 
 
-def test_who_connects_just_then_does_not_stay(server: Server) -> None:
+def test_member_connecting_during_revocation_is_cut_off(server: Server) -> None:
     """At any moment of its handshake; one that has read the list of before finds no admission."""
     names = server.record.onboard(6)
     server.push()
@@ -190,7 +190,7 @@ def test_who_connects_just_then_does_not_stay(server: Server) -> None:
         client.stop()
 
 
-def test_both_certificates_of_a_member_die_with_it(server: Server) -> None:
+def test_both_certificates_of_a_member_are_revoked(server: Server) -> None:
     (name,), (old,) = connected(server)
     second = server.record.renew(name)
     server.push()
@@ -204,7 +204,7 @@ def test_both_certificates_of_a_member_die_with_it(server: Server) -> None:
         refused(server, client, "certificate revoked")
 
 
-def test_a_command_that_was_killed_after_the_list_goes_on_with_the_next_one(server: Server, made: Record) -> None:
+def test_revocation_killed_half_way_is_finished_by_the_next_command(server: Server, made: Record) -> None:
     (name,), (client,) = connected(server)
     made.revoke(name)
     with LocalLink(NAME, server.enter) as link:
@@ -217,7 +217,7 @@ def test_a_command_that_was_killed_after_the_list_goes_on_with_the_next_one(serv
     assert client.ended() == 0
 
 
-def test_hand_edits_are_told_and_taken_back_and_strangers_are_ended(server: Server) -> None:
+def test_manual_edits_are_reported_and_reverted_and_strangers_cut_off(server: Server) -> None:
     (name, other), (_, stranger) = connected(server, 2)
     address = server.record.address(name)
     server.put(f"{CCD}/{name}", f"ifconfig-push {address} 255.255.0.0\nping 9\n", 0o640)
@@ -245,7 +245,7 @@ def test_hand_edits_are_told_and_taken_back_and_strangers_are_ended(server: Serv
     assert not stranger.log().count("Halt")
 
 
-def test_another_run_on_the_server_holds_up_a_push_and_no_revocation(server: Server) -> None:
+def test_concurrent_run_delays_a_push_but_no_revocation(server: Server) -> None:
     (name,), (client,) = connected(server)
     with server.at("/run/lock/atlantis-configure").open("r+") as busy, Echo(client) as echo:
         fcntl.flock(busy, fcntl.LOCK_EX)
@@ -259,7 +259,7 @@ def test_another_run_on_the_server_holds_up_a_push_and_no_revocation(server: Ser
     assert server.push().changes == ()
 
 
-def test_a_firewall_that_cannot_be_loaded_lets_no_revoked_one_pass(server: Server) -> None:
+def test_unloadable_firewall_does_not_let_a_revoked_member_pass(server: Server) -> None:
     (name,), (client,) = connected(server)
     common_names, address = server.record.revoke(name), server.record.address(name)
     with Echo(client) as echo:
@@ -281,7 +281,7 @@ def test_a_firewall_that_cannot_be_loaded_lets_no_revoked_one_pass(server: Serve
     assert evidence.is_confirmed
 
 
-def test_redirects_that_somebody_switches_on_are_told_and_taken_back(server: Server) -> None:
+def test_enabled_icmp_redirects_are_reported_and_disabled(server: Server) -> None:
     server.run("sysctl", "-qw", "net.ipv4.conf.all.send_redirects=1", "net.ipv4.conf.tun0.send_redirects=1")
     assert server.drift() == ("the server's kernel may send ICMP redirects, by all, tun0: members would go past it",)
     assert server.push().changes == ("ICMP redirects switched off",)
@@ -289,7 +289,7 @@ def test_redirects_that_somebody_switches_on_are_told_and_taken_back(server: Ser
     assert server.push().changes == ()
 
 
-def test_routes_that_a_server_pushes_and_nobody_declared_are_not_taken(server: Server) -> None:
+def test_client_ignores_pushed_routes_not_in_the_inventory(server: Server) -> None:
     """By hand into the member's file on the server; the words of the client are those of both profiles."""
     (name,) = server.record.onboard()
     server.push()
@@ -312,7 +312,9 @@ def test_routes_that_a_server_pushes_and_nobody_declared_are_not_taken(server: S
     assert server.push().changes == (f"file {CCD}/{name}",)
 
 
-def test_a_list_of_another_authority_is_refused(server: Server, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_revocation_list_of_another_authority_is_refused(
+    server: Server, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     foreign = record(tmp_path_factory.mktemp("other") / "vpn")
     foreign.onboard()
     before = server.at(f"{FOLDER}/crl.pem").read_bytes()

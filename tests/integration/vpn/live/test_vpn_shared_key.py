@@ -29,9 +29,7 @@ def day(offset: int) -> str:
     return f"{datetime.now(UTC) + timedelta(days=offset):%Y-%m-%d}"
 
 
-def test_after_the_last_day_of_the_shared_key_no_session_begins_with_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_shared_key_opens_no_session_after_its_last_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = record(tmp_path / "vpn")
     shared = made.onboard(2, wrap=Wrap.TLS_CRYPT)
     (own,) = made.onboard()
@@ -52,7 +50,7 @@ def test_after_the_last_day_of_the_shared_key_no_session_begins_with_it(
         assert not later.up
 
 
-def test_force_cookie_admits_openvpn_2_6_and_leaves_2_5_the_shared_key(
+def test_force_cookie_admits_2_6_and_limits_2_5_to_the_shared_key(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = OLDER / "openvpn" / "usr" / "sbin" / "openvpn"

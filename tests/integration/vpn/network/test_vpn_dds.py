@@ -58,7 +58,7 @@ class Ear:
                     self.words[said] = self.words.get(said, 0) + 1
 
 
-def test_who_hears_whom(tmp_path: Path) -> None:
+def test_dds_reaches_only_permitted_parties(tmp_path: Path) -> None:
     shipped = load(SHIPPED)
     inesc = shipped.partners["inesc"].model_copy(update={"sees": ("sparus",)})
     declaration = replace(shipped, partners={**shipped.partners, "inesc": inesc})

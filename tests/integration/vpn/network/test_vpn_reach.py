@@ -43,7 +43,7 @@ def reach(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reach]:
 
 
 @pytest.mark.smoke
-def test_everybody_reaches_whom_he_may_and_nobody_else(reach: Reach) -> None:
+def test_members_reach_only_what_they_may(reach: Reach) -> None:
     """One test, so that two workers of xdist do not make a stand each."""
     for check in CHECKS:
         check(reach)
@@ -86,7 +86,7 @@ def _revoked(membership: MembershipList, name: str) -> MembershipList:
 
 
 @pytest.mark.campaign
-def test_every_line_is_missed_in_a_real_vpn(reach: Reach) -> None:
+def test_removed_firewall_line_is_detected(reach: Reach) -> None:
     """Without any one of its lines the firewall does something else; tests/unit/vpn/policy asks the text the same."""
     made = reach.made
     lines = made.placed(product.FIREWALL).read_text(encoding="utf-8").splitlines()

@@ -16,7 +16,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
 
 
-def test_it_is_rehearsed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_installation_can_be_rehearsed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*LINE, "--rehearse", "--plan", "--json"]) == ExitCode.CHANGES
     planned = json.loads(capsys.readouterr().out)
     assert main([*LINE, "--rehearse", "--json"]) == ExitCode.DONE
@@ -26,6 +26,6 @@ def test_it_is_rehearsed(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(planned["changes"]) == len(done["changes"]) == 2
 
 
-def test_without_an_identity_nobody_is_contacted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nobody_is_contacted_without_an_identity(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(LINE) == ExitCode.USAGE
     assert "provision vpn onboard host=coastal-router" in capsys.readouterr().err

@@ -44,7 +44,7 @@ def no_key_in_a_file(stand: Stand) -> None:
 
 
 @pytest.mark.parametrize("version", ["7.17", "7.21.5"])
-def test_it_joins_once_and_the_declared_site_agrees(tmp_path: Path, version: str) -> None:
+def test_router_joins_once_and_site_run_changes_nothing(tmp_path: Path, version: str) -> None:
     with router(tmp_path, version) as stand:
         before = stand.export()
         planned = stand.install(plan=True)
@@ -75,7 +75,7 @@ def test_it_joins_once_and_the_declared_site_agrees(tmp_path: Path, version: str
         assert "ovpn-client" not in diff, diff
 
 
-def test_after_the_site_was_provisioned_nothing_of_it_is_undone(tmp_path: Path) -> None:
+def test_installation_survives_later_site_run_and_renewal(tmp_path: Path) -> None:
     with router(tmp_path, "7.21.5") as stand:
         stand.install()
         made = converged(stand)
@@ -118,9 +118,7 @@ def test_an_interface_without_a_key_is_replaced(tmp_path: Path) -> None:
         ("6.49.18", "over TCP alone"),
     ],
 )
-def test_an_older_version_is_refused_with_the_reason_and_left_as_it_is(
-    tmp_path: Path, version: str, words: str
-) -> None:
+def test_older_version_is_refused_with_reason_and_left_unchanged(tmp_path: Path, version: str, words: str) -> None:
     with router(tmp_path, version) as stand:
         before = stand.export()
         done = stand.install()
@@ -141,7 +139,7 @@ def test_an_older_version_is_refused_with_the_reason_and_left_as_it_is(
         for when in ("before", "after")
     ],
 )
-def test_a_run_that_is_cut_anywhere_is_completed_by_the_next(tmp_path: Path, path: str, when: str) -> None:
+def test_run_interrupted_anywhere_is_completed_by_the_next(tmp_path: Path, path: str, when: str) -> None:
     with router(tmp_path, "7.21.5", certificates=("atlantis-api", CERTIFICATE)) as stand:
         fault = {"do": FaultKind.DROP.value, "match": path, "when": when}
         stand.twins.do(HOST.name, "arm", fault=fault)
@@ -157,7 +155,7 @@ def test_a_run_that_is_cut_anywhere_is_completed_by_the_next(tmp_path: Path, pat
         assert stand.install().status is Status.UNCHANGED
 
 
-def test_a_clock_that_is_wrong_is_told(tmp_path: Path) -> None:
+def test_wrong_clock_is_reported(tmp_path: Path) -> None:
     with router(tmp_path, "7.21.5", clock=datetime(1970, 1, 2, tzinfo=UTC)) as stand:
         tunnel = routeros.find_tunnel(SHIPPED, HOST)
         assert tunnel is not None
@@ -170,7 +168,7 @@ def test_a_clock_that_is_wrong_is_told(tmp_path: Path) -> None:
         assert note.startswith("its clock says 1970-01-02: the tunnel comes up when it is right")
 
 
-def test_who_cannot_be_meant_is_refused_before_anything_is_contacted(tmp_path: Path) -> None:
+def test_unsuitable_host_is_refused_before_anything_is_contacted(tmp_path: Path) -> None:
     request = Request(state=tmp_path, rehearsed=True)
     identity = rehearsed_identity(SHIPPED, HOST)
     with pytest.raises(LookupError, match="coastal-gateway is a gateway"):
@@ -181,7 +179,7 @@ def test_who_cannot_be_meant_is_refused_before_anything_is_contacted(tmp_path: P
         install(SHIPPED, HOST, identity, Request(state=tmp_path))
 
 
-def test_an_identity_is_that_of_its_own_file(tmp_path: Path) -> None:
+def test_identity_must_match_its_file(tmp_path: Path) -> None:
     request = Request(state=tmp_path)
     with pytest.raises(UsageError, match="no identity of coastal-router") as refused:
         identity_for(SHIPPED, HOST, request)

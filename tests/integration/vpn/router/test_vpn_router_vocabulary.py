@@ -9,7 +9,7 @@ from trees import Tree
 from atlantis_netcfg.core.errors import ExitCode
 
 
-def test_what_an_installation_says_is_in_the_trees_of_both_versions(tmp_path: Path) -> None:
+def test_installation_commands_exist_in_both_versions(tmp_path: Path) -> None:
     with router(tmp_path, "7.18.2", certificates=("atlantis-api", "atlantis-vpn")) as stand, listening() as heard:
         assert stand.install().exit is ExitCode.DONE
     for version in ("7.18.2", "7.21.5"):

@@ -24,7 +24,7 @@ def provision(state: Path, *words: str, code: int, **more: str) -> dict[str, obj
 
 
 @pytest.mark.smoke
-def test_the_real_server_runs_and_nothing_is_left(tmp_path: Path) -> None:
+def test_rehearsal_runs_the_real_server_and_leaves_nothing(tmp_path: Path) -> None:
     if (reason := why_not()) is not None:
         pytest.skip(reason)
     told = provision(tmp_path, "site=scc", "--rehearse", code=0)
@@ -36,6 +36,6 @@ def test_the_real_server_runs_and_nothing_is_left(tmp_path: Path) -> None:
     assert not (tmp_path / "vpn").exists(), "the operator's own authority is none of its business"
 
 
-def test_without_machines_it_is_said(tmp_path: Path) -> None:
+def test_missing_machines_are_reported_as_not_rehearsed(tmp_path: Path) -> None:
     told = provision(tmp_path, "site=scc", "--rehearse", code=7, ATLANTIS_NO_MACHINES="tests")
     assert told["status"] == "not rehearsed"

@@ -48,7 +48,7 @@ def settled(server: Stand) -> list[str]:
     return changes
 
 
-def test_it_converges_and_nothing_secret_is_seen(server: Stand, first: dict[str, Any]) -> None:
+def test_run_is_idempotent_and_shows_no_secrets(server: Stand, first: dict[str, Any]) -> None:
     again = server.run()
     assert (again["status"], again["changes"]) == ("unchanged", [])
     seen = json.dumps(first) + server.said + server.machine.run("journalctl -o cat --no-pager").stdout
@@ -62,7 +62,7 @@ def test_it_converges_and_nothing_secret_is_seen(server: Stand, first: dict[str,
     assert socket.strip() == "710"
 
 
-def test_it_is_hardened_and_starts_again_by_itself(server: Stand) -> None:
+def test_service_is_hardened_and_restarts_after_a_kill(server: Stand) -> None:
     told = server.machine.run(f"systemd-analyze security --no-pager {TUNNEL} | tail -1").stdout
     assert float(told.split(":")[1].split()[0]) <= EXPOSURE, told
     before = server.pid()
@@ -70,7 +70,7 @@ def test_it_is_hardened_and_starts_again_by_itself(server: Stand) -> None:
     wait_until(lambda: server.pid() not in {before, "0"}, lambda: "it is not started again")
 
 
-def test_security_updates_are_installed_by_themselves_and_a_new_openvpn_is_started(server: Stand) -> None:
+def test_security_updates_are_automatic_and_restart_openvpn(server: Stand) -> None:
     """Debian's package leaves the running program as it is; there is no archive here, so the update is made by hand."""
     timers = "apt-daily.timer apt-daily-upgrade.timer"
     assert server.machine.run(f"systemctl is-active {timers}").stdout.split() == ["active", "active"]
@@ -86,7 +86,7 @@ def test_security_updates_are_installed_by_themselves_and_a_new_openvpn_is_start
     assert settled(server) == []
 
 
-def test_members_connect_as_the_record_says(server: Stand) -> None:
+def test_members_get_the_addresses_of_the_record(server: Stand) -> None:
     fast, slow = (server.client(name).connect() for name in ("inesc-one", "iqua-slow"))
     members = server.authority.membership().members
     for client, name in ((fast, "inesc-one"), (slow, "iqua-slow")):
@@ -103,7 +103,7 @@ def test_members_connect_as_the_record_says(server: Stand) -> None:
     slow.end()
 
 
-def test_who_is_revoked_is_out_and_the_others_stay(server: Stand) -> None:
+def test_revoked_member_is_out_and_others_stay_connected(server: Stand) -> None:
     stays, goes = (server.client(name).connect() for name in ("inesc-two", "inesc-gone"))
     before, listed = server.pid(), int(server.machine.run(f"stat -c %Y {FOLDER}/crl.pem").stdout)
     server.revoke("inesc-gone")
@@ -123,7 +123,7 @@ def test_who_is_revoked_is_out_and_the_others_stay(server: Stand) -> None:
     stays.end()
 
 
-def test_who_has_no_file_and_whose_time_is_over_is_refused(server: Stand) -> None:
+def test_member_without_file_or_with_expired_certificate_is_refused(server: Stand) -> None:
     late = server.client(server.laptop("late"))  # the record has it, the server has not
     late.start()
     wait_until(lambda: "AUTH_FAILED" in late.log, lambda: late.log[-2000:])
@@ -144,7 +144,7 @@ def test_who_has_no_file_and_whose_time_is_over_is_refused(server: Stand) -> Non
     late.connect().end()
 
 
-def test_a_file_that_a_hand_has_touched_is_told_and_put_right(server: Stand) -> None:
+def test_manually_changed_file_is_reported_and_restored(server: Stand) -> None:
     path, stranger, site = f"{FOLDER}/ccd/inesc-one", f"{FOLDER}/ccd/nobody", ("site=scc", f"only={NAME}")
     right, before = server.read(path), server.pid()
     server.machine.put(path, "ifconfig-push 10.80.0.2 255.255.0.0\n", mode="0640")
@@ -162,7 +162,7 @@ def test_a_file_that_a_hand_has_touched_is_told_and_put_right(server: Stand) -> 
     assert "provision vpn init" in told["errors"][0]["hint"]
 
 
-def test_an_openvpn_with_known_holes_is_not_started(server: Stand) -> None:
+def test_vulnerable_openvpn_is_not_started(server: Stand) -> None:
     before = server.pid()
     server.machine.run("mv /usr/sbin/openvpn /usr/sbin/openvpn.kept")
     server.machine.put("/usr/sbin/openvpn", "#!/bin/sh\necho OpenVPN 2.6.10 x86_64-pc-linux-gnu\n", mode="0755")
@@ -173,7 +173,7 @@ def test_an_openvpn_with_known_holes_is_not_started(server: Stand) -> None:
     assert server.pid() == before
 
 
-def test_the_firewall_comes_back_and_the_tunnel_does_not_run_without_it(server: Stand) -> None:
+def test_firewall_is_restored_and_tunnel_requires_it(server: Stand) -> None:
     table = "nft list table inet p_atlantis_vpn"
     server.machine.run("systemctl restart nftables.service")  # begins with `flush ruleset`
     assert "p_members" in server.machine.run(table).stdout
@@ -190,7 +190,7 @@ def test_the_firewall_comes_back_and_the_tunnel_does_not_run_without_it(server: 
 
 
 @pytest.mark.campaign
-def test_a_power_cut_while_it_is_made_is_completed_by_the_next_run(server: Stand) -> None:
+def test_power_cut_during_setup_is_completed_by_the_next_run(server: Stand) -> None:
     server.machine.run(f"systemctl stop {TUNNEL}; rm -rf {FOLDER} /etc/openvpn/server/atlantis.conf /etc/atlantis")
     with server.starting() as process:
         server.machine.run(f"until [ -e {FOLDER}/.ca.crt.atlantis-new ]; do :; done", timeout_s=HANG_S)

@@ -70,7 +70,7 @@ class Laptop:
         return told
 
 
-def test_nothing_secret_is_in_what_they_start(stand: Stand) -> None:  # noqa: F811
+def test_no_secret_reaches_a_child_process(stand: Stand) -> None:  # noqa: F811
     stand.laptop("one")
     stand.secrets |= {PASSPHRASE, *key_pem(stand.ca.key).reveal().split("\n")[1:3]}
     laptop = Laptop(stand)

@@ -34,7 +34,7 @@ def desk(tmp_path: Path) -> Desk:
 
 
 @pytest.mark.parametrize("case", cases(), ids=lambda path: path.stem)
-def test_what_a_person_is_told(case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_output_matches_expected_text(case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert told(case, tmp_path) == case.with_suffix(".txt").read_text(encoding="utf-8")
 
@@ -62,7 +62,7 @@ def test_a_whole_file(tmp_path: Path) -> None:
     assert (answers.leave, answers.sign_by) == ({}, NAME)
 
 
-def test_it_is_written_into_a_book(desk: Desk, tmp_path: Path) -> None:
+def test_answers_are_written_into_a_book(desk: Desk, tmp_path: Path) -> None:
     answers = _read(tmp_path, WHOLE)
     heard: list[Item] = []
     with desk.open() as book:
@@ -76,14 +76,14 @@ def test_it_is_written_into_a_book(desk: Desk, tmp_path: Path) -> None:
     assert [item.id for item in heard] == [FAILSAFE, USBL, DHCP]
 
 
-def test_consent_to_all_is_to_what_is_not_answered(tmp_path: Path) -> None:
+def test_consent_to_all_covers_only_unanswered_items(tmp_path: Path) -> None:
     assert _read(tmp_path, "name: A\nconsents: {all: in the water}").consent_by_item == {PING: "A: in the water"}
     skipped = "name: A\nconsents: {all: in the water}\nanswers: {sparus/usbl/ping: {verdict: SKIP, note: a diver}}"
     assert _read(tmp_path, skipped).consent_by_item == {}
     assert _read(tmp_path, "name: A\nconsents: {all: wet}\nleave: {sparus/usbl/ping: a diver}").consent_by_item == {}
 
 
-def test_the_file_of_a_whole_site_serves_for_one_vehicle(tmp_path: Path) -> None:
+def test_answers_for_a_whole_site_also_fit_one_vehicle(tmp_path: Path) -> None:
     answers = _read(tmp_path, WHOLE, (WIFI, PING), beyond=(FAILSAFE, USBL, DHCP))
     assert (set(answers.confirmations), set(answers.overrides), set(answers.consent_by_item)) == (set(), {WIFI}, {PING})
     with pytest.raises(AnswersInvalid, match="there is no item `eca-rov/usbl` in this checklist"):
@@ -94,7 +94,7 @@ ALWAYS = ("coastal/site/vpn", "coastal/site/dds")
 
 
 @pytest.mark.parametrize("item", ALWAYS)
-def test_what_applies_at_every_site_is_not_skipped(tmp_path: Path, item: str) -> None:
+def test_item_that_applies_at_every_site_cannot_be_skipped(tmp_path: Path, item: str) -> None:
     skipped = f"name: A\nanswers:\n  {item}: {{verdict: SKIP, note: no time}}\n"
     with pytest.raises(AnswersInvalid) as told:
         _read(tmp_path, skipped, ALWAYS)
@@ -105,7 +105,7 @@ def test_what_applies_at_every_site_is_not_skipped(tmp_path: Path, item: str) ->
     )
 
 
-def test_it_is_not_green_before_it_is_seen_or_overridden(desk: Desk, tmp_path: Path) -> None:
+def test_site_item_is_not_green_until_confirmed_or_overridden(desk: Desk, tmp_path: Path) -> None:
     answers = _read(
         tmp_path,
         "name: A\nanswers:\n  coastal/site/vpn: {verdict: PASS}\n"
@@ -123,13 +123,13 @@ def test_it_is_not_green_before_it_is_seen_or_overridden(desk: Desk, tmp_path: P
         assert book.item(ALWAYS[1]).counts is Verdict.WARN
 
 
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+def test_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"the file of answers cannot be read: .*: No such file or directory") as error:
         Answers.read(tmp_path / "answers.yml", checklist())
     assert (error.value.exit, bool(error.value.hint)) == (ExitCode.USAGE, True)
 
 
-def test_a_file_that_is_no_file_of_ours(tmp_path: Path) -> None:
+def test_oversized_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "answers.yml").write_bytes(b"#" * 1_000_001)
     with pytest.raises(UsageError, match="is larger than 1 MB"):
         Answers.read(tmp_path / "answers.yml", checklist())

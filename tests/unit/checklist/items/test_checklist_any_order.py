@@ -48,7 +48,7 @@ def _do(desk: Desk, deeds: list[tuple[str, str, Verdict]]) -> None:
 
 @settings(max_examples=12)
 @given(deeds=st.lists(DEEDS, max_size=12))
-def test_a_book_is_what_was_done_to_it(deeds: list[tuple[str, str, Verdict]]) -> None:
+def test_book_is_consistent_after_any_sequence_of_actions(deeds: list[tuple[str, str, Verdict]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         _do(Desk(Path(folder) / "state"), deeds)
 
@@ -63,7 +63,7 @@ _ANYTHING = st.recursive(
 
 @settings(max_examples=60)
 @given(data=st.dictionaries(_KEYS, st.dictionaries(_INNER, _ANYTHING, max_size=3) | _ANYTHING))
-def test_any_file_is_read_or_its_errors_are_told(data: object) -> None:
+def test_any_file_is_read_or_its_errors_are_reported(data: object) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "answers.yml"
         path.write_text(yaml.safe_dump(data))

@@ -49,7 +49,7 @@ def desk(tmp_path: Path) -> Desk:
     return Desk(tmp_path / "state")
 
 
-def test_a_new_book_has_everything_open_but_what_does_not_apply(desk: Desk) -> None:
+def test_new_book_has_everything_open_that_applies(desk: Desk) -> None:
     with desk.open() as book:
         assert [item.id for item in open_items(book)] == [name for name in EVERY if name != SKIPPED]
         assert [item.id for item in open_items(book, Phase.WATER)] == [PING, USBL]
@@ -59,7 +59,7 @@ def test_a_new_book_has_everything_open_but_what_does_not_apply(desk: Desk) -> N
     assert (document.site, document.started < desk.now.at, document.ended) == ("coastal", True, None)
 
 
-def test_an_interrupted_checklist_goes_on(desk: Desk) -> None:
+def test_interrupted_checklist_is_resumed(desk: Desk) -> None:
     with desk.open() as book:
         book.settle(found(WIFI))
         book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME, "motors stopped"))
@@ -71,7 +71,7 @@ def test_an_interrupted_checklist_goes_on(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize(("hours", "ago"), [(17, ""), (20, "a day"), (49, "2 days")])
-def test_what_was_seen_on_another_day_is_told(desk: Desk, hours: int, ago: str) -> None:
+def test_age_of_earlier_results_is_shown_on_resuming(desk: Desk, hours: int, ago: str) -> None:
     with desk.open() as book:
         book.settle(found(WIFI))
     desk.now.at += timedelta(hours=hours)
@@ -99,7 +99,7 @@ def test_a_scope_has_its_own_book(desk: Desk) -> None:
     ],
     ids=["inventory", "tool", "broken"],
 )
-def test_what_no_longer_fits_stays_unfinished_and_that_is_told(desk: Desk, head: object, why: str) -> None:
+def test_outdated_book_stays_unfinished_with_a_reason(desk: Desk, head: object, why: str) -> None:
     with desk.open() as old:
         old.settle(found(WIFI))
     with desk.open(head=head) as new:  # type: ignore[arg-type]
@@ -114,27 +114,27 @@ def test_what_no_longer_fits_stays_unfinished_and_that_is_told(desk: Desk, head:
     assert kept[0].document.items[0].verdict is Verdict.PASS
 
 
-def test_anew_begins_a_new_one(desk: Desk) -> None:
+def test_anew_starts_a_new_book(desk: Desk) -> None:
     with desk.open() as old:
         pass
     with desk.open(anew=True) as new:
         assert (new.run != old.run, "begun anew" in new.words) == (True, True)
 
 
-def test_steps_that_are_new_or_gone_when_it_goes_on(desk: Desk) -> None:
+def test_added_and_removed_steps_are_handled_on_resuming(desk: Desk) -> None:
     with desk.open([WIFI, DHCP]) as book:
         answer(book)
     with desk.open([WIFI, USBL]) as book:
         assert [(one.id, one.open) for one in book.items] == [(WIFI, False), (USBL, True)]
 
 
-def test_the_second_process_is_told_who_holds_it(desk: Desk) -> None:
+def test_second_process_is_told_who_holds_the_book(desk: Desk) -> None:
     with desk.open(), pytest.raises(SiteBusy, match=rf"the checklist of coastal is being worked on by .*{os.getpid()}"):
         desk.open()
     desk.open().close()
 
 
-def test_a_probe_may_look_again_and_history_keeps_both(desk: Desk) -> None:
+def test_repeated_probe_replaces_result_and_history_keeps_both(desk: Desk) -> None:
     with desk.open() as book:
         book.settle(found(WIFI, Verdict.FAIL, "no association"))
         book.override(WIFI, "the vehicle stays on the bench", NAME)
@@ -175,7 +175,7 @@ def test_a_probe_may_look_again_and_history_keeps_both(desk: Desk) -> None:
         (Verdict.SKIP, "no flight today", "A. Technician says that it does not apply: no flight today", None),
     ],
 )
-def test_what_a_person_says(desk: Desk, verdict: Verdict, note: str, message: str, hint: str | None) -> None:
+def test_confirmation_is_recorded(desk: Desk, verdict: Verdict, note: str, message: str, hint: str | None) -> None:
     with desk.open() as book:
         item = book.confirm(FAILSAFE, Confirmation(verdict, NAME, note))
     assert (item.verdict, item.message, item.hint, item.open) == (verdict, message, hint, False)
@@ -197,7 +197,7 @@ def test_what_a_person_says(desk: Desk, verdict: Verdict, note: str, message: st
         (FAILSAFE, Confirmation(Verdict.ERROR, NAME, "x"), "ERROR is nothing that a person can say"),
     ],
 )
-def test_what_cannot_be_said_is_refused_and_not_written(
+def test_invalid_confirmation_is_refused_and_not_written(
     desk: Desk, name: str, said: Confirmation, message: str
 ) -> None:
     with desk.open() as book:
@@ -209,7 +209,7 @@ def test_what_cannot_be_said_is_refused_and_not_written(
         assert (book.folder / "records.jsonl").read_bytes() == before
 
 
-def test_an_active_step_may_be_answered_by_a_person(desk: Desk) -> None:
+def test_person_may_answer_an_active_step(desk: Desk) -> None:
     with desk.open() as book:
         item = book.confirm(PING, Confirmation(Verdict.SKIP, NAME, "a diver is near"))
     assert (item.verdict, item.open) == (Verdict.SKIP, False)
@@ -229,7 +229,7 @@ def test_an_override_needs_a_reason_and_a_name(desk: Desk, verdict: Verdict) -> 
 
 
 @pytest.mark.parametrize("verdict", [Verdict.PASS, Verdict.WARN, Verdict.SKIP])
-def test_what_is_green_cannot_be_overridden(desk: Desk, verdict: Verdict) -> None:
+def test_green_item_cannot_be_overridden(desk: Desk, verdict: Verdict) -> None:
     with desk.open() as book:
         book.settle(found(WIFI, verdict))
         with pytest.raises(ChecklistUsageError, match=f"`sparus/wifi` is {verdict}: there is nothing to override"):
@@ -276,7 +276,7 @@ def photo_of(kind: str, size: tuple[int, int] = (40, 30)) -> bytes:
 
 
 @pytest.mark.parametrize("kind", ["JPEG", "PNG", "WEBP", "GIF"])
-def test_of_a_photo_the_picture_alone_is_kept(desk: Desk, tmp_path: Path, kind: str) -> None:
+def test_photo_metadata_is_removed(desk: Desk, tmp_path: Path, kind: str) -> None:
     photo = tmp_path / f"robot.{kind.lower()}"
     photo.write_bytes(photo_of(kind))
     assert POSITION.encode() in photo.read_bytes()
@@ -309,7 +309,7 @@ def test_of_a_photo_the_picture_alone_is_kept(desk: Desk, tmp_path: Path, kind: 
     ],
     ids=["missing", "folder", "pipe", "link", "damaged", "heic", "tiff", "empty", "large"],
 )
-def test_files_that_are_no_evidence(desk: Desk, tmp_path: Path, make: object, message: str) -> None:
+def test_unsuitable_evidence_files_are_refused(desk: Desk, tmp_path: Path, make: object, message: str) -> None:
     make(tmp_path / "photo.jpg")  # type: ignore[operator]
     good = tmp_path / "good.jpg"
     good.write_bytes(b"good")
@@ -321,7 +321,7 @@ def test_files_that_are_no_evidence(desk: Desk, tmp_path: Path, make: object, me
         assert not (book.folder / "files").exists()
 
 
-def test_nothing_open_is_signed_by_oversight(desk: Desk) -> None:
+def test_book_with_open_items_cannot_be_signed(desk: Desk) -> None:
     with desk.open() as book:
         answer(book)
         book.settle(found(WIFI))
@@ -335,7 +335,7 @@ def test_nothing_open_is_signed_by_oversight(desk: Desk) -> None:
     assert document.exit is ExitCode.DONE
 
 
-def test_what_is_left_open_on_purpose_is_told_and_not_green(desk: Desk) -> None:
+def test_item_left_open_on_purpose_is_reported_and_not_green(desk: Desk) -> None:
     with desk.open([WIFI, PING]) as book:
         book.settle(found(WIFI))
         for leave, error in (
@@ -383,7 +383,7 @@ def test_a_signed_book_is_closed(desk: Desk) -> None:
         assert (new.run != book.run, new.words) == (True, "")
 
 
-def test_a_strangers_file_is_neither_signed_nor_removed(desk: Desk) -> None:
+def test_unknown_file_in_folder_blocks_signing_and_is_kept(desk: Desk) -> None:
     with desk.open() as book:
         answer(book)
         (book.folder / "holiday.jpg").write_bytes(b"sun")
@@ -394,14 +394,14 @@ def test_a_strangers_file_is_neither_signed_nor_removed(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("name", ["report.json", "manifest.json", "../x.html", "records.jsonl", ".x"])
-def test_a_page_cannot_take_anothers_place(desk: Desk, name: str) -> None:
+def test_page_cannot_use_a_reserved_name(desk: Desk, name: str) -> None:
     with desk.open([WIFI]) as book:
         answer(book)
         with pytest.raises(ValueError, match="no names for pages"):
             book.sign(NAME, lambda _: {name: b""})
 
 
-def test_a_full_disk_is_told_and_nothing_is_half_written(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_reported_and_leaves_no_partial_record(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     with desk.open() as book:
         book.settle(found(WIFI))
         size = (book.folder / "records.jsonl").stat().st_size
@@ -422,7 +422,7 @@ def test_a_full_disk_is_told_and_nothing_is_half_written(desk: Desk, monkeypatch
             book.settle(found(DHCP))
 
 
-def test_a_write_that_was_interrupted_is_taken_back(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_write_is_undone(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(_: int) -> None:
         raise KeyboardInterrupt
 
@@ -443,7 +443,7 @@ def _log(desk: Desk) -> Path:
     return path
 
 
-def test_a_last_line_that_was_cut_anywhere_is_asked_again(desk: Desk) -> None:
+def test_item_of_a_torn_last_line_is_open_again(desk: Desk) -> None:
     with desk.open() as book:
         book.settle(found(WIFI))
         before = (book.folder / "records.jsonl").stat().st_size
@@ -468,7 +468,7 @@ def test_a_last_line_of_zeros_is_cut_off(desk: Desk) -> None:
         assert book.words.endswith("line 3 cannot be read, and what it said is asked again")
 
 
-def test_a_changed_line_is_damage_and_a_new_one_is_begun(desk: Desk) -> None:
+def test_changed_line_is_damage_and_a_new_book_begins(desk: Desk) -> None:
     with desk.open() as book:
         book.settle(found(WIFI))
         book.settle(found(DHCP))

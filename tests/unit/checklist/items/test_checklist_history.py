@@ -21,7 +21,7 @@ def _told(some: tuple[ItemChange, ...]) -> list[tuple[str, str | None, str | Non
     return [(one.id, one.before, one.after, one.message) for one in some]
 
 
-def test_nothing_was_ever_green(desk: Desk) -> None:
+def test_empty_history_has_no_last_green(desk: Desk) -> None:
     assert (books(desk.folder), last_green(desk.folder)) == ((), None)
     desk.signed({WIFI: Verdict.FAIL})
     assert last_green(desk.folder) is None
@@ -29,7 +29,7 @@ def test_nothing_was_ever_green(desk: Desk) -> None:
         assert book.document().since_green is None
 
 
-def test_books_newest_last(desk: Desk) -> None:
+def test_books_are_listed_newest_last(desk: Desk) -> None:
     first = desk.signed()
     second = desk.signed({WIFI: Verdict.FAIL})
     with desk.open() as book:
@@ -42,7 +42,7 @@ def test_books_newest_last(desk: Desk) -> None:
     assert len(books(desk.folder)) == 3
 
 
-def test_what_has_changed_since_the_last_green(desk: Desk) -> None:
+def test_changes_since_last_green_are_listed(desk: Desk) -> None:
     green = desk.signed()
     desk.signed({WIFI: Verdict.FAIL})
     names = [name for name in EVERY if name != USBL]
@@ -64,7 +64,7 @@ def test_what_has_changed_since_the_last_green(desk: Desk) -> None:
     ]
 
 
-def test_an_override_alone_is_a_change(desk: Desk) -> None:
+def test_removed_override_is_a_change(desk: Desk) -> None:
     with desk.open([WIFI]) as book:
         book.settle(found(WIFI, Verdict.FAIL))
         book.override(WIFI, "on the bench", NAME)
@@ -90,7 +90,7 @@ def test_a_warning_for_another_reason_is_a_change(desk: Desk) -> None:
         assert _told(changes(green, book.document())) == [(WIFI, "WARN", "WARN", "3 % are lost")]
 
 
-def test_a_vehicle_was_green_where_another_failed(desk: Desk) -> None:
+def test_vehicle_can_be_green_where_another_failed(desk: Desk) -> None:
     folder = desk.signed({USBL: Verdict.FAIL})
     assert last_green(desk.folder) is None
     green = last_green(desk.folder, {"vehicle": ("sparus",)})
@@ -106,14 +106,14 @@ def test_a_vehicle_was_green_where_another_failed(desk: Desk) -> None:
         ]
 
 
-def test_a_narrow_green_says_nothing_of_the_whole(desk: Desk) -> None:
+def test_green_of_a_narrow_scope_does_not_count_for_the_whole(desk: Desk) -> None:
     desk.signed(names=[WIFI, PING], scope=SPARUS)
     assert last_green(desk.folder) is None
     assert last_green(desk.folder, {"vehicle": ("sparus", "mares")}) is None
     assert last_green(desk.folder, {"vehicle": ("sparus",), "endpoint": ("wifi",)}) is not None
 
 
-def test_a_green_one_that_was_changed_does_not_count(desk: Desk) -> None:
+def test_green_book_that_was_changed_does_not_count(desk: Desk) -> None:
     older = desk.signed()
     newer = desk.signed()
     report = newer / "report.json"
@@ -129,7 +129,7 @@ def test_a_green_one_that_was_changed_does_not_count(desk: Desk) -> None:
     assert books(desk.folder)[1].state is VehicleState.DAMAGED
 
 
-def test_what_is_left_of_a_book_is_not_hidden(desk: Desk) -> None:
+def test_incomplete_book_is_listed_as_damaged(desk: Desk) -> None:
     signed = desk.signed()
     for gone, why in (
         ("records.jsonl", ""),
@@ -146,7 +146,7 @@ def test_what_is_left_of_a_book_is_not_hidden(desk: Desk) -> None:
         assert (book.words, len(books(desk.folder))) == ("", 2)
 
 
-def test_a_book_that_was_killed_before_its_first_record_is_none(desk: Desk) -> None:
+def test_book_killed_before_its_first_record_is_ignored(desk: Desk) -> None:
     for name in ("20260101T000000Z", "20260102T000000Z"):
         (desk.folder / name).mkdir(parents=True)
     (desk.folder / "20260102T000000Z" / "records.jsonl").touch()

@@ -63,7 +63,7 @@ def _book(checklist: Checklist, folder: Path) -> ChecklistSession:
     return ChecklistSession.open(folder / "real" / "coastal" / "checks", checklist, HEAD, now=Clock())
 
 
-def test_they_stand_in_their_order_behind_the_columns_of_their_row(shipped: Inventory) -> None:
+def test_items_keep_their_order_after_the_columns_of_their_row(shipped: Inventory) -> None:
     assert _ids(shipped, endpoints=ONLY_ITEMS) == [BATTERY, PLUG, SWITCH, ANTENNAS]
     of_mares = _ids(shipped, vehicles=("mares",))
     assert of_mares[-3:] == [BATTERY, PLUG, SWITCH]
@@ -72,14 +72,14 @@ def test_they_stand_in_their_order_behind_the_columns_of_their_row(shipped: Inve
     assert _ids(other, vehicles=("mares",), endpoints=ONLY_ITEMS) == ["mares/items/b", "mares/items/a"]
 
 
-def test_an_item_of_a_site_may_be_of_a_vehicle(shipped: Inventory) -> None:
+def test_site_item_may_belong_to_a_vehicle(shipped: Inventory) -> None:
     rows = [{"id": "hmi", "vehicle": "eca-rov", "text": "Its screen is on", "look_for": "it is", "phase": "quay"}]
     assert _ids(_settings(shipped, items=rows), vehicles=("eca-rov",), endpoints=ONLY_ITEMS) == ["eca-rov/items/hmi"]
     assert _ids(shipped, mission="inspection", vehicles=("eca-rov",))[-1] == "eca-rov/items/tether"
     assert "eca-rov/items/tether" not in _ids(shipped)
 
 
-def test_a_mission_adds_its_items_and_narrows_nothing(shipped: Inventory) -> None:
+def test_mission_adds_items_and_removes_none(shipped: Inventory) -> None:
     without, listed = plan(shipped, "coastal"), plan(shipped, "coastal", Scope(mission="night"))
     more = {entry.item.id for entry in listed.entries} - {entry.item.id for entry in without.entries}
     assert more == {LIGHTS, LOGGED}
@@ -92,7 +92,7 @@ def test_a_mission_adds_its_items_and_narrows_nothing(shipped: Inventory) -> Non
         plan(shipped, "coastal", Scope(mission="nigth"))
 
 
-def test_recovery_is_a_list_of_its_own(shipped: Inventory) -> None:
+def test_recovery_is_a_separate_list(shipped: Inventory) -> None:
     first, after = plan(shipped, "coastal"), plan(shipped, "coastal", Scope(phases=(Phase.RECOVERY,)))
     assert RINSED not in {entry.item.id for entry in first.entries}
     assert RINSED in first.beyond
@@ -106,7 +106,7 @@ def test_recovery_is_a_list_of_its_own(shipped: Inventory) -> None:
     assert [(row.key, row.table3, row.beside) for row in after.rows] == [("mares", (), ("items",))]
 
 
-def test_recovery_is_not_mixed_with_what_comes_before(shipped: Inventory) -> None:
+def test_recovery_cannot_be_mixed_with_other_phases(shipped: Inventory) -> None:
     with pytest.raises(UsageError, match="a checklist of their own") as error:
         plan(shipped, "coastal", Scope(phases=(Phase.QUAY, Phase.RECOVERY)))
     assert error.value.hint == "`provision check site=coastal phase=recovery` alone, when the vehicles are back"
@@ -114,7 +114,7 @@ def test_recovery_is_not_mixed_with_what_comes_before(shipped: Inventory) -> Non
         plan(shipped, "coastal", Scope(vehicles=("sparus",), phases=(Phase.RECOVERY,)))
 
 
-def test_the_list_before_is_signed_without_recovery_and_recovery_by_itself(shipped: Inventory, tmp_path: Path) -> None:
+def test_recovery_is_signed_separately(shipped: Inventory, tmp_path: Path) -> None:
     with _book(plan(shipped, "coastal", Scope(vehicles=("mares",), endpoints=ONLY_ITEMS)), tmp_path) as book:
         book.confirm(BATTERY, Confirmation(Verdict.PASS, NAME, value=16.1))
         book.confirm(PLUG, Confirmation(Verdict.PASS, NAME))
@@ -130,7 +130,7 @@ def test_the_list_before_is_signed_without_recovery_and_recovery_by_itself(shipp
     assert [(int(document.exit), document.signed is not None) for document in (before, after)] == [(0, True)] * 2
 
 
-def test_another_mission_is_another_list(shipped: Inventory, tmp_path: Path) -> None:
+def test_each_mission_has_its_own_book(shipped: Inventory, tmp_path: Path) -> None:
     with _book(plan(shipped, "coastal", Scope(endpoints=ONLY_ITEMS)), tmp_path) as book:
         first = book.run
         book.confirm(PLUG, Confirmation(Verdict.PASS, NAME))
@@ -157,7 +157,7 @@ def test_another_mission_is_another_list(shipped: Inventory, tmp_path: Path) -> 
         (None, Verdict.INCONCLUSIVE, None),
     ],
 )
-def test_a_number_passes_in_its_range_alone(
+def test_number_passes_only_in_its_range(
     shipped: Inventory, tmp_path: Path, value: float | None, verdict: Verdict, refused: str | None
 ) -> None:
     note = "" if verdict is Verdict.PASS else "seen so"
@@ -178,7 +178,7 @@ def test_a_number_passes_in_its_range_alone(
     assert item.evidence[1].value == "a number in V, 14.8 to 16.8"
 
 
-def test_another_number_replaces_the_first_and_both_stand_in_the_report(shipped: Inventory, tmp_path: Path) -> None:
+def test_replaced_number_stays_in_the_report(shipped: Inventory, tmp_path: Path) -> None:
     with _book(plan(shipped, "coastal", Scope(vehicles=("mares",))), tmp_path) as book:
         for value in (15.0, 16.0):
             item = book.confirm(BATTERY, Confirmation(Verdict.PASS, NAME, value=value))
@@ -201,7 +201,7 @@ def test_a_range_with_one_end(
                 assert book.confirm("mares/items/bar", Confirmation(Verdict.PASS, NAME, value=value)).verdict == "PASS"
 
 
-def test_text_and_photo_are_needed_where_they_are_asked_for(shipped: Inventory, tmp_path: Path) -> None:
+def test_required_text_and_photo_cannot_be_omitted(shipped: Inventory, tmp_path: Path) -> None:
     (tmp_path / "list.txt").write_text("no picture")
     (tmp_path / "photo.png").write_bytes((ROOT / "tests" / "data" / "answers" / "failsafe.png").read_bytes())
     two = _mares(shipped, {"id": "serial", "evidence": "text"}, {"id": "ring", "evidence": "photo"})
@@ -216,7 +216,7 @@ def test_text_and_photo_are_needed_where_they_are_asked_for(shipped: Inventory, 
     assert [each.what for each in item.evidence if each.file is not None] == ["photo.png"]
 
 
-def test_a_number_where_none_is_asked_for_is_refused(shipped: Inventory, tmp_path: Path) -> None:
+def test_unexpected_number_is_refused(shipped: Inventory, tmp_path: Path) -> None:
     with (
         _book(plan(shipped, "coastal", Scope(vehicles=("mares",))), tmp_path) as book,
         pytest.raises(ChecklistUsageError, match="no number is asked for here"),
@@ -234,7 +234,7 @@ def restricted(shipped: Inventory) -> Checklist:
     return plan(settled, "coastal", Scope(vehicles=("mares",), endpoints=ONLY_ITEMS))
 
 
-def test_only_those_who_are_named_answer_override_and_sign(restricted: Checklist, tmp_path: Path) -> None:
+def test_only_authorised_people_answer_override_and_sign(restricted: Checklist, tmp_path: Path) -> None:
     name = "mares/items/switch"
     assert restricted.entries[0].item.message == "waits for one of B. Pilot, D. Owner"
     with _book(restricted, tmp_path) as book:
@@ -264,7 +264,7 @@ sign: true
 """
 
 
-def test_a_file_of_answers_names_the_wrong_people_with_their_lines(restricted: Checklist, tmp_path: Path) -> None:
+def test_unauthorised_people_in_answers_are_reported_with_lines(restricted: Checklist, tmp_path: Path) -> None:
     file = tmp_path / "answers.yml"
     file.write_text(ANSWERS)
     with pytest.raises(AnswersInvalid) as error:
@@ -276,7 +276,7 @@ def test_a_file_of_answers_names_the_wrong_people_with_their_lines(restricted: C
     ]
 
 
-def test_a_file_of_answers_gives_what_is_asked_for(shipped: Inventory, tmp_path: Path) -> None:
+def test_answers_supply_required_evidence(shipped: Inventory, tmp_path: Path) -> None:
     listed = plan(shipped, "coastal", Scope(endpoints=ONLY_ITEMS))
     file = tmp_path / "answers.yml"
     file.write_text(
@@ -316,7 +316,7 @@ def _ran(out: str = "", rc: int = 0, trouble: Trouble | None = None) -> CommandR
         ("NTPSynchronized=yes", _ran("NTPSynchronized=yes\n", trouble=Trouble.SILENT), "INCONCLUSIVE", "program-slow"),
     ],
 )
-def test_a_command_passes_when_its_line_was_printed(expect: str, ran: CommandResult, verdict: str, code: str) -> None:
+def test_command_passes_if_expected_line_was_printed(expect: str, ran: CommandResult, verdict: str, code: str) -> None:
     probe = ExpectedLine(Place.GATEWAY, "timedatectl show", expect)
     assert probe.asks() == (RunProgram("output", Place.GATEWAY, ("timedatectl", "show")),)
     judged = probe.judge({"output": ran})
@@ -324,7 +324,7 @@ def test_a_command_passes_when_its_line_was_printed(expect: str, ran: CommandRes
     assert judged.evidence[0].value == expect
 
 
-def test_the_nearest_line_is_shown_but_never_one_of_a_file() -> None:
+def test_nearest_line_is_shown_unless_it_is_from_a_file() -> None:
     shown = ExpectedLine(Place.GATEWAY, "timedatectl show", "NTPSynchronized=yes").judge(
         {"output": _ran("NTPSynchronized=no\nTimezone=UTC\n")}
     )
@@ -334,7 +334,7 @@ def test_the_nearest_line_is_shown_but_never_one_of_a_file() -> None:
         assert len(file.judge({"output": _ran(out)}).evidence) == 1
 
 
-def test_they_stand_on_every_page_and_in_the_counts(shipped: Inventory, tmp_path: Path) -> None:
+def test_declared_items_are_on_every_page_and_counted(shipped: Inventory, tmp_path: Path) -> None:
     (tmp_path / "photo.png").write_bytes((ROOT / "tests" / "data" / "answers" / "failsafe.png").read_bytes())
     with _book(plan(shipped, "coastal", Scope(endpoints=ONLY_ITEMS, mission="night")), tmp_path) as book:
         book.confirm(BATTERY, Confirmation(Verdict.PASS, NAME, value=16.1))
@@ -357,7 +357,7 @@ def test_they_stand_on_every_page_and_in_the_counts(shipped: Inventory, tmp_path
     assert made["report.pdf"].startswith(b"%PDF-")
 
 
-def test_the_page_of_recovery_has_its_items_and_no_table(shipped: Inventory, tmp_path: Path) -> None:
+def test_recovery_page_has_its_items_and_no_table(shipped: Inventory, tmp_path: Path) -> None:
     with _book(plan(shipped, "coastal", Scope(phases=(Phase.RECOVERY,))), tmp_path) as book:
         book.confirm(RINSED, Confirmation(Verdict.PASS, NAME))
         document = book.document()

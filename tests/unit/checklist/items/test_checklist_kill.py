@@ -94,7 +94,7 @@ def _holds(state: Path, come: int) -> None:
     assert verify(book.folder) == ()
 
 
-def test_killed_before_each_thing_it_does_to_the_disk(tmp_path: Path) -> None:
+def test_kill_before_any_disk_operation_is_survived(tmp_path: Path) -> None:
     photo = tmp_path / "photo.jpg"
     photo.write_bytes(b"a photo" * 20)
     for left in range(1000):

@@ -70,7 +70,7 @@ def _planned(listed: Checklist) -> Cells:
     return {row.name: {column: (row.key, column) in found for column in listed.columns} for row in vehicles}
 
 
-def test_the_grid_is_the_reports_cell_by_cell(declaration: Inventory) -> None:
+def test_plan_matches_table_3_cell_by_cell(declaration: Inventory) -> None:
     table = _written(COPY)
     assert sum(sum(row.values()) for row in table.values()) == 20
     for site in ("coastal", "te4sea"):
@@ -82,7 +82,7 @@ def test_the_grid_is_the_reports_cell_by_cell(declaration: Inventory) -> None:
         assert _written(ORIGINAL) == table
 
 
-def test_what_is_beside_the_table_is_not_of_it(coastal: Checklist) -> None:
+def test_items_beside_the_table_are_not_part_of_it(coastal: Checklist) -> None:
     for row in coastal.rows:
         of_row = [one.item for one in coastal.entries if (one.item.vehicle or one.item.location) == row.key]
         assert {item.endpoint for item in of_row if item.table3} == set(row.table3)
@@ -94,7 +94,7 @@ def test_what_is_beside_the_table_is_not_of_it(coastal: Checklist) -> None:
     assert [row.key for row in coastal.rows if "items" in row.beside] == ["mares", "coastal"]
 
 
-def test_a_locations_row_is_what_the_pilot_declares(declaration: Inventory) -> None:
+def test_row_of_a_location_follows_the_inventory(declaration: Inventory) -> None:
     site = declaration.sites["coastal"]
     marked = site.location.model_copy(update={"table3": (Column.SATELLITE, Column.GPS)})
     sites = {**declaration.sites, "coastal": site.model_copy(update={"location": marked})}
@@ -123,7 +123,7 @@ def _partners(declaration: Inventory, **partners: str | None) -> Inventory:
         ({}, ""),
     ],
 )
-def test_the_list_says_which_robots_of_a_lan_nothing_keeps_apart(
+def test_robots_not_isolated_in_a_lan_are_noted(
     declaration: Inventory, partners: dict[str, str | None], told: str
 ) -> None:
     notes = plan(_partners(declaration, **partners), "coastal", Scope(endpoints=("site",))).notes
@@ -132,13 +132,13 @@ def test_the_list_says_which_robots_of_a_lan_nothing_keeps_apart(
     assert all(f" {told}." in note for note in found)
 
 
-def test_a_lan_without_robots_needs_no_such_note(declaration: Inventory) -> None:
+def test_lan_without_robots_needs_no_isolation_note(declaration: Inventory) -> None:
     """A robot with an address in another LAN is nobody's neighbour here."""
     assert not plan(declaration, "scc").notes
     assert plan(declaration, "coastal").notes
 
 
-def test_each_item_that_a_program_looks_at_says_how_it_could_be_fooled(declaration: Inventory) -> None:
+def test_every_probe_has_its_documented_weakness(declaration: Inventory) -> None:
     """The rows of docs/probes.md and the probes that the pilot's lists hold are the same; no row is without words."""
     entries = [
         one for site in declaration.sites for one in plan(declaration, site).entries if one.step.probe is not None
@@ -157,7 +157,7 @@ def test_each_item_that_a_program_looks_at_says_how_it_could_be_fooled(declarati
     assert {item.strip("`") for cells in rows for item in cells[0].split(", ")} == registered
 
 
-def test_ids_are_unlike_each_other(coastal: Checklist) -> None:
+def test_item_ids_are_unique(coastal: Checklist) -> None:
     ids = [one.item.id for one in coastal.entries]
     assert len(set(ids)) == len(ids)
     for one in coastal.entries:
@@ -184,7 +184,7 @@ VEHICLES = ("girona500", "sparus", "zarco", "stork", "mares", "eca-rov")
     mute=st.sets(st.sampled_from(list(registry.TITLES))),
     silent_site=st.booleans(),
 )
-def test_no_x_drops_out_whatever_is_declared(
+def test_every_table_cell_has_an_item_for_any_inventory(
     declaration: Inventory, gone: dict[str, set[str]], mute: set[str], *, silent_site: bool
 ) -> None:
     """Endpoints that are not declared, columns that have nothing to say: a person is left."""
@@ -216,7 +216,7 @@ ROBOT = ("vpn", "discovered", "control-centre", "telemetry", "pose", "rates")
     ],
     ids=["cell", "vehicle"],
 )
-def test_a_scope_narrows_and_says_what_it_leaves_out(
+def test_scope_narrows_and_reports_what_it_omits(
     declaration: Inventory, coastal: Checklist, scope: Scope, ids: set[str], beyond: str
 ) -> None:
     listed = plan(declaration, "coastal", scope)
@@ -229,7 +229,7 @@ def test_a_scope_narrows_and_says_what_it_leaves_out(
     assert coastal.left_out == ()
 
 
-def test_phases_are_the_whole_together(declaration: Inventory, coastal: Checklist) -> None:
+def test_phases_together_are_the_whole_list(declaration: Inventory, coastal: Checklist) -> None:
     parts = [plan(declaration, "coastal", Scope(phases=(phase,))) for phase in Phase if not phase.is_alone]
     together = [one.item.id for part in parts for one in part.entries]
     assert sorted(together) == sorted(one.item.id for one in coastal.entries)
@@ -250,7 +250,9 @@ def test_phases_are_the_whole_together(declaration: Inventory, coastal: Checklis
         ("coastal", Scope(vehicles=("stork",), endpoints=("usbl",)), "nothing is left of the checklist", "leave out"),
     ],
 )
-def test_words_that_name_nothing(declaration: Inventory, site: str, scope: Scope, message: str, hint: str) -> None:
+def test_unknown_site_or_scope_is_refused(
+    declaration: Inventory, site: str, scope: Scope, message: str, hint: str
+) -> None:
     with pytest.raises(NoMatchError) as error:
         plan(declaration, site, scope)
     assert str(error.value) == message
@@ -258,7 +260,7 @@ def test_words_that_name_nothing(declaration: Inventory, site: str, scope: Scope
     assert error.value.exit is ExitCode.NOTHING
 
 
-def test_the_shipped_answers_are_whole(coastal: Checklist) -> None:
+def test_shipped_answers_are_complete(coastal: Checklist) -> None:
     """Whoever gives a column a step for a person, or one that needs consent, answers it in tests/data/answers."""
     answers = Answers.read(ANSWERS, coastal)
     for one in coastal.entries:
@@ -291,9 +293,7 @@ _DECLARED: Mapping[str, tuple[dict[str, object], ...]] = {
 
 @pytest.mark.parametrize("bare", [False, True], ids=["as shipped", "no reservation and no gateway"])
 @pytest.mark.parametrize("name", _DECLARED)
-def test_whatever_is_declared_the_list_is_whole_and_can_be_asked(
-    declaration: Inventory, name: str, *, bare: bool
-) -> None:
+def test_list_is_complete_for_any_inventory(declaration: Inventory, name: str, *, bare: bool) -> None:
     """Of vehicles and of the location alike; what misses an address is an item as well."""
     for one in _DECLARED[name]:
         endpoints = Endpoints.model_validate({name: one})

@@ -41,7 +41,7 @@ def _files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
-def test_it_is_as_it_was_signed(signed: Path) -> None:
+def test_untouched_checklist_verifies(signed: Path) -> None:
     assert verify(signed) == ()
     assert len(_files(signed)) == 6
 
@@ -60,17 +60,17 @@ def _flips(signed: Path, step: int) -> None:
     assert verify(signed) == ()
 
 
-def test_every_flipped_byte_is_found(signed: Path) -> None:
+def test_sampled_flipped_bytes_are_detected(signed: Path) -> None:
     _flips(signed, 53)  # the campaign flips every one
 
 
 @pytest.mark.campaign
-def test_every_single_flipped_byte_is_found(signed: Path) -> None:
+def test_every_flipped_byte_is_detected(signed: Path) -> None:
     _flips(signed, 1)
 
 
 @pytest.mark.parametrize("change", [b"", b"\n", b" "], ids=["cut", "line", "blank"])
-def test_a_file_that_is_longer_or_shorter(signed: Path, change: bytes) -> None:
+def test_longer_or_shorter_file_is_detected(signed: Path, change: bytes) -> None:
     for path in _files(signed):
         whole = path.read_bytes()
         path.write_bytes(whole + change if change else whole[:-1])
@@ -78,7 +78,7 @@ def test_a_file_that_is_longer_or_shorter(signed: Path, change: bytes) -> None:
         path.write_bytes(whole)
 
 
-def test_a_file_that_is_missing(signed: Path) -> None:
+def test_missing_file_is_detected(signed: Path) -> None:
     for path in _files(signed):
         whole = path.read_bytes()
         path.unlink()
@@ -87,7 +87,7 @@ def test_a_file_that_is_missing(signed: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["files/photo.jpg", "more.html", ".hidden", "other/x", "empty/"])
-def test_what_was_added(signed: Path, name: str) -> None:
+def test_added_file_is_detected(signed: Path, name: str) -> None:
     path = signed / name.rstrip("/")
     if name.endswith("/"):
         path.mkdir()
@@ -98,14 +98,14 @@ def test_what_was_added(signed: Path, name: str) -> None:
     assert (trouble.file, trouble.what) == (name.rstrip("/"), "was added after the checklist was signed")
 
 
-def test_a_link_in_a_files_place(signed: Path, tmp_path: Path) -> None:
+def test_symlink_in_place_of_a_file_is_detected(signed: Path, tmp_path: Path) -> None:
     shutil.copy(signed / "report.html", tmp_path / "report.html")
     (signed / "report.html").unlink()
     (signed / "report.html").symlink_to(tmp_path / "report.html")
     assert [one.file for one in verify(signed)] == ["report.html"]
 
 
-def test_a_pipe_or_a_folder_in_a_files_place(signed: Path) -> None:
+def test_pipe_or_folder_in_place_of_a_file_is_detected(signed: Path) -> None:
     for path in _files(signed):
         whole, name = path.read_bytes(), path.relative_to(signed).as_posix()
         for make, unmake in ((os.mkfifo, Path.unlink), (Path.mkdir, Path.rmdir)):
@@ -117,7 +117,7 @@ def test_a_pipe_or_a_folder_in_a_files_place(signed: Path) -> None:
             path.write_bytes(whole)
 
 
-def test_a_link_in_a_folders_place(signed: Path, tmp_path: Path) -> None:
+def test_symlink_in_place_of_a_folder_is_detected(signed: Path, tmp_path: Path) -> None:
     (signed / "files").rename(tmp_path / "files")
     (signed / "files").symlink_to(tmp_path / "files")
     assert "files" in {one.file for one in verify(signed)}
@@ -133,7 +133,7 @@ def _whats(signed: Path, name: str) -> list[str]:
     return [one.what for one in verify(signed) if one.file == name]
 
 
-def test_a_verdict_that_was_polished(signed: Path) -> None:
+def test_changed_verdict_is_detected(signed: Path) -> None:
     def polish(report: dict[str, Any]) -> None:
         report["items"][0]["verdict"] = "PASS"
 
@@ -148,7 +148,7 @@ def test_a_verdict_that_was_polished(signed: Path) -> None:
 @pytest.mark.parametrize(
     ("field", "value"), [("by", "Somebody Else"), ("at", "2026-11-23T10:00:00Z"), ("key", "SHA256:x")]
 )
-def test_a_signature_with_another_name_time_or_key(signed: Path, field: str, value: str) -> None:
+def test_signature_with_another_name_time_or_key_is_detected(signed: Path, field: str, value: str) -> None:
     def change(report: dict[str, Any]) -> None:
         report["signed"][field] = value
 
@@ -156,7 +156,7 @@ def test_a_signature_with_another_name_time_or_key(signed: Path, field: str, val
     assert "the signature does not fit what stands there" in _whats(signed, "report.json")
 
 
-def test_a_signature_that_was_taken_away(signed: Path) -> None:
+def test_removed_signature_is_detected(signed: Path) -> None:
     _edit(signed / "report.json", lambda report: report.update(signed=None))
     assert "is not signed" in _whats(signed, "report.json")
 
@@ -174,7 +174,7 @@ def _forge(signed: Path, key: SigningKey) -> None:
     (signed / "manifest.json").write_bytes(render_json(sign_data(manifest, key)))
 
 
-def test_a_signature_by_another_key(signed: Path, tmp_path: Path) -> None:
+def test_signature_by_an_unknown_key_is_detected(signed: Path, tmp_path: Path) -> None:
     key = SigningKey.load_or_create(tmp_path / "other.key")
     _forge(signed, key)
     unknown = f"this computer does not know the key {key.fingerprint} that has signed it"
@@ -182,7 +182,7 @@ def test_a_signature_by_another_key(signed: Path, tmp_path: Path) -> None:
     assert _whats(signed, "manifest.json") == [unknown]
 
 
-def test_another_computers_checklist(signed: Path, desk: Desk, tmp_path: Path) -> None:
+def test_checklist_of_another_computer_needs_its_key(signed: Path, desk: Desk, tmp_path: Path) -> None:
     copy = shutil.copytree(signed, tmp_path / "copy")
     here = tmp_path / "here.key"
     whose = SigningKey.load_or_create(desk.key).fingerprint
@@ -198,14 +198,14 @@ def test_another_computers_checklist(signed: Path, desk: Desk, tmp_path: Path) -
     assert verify(copy, key=desk.key) == ()
 
 
-def test_a_book_that_was_never_signed(desk: Desk) -> None:
+def test_unsigned_book_does_not_verify(desk: Desk) -> None:
     with desk.open() as book:
         answer(book)
     (trouble,) = verify(book.folder)
     assert (trouble.file, trouble.what) == ("manifest.json", "is missing: nobody vouches for what is here")
 
 
-def test_a_report_alone(signed: Path, desk: Desk, tmp_path: Path) -> None:
+def test_report_alone_can_be_verified(signed: Path, desk: Desk, tmp_path: Path) -> None:
     data = (signed / "report.json").read_bytes()
     assert verify_report(data, key=desk.key) == ()
     (stranger,) = verify_report(data, key=tmp_path / "none.key")
@@ -221,12 +221,12 @@ def test_a_report_alone(signed: Path, desk: Desk, tmp_path: Path) -> None:
     [b"", b"{}", b"[]", b"null", b"\xff", b"{" * 100_000, b'{"signed": 7}', b'{"a": NaN}'],
     ids=["nothing", "no keys", "list", "null", "no text", "deep", "shape", "nan"],
 )
-def test_what_is_no_report(desk: Desk, data: bytes) -> None:
+def test_invalid_report_is_refused(desk: Desk, data: bytes) -> None:
     (trouble,) = verify_report(data, key=desk.key)
     assert trouble.what == "is no report of a checklist, or is damaged"
 
 
-def test_a_report_written_otherwise(signed: Path, desk: Desk) -> None:
+def test_reformatted_report_is_refused(signed: Path, desk: Desk) -> None:
     data = parse_json((signed / "report.json").read_bytes())
     (trouble,) = verify_report(json.dumps(data).encode(), key=desk.key)
     assert trouble.what == "says what was signed, but not byte for byte as it was written"
@@ -235,14 +235,14 @@ def test_a_report_written_otherwise(signed: Path, desk: Desk) -> None:
     assert trouble.what == "is no report of a checklist, or is damaged"
 
 
-def test_a_manifest_of_another_shape(signed: Path) -> None:
+def test_malformed_manifest_is_detected(signed: Path) -> None:
     whole = (signed / "manifest.json").read_bytes()
     for data in (b"[]", b'{"files": []}', b'{"files": {"x": 1}}', whole.replace(b"\n", b"\r\n")):
         (signed / "manifest.json").write_bytes(data)
         assert [one.what for one in verify(signed)] == ["is damaged"]
 
 
-def test_the_key_is_made_once_and_private(desk: Desk) -> None:
+def test_signing_key_is_created_once_and_private(desk: Desk) -> None:
     desk.signed(names=[WIFI])
     first = desk.key.read_bytes()
     assert desk.key.stat().st_mode & 0o777 == 0o600
@@ -251,7 +251,7 @@ def test_the_key_is_made_once_and_private(desk: Desk) -> None:
     assert [path.name for path in desk.state.iterdir() if path.is_file()] == ["checklist.key"]
 
 
-def test_two_processes_make_the_key_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_of_two_concurrently_created_keys_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other, path = SigningKey.load_or_create(tmp_path / "other"), tmp_path / "checklist.key"
 
     def outrun(own: Path, data: bytes, *, replace: bool) -> None:
@@ -263,14 +263,14 @@ def test_two_processes_make_the_key_at_once(tmp_path: Path, monkeypatch: pytest.
     assert sorted(one.name for one in tmp_path.iterdir()) == ["checklist.key", "other"]
 
 
-def test_a_key_that_others_can_read(signed: Path, desk: Desk) -> None:
+def test_key_readable_by_others_is_refused(signed: Path, desk: Desk) -> None:
     desk.key.chmod(0o644)
     with pytest.raises(SigningKeyError, match="other users of this computer can read the key") as error:
         verify(signed)
     assert (error.value.hint or "").startswith("chmod 600 ")
 
 
-def test_a_key_that_is_none(desk: Desk) -> None:
+def test_invalid_key_is_refused(desk: Desk) -> None:
     desk.key.parent.mkdir(parents=True)
     desk.key.write_bytes(b"no key")
     desk.key.chmod(0o600)
@@ -281,11 +281,11 @@ def test_a_key_that_is_none(desk: Desk) -> None:
         assert not (book.folder / "manifest.json").exists()
 
 
-def test_the_canonical_form_is_one() -> None:
+def test_canonical_form() -> None:
     assert canonical({"b": [1, 1.5, None], "a": "ä"}) == '{"a":"ä","b":[1,1.5,null]}'.encode()
 
 
-def test_a_document_of_before_time_zones_verifies_as_it_did(signed: Path) -> None:
+def test_report_signed_without_a_time_zone_still_verifies(signed: Path) -> None:
     """It was signed without the field, which has a value of its own once it is read."""
     path, secret = signed / "report.json", signed.parents[3] / "checklist.key"
     key = SigningKey.load(secret)

@@ -35,7 +35,7 @@ def sparus(declaration: Inventory) -> Checklist:
     return record_of(declaration, "sparus")
 
 
-def test_it_holds_what_the_report_has_tested_and_nothing_of_table_3(sparus: Checklist) -> None:
+def test_record_has_the_tested_items_and_nothing_of_table_3(sparus: Checklist) -> None:
     assert names(sparus, ItemKind.AUTOMATIC) == list(PROBED)
     assert names(sparus, ItemKind.PERSON) == list(PEOPLE)
     assert [(row.key, row.table3, row.beside) for row in sparus.rows] == [("sparus", (), ("integration",))]
@@ -44,13 +44,13 @@ def test_it_holds_what_the_report_has_tested_and_nothing_of_table_3(sparus: Chec
     assert not [entry for entry in sparus.entries if entry.item.table3]
 
 
-def test_a_kind_that_the_file_does_not_name_is_left_out(declaration: Inventory) -> None:
+def test_kind_that_the_file_does_not_name_is_omitted(declaration: Inventory) -> None:
     rov = record_of(declaration, "eca-rov")
     assert names(rov, ItemKind.AUTOMATIC) == ["vpn", "discovery", "booleans", "numbers"]
     assert names(rov, ItemKind.PERSON) == ["pose", "video", *PEOPLE], "its pose goes through the library"
 
 
-def test_the_list_before_a_test_has_nothing_of_it(declaration: Inventory) -> None:
+def test_pre_test_checklist_has_no_integration_items(declaration: Inventory) -> None:
     listed = plan(declaration, "coastal")
     assert not [entry for entry in listed.entries if entry.item.endpoint == "integration"]
     assert not [row for row in listed.rows if "integration" in row.beside]
@@ -69,14 +69,14 @@ def test_the_list_before_a_test_has_nothing_of_it(declaration: Inventory) -> Non
         (Scope(phases=(Phase.QUAY, Phase.RECOVERY)), "the items of recovery are a checklist of their own"),
     ],
 )
-def test_it_is_asked_for_alone_and_of_one_robot(declaration: Inventory, scope: Scope, message: str) -> None:
+def test_integration_is_planned_alone_and_for_one_robot(declaration: Inventory, scope: Scope, message: str) -> None:
     with pytest.raises(UsageError) as error:
         plan(declaration, "coastal", scope)
     assert str(error.value) == message
     assert error.value.hint
 
 
-def test_a_robot_without_a_file_has_none(declaration: Inventory, tmp_path: Path) -> None:
+def test_robot_without_a_file_has_no_integration_record(declaration: Inventory, tmp_path: Path) -> None:
     inventory = Path(shutil.copytree(ROOT / "inventory", tmp_path / "inventory"))
     (inventory / "robots" / "sparus.yml").unlink()
     with pytest.raises(NoMatchError) as error:
@@ -85,7 +85,7 @@ def test_a_robot_without_a_file_has_none(declaration: Inventory, tmp_path: Path)
     assert record_of(declaration, "sparus").entries
 
 
-def test_a_file_with_errors_is_one_item_that_is_not_green(tmp_path: Path) -> None:
+def test_faulty_file_gives_one_item_that_is_not_green(tmp_path: Path) -> None:
     inventory = Path(shutil.copytree(ROOT / "inventory", tmp_path / "inventory"))
     (inventory / "robots" / "sparus.yml").write_text("namespace: sparus\n")
     (entry,) = record_of(load(inventory), "sparus").entries
@@ -94,7 +94,7 @@ def test_a_file_with_errors_is_one_item_that_is_not_green(tmp_path: Path) -> Non
     assert entry.step.probe.judge({}).verdict is Verdict.INCONCLUSIVE
 
 
-def test_items_of_the_pilots_own_stand_in_it(declaration: Inventory) -> None:
+def test_custom_items_of_a_vehicle_are_included(declaration: Inventory) -> None:
     row = {"id": "label", "text": "Its label is on", "look_for": "it is", "phase": "integration"}
     own = VehicleChecklist.model_validate({"items": [row]})
     vehicle = declaration.vehicles["sparus"].model_copy(update={"checklist": own})
@@ -120,7 +120,7 @@ sign: true
 @pytest.mark.parametrize(
     ("broken", "wrong"), [((), []), (("break=robot-topic-missing",), [("sparus/integration/booleans", "FAIL")])]
 )
-def test_a_rehearsed_one_is_signed_with_a_file_of_answers(
+def test_rehearsed_record_is_signed_with_an_answers_file(
     broken: tuple[str, ...],
     wrong: list[tuple[str, str]],
     tmp_path: Path,
@@ -146,7 +146,7 @@ def made(document: Document) -> Mapping[str, bytes]:
     return pages(document, {})
 
 
-def test_it_is_signed_by_itself_and_has_a_page_of_its_own(sparus: Checklist, tmp_path: Path) -> None:
+def test_record_is_signed_separately_and_has_its_own_page(sparus: Checklist, tmp_path: Path) -> None:
     folder = tmp_path / "real" / "coastal" / "checks"
     with ChecklistSession.open(folder, sparus, HEAD, now=Clock()) as book:
         for entry in sparus.entries:
@@ -178,7 +178,7 @@ def test_it_is_signed_by_itself_and_has_a_page_of_its_own(sparus: Checklist, tmp
         ("rogue-dhcp", "`break=rogue-dhcp` breaks nothing of sparus", "it is for the site's checklist"),
     ],
 )
-def test_a_fault_that_cannot_reach_the_robot_is_refused(
+def test_fault_that_cannot_affect_the_robot_is_refused(
     fault: str, message: str, hint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["vehicle=sparus", "phase=integration", f"break={fault}", "--rehearse"]

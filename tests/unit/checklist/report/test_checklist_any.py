@@ -45,7 +45,7 @@ def whole(document: Document) -> None:
 
 @given(documents())
 @settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
-def test_any_document(document: Document) -> None:
+def test_any_document_is_rendered_safely(document: Document) -> None:
     harmless(document)
     whole(document)
     page = parsed(html(document, made.files()))
@@ -53,20 +53,20 @@ def test_any_document(document: Document) -> None:
     holds(page, document)
 
 
-def test_a_carriage_return_at_the_end_of_a_line_is_shown_in_jenkins() -> None:
+def test_trailing_carriage_return_is_shown_in_jenkins() -> None:
     found = ItemFinding(verdict=Verdict.PASS, code="code", message="the next line")
     whole(made.example(items=(made.item("coastal/site/clock", Verdict.PASS, "at the end\r", findings=(found,)),)))
 
 
-def test_hostile_words_on_a_console() -> None:
+def test_hostile_text_is_harmless_on_a_console() -> None:
     harmless(hostile())
 
 
-def test_hostile_words_in_jenkins() -> None:
+def test_hostile_text_is_valid_in_jenkins() -> None:
     whole(hostile())
 
 
-def test_hostile_words_are_words_in_the_page() -> None:
+def test_hostile_text_stays_text_in_the_page() -> None:
     document = hostile()
     page = parsed(html(document, {}))
     safe(page)
@@ -80,7 +80,7 @@ SEEN = re.compile("[\u0600-\u0605\u06dd\u070f\u0890\u0891\u08e2\U000110bd\U00011
 JOINING = {"\u200c", "\u200d"}
 
 
-def test_nothing_on_a_page_moves_turns_or_hides_text() -> None:
+def test_no_control_character_reaches_a_report() -> None:
     """A line feed is the layout's; what joins letters or pictures hides none."""
     every = "".join(one for one in map(chr, range(sys.maxunicode + 1)) if unicodedata.category(one) in CONTROLS)
     document = hostile((f"before{every}after", "\n\tbefore\r\n"))
@@ -91,7 +91,7 @@ def test_nothing_on_a_page_moves_turns_or_hides_text() -> None:
 
 
 @pytest.mark.parametrize("document", [made.example(), made.green(), made.empty()], ids=["example", "green", "empty"])
-def test_the_examples(document: Document) -> None:
+def test_examples_are_rendered_safely(document: Document) -> None:
     harmless(document)
     whole(document)
     page = parsed(html(document, made.files()))

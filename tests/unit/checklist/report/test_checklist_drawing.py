@@ -52,7 +52,7 @@ SITES = ["coastal", "te4sea", "scc"]
 
 @pytest.mark.parametrize("wide", [False, True], ids=["narrow", "wide"])
 @pytest.mark.parametrize("site", SITES)
-def test_nothing_lies_on_another_thing(site: str, wide: bool) -> None:  # noqa: FBT001 - two layouts
+def test_no_shapes_overlap(site: str, wide: bool) -> None:  # noqa: FBT001 - two layouts
     shapes = layout(drawn(site), wide=wide)
     sized = [(box, box.height) for box in shapes.boxes] + [(badge, 16.0) for badge in shapes.badges]
     for (one, high), (other, low) in combinations(sized, 2):
@@ -80,7 +80,7 @@ def test_every_link_has_its_ends(site: str) -> None:
     assert {end for link in made_of.links for end in (link.a, link.b)} == set(keys)
 
 
-def test_the_drawing_is_that_of_the_declaration() -> None:
+def test_drawing_matches_the_inventory() -> None:
     made_of = drawn("coastal").drawing
     assert [(node.key, node.kind) for node in made_of.nodes] == [
         ("scc-vpn", "vpn_server"),
@@ -119,7 +119,7 @@ GONE = [
 
 
 @pytest.mark.parametrize("gone", GONE, ids=lambda gone: "+".join(gone) or "none")
-def test_a_site_that_lacks_a_box_is_drawn_as_well(gone: tuple[str, ...]) -> None:
+def test_site_without_some_devices_is_still_drawn(gone: tuple[str, ...]) -> None:
     hosts = {name: host for name, host in declaration().hosts.items() if name not in gone}
     smaller = replace(declaration(), hosts=hosts)
     checklist = plan(smaller, "coastal")
@@ -131,14 +131,14 @@ def test_a_site_that_lacks_a_box_is_drawn_as_well(gone: tuple[str, ...]) -> None
     assert layout(made.green(items=(), drawing=made_of)).height > 0
 
 
-def test_where_there_is_room_the_vehicles_stand_beside_the_devices() -> None:
+def test_wide_layout_has_the_same_content() -> None:
     narrow, wide = layout(made.example()), layout(made.example(), wide=True)
     assert wide.height / wide.width < 0.5 < narrow.height / narrow.width
     assert {(box.label, box.state) for box in wide.boxes} == {(box.label, box.state) for box in narrow.boxes}
     assert sorted(badge.text for badge in wide.badges) == sorted(badge.text for badge in narrow.badges)
 
 
-def test_it_is_told_in_words() -> None:
+def test_drawing_is_described_in_text() -> None:
     told = describe_drawing(made.example())
     assert "Control centre." in told
     assert "Sparus, coastal-gateway: Wi-Fi, FAIL." in told
@@ -162,7 +162,7 @@ def test_the_worst_item_gives_colour_and_sign() -> None:
 
 
 @pytest.mark.parametrize("document", [made.example(), made.empty(), hostile()], ids=["example", "empty", "hostile"])
-def test_it_is_well_formed_and_asks_for_nothing(document: Document) -> None:
+def test_svg_is_well_formed_and_has_no_external_references(document: Document) -> None:
     text = drawing_svg(document)
     root = ET.fromstring(text)  # noqa: S314 - ours
     assert {one.tag.removeprefix(SVG) for one in root.iter()} <= {
@@ -211,13 +211,13 @@ def contrast(one: str, other: str) -> float:
 
 
 @pytest.mark.parametrize(("tint", "page"), CASES)
-def test_words_can_be_read_and_edges_seen(tint: Tint, page: str) -> None:
+def test_contrast_of_text_and_edges_is_sufficient(tint: Tint, page: str) -> None:
     assert contrast(tint.ink, tint.paper) >= 4.5
     assert contrast(tint.edge, page) >= 3
 
 
 @pytest.mark.parametrize("signs", [SYMBOLS, ASCII], ids=["page", "console"])
-def test_every_state_has_a_sign_of_its_own(signs: dict[ShownState, str]) -> None:
+def test_every_state_has_a_distinct_sign(signs: dict[ShownState, str]) -> None:
     assert signs.keys() == set(ShownState)
     assert len(set(signs.values())) == len(ShownState)
 

@@ -33,7 +33,7 @@ def test_each_row_is_a_suite_and_each_item_a_case() -> None:
     assert root.get("name") == "checklist of coastal, rehearsed: nothing real was checked"
 
 
-def test_what_is_not_green_fails() -> None:
+def test_items_that_are_not_green_fail() -> None:
     root = read(made.example())
     assert names(root, "failure") == [
         "sparus/wifi",
@@ -47,7 +47,7 @@ def test_what_is_not_green_fails() -> None:
     assert [root.get(name) for name in ("tests", "failures", "errors", "skipped")] == ["36", "5", "1", "2"]
 
 
-def test_a_failure_names_its_kind_and_what_to_do() -> None:
+def test_failure_states_its_kind_and_advice() -> None:
     failures = {case.get("name"): case.find("failure") for case in read(made.example()).iter("testcase")}
     strong, waits = failures["sparus/wifi"], failures["eca-rov/usbl"]
     assert strong is not None
@@ -61,5 +61,5 @@ def test_nothing_checked_is_an_error() -> None:
     assert names(read(made.empty()), "error") == ["something was checked"]
 
 
-def test_it_is_the_same_every_time() -> None:
+def test_output_is_reproducible() -> None:
     assert junit(made.example()) == junit(made.example())

@@ -94,18 +94,18 @@ def test_every_text_of_the_pdf_is_translated_once(name: str) -> None:
     assert rest_of(without_marks(text.replace("\f", " ")), f"{values(shown)} failsafe png") == []
 
 
-def test_what_a_device_has_said_stays_as_it_is() -> None:
+def test_device_output_is_not_translated() -> None:
     page = parsed(html(document(), {}))
     assert f": {SAID}" in page.text
     assert f"«name of the terminal»: {SAID}" in " ".join(page.text.split())
 
 
-def test_what_a_program_reads_stays_english() -> None:
+def test_machine_readable_output_stays_english() -> None:
     assert "«" not in junit(document()).decode()
     assert "«" not in document().model_dump_json()
 
 
-def test_the_page_names_its_language_and_that_nobody_has_read_it() -> None:
+def test_page_states_language_and_unreviewed_translation() -> None:
     unread = "No native speaker has read this translation yet. What was signed is in English."
     english = html(document(), {}).decode()
     assert '<html lang="en">' in english
@@ -125,7 +125,7 @@ def test_the_fonts_have_portuguese_letters() -> None:
     assert all(glyphs.issuperset(map(ord, letters)) for glyphs in _all_glyphs())
 
 
-def test_the_marks_would_be_missed() -> None:
+def test_missing_translation_would_be_detected() -> None:
     """Else the tests above would say nothing."""
     assert rest_of("«known» forgotten 12 PASS", "PASS") == ["forgotten"]
     with pytest.raises(AssertionError, match="twice"):

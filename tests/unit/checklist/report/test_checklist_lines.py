@@ -41,7 +41,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_text_is_the_golden_one(name: str) -> None:
+def test_text_matches_the_golden_file(name: str) -> None:
     told = lines(CASES[name]()) + "\n"
     path = GOLDEN / f"{name}.txt"
     if os.environ.get("GOLDEN") == "write":
@@ -77,7 +77,7 @@ ENDS: dict[str, Callable[[], Document]] = {
 
 @for_each_row("room", [5, 6, 8])
 @for_each_row("name", ENDS)
-def test_the_end_fits_and_tells_the_worst(name: str, room: int) -> None:
+def test_ending_fits_and_shows_the_worst(name: str, room: int) -> None:
     document = ENDS[name]()
     told = ends(document, room)
     assert max(map(len, told)) <= 80
@@ -88,13 +88,13 @@ def test_the_end_fits_and_tells_the_worst(name: str, room: int) -> None:
         assert any(line.startswith(f"{to_look_at(document)[1][0].id}: ") for line in told)
 
 
-def test_a_long_text_is_shortened_visibly_and_its_advice_stays() -> None:
+def test_long_text_is_shortened_and_its_advice_kept() -> None:
     told = ends(ENDS["long message"](), 5)
     assert told[2].endswith(" ...")
     assert told[3] == "  -> mend it"
 
 
-def test_verdicts_are_coloured_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_verdicts_are_coloured_only_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.delenv("NO_COLOR", raising=False)
     out = Terminal()

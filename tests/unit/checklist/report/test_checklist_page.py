@@ -19,12 +19,12 @@ def page() -> Page:
     return parsed(html(made.example(), made.files()))
 
 
-def test_it_is_whole_and_safe(page: Page) -> None:
+def test_page_is_complete_and_safe(page: Page) -> None:
     safe(page)
     holds(page, made.example())
 
 
-def test_the_policy_lets_in_its_own_style_and_nothing_else() -> None:
+def test_content_policy_permits_only_its_own_style() -> None:
     text = html(made.example(), made.files()).decode()
     (style,) = re.findall(r"<style>(.*?)</style>", text, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
@@ -34,7 +34,7 @@ def test_the_policy_lets_in_its_own_style_and_nothing_else() -> None:
     assert "@import" not in style
 
 
-def test_the_grid_is_that_of_the_report(page: Page) -> None:
+def test_grid_matches_the_report(page: Page) -> None:
     marked = {row: [name for name, cell in cells.items() if cell.words] for row, cells in page.grid().items()}
     assert marked == {
         "Girona 500": ["Wi-Fi", "Acoustic", "USBL", "GPS"],
@@ -65,25 +65,25 @@ def test_the_grid_is_that_of_the_report(page: Page) -> None:
         ("Mares", "RC RF", ""),
     ],
 )
-def test_a_cell_is_told_by_sign_and_word(page: Page, row: str, column: str, words: str) -> None:
+def test_cell_shows_sign_and_word(page: Page, row: str, column: str, words: str) -> None:
     assert page.cell(row, column).words == words
 
 
-def test_a_cell_leads_to_what_it_stands_on(page: Page) -> None:
+def test_cell_links_to_its_item(page: Page) -> None:
     (link,) = page.cell("Sparus", "Wi-Fi").named("a")
     (item,) = [one for one in page.elements if "#" + one.attributes.get("id", "") == link.attributes["href"]]
     assert "the signal of Sparus overdrives the receiver" in item.words
     assert "signal at coastal-gateway, wlan1: -22 dBm" in " ".join(item.words.split())
 
 
-def test_a_cell_that_was_left_out_says_so() -> None:
+def test_omitted_cell_is_marked() -> None:
     own = tuple(item for item in made.healthy_items() if item.vehicle == "sparus")
     found = parsed(html(made.green(items=own, scope={"vehicle": ("sparus",)}), {}))
     assert found.cell("Mares", "GPS").words == "…NOT CHECKED, GPS, Mares"
     assert "The checklist has passed, for vehicle=sparus alone" in found.text
 
 
-def test_the_first_screen_says_what_counts(page: Page) -> None:
+def test_first_screen_shows_the_essentials(page: Page) -> None:
     words = page.text.partition("Table 3")[0]
     for one in (
         "Pre-test checklist: Coastal testbed",
@@ -98,7 +98,7 @@ def test_the_first_screen_says_what_counts(page: Page) -> None:
         assert one in words
 
 
-def test_the_worst_stands_first(page: Page) -> None:
+def test_worst_item_comes_first(page: Page) -> None:
     first = page.text.partition("What to mend first")[2].partition("Overridden by a person")[0]
     order = ["the probe crashed", "overdrives the receiver", "a second DHCP server", "no fix was heard", "waits for"]
     places = [first.index(words) for words in order]
@@ -107,7 +107,7 @@ def test_the_worst_stands_first(page: Page) -> None:
     assert "Zarco does not answer" not in first
 
 
-def test_the_sections_that_have_nothing_to_say_are_not_there() -> None:
+def test_empty_sections_are_omitted() -> None:
     words = parsed(html(made.green(), {})).text
     assert "The checklist has passed 32 PASS" in words
     for one in ("REHEARSAL", "What to mend first", "Overridden by", "What changed", "Notes", "Not rehearsed"):
@@ -115,26 +115,26 @@ def test_the_sections_that_have_nothing_to_say_are_not_there() -> None:
     assert "Everything on the list was looked at." in words
 
 
-def test_a_note_is_on_every_page_and_of_no_verdict(page: Page) -> None:
+def test_note_is_on_every_page_and_affects_no_verdict(page: Page) -> None:
     noted = made.green(notes=made.example().notes)
     assert noted.exit is made.green().exit
     for words in (page.text, parsed(html(noted, {})).text, junit(noted).decode(), " ".join(lines(noted).split())):
         assert made.example().notes[0] in words
 
 
-def test_nothing_at_all_is_said_loudly() -> None:
+def test_empty_checklist_is_clearly_reported() -> None:
     words = parsed(html(made.empty(), {})).text
     assert "Nothing was checked" in words
     assert "NOT SIGNED Nobody vouches for this page." in words
 
 
-def test_a_row_that_differs_from_the_report_says_why() -> None:
+def test_row_that_differs_from_the_report_states_why() -> None:
     row = Row(key="stork", name="Stork", kind="uav", table3=("wifi",), deviation="its GPS is on the ground")
     words = parsed(html(made.green(rows=(row,)), {})).text
     assert "Stork differs from the report: its GPS is on the ground" in words
 
 
-def test_warnings_are_shown_where_nothing_is_to_be_mended() -> None:
+def test_warnings_are_shown_when_nothing_failed() -> None:
     warned = made.item("sparus/gps", Verdict.WARN, "few satellites", hint="wait for a clear sky")
     words = parsed(html(made.green(items=(warned, made.item("sparus/wifi"))), {})).text
     assert "The checklist has passed, with warnings 1 WARN, 1 PASS" in words
@@ -142,7 +142,7 @@ def test_warnings_are_shown_where_nothing_is_to_be_mended() -> None:
     assert "What to mend" not in words
 
 
-def test_evidence_of_one_kind_stands_together() -> None:
+def test_evidence_of_one_kind_is_grouped() -> None:
     told = [("firmware", "1.7"), ("battery", "24 V")]
     read = tuple(Evidence(type=EvidenceType.READ, what=what, value=value) for what, value in told)
     declared = Evidence(type=EvidenceType.DECLARED, what="address", value="3")
@@ -152,13 +152,13 @@ def test_evidence_of_one_kind_stands_together() -> None:
     assert "address: 3 (declared in the inventory)" in words
 
 
-def test_what_changed_is_told(page: Page) -> None:
+def test_changes_are_listed(page: Page) -> None:
     words = page.text.partition("What changed since the last green")[2].partition("What was not checked")[0]
     assert "sparus/wifi ✓ PASSNow ✗ FAIL-22 dBm, was -50 dBm" in words
     assert "coastal/site/poe no such itemNow ✓ PASSis new" in words
 
 
-def test_a_photo_is_in_the_page(page: Page) -> None:
+def test_photo_is_embedded(page: Page) -> None:
     (image,) = [one for one in page.elements if one.tag == "img"]
     kept = image.attributes["src"].removeprefix("data:image/png;base64,")
     assert base64.b64decode(kept) == made.photo()
@@ -167,7 +167,7 @@ def test_a_photo_is_in_the_page(page: Page) -> None:
 
 
 @pytest.mark.parametrize("letter", ["\u202e", "\x1b", "\0", "\u200b", "\ufeff", "\x9b", "\u2066"])
-def test_what_cannot_be_seen_is_written_out(letter: str) -> None:
+def test_invisible_character_is_written_out(letter: str) -> None:
     document = made.green(items=(made.item("sparus/wifi", Verdict.WARN, f"a{letter}b"),))
     shown = f"aU+{ord(letter):04X}b"
     for told in (html(document, {}).decode(), lines(document), junit(document).decode()):
@@ -175,7 +175,7 @@ def test_what_cannot_be_seen_is_written_out(letter: str) -> None:
         assert shown in told
 
 
-def test_it_is_the_same_every_time() -> None:
+def test_output_is_reproducible() -> None:
     assert html(made.example(), made.files()) == html(made.example(), made.files())
 
 
@@ -195,7 +195,7 @@ def test_back_ticks_are_shown_as_code(page: Page) -> None:
         ("<code>`x`</code>", ["x"], "<code>x</code>"),
     ],
 )
-def test_code_is_found_and_nothing_is_lost(text: str, codes: list[str], words: str) -> None:
+def test_code_is_marked_up_without_loss(text: str, codes: list[str], words: str) -> None:
     message = parsed(html(made.green(items=(made.item("sparus/wifi", Verdict.WARN, text),)), {}))
     safe(message)
     (paragraph, *_) = [one for one in message.elements if one.attributes.get("class") == "words" and one.tag == "p"]
@@ -203,7 +203,7 @@ def test_code_is_found_and_nothing_is_lost(text: str, codes: list[str], words: s
     assert " ".join(paragraph.words.split()) == words
 
 
-def test_a_rehearsal_is_no_warning(page: Page) -> None:
+def test_rehearsal_banner_is_no_warning(page: Page) -> None:
     """Each has a shape, a heading and colours of its own; the banner takes none of a state."""
     (banner,) = [one for one in page.elements if one.attributes.get("class") == "rehearsal"]
     assert banner.words.split()[0] == "REHEARSAL:"

@@ -13,7 +13,7 @@ from atlantis_netcfg.checklist.report._shapes import SYMBOLS
 @pytest.mark.parametrize(
     "text", ["Viana do Castelo", "Ωκεανός", "Атлантида", "é ñ ç ø ł ž", "→ ✓ ✗ ■ °±µ", *SYMBOLS.values()]
 )
-def test_what_the_fonts_have_is_printed(text: str) -> None:
+def test_characters_in_the_fonts_are_printed(text: str) -> None:
     assert printable(text) == text
 
 
@@ -29,11 +29,11 @@ def test_what_the_fonts_have_is_printed(text: str) -> None:
         ("\ud800", "U+D800"),
     ],
 )
-def test_what_they_lack_is_written_out(text: str, told: str) -> None:
+def test_characters_missing_in_the_fonts_are_written_out(text: str, told: str) -> None:
     assert printable(text) == told
 
 
-def test_the_same_document_gives_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_output_is_reproducible(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TZ", "Pacific/Auckland")
     first = pdf(made.example(), made.files())
     monkeypatch.setenv("TZ", "UTC")
@@ -42,7 +42,7 @@ def test_the_same_document_gives_the_same_bytes(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("document", [made.empty(), hostile(SHORT)], ids=["empty", "hostile"])
-def test_it_can_be_written(document: Document) -> None:
+def test_any_document_gives_a_pdf(document: Document) -> None:
     assert pdf(document, {}).startswith(b"%PDF-1.")
 
 

@@ -25,7 +25,7 @@ def kept(data: bytes | None, *, sha256: str | None = "as it is", name: str = "a.
 
 
 @pytest.mark.parametrize(("kind", "media"), [("PNG", "image/png"), ("JPEG", "image/jpeg")])
-def test_a_small_picture_is_shown_as_it_is(kind: str, media: str) -> None:
+def test_small_picture_is_shown_unchanged(kind: str, media: str) -> None:
     data = picture(kind)
     photo = kept(data).photo
     assert photo is not None
@@ -33,7 +33,7 @@ def test_a_small_picture_is_shown_as_it_is(kind: str, media: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP"])
-def test_a_large_picture_is_made_smaller(kind: str) -> None:
+def test_large_picture_is_reduced(kind: str) -> None:
     data = picture(kind, 2000, 1000)
     one = kept(data)
     assert one.photo is not None
@@ -42,7 +42,7 @@ def test_a_large_picture_is_made_smaller(kind: str) -> None:
     assert kept(data) == one
 
 
-def test_a_picture_that_lies_on_its_side_is_set_upright() -> None:
+def test_rotated_picture_is_set_upright() -> None:
     exif = Image.Exif()
     exif[0x0112] = 6
     photo = kept(picture("JPEG", 40, 30, exif=exif)).photo
@@ -52,7 +52,7 @@ def test_a_picture_that_lies_on_its_side_is_set_upright() -> None:
         assert image.getexif().get(0x0112, 1) == 1
 
 
-def test_a_photo_of_an_earlier_release_does_not_tell_where_it_was_taken() -> None:
+def test_location_is_removed_from_photos_of_earlier_releases() -> None:
     exif = Image.Exif()
     exif[0x010F] = "41 deg 11 N"
     one = kept(picture("JPEG", exif=exif, comment=b"41 deg 11 N"))
@@ -75,41 +75,41 @@ def test_a_photo_of_an_earlier_release_does_not_tell_where_it_was_taken() -> Non
     ],
     ids=["empty", "text", "svg", "damaged-png", "damaged-jpeg", "tiff", "nonsense-gif"],
 )
-def test_whatever_is_no_picture_is_named(data: bytes) -> None:
+def test_file_that_is_no_picture_is_only_named(data: bytes) -> None:
     one = kept(data)
     assert one.photo is None
     assert not one.amiss
     assert one.words == f"SHA-256 {made.sha256(data)}; {len(data)} bytes"
 
 
-def test_a_picture_that_would_fill_the_memory_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oversized_picture_is_only_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_photos, "MAX_PIXELS", 1000)
     assert kept(picture("PNG")).photo is None
     monkeypatch.setattr(_photos, "MAX_PIXELS", 1200)
     assert kept(picture("PNG")).photo is not None
 
 
-def test_too_many_pictures_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_excess_pictures_are_only_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_photos, "ALL_BYTES", 10)
     one = kept(picture("PNG"))
     assert one.photo is None
     assert one.words.endswith("; not shown, there are too many pictures")
 
 
-def test_a_file_that_is_gone_is_told() -> None:
+def test_missing_file_is_reported() -> None:
     one = kept(None, sha256="0" * 64)
     assert one.amiss
     assert one.words == f"SHA-256 {'0' * 64}; the file is not beside this document"
 
 
-def test_another_file_in_its_place_is_not_shown() -> None:
+def test_replaced_file_is_not_shown() -> None:
     one = kept(picture("PNG"), sha256="0" * 64)
     assert one.amiss
     assert one.photo is None
     assert "the file there is ANOTHER ONE" in one.words
 
 
-def test_a_file_without_a_hash_is_shown_and_told() -> None:
+def test_file_without_a_hash_is_shown_and_marked() -> None:
     one = kept(picture("PNG"), sha256=None)
     assert one.photo is not None
     assert one.words.startswith("without a SHA-256; ")

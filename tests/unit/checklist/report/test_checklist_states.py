@@ -52,7 +52,7 @@ def alike(verdict: Verdict, *, is_open: bool, taken: bool) -> list[Item]:
         for verdict, is_open, taken in CASES
     ],
 )
-def test_all_pages_say_the_same(verdict: Verdict, is_open: bool, taken: bool) -> None:  # noqa: FBT001 - cases
+def test_all_pages_show_the_same_state(verdict: Verdict, is_open: bool, taken: bool) -> None:  # noqa: FBT001 - cases
     items = alike(verdict, is_open=is_open, taken=taken)
     document = made.green(items=(*items, made.item("sparus/gps")))
     shown = NAMES.get((verdict, is_open, taken), ShownState.OVERRIDDEN)
@@ -79,10 +79,10 @@ def test_all_pages_say_the_same(verdict: Verdict, is_open: bool, taken: bool) ->
     assert shown is ShownState.PASS or told.count(f"\n{ASCII[shown]} {shown} ") == 3
 
 
-def test_the_worst_of_none_is_that_nothing_was_checked() -> None:
+def test_worst_state_of_nothing_is_not_checked() -> None:
     assert worst_state(()) is ShownState.NOT_CHECKED
 
 
-def test_the_order_is_that_of_the_verdicts() -> None:
+def test_states_are_ordered_like_verdicts() -> None:
     order = list(ShownState)
     assert [word for word in map(str, order) if word in set(map(str, Verdict))] == list(map(str, Verdict))

@@ -25,11 +25,11 @@ def offer(
 TYPE, SERVER, ROUTER = b"\x35\x01\x02", b"\x36\x04\x0a\x40\x01\x01", b"\x03\x08\x0a\x40\x01\xfe\x0a\x40\x01\xfd"
 
 
-def test_an_offer() -> None:
+def test_offer_is_read() -> None:
     assert _offer(offer(TYPE, b"\0\0", SERVER, ROUTER), [MAC], NUMBER) == OFFER
 
 
-def test_a_server_that_does_not_name_itself_is_known_by_where_it_came_from() -> None:
+def test_unnamed_server_is_identified_by_source_address() -> None:
     assert _offer(offer(TYPE), [MAC], NUMBER) == {**OFFER, "server": "10.64.1.2", "router": None}
 
 
@@ -48,18 +48,18 @@ def test_a_server_that_does_not_name_itself_is_known_by_where_it_came_from() -> 
     ],
     ids=["ack", "no-type", "of-another", "to-another", "to-a-server", "bootp", "empty", "ones", "zeros"],
 )
-def test_what_is_no_offer_to_us(frame: bytes) -> None:
+def test_unrelated_frame_is_ignored(frame: bytes) -> None:
     assert _offer(frame, [MAC], NUMBER) is None
 
 
-def test_frames_that_end_early() -> None:
+def test_truncated_frame_gives_no_wrong_address() -> None:
     whole = offer(TYPE, SERVER, ROUTER)
     for length in range(len(whole)):
         found = _offer(whole[:length], [MAC], NUMBER)
         assert found is None or found["address"] == "10.64.1.100"
 
 
-def test_the_question() -> None:
+def test_discover_frame() -> None:
     frame = _frame(MAC, MAC, NUMBER)
     assert frame[:14] == b"\xff" * 6 + MAC + b"\x08\x00"
     header = struct.unpack("!10H", frame[14:34])
@@ -74,13 +74,13 @@ def test_the_question() -> None:
     assert len(bootp) == 300
 
 
-def test_a_question_in_the_name_of_another_card_comes_from_this_one() -> None:
+def test_discover_for_another_card_is_sent_from_this_one() -> None:
     frame = _frame(MAC, SERVER_MAC, NUMBER)
     assert (frame[6:12], frame[42 + 28 : 42 + 34]) == (MAC, SERVER_MAC)
     assert _offer(offer(TYPE, SERVER, ROUTER, mac=SERVER_MAC), [MAC, SERVER_MAC], NUMBER) == OFFER
 
 
-def test_the_card_that_nobody_has_is_one_of_local_administration_and_always_the_same() -> None:
+def test_unused_mac_is_local_and_stable() -> None:
     nobody = _nobody(MAC)
     assert nobody == _nobody(MAC) != MAC
     assert nobody[0] & 3 == 2, "it is a single card's, and no maker's"

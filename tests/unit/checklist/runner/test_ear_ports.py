@@ -59,7 +59,7 @@ def udp(port: int, **how: Any) -> Listen:  # noqa: ANN401 - the fields of Listen
     return listen(port, transport="udp", address="", **how)
 
 
-def test_datagrams_are_kept_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_datagrams_are_kept_separate(monkeypatch: pytest.MonkeyPatch) -> None:
     bound = threading.Event()
     bind = socket.socket.bind
 
@@ -95,14 +95,14 @@ def test_a_udp_port_of_another_program_is_left_alone() -> None:
     assert (told.trouble, told.words) == (Trouble.BUSY, f"UDP port {port}: Address already in use")
 
 
-def test_nobody_sends() -> None:
+def test_silent_udp_port_gives_nothing() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind((LOOPBACK, 0))
         port = free.getsockname()[1]
     assert heard_by(udp(port, listen_s=0.01)).chunks == ()
 
 
-def test_a_serial_port_speaks_and_is_left_as_it_was(pair: tuple[int, str]) -> None:
+def test_serial_port_settings_are_restored(pair: tuple[int, str]) -> None:
     ours, path = pair
     before = settings(path)
 
@@ -119,7 +119,7 @@ def test_a_serial_port_speaks_and_is_left_as_it_was(pair: tuple[int, str]) -> No
     assert settings(path) == before
 
 
-def test_who_made_a_pseudo_terminal_does_not_hold_it(pair: tuple[int, str]) -> None:
+def test_creator_of_a_pseudo_terminal_does_not_count_as_user(pair: tuple[int, str]) -> None:
     """A twin keeps its own end: from another process this must not look like somebody who has the port."""
     ours, path = pair
     os.write(ours, b"$GPGGA,1\r\n")
@@ -128,7 +128,7 @@ def test_who_made_a_pseudo_terminal_does_not_hold_it(pair: tuple[int, str]) -> N
     assert (told.trouble, told.data) == (None, b"$GPGGA,1\r\n")
 
 
-def test_a_port_that_another_process_has_is_not_opened(pair: tuple[int, str]) -> None:
+def test_port_in_use_by_another_process_is_not_opened(pair: tuple[int, str]) -> None:
     ours, path = pair
     with other(HOLDS, path) as pid:
         before, name = settings(path), Path(f"/proc/{pid}/comm").read_text().strip()
@@ -143,13 +143,13 @@ def test_a_port_that_another_process_has_is_not_opened(pair: tuple[int, str]) ->
         os.read(ours, 100)
 
 
-def test_a_port_that_is_locked_is_not_opened(pair: tuple[int, str]) -> None:
+def test_locked_port_is_not_opened(pair: tuple[int, str]) -> None:
     with other(f"{LOCKS}; print('held', flush=True); input()", pair[1]) as pid:
         told = heard_by(serial(pair[1]))
     assert (told.trouble, told.words) == (Trouble.BUSY, f"{pair[1]} is locked by process {pid}")
 
 
-def test_a_lock_file_counts_while_its_process_lives(
+def test_lock_file_counts_only_while_its_process_lives(
     pair: tuple[int, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(streams, "_LOCKS", (str(tmp_path),))
@@ -160,7 +160,9 @@ def test_a_lock_file_counts_while_its_process_lives(
     assert heard_by(serial(pair[1])).trouble is None
 
 
-def test_a_port_of_which_nobody_can_tell_who_has_it(pair: tuple[int, str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_port_is_not_opened_if_its_user_cannot_be_determined(
+    pair: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def hidden(_process: Path, _device: int) -> bool:
         raise PermissionError
 
@@ -181,13 +183,13 @@ def test_a_port_of_which_nobody_can_tell_who_has_it(pair: tuple[int, str], monke
         ("/dev/null", 12345, "/dev/null: no serial port does 12345 baud"),
     ],
 )
-def test_what_is_no_serial_port(path: str, baud: int, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_serial_port_is_reported(path: str, baud: int, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(streams, "_require_free_port", lambda *_: None)  # everybody has /dev/null open
     told = heard_by(serial(path, baud=baud))
     assert (told.trouble, told.words) == (Trouble.MISSING, words)
 
 
-def test_a_device_that_is_pulled_out() -> None:
+def test_unplugged_device_is_reported() -> None:
     ours, theirs = os.openpty()
     name = os.ttyname(theirs)
     os.close(theirs)

@@ -28,7 +28,7 @@ def run(*argv: str, name: str = "it", within_s: float = ENOUGH_S) -> probes.RunP
 
 
 @pytest.mark.parametrize(("name", "text"), _sources(), ids=MODULES)
-def test_it_is_python_3_8_and_the_standard_library(name: str, text: str) -> None:
+def test_program_needs_only_python_3_8_and_standard_library(name: str, text: str) -> None:
     tree = ast.parse(text, feature_version=(3, 8))
     compile(text, name, "exec")
     for node in ast.walk(tree):
@@ -41,7 +41,7 @@ def test_it_is_python_3_8_and_the_standard_library(name: str, text: str) -> None
 
 
 @pytest.mark.parametrize(("name", "text"), _sources(), ids=MODULES)
-def test_what_travels_does_the_same_as_the_source(name: str, text: str) -> None:
+def test_minified_program_equals_its_source(name: str, text: str) -> None:
     path = Path(main.__file__).with_name(f"{name.rpartition('.')[2]}.py")
     ours, theirs = (ast.parse(source) for source in (path.read_text(), text))
     for tree in (ours, theirs):
@@ -51,11 +51,11 @@ def test_what_travels_does_the_same_as_the_source(name: str, text: str) -> None:
     assert ast.dump(ours) == ast.dump(theirs)
 
 
-def test_it_is_small() -> None:
+def test_program_is_small() -> None:
     assert len(program({"questions": [], "deadline_s": 0})) < MOST
 
 
-def test_every_kind_of_question_by_the_program() -> None:
+def test_program_answers_every_kind_of_request() -> None:
     def serve(client: socket.socket) -> None:
         client.recv(100)
         client.sendall(b"\x00\xffanswer\r\n")
@@ -85,13 +85,13 @@ def test_every_kind_of_question_by_the_program() -> None:
     )
 
 
-def test_what_a_program_prints_and_how_it_ends() -> None:
+def test_output_and_exit_code_of_a_program_are_returned() -> None:
     told = asked(run("sh", "-c", "echo out; echo err >&2; exit 3"))["it"]
     assert isinstance(told, probes.CommandResult)
     assert (told.trouble, told.rc, told.out, told.err) == (None, 3, "out\n", "err\n")
 
 
-def test_a_program_that_may_not_run(tmp_path: Path) -> None:
+def test_program_that_cannot_run_is_reported(tmp_path: Path) -> None:
     program = tmp_path / "program"
     program.touch(mode=0o600)
     told = asked(run(str(program)))["it"]
@@ -101,7 +101,7 @@ def test_a_program_that_may_not_run(tmp_path: Path) -> None:
     assert asked(run(str(program)))["it"].trouble is probes.Trouble.MISSING
 
 
-def test_a_program_that_hangs_is_ended_with_all_that_it_has_started(tmp_path: Path) -> None:
+def test_hanging_program_is_killed_with_its_children(tmp_path: Path) -> None:
     child = tmp_path / "child"
     told = asked(run("sh", "-c", f"echo so far; sleep 600 & echo $! >{child}; wait", within_s=1.0))["it"]
     assert isinstance(told, probes.CommandResult)
@@ -123,7 +123,7 @@ def ended(pid: int) -> bool:
     return False
 
 
-def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_crashed_or_hanging_request_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     def crash(_asked: dict[str, Any]) -> dict[str, Any]:
         raise ZeroDivisionError("division by zero")
 
@@ -153,7 +153,7 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
     assert told["waits"] == {"trouble": "silent", "words": "timed out"}
 
 
-def test_nobody_reads_it_any_more() -> None:
+def test_program_stops_when_its_reader_is_gone() -> None:
     feed = program(batch([("a", run("true", name="a")), ("b", run("sleep", "600", name="b", within_s=600))]).request)
     reading, writing = os.pipe()
     os.close(reading)
@@ -163,7 +163,7 @@ def test_nobody_reads_it_any_more() -> None:
     assert process.returncode == 1
 
 
-def test_who_waits_for_whom_and_how_long_it_takes_at_most() -> None:
+def test_request_order_and_time_limit() -> None:
     questions: dict[str, probes.Question] = {
         "runs": run("true", name="runs", within_s=2),
         "a": listen(1, name="a", connect_s=1, listen_s=5),
@@ -185,7 +185,7 @@ def test_who_waits_for_whom_and_how_long_it_takes_at_most() -> None:
     assert batch([]).within_s == 1
 
 
-def test_an_end_that_is_not_there_is_not_knocked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreachable_end_is_not_contacted_again(monkeypatch: pytest.MonkeyPatch) -> None:
     knocks = []
 
     def knock(row: dict[str, Any], _sound: object) -> None:
@@ -206,13 +206,13 @@ def test_an_end_that_is_not_there_is_not_knocked_at_again(monkeypatch: pytest.Mo
     "question",
     [probes.LinkStatusRequest("l", "satellite"), probes.RouterOsQuery("a", "router", None)],  # type: ignore[arg-type]
 )
-def test_a_question_of_another_place_is_no_question_of_the_program(
+def test_request_of_another_place_is_refused(
     question: probes.LinkStatusRequest | probes.RouterOsQuery,
 ) -> None:
     with pytest.raises(ValueError, match="is no question of the program that listens"):
         batch([("it", question)])
 
 
-def test_questions_are_json() -> None:
+def test_requests_are_json() -> None:
     made = batch([("it", listen(9200, say=(probes.Say(b"+++AT?S\n\xff", rb"\r\n\xfe"),), enough=rb"\x00"))])
     assert json.loads(json.dumps(made.request)) == made.request

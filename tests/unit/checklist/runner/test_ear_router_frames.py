@@ -24,7 +24,7 @@ def advertisement(*options: bytes, kind: int = 134, hops: int = 255, protocol: i
     return bytes.fromhex("333300000001") + ROUTER_MAC + b"\x86\xdd" + header + ADDRESS + NODES + body
 
 
-def test_a_router() -> None:
+def test_advertisement_is_read() -> None:
     mtu, name_server = b"\x05\x01\0\0\0\0\x05\xdc", b"\x19\x03" + bytes(22)
     assert _advertisement(advertisement(mtu, prefix(), name_server)) == HEARD
     assert _advertisement(advertisement()) == {**HEARD, "prefixes": []}
@@ -45,11 +45,11 @@ def test_a_router() -> None:
     ],
     ids=["neighbour", "from-elsewhere", "udp", "longer-than-it-is", "too-short", "empty", "ones", "zeros"],
 )
-def test_what_is_no_advertisement(frame: bytes) -> None:
+def test_unrelated_frame_is_ignored(frame: bytes) -> None:
     assert _advertisement(frame) is None
 
 
-def test_options_that_lie_about_their_length_end_the_list() -> None:
+def test_options_with_wrong_length_end_the_list() -> None:
     assert _advertisement(advertisement(prefix(size=0), prefix())) == {**HEARD, "prefixes": []}
     assert _advertisement(advertisement(prefix(), prefix(size=200))) == HEARD
     many = _advertisement(advertisement(*(prefix(f"2001:db8:{number:x}::") for number in range(40))))
@@ -57,12 +57,12 @@ def test_options_that_lie_about_their_length_end_the_list() -> None:
     assert len(many["prefixes"]) == 8
 
 
-def test_frames_that_end_early() -> None:
+def test_truncated_frame_is_ignored() -> None:
     whole = advertisement(prefix())
     assert not [length for length in range(len(whole)) if _advertisement(whole[:length])]
 
 
-def test_no_other_interface_is_heard_before_the_one_that_was_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_socket_receives_nothing_before_it_is_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     """A socket of AF_PACKET with a protocol hears every interface until it is bound (packet(7))."""
     made: list[tuple[object, ...]] = []
 
@@ -76,7 +76,7 @@ def test_no_other_interface_is_heard_before_the_one_that_was_named(monkeypatch: 
     assert made == [(socket.AF_PACKET, socket.SOCK_RAW, 0)]
 
 
-def test_the_question() -> None:
+def test_solicitation_frame() -> None:
     frame = _solicitation(MAC)
     assert frame[:14] == bytes.fromhex("333300000002") + MAC + b"\x86\xdd"
     assert struct.unpack("!IHBB", frame[14:22]) == (6 << 28, 8, 58, 255)

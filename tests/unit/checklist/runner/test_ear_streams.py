@@ -21,12 +21,12 @@ def free() -> Iterator[int]:
         yield bound.getsockname()[1]
 
 
-def test_a_port_at_which_nobody_listens(free: int) -> None:
+def test_refused_connection_is_reported(free: int) -> None:
     told = heard_by(listen(free))
     assert (told.trouble, told.words) == (Trouble.REFUSED, f"127.0.0.1 port {free}: Connection refused")
 
 
-def test_a_host_that_does_not_answer() -> None:
+def test_connection_timeout_is_reported() -> None:
     with socket.socket() as door:
         door.bind((LOOPBACK, 0))
         door.listen(0)
@@ -53,13 +53,13 @@ def test_a_host_that_does_not_answer() -> None:
         (errno.EMFILE, "unreachable"),
     ],
 )
-def test_the_systems_words(number: int, trouble: str) -> None:
+def test_system_errors_are_classified(number: int, trouble: str) -> None:
     found = no_answer(OSError(number, "words of the system"), "10.0.0.1 port 9200")
     assert (Trouble(found.trouble), found.words) == (Trouble(trouble), "10.0.0.1 port 9200: words of the system")
 
 
 @pytest.mark.parametrize("say", [(), (HELLO,)])
-def test_who_hangs_up_at_once(say: tuple[Say, ...]) -> None:
+def test_immediate_hang_up_is_reported(say: tuple[Say, ...]) -> None:
     with served(lambda client: client.shutdown(socket.SHUT_RDWR)) as port:
         told = heard_by(listen(port, say=say, listen_s=ENOUGH_S))
     assert told.trouble is Trouble.CLOSED
@@ -67,20 +67,20 @@ def test_who_hangs_up_at_once(say: tuple[Say, ...]) -> None:
     assert told.data == b""
 
 
-def test_who_says_that_it_is_taken_and_hangs_up() -> None:
+def test_hang_up_after_a_busy_message_is_reported() -> None:
     with served(lambda client: client.sendall(b"port already in use\r\n\r\n ")) as port:
         told = heard_by(listen(port, say=(Say(b"AT\n", b"^OK", ENOUGH_S),), listen_s=ENOUGH_S))
     assert (told.trouble, told.data) == (Trouble.CLOSED, b"port already in use\r\n\r\n ")
 
 
-def test_who_hangs_up_after_its_answer_is_no_trouble() -> None:
+def test_hang_up_after_the_response_is_no_error() -> None:
     with served(lambda client: client.sendall(b"all there is")) as port:
         told = heard_by(listen(port, listen_s=ENOUGH_S))
     assert (told.trouble, told.data) == (None, b"all there is")
     assert told.words.startswith("the other end hung up after")
 
 
-def test_answers_that_come_byte_by_byte() -> None:
+def test_responses_may_arrive_byte_by_byte() -> None:
     answers = {b"hello\n": b'\x00\xff binary "quoted" \\ \r\n', b"and?\n": "Größe\r\n".encode()}
     said = []
 
@@ -102,7 +102,7 @@ def test_answers_that_come_byte_by_byte() -> None:
     assert told.ended_s >= told.chunks[-1][0]
 
 
-def test_nothing_is_said_after_an_answer_that_does_not_come() -> None:
+def test_nothing_more_is_sent_after_a_missing_response() -> None:
     """The transmission hangs on the answer that allows it; what comes later is heard all the same."""
     said = []
 
@@ -117,13 +117,13 @@ def test_nothing_is_said_after_an_answer_that_does_not_come() -> None:
     assert said == [b"may I?\n"]
 
 
-def test_who_takes_the_connection_and_keeps_silent() -> None:
+def test_silent_connection_is_no_error() -> None:
     with served(until_gone) as port:
         told = heard_by(listen(port, say=(Say(b"?\n", b".", 0.05),), listen_s=0.05))
     assert (told.trouble, told.words, told.chunks) == (None, "", ())
 
 
-def test_what_stands_before_a_saying_does_not_answer_it() -> None:
+def test_earlier_data_does_not_count_as_a_response() -> None:
     def serve(client: socket.socket) -> None:
         client.sendall(b"OK\r\n")
         assert client.recv(100) == b"one\n"
@@ -137,7 +137,7 @@ def test_what_stands_before_a_saying_does_not_answer_it() -> None:
         assert heard_by(listen(port, say=script)).data == b"OK\r\nOK\r\nOK 2\r\n"
 
 
-def test_listening_ends_when_it_is_enough() -> None:
+def test_listening_ends_when_enough_is_received() -> None:
     def serve(client: socket.socket) -> None:
         client.sendall(b"$GPGGA,1\r\n")
         client.sendall(b"$GPGGA,2\r\n")
@@ -148,7 +148,7 @@ def test_listening_ends_when_it_is_enough() -> None:
     assert told.data == b"$GPGGA,1\r\n$GPGGA,2\r\n"
 
 
-def test_no_more_is_kept_than_asked_for() -> None:
+def test_data_is_cut_at_the_requested_size() -> None:
     def serve(client: socket.socket) -> None:
         client.sendall(b"x" * 5000)
         until_gone(client)
@@ -158,7 +158,7 @@ def test_no_more_is_kept_than_asked_for() -> None:
     assert (len(told.data), told.words) == (100, "cut after 100 bytes")
 
 
-def test_one_port_is_asked_one_after_the_other_in_the_order_of_the_questions() -> None:
+def test_requests_to_one_port_run_in_order() -> None:
     """A modem serves one client; two of our own questions must not look like the vehicle's software to each other."""
     inside, most, said = [0], [0], []
     lock = threading.Lock()
@@ -181,7 +181,7 @@ def test_one_port_is_asked_one_after_the_other_in_the_order_of_the_questions() -
     assert {name: one.data for name, one in told.items() if isinstance(one, Transcript)} == {"b": b"ok", "a": b"ok"}
 
 
-def test_who_shares_a_medium_waits_for_each_other() -> None:
+def test_requests_on_a_shared_medium_run_in_turn() -> None:
     order: list[str] = []
 
     def transmit(client: socket.socket) -> None:
@@ -198,7 +198,7 @@ def test_who_shares_a_medium_waits_for_each_other() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"$GPGGA,1\r\n", bytes(range(256)), b"\xfd\x09\x00\x00"])
-def test_bytes_through_json(data: bytes) -> None:
+def test_bytes_round_trip_through_json(data: bytes) -> None:
     def serve(client: socket.socket) -> None:
         client.sendall(data)
 
@@ -206,7 +206,7 @@ def test_bytes_through_json(data: bytes) -> None:
         assert heard_by(listen(port, listen_s=ENOUGH_S)).data == data
 
 
-def test_text_stays_text_and_bytes_take_no_more_than_base64() -> None:
+def test_text_stays_text_and_bytes_become_base64() -> None:
     assert (
         encode_bytes(b"$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63\r\n") == "$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63\r\n"
     )

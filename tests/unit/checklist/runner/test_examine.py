@@ -128,7 +128,7 @@ def examined(
     return asyncio.run(examine(entries, ears, settled, now=lambda: NOW, state=lambda: tmp_path))
 
 
-def test_an_item_has_the_words_of_its_worst_finding(tmp_path: Path) -> None:
+def test_item_takes_the_message_of_its_worst_finding(tmp_path: Path) -> None:
     first = LinkFinding(Verdict.WARN, "near", "it is near", "move it")
     second = LinkFinding(Verdict.WARN, "slow", "it is slow", "speed it up")
     (item,) = examined([entry("a", Fake(findings=(GOOD, first, second)))], Ears(), tmp_path)
@@ -143,7 +143,7 @@ def test_an_item_has_the_words_of_its_worst_finding(tmp_path: Path) -> None:
     assert [one.value for one in item.evidence] == ["1 m"]
 
 
-def test_each_place_is_asked_once_and_what_is_the_same_is_asked_once(tmp_path: Path) -> None:
+def test_each_place_and_identical_request_is_asked_once(tmp_path: Path) -> None:
     other = replace(OF_ROUTER, host="coastal-cpe", name="cpe")
     probes = {
         "a": Fake((DISCOVER, OF_ROUTER)),
@@ -164,13 +164,13 @@ def test_each_place_is_asked_once_and_what_is_the_same_is_asked_once(tmp_path: P
     assert probes["c"].heard == {"here": answer(HERE), "cpe": answer(other)}
 
 
-def test_looks_of_several_items_are_one_question_to_no_host(tmp_path: Path) -> None:
+def test_link_status_of_several_items_is_one_request(tmp_path: Path) -> None:
     ears = Ears({Place.ROUTER: lambda questions, _: {key: Rows(None) for key, _ in questions}})
     examined([entry("a", Fake((LOOKS,))), entry("b", Fake((LOOKS,)))], ears, tmp_path)
     assert ears.asked == [(Place.ROUTER, None, ["coastal/site/a#look"])]
 
 
-def test_places_are_asked_at_the_same_time_and_items_settle_as_they_are_answered(tmp_path: Path) -> None:
+def test_places_run_in_parallel_and_items_settle_as_answered(tmp_path: Path) -> None:
     """The gateway waits for the router's item to be settled; of the gateway's own items one comes before the other."""
     order: list[str] = []
 
@@ -203,7 +203,7 @@ def test_places_are_asked_at_the_same_time_and_items_settle_as_they_are_answered
 
 
 @pytest.mark.parametrize(("where", "name"), [("asks", "ZeroDivisionError"), ("judge", "KeyError")])
-def test_a_probe_that_crashes_is_an_error_and_the_others_go_on(tmp_path: Path, where: str, name: str) -> None:
+def test_crashed_probe_is_an_error_and_others_continue(tmp_path: Path, where: str, name: str) -> None:
     sick, well = examined([entry("sick", Fake(fault=where)), entry("well", Fake())], Ears(), tmp_path)
     assert (sick.verdict, sick.open) == (Verdict.ERROR, False)
     assert sick.message == f"provision itself failed ({name}): this is our fault, not a mistake of yours"
@@ -215,7 +215,7 @@ def test_a_probe_that_crashes_is_an_error_and_the_others_go_on(tmp_path: Path, w
     assert well.verdict is Verdict.PASS
 
 
-def test_ears_that_crash_take_no_other_place_with_them(tmp_path: Path) -> None:
+def test_crashed_transport_affects_only_its_place(tmp_path: Path) -> None:
     def crash(_questions: Questions, _heard: OnAnswer) -> Mapping[str, Answer]:
         raise ZeroDivisionError
 
@@ -225,14 +225,14 @@ def test_ears_that_crash_take_no_other_place_with_them(tmp_path: Path) -> None:
     assert len(list((tmp_path / "log").iterdir())) == 1
 
 
-def test_what_ears_leave_out_was_not_asked(tmp_path: Path) -> None:
+def test_missing_answer_counts_as_not_asked(tmp_path: Path) -> None:
     probe = Fake((DISCOVER, HERE))
     examined([entry("a", probe)], Ears({Place.GATEWAY: lambda *_: {}}), tmp_path)
     assert probe.heard["run"] == CommandResult(Trouble.NO_PLACE, "nothing came back")
     assert probe.heard["here"] == answer(HERE)
 
 
-def test_a_place_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hanging_place_times_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_run, "LIMIT_S", 0.05)
     probe = Fake((DISCOVER,))
 
@@ -243,18 +243,18 @@ def test_a_place_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.Monk
     assert probe.heard == {"run": CommandResult(Trouble.NO_PLACE, "nothing came back within 0.05 s")}
 
 
-def test_a_probe_without_a_word_does_not_pass(tmp_path: Path) -> None:
+def test_probe_without_findings_does_not_pass(tmp_path: Path) -> None:
     (item,) = examined([entry("a", Fake(findings=()))], Ears(), tmp_path)
     assert (item.verdict, item.message) == (Verdict.ERROR, "this probe came to no verdict")
 
 
-def test_a_probe_that_asks_nothing_is_judged_at_once(tmp_path: Path) -> None:
+def test_probe_without_requests_is_judged_at_once(tmp_path: Path) -> None:
     ears = Ears()
     (item,) = examined([entry("a", Fake(questions=()))], ears, tmp_path)
     assert (item.verdict, ears.asked) == (Verdict.PASS, [])
 
 
-def test_persons_and_what_does_not_apply_come_back_as_they_are(tmp_path: Path) -> None:
+def test_items_for_people_or_not_applicable_stay_unchanged(tmp_path: Path) -> None:
     apart = entry("apart", Fake(), is_open=False)
     entries = [entry("person", None), replace(apart, step=replace(apart.step, unless="nobody has one"))]
     told: list[Item] = []
@@ -262,19 +262,19 @@ def test_persons_and_what_does_not_apply_come_back_as_they_are(tmp_path: Path) -
     assert told == []
 
 
-def test_what_is_settled_already_is_asked_again(tmp_path: Path) -> None:
+def test_settled_item_is_checked_again(tmp_path: Path) -> None:
     (item,) = examined([entry("settled", Fake(), is_open=False)], Ears(), tmp_path)
     assert (item.verdict, item.message) == (Verdict.PASS, "all is well")
 
 
-def test_a_question_that_cannot_be_compared_is_a_fault_of_its_probe(tmp_path: Path) -> None:
+def test_unhashable_request_is_an_error_of_its_probe(tmp_path: Path) -> None:
     listed = replace(DISCOVER, argv=["ip", "-j", "addr"])  # type: ignore[arg-type]
     bad, good = examined([entry("bad", Fake((listed,))), entry("good", Fake())], Ears(), tmp_path)
     assert (bad.verdict, good.verdict) == (Verdict.ERROR, Verdict.PASS)
     assert "TypeError" in bad.message
 
 
-def test_who_cannot_keep_an_item_ends_the_turn(tmp_path: Path) -> None:
+def test_failure_to_store_an_item_stops_everything(tmp_path: Path) -> None:
     def full(_item: Item) -> None:
         raise OSError("no space left")
 
@@ -335,7 +335,7 @@ UNFIT: Mapping[str, tuple[tuple[Question, ...], str]] = {
 
 
 @pytest.mark.parametrize("case", UNFIT)
-def test_what_may_not_be_asked_is_refused_before_the_wire(tmp_path: Path, case: str) -> None:
+def test_forbidden_request_is_refused_before_sending(tmp_path: Path, case: str) -> None:
     questions, why = UNFIT[case]
     ears = Ears()
     bad, good = examined([entry("bad", Fake((OF_ROUTER, *questions))), entry("good", Fake((HERE,)))], ears, tmp_path)
@@ -346,7 +346,7 @@ def test_what_may_not_be_asked_is_refused_before_the_wire(tmp_path: Path, case: 
 
 
 @pytest.mark.parametrize("kind", [ItemKind.AUTOMATIC, ItemKind.ACTIVE])
-def test_a_transmission_is_only_for_active_steps(tmp_path: Path, kind: ItemKind) -> None:
+def test_only_active_steps_may_transmit(tmp_path: Path, kind: ItemKind) -> None:
     ears = Ears()
     say = (Say(b"+++AT*SENDIM,5,2,ack,hello\n", b"OK"),)
     (item,) = examined([entry("it", Fake((tcp(say=say),)), kind)], ears, tmp_path)
@@ -354,7 +354,7 @@ def test_a_transmission_is_only_for_active_steps(tmp_path: Path, kind: ItemKind)
     assert len(ears.asked) == (kind is ItemKind.ACTIVE)
 
 
-def test_what_is_declared_may_be_asked(tmp_path: Path) -> None:
+def test_declared_requests_are_allowed(tmp_path: Path) -> None:
     """The vehicles' addresses and ports, and pings that end."""
     ping = Query("/tool", "ping", (("address", "192.168.88.1"), ("count", "2")))
     questions = (tcp(), Listen("udp", Place.GATEWAY, "udp", port=14550), RouterOsQuery("ping", "coastal-router", ping))
@@ -362,7 +362,7 @@ def test_what_is_declared_may_be_asked(tmp_path: Path) -> None:
     assert item.verdict is Verdict.PASS
 
 
-def test_progress_is_told_item_by_item(tmp_path: Path) -> None:
+def test_progress_is_reported_item_by_item(tmp_path: Path) -> None:
     events: list[Event] = []
     kept: list[Item] = []
     entries = [entry("a", Fake()), entry("b", Fake(findings=(LinkFinding(Verdict.FAIL, "bad", "it is bad"),)))]

@@ -77,7 +77,7 @@ def run(name: str, *argv: str, within_s: float = 30.0) -> probes.RunProgram:
     return probes.RunProgram(name, probes.Place.GATEWAY, argv, within_s)
 
 
-def test_everything_goes_in_one_command(stand: Stand) -> None:
+def test_all_requests_go_in_one_command(stand: Stand) -> None:
     nobody = probes.Listen(
         "tcp", probes.Place.GATEWAY, "tcp", "127.0.0.1", 1, say=(probes.Say(b"\x00'\"%s$(x)\n", b"."),)
     )
@@ -100,13 +100,13 @@ def test_everything_goes_in_one_command(stand: Stand) -> None:
     ]
 
 
-def test_who_is_not_root_becomes_it(stand: Stand) -> None:
+def test_user_that_is_not_root_uses_sudo(stand: Stand) -> None:
     way = replace(way_in(SHIPPED, GATEWAY, Request(), "config"), sudo=True)
     assert way.run("echo %s", "it's 100% $HOME").out == b"it's 100% $HOME\n"
     assert " coastal-gateway sudo /bin/sh -c 'echo " in stand.calls[0]
 
 
-def test_who_may_not_become_root(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_sudo_rights_are_reported(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     way = replace(way_in(SHIPPED, GATEWAY, Request(), "config"), sudo=True)
     monkeypatch.setattr("atlantis_netcfg.checklist.runner._gateway_access.way_in", lambda *_: way)
     stand.behaves("cat >/dev/null; echo 'sudo: a password is required' >&2; exit 1")
@@ -115,13 +115,13 @@ def test_who_may_not_become_root(stand: Stand, monkeypatch: pytest.MonkeyPatch) 
     )
 
 
-def test_what_a_login_prints_besides_does_no_harm(stand: Stand) -> None:
+def test_login_banner_does_no_harm(stand: Stand) -> None:
     noise = 'echo "Welcome to Ubuntu"; echo \'{"key": "unknown", "trouble": null}\'; echo 7; echo; '
     stand.behaves(noise + RUNS)
     assert stand.ask(run("one", "true"))["one"].trouble is None
 
 
-def test_a_fault_of_the_program_is_told_after_all_else(stand: Stand) -> None:
+def test_program_fault_is_raised_after_the_results(stand: Stand) -> None:
     well = '{"key":"two","trouble":null,"words":"","rc":0,"out":"","err":"","began":1.0}'
     stand.behaves(f"""cat >/dev/null; echo '{{"key":"one","fault":"ZeroDivisionError: x"}}'; echo '{well}'""")
     with pytest.raises(RuntimeError, match="the program that listens failed: ZeroDivisionError: x"):
@@ -156,7 +156,7 @@ NOBODY: Mapping[str, tuple[str, str]] = {
 
 
 @pytest.mark.parametrize("case", NOBODY)
-def test_a_gateway_that_is_not_reached_answers_so(stand: Stand, case: str) -> None:
+def test_unreachable_gateway_is_reported_for_every_request(stand: Stand, case: str) -> None:
     does, words = NOBODY[case]
     stand.behaves(does)
     found = stand.ask(run("one", "true"), probes.Listen("two", probes.Place.GATEWAY, "udp", port=14550))
@@ -167,7 +167,7 @@ def test_a_gateway_that_is_not_reached_answers_so(stand: Stand, case: str) -> No
     assert stand.events[-1].message == "0 of 2 questions were asked"
 
 
-def test_a_connection_that_hangs_is_given_up_with_what_has_come(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hanging_connection_times_out_with_partial_results(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_gateway_access, "_CONNECT_S", 0)
     monkeypatch.setattr(_gateway_access, "_GRACE_S", 0.7)
     first = '{"key":"one","trouble":null,"words":"","rc":0,"out":"early","err":"","began":1.0}'
@@ -181,7 +181,7 @@ def test_a_connection_that_hangs_is_given_up_with_what_has_come(stand: Stand, mo
     )
 
 
-def test_who_does_not_wait_ends_the_connection(stand: Stand, tmp_path: Path) -> None:
+def test_cancellation_ends_the_connection(stand: Stand, tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     stand.behaves(f"echo $$ >{pipe}; exec sleep 600")
@@ -199,7 +199,7 @@ def test_who_does_not_wait_ends_the_connection(stand: Stand, tmp_path: Path) -> 
     wait_until(lambda: not Path("/proc", pids[0]).exists())
 
 
-def test_a_slow_way_is_waited_for_longer_than_a_gap() -> None:
+def test_slow_link_has_longer_timeouts() -> None:
     fast, slow = (
         way_in(SHIPPED, GATEWAY, Request(via={"coastal-gateway": name}), "config") for name in ("lan", "satellite")
     )
@@ -207,7 +207,7 @@ def test_a_slow_way_is_waited_for_longer_than_a_gap() -> None:
     assert slow.grace_s > 3 * 70 > fast.grace_s
 
 
-def test_example_values_and_what_is_not_emulated_are_no_place(tmp_path: Path) -> None:
+def test_example_values_and_unemulated_gateway_are_unreachable(tmp_path: Path) -> None:
     with pytest.raises(GatewayUnreachable, match="the inventory still holds example values"):
         way_in(SHIPPED, GATEWAY, Request())
     with pytest.raises(GatewayUnreachable, match="coastal-gateway is not emulated in this rehearsal"):
@@ -221,9 +221,7 @@ def test_example_values_and_what_is_not_emulated_are_no_place(tmp_path: Path) ->
         assert found.words.startswith("the inventory still holds example values")
 
 
-def test_nothing_is_sent_over_a_metered_way_before_somebody_pays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_sent_over_a_metered_link_without_consent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for number, (accepted, calls) in enumerate(((False, 0), (True, 1))):
         folder = tmp_path / str(number)
         folder.mkdir()
@@ -241,14 +239,14 @@ def test_nothing_is_sent_over_a_metered_way_before_somebody_pays(
             )
 
 
-def test_more_than_the_cap_is_refused_whoever_pays(tmp_path: Path) -> None:
+def test_cost_above_the_cap_is_refused_even_with_consent(tmp_path: Path) -> None:
     stand = Stand(tmp_path, via={"coastal-gateway": "satellite"}, accept_cost=True)
     flood = probes.Listen("it", probes.Place.GATEWAY, "udp", port=14550, listen_s=3000, max_bytes=99_000_000)
     assert "no action may send more than 5.0 MB there" in stand.ask(flood)["it"].words
     assert stand.calls == []
 
 
-def test_a_stream_is_cut_where_its_estimate_ends() -> None:
+def test_stream_is_cut_at_its_estimate() -> None:
     chatty = probes.Listen("it", probes.Place.GATEWAY, "udp", port=14550, listen_s=10)
     ((_, cut),) = _bill.within_budget([("it", chatty)])
     assert isinstance(cut, probes.Listen)
@@ -257,7 +255,7 @@ def test_a_stream_is_cut_where_its_estimate_ends() -> None:
     assert _bill.estimate(SHIPPED, "coastal", carrier, [("it", cut)]).bill.payload_bytes == pytest.approx(65_400, 0.03)
 
 
-def test_what_a_whole_checklist_costs_is_told_before() -> None:
+def test_cost_of_a_whole_checklist_is_shown_beforehand() -> None:
     entries = plan(SHIPPED, "coastal").entries
     assert _bill.previews(SHIPPED, "coastal", entries, Request())[0].words.startswith("over satellite"), "the proof"
     asked = Request(via={"coastal-gateway": "satellite", "coastal-router": "4g"})
@@ -269,14 +267,14 @@ def test_what_a_whole_checklist_costs_is_told_before() -> None:
     assert proof_.bill.payload_bytes <= 20_000
 
 
-def test_this_computer_is_asked_without_ssh(stand: Stand) -> None:
+def test_this_computer_is_probed_without_ssh(stand: Stand) -> None:
     found = stand.ask(probes.RunProgram("one", probes.Place.LAPTOP, ("echo", "here")), place=probes.Place.LAPTOP)["one"]
     assert isinstance(found, probes.CommandResult)
     assert (found.out, stand.calls) == ("here\n", [])
     assert stand.events[-1].device == "this computer"
 
 
-def test_this_computer_without_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_program_that_cannot_start_here_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
     found = asyncio.run(ask_here([("one", probes.RunProgram("one", probes.Place.LAPTOP, ("true",)))], lambda *_: None))[
         "one"
@@ -285,7 +283,7 @@ def test_this_computer_without_the_program(monkeypatch: pytest.MonkeyPatch) -> N
     assert found.words.startswith("the program that listens does not start on this computer: ")
 
 
-def test_links_are_looked_at_once_for_all_who_ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_links_are_inspected_once_for_all_requests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looks: list[Any] = []
 
     async def look(*asked: object) -> LooksBack:
@@ -326,7 +324,9 @@ def proof() -> Proof:
 
 
 @pytest.mark.parametrize("accepted", [False, True])
-def test_a_proof_is_made_when_somebody_pays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, accepted: bool) -> None:
+def test_allow_list_test_needs_consent_to_its_cost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, accepted: bool
+) -> None:
     monkeypatch.setattr(_real, "try_out", lambda *_: proof())
     monkeypatch.setattr("atlantis_netcfg.checklist.runner._real.refuse_examples", lambda *_, **__: None)
     ears = RealTransport(SHIPPED, "coastal", Request(state=tmp_path, accept_cost=accepted, command="provision check"))
@@ -342,5 +342,5 @@ def test_a_proof_is_made_when_somebody_pays(tmp_path: Path, monkeypatch: pytest.
         assert found.words.startswith("nobody has agreed to pay for this, so nothing was sent: over satellite")
 
 
-def test_there_is_a_python_in_the_path_of_the_stand() -> None:
+def test_python3_is_in_the_path() -> None:
     assert shutil.which("python3")

@@ -42,7 +42,7 @@ def places(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float, Any]]:
     return asked
 
 
-def test_nothing_crosses_a_metered_link_without_consent(
+def test_metered_link_is_not_crossed_without_consent(
     monkeypatch: pytest.MonkeyPatch, places: list[tuple[str, float, Any]]
 ) -> None:
     cost = preview(2_000_000, 20.0, link_of(SHIPPED, "te4sea", "satellite"))
@@ -54,7 +54,7 @@ def test_nothing_crosses_a_metered_link_without_consent(
     assert (answer.trouble, places) == (None, [("scc-control", 20.0, ["te4sea"])])
 
 
-def test_where_a_link_is_free_the_control_centre_is_asked(
+def test_control_centre_is_asked_over_a_link_that_is_not_metered(
     monkeypatch: pytest.MonkeyPatch, places: list[tuple[str, float, Any]]
 ) -> None:
     monkeypatch.setattr(listening_cost, "listening_cost", lambda *_: None)
@@ -62,7 +62,7 @@ def test_where_a_link_is_free_the_control_centre_is_asked(
     assert [name for name, _, _ in places] == ["scc-control"]
 
 
-def test_the_cost_of_listening_is_told_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cost_of_listening_is_shown_beforehand(monkeypatch: pytest.MonkeyPatch) -> None:
     cost = preview(2_000_000, 20.0, link_of(SHIPPED, "te4sea", "satellite"))
     monkeypatch.setattr(listening_cost, "listening_cost", lambda *_: cost)
     probe: Any = type("Probe", (), {"asks": lambda _: (QUESTION, replace(QUESTION, name="again"))})()

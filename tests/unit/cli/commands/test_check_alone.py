@@ -26,7 +26,7 @@ def answers(folder: Path) -> Answers:
     return Answers.read(file, checklist(RADIO, LAMP, PING))
 
 
-def test_all_at_once_and_the_answers_after(tmp_path: Path) -> None:
+def test_all_probes_run_together_then_answers_are_used(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, [], words={"sparus/wifi": ["FAIL silent"], "sparus/usbl/ping": ["PASS answers"]})
     with sitting.book() as book:
         assert sitting.turn(book).alone(answers(tmp_path)) == ()
@@ -46,13 +46,13 @@ def test_all_at_once_and_the_answers_after(tmp_path: Path) -> None:
     assert word.at is not None
 
 
-def test_an_override_that_is_not_needed_is_told(tmp_path: Path) -> None:
+def test_unneeded_override_is_reported(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, [], words={"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]})
     with sitting.book() as book:
         assert sitting.turn(book).alone(answers(tmp_path)) == ("`sparus/wifi` is PASS: its override is not needed",)
 
 
-def test_what_was_green_is_looked_at_again(tmp_path: Path) -> None:
+def test_green_item_is_checked_again(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, [], words={"sparus/wifi": [WELL, "FAIL silent"]})
     for verdict in ("PASS", "FAIL"):
         with sitting.book() as book:
@@ -61,7 +61,7 @@ def test_what_was_green_is_looked_at_again(tmp_path: Path) -> None:
         assert (str(radio.verdict), lamp.open, ping.open) == (verdict, True, True)
 
 
-def test_what_was_overridden_stays_as_it_is(tmp_path: Path) -> None:
+def test_overridden_item_is_kept(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, [], words={"sparus/wifi": ["FAIL silent"]})
     with sitting.book() as book:
         sitting.turn(book).alone(None)
@@ -79,7 +79,7 @@ def _capped(_entry: PlanEntry) -> Price:
 
 
 @pytest.mark.parametrize("price", [_due, _capped])
-def test_a_file_pays_for_nothing(price: Callable[[PlanEntry], Price], tmp_path: Path) -> None:
+def test_answers_file_accepts_no_cost(price: Callable[[PlanEntry], Price], tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, [], words={"sparus/wifi": [WELL]}, price=price)
     with sitting.book() as book:
         sitting.turn(book).alone(answers(tmp_path))
@@ -87,7 +87,7 @@ def test_a_file_pays_for_nothing(price: Callable[[PlanEntry], Price], tmp_path: 
     assert sitting.ears.asked == [["sparus/wifi"]]
 
 
-def test_each_result_is_kept_before_the_next_is_told(tmp_path: Path) -> None:
+def test_result_is_stored_before_the_next_is_shown(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, [], words={"sparus/wifi": [WELL]})
     seen: list[tuple[str, bool]] = []
 

@@ -24,7 +24,7 @@ def verdicts(sitting: Sitting) -> dict[str, str]:
     return {item.id: "open" if item.open else str(item.counts) for item in sitting.sit()}
 
 
-def test_the_whole_way(tmp_path: Path) -> None:
+def test_whole_checklist_with_a_person(tmp_path: Path) -> None:
     photo = tmp_path / "lamp.jpg"
     photo.write_bytes(b"a lamp")
     sitting = Sitting(
@@ -45,7 +45,7 @@ def test_the_whole_way(tmp_path: Path) -> None:
         ]
 
 
-def test_nothing_is_made_to_happen_where_the_thing_itself_has_failed(tmp_path: Path) -> None:
+def test_active_step_is_not_offered_after_a_failure(tmp_path: Path) -> None:
     modem = entry("sparus/usbl", ItemKind.AUTOMATIC, Phase.WATER)
     sitting = Sitting(tmp_path, ["on", "open"], (modem, PING), {"sparus/usbl": ["FAIL is armed"]})
     assert verdicts(sitting) == {"sparus/usbl": "FAIL", "sparus/usbl/ping": "open"}
@@ -92,7 +92,7 @@ sparus/usbl/ping: title of sparus/usbl/ping
         ("skip", "SKIP", "Why it does not apply here:"),
     ],
 )
-def test_everything_but_yes_needs_words(word: str, verdict: str, question: str, tmp_path: Path) -> None:
+def test_answers_other_than_yes_need_a_note(word: str, verdict: str, question: str, tmp_path: Path) -> None:
     more = ["on"] if verdict in {"FAIL", "INCONCLUSIVE"} else []
     sure = ["y"] if verdict == "FAIL" else []
     sitting = Sitting(tmp_path, [word, *sure, "", "it is dark", "N", "", *more], entries=(LAMP,))
@@ -101,7 +101,7 @@ def test_everything_but_yes_needs_words(word: str, verdict: str, question: str, 
     assert f"{asked} \n  something has to stand here; `later` leaves it open\n{asked} it is dark" in sitting.text
 
 
-def test_a_photo_that_is_needed_is_asked_for_until_there_is_one(tmp_path: Path) -> None:
+def test_required_photo_is_requested_until_given(tmp_path: Path) -> None:
     """Nothing that the question offers is refused afterwards, and no answer is asked for twice."""
     notes, photo = tmp_path / "notes.txt", tmp_path / "lamp.png"
     notes.write_text("it is green", encoding="utf-8")
@@ -117,7 +117,7 @@ def test_a_photo_that_is_needed_is_asked_for_until_there_is_one(tmp_path: Path) 
     assert " ".join(sitting.text.split()).count(refused) == 3
 
 
-def test_a_photo_that_is_needed_is_not_asked_for_where_it_does_not_hold(tmp_path: Path) -> None:
+def test_required_photo_is_not_requested_for_a_failure(tmp_path: Path) -> None:
     step = replace(LAMP.step, evidence=EvidenceRequest(EvidenceKind.PHOTO))
     sitting = Sitting(tmp_path, ["unclear", "it is dark", "N", "", "on"], (replace(LAMP, step=step),))
     assert verdicts(sitting) == {"sparus/gps": "INCONCLUSIVE"}
@@ -125,7 +125,7 @@ def test_a_photo_that_is_needed_is_not_asked_for_where_it_does_not_hold(tmp_path
 
 
 @pytest.mark.parametrize("kept", range(5))
-def test_later_at_any_question_leaves_the_rest_open(kept: int, tmp_path: Path) -> None:
+def test_later_at_any_prompt_leaves_the_rest_open(kept: int, tmp_path: Path) -> None:
     typed = ["yes", "", "N", "", "yes"]
     words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]}
     sitting = Sitting(tmp_path, [*typed[:kept], "later"], words=words)
@@ -138,13 +138,13 @@ def test_later_at_any_question_leaves_the_rest_open(kept: int, tmp_path: Path) -
     assert again.ears.asked == [["sparus/usbl/ping"]], "what was found before is not asked again"
 
 
-def test_what_fails_is_looked_at_again(tmp_path: Path) -> None:
+def test_failed_item_can_be_repeated(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["again", "ag"], (RADIO,), {"sparus/wifi": ["FAIL silent", "ERROR odd", WELL]})
     assert verdicts(sitting) == {"sparus/wifi": "PASS"}
     assert sitting.text.count("hint of silent") == 2
 
 
-def test_what_fails_is_overridden_with_a_reason(tmp_path: Path) -> None:
+def test_failed_item_can_be_overridden_with_a_reason(tmp_path: Path) -> None:
     typed = ["override", "", "it is spare", "N"]
     sitting = Sitting(tmp_path, typed, (RADIO,), {"sparus/wifi": ["FAIL silent"]})
     (item,) = sitting.sit()
@@ -153,7 +153,7 @@ def test_what_fails_is_overridden_with_a_reason(tmp_path: Path) -> None:
     assert (item.override.reason, item.override.by) == ("it is spare", "N")
 
 
-def test_what_failed_at_the_last_sitting_is_offered_again(tmp_path: Path) -> None:
+def test_earlier_failure_is_offered_again(tmp_path: Path) -> None:
     Sitting(tmp_path, ["on"], (RADIO,), {"sparus/wifi": ["FAIL silent"]}).sit()
     sitting = Sitting(tmp_path, ["again"], (RADIO,), {"sparus/wifi": [WELL]})
     assert verdicts(sitting) == {"sparus/wifi": "PASS"}
@@ -169,7 +169,7 @@ def test_what_failed_at_the_last_sitting_is_offered_again(tmp_path: Path) -> Non
         (["no", "seen", "yes", "by the diver", "N", ""], "PASS"),
     ],
 )
-def test_without_the_whole_word_nothing_is_sent(typed: list[str], verdict: str, tmp_path: Path) -> None:
+def test_nothing_is_sent_without_the_whole_word(typed: list[str], verdict: str, tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, typed, (PING,))
     (item,) = sitting.sit()
     assert ("open" if item.open and item.override is None else str(item.counts)) == verdict
@@ -180,7 +180,7 @@ SHIP = entry("sparus/acoustic", ItemKind.AUTOMATIC, Phase.WATER)
 
 
 @pytest.mark.parametrize(("typed", "asked"), [("yes", 2), ("skip", 1)])
-def test_the_next_phase_waits_until_things_are_there(typed: str, asked: int, tmp_path: Path) -> None:
+def test_next_phase_waits_for_confirmation(typed: str, asked: int, tmp_path: Path) -> None:
     words = {"sparus/wifi": [WELL], "sparus/acoustic": [WELL]}
     sitting = Sitting(tmp_path, [typed], (RADIO, SHIP), words)
     assert [item.open for item in sitting.sit()] == [False, asked == 1]
@@ -188,13 +188,13 @@ def test_the_next_phase_waits_until_things_are_there(typed: str, asked: int, tmp
     assert len(sitting.ears.asked) == asked
 
 
-def test_in_a_rehearsal_all_is_looked_at_together(tmp_path: Path) -> None:
+def test_rehearsal_checks_all_phases_together(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, [], (RADIO, SHIP), {"sparus/wifi": [WELL], "sparus/acoustic": [WELL]}, at_once=True)
     assert [item.open for item in sitting.sit()] == [False, False]
     assert len(sitting.ears.asked) == 1
 
 
-def test_money_is_asked_for_beside_the_word(tmp_path: Path) -> None:
+def test_cost_needs_separate_consent(tmp_path: Path) -> None:
     price = Price("over satellite: 20 kB, about 0.16 EUR", due=True)
     sitting = Sitting(tmp_path, ["yes", "yes", "no", "open"], (PING,), price=lambda _entry: price)
     assert [item.open for item in sitting.sit()] == [True]
@@ -205,7 +205,7 @@ def test_money_is_asked_for_beside_the_word(tmp_path: Path) -> None:
     assert verdicts(paid) == {"sparus/usbl/ping": "PASS"}
 
 
-def test_more_than_is_admitted_is_not_even_asked(tmp_path: Path) -> None:
+def test_step_above_the_cost_cap_is_not_offered(tmp_path: Path) -> None:
     def refuse(_entry: PlanEntry) -> Price:
         raise CostRefusal("more than the cap", hint="raise it")
 
@@ -214,7 +214,7 @@ def test_more_than_is_admitted_is_not_even_asked(tmp_path: Path) -> None:
     assert "  more than the cap\n  raise it" in sitting.text
 
 
-def test_a_file_that_is_not_there_is_asked_for_again(tmp_path: Path) -> None:
+def test_missing_or_empty_file_is_requested_again(tmp_path: Path) -> None:
     (tmp_path / "empty.jpg").touch()
     typed = ["yes", "", "N", "nowhere.jpg", str(tmp_path / "empty.jpg"), "", "yes", "", ""]
     sitting = Sitting(tmp_path, typed, (LAMP,))
@@ -223,7 +223,7 @@ def test_a_file_that_is_not_there_is_asked_for_again(tmp_path: Path) -> None:
     assert "empty.jpg` is empty: give a file with something in it" in sitting.words_said
 
 
-def test_words_are_known_by_their_beginning_and_near_misses_are_told() -> None:
+def test_choices_match_by_prefix_and_suggest_corrections() -> None:
     typed = iter(["x", "overide", "unlcear", "u"])
     said: list[str] = []
     desk = Prompt(lambda _question: next(typed), said.append)
@@ -235,14 +235,14 @@ def test_words_are_known_by_their_beginning_and_near_misses_are_told() -> None:
     ]
 
 
-def test_a_name_is_asked_until_it_is_one_and_then_never_again(tmp_path: Path) -> None:
+def test_name_is_requested_until_valid_and_then_remembered(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["yes", "", "N" * 101, "a\x1b[2J", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
     assert sitting.text.count("  a name is too long, or holds control characters: ") == 2
     assert sitting.desk.name == "N"
 
 
-def test_the_end_of_the_input_is_later() -> None:
+def test_end_of_input_means_later() -> None:
     def ended(_question: str) -> str:
         raise EOFError
 
@@ -250,7 +250,7 @@ def test_the_end_of_the_input_is_later() -> None:
         Prompt(ended).ask("Anybody?")
 
 
-def test_what_is_said_cannot_move_the_cursor() -> None:
+def test_output_cannot_move_the_cursor() -> None:
     said: list[str] = []
     Prompt(say=said.append).say("one\x1b[2Jtwo\nthree")
     assert said == ["one\\u001b[2Jtwo\nthree"]
@@ -283,20 +283,20 @@ def test_back_corrects_an_answer_and_both_are_kept(tmp_path: Path) -> None:
     ]
 
 
-def test_back_at_a_later_question_of_an_item_begins_it_anew(tmp_path: Path) -> None:
+def test_back_within_an_item_restarts_it(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["but", "back", "yes", "", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
     assert len(records(sitting)) == 1
     assert sitting.text.count("Does it hold?") == 2
 
 
-def test_back_at_the_first_question_says_so(tmp_path: Path) -> None:
+def test_back_at_the_first_prompt_is_explained(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["back", "yes", "", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
     assert "  this is the first question" in sitting.text
 
 
-def test_back_takes_an_override_away_and_it_is_shown(tmp_path: Path) -> None:
+def test_back_removes_an_override_and_shows_it(tmp_path: Path) -> None:
     typed = ["override", "it is spare", "N", "back", "again", "yes", "", ""]
     sitting = Sitting(tmp_path, typed, (RADIO, LAMP), {"sparus/wifi": ["FAIL silent", WELL]})
     assert verdicts(sitting) == {"sparus/wifi": "PASS", "sparus/gps": "PASS"}
@@ -305,7 +305,7 @@ def test_back_takes_an_override_away_and_it_is_shown(tmp_path: Path) -> None:
     assert (evidence.what, evidence.value, evidence.by) == ("earlier override, replaced", "FAIL: it is spare", "N")
 
 
-def test_back_between_phases_goes_to_the_item_before(tmp_path: Path) -> None:
+def test_back_between_phases_returns_to_the_previous_item(tmp_path: Path) -> None:
     typed = ["yes", "", "N", "", "back", "on", "yes"]
     sitting = Sitting(tmp_path, typed, (LAMP, SHIP), {"sparus/acoustic": [WELL]})
     assert verdicts(sitting) == {"sparus/gps": "PASS", "sparus/acoustic": "PASS"}
@@ -313,7 +313,7 @@ def test_back_between_phases_goes_to_the_item_before(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("slip", ["n", "no"])
-def test_an_accidental_no_is_asked_once_more(slip: str, tmp_path: Path) -> None:
+def test_no_must_be_confirmed(slip: str, tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["no", slip, "yes", "", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
     assert "(item 1 of 1) You answered no: FAIL is kept. Is that right? [yes, no]" in sitting.text
@@ -330,7 +330,7 @@ def test_an_accidental_no_is_asked_once_more(slip: str, tmp_path: Path) -> None:
         ("Yes", "an answer to another question"),
     ],
 )
-def test_what_is_hardly_a_name_is_asked_about(name: str, what: str, tmp_path: Path) -> None:
+def test_doubtful_name_must_be_confirmed(name: str, what: str, tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["yes", "", name, "no", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
     assert f"`{name}` looks like {what}. Is it your name? [yes, no]" in sitting.words_said
@@ -341,11 +341,11 @@ def test_what_is_hardly_a_name_is_asked_about(name: str, what: str, tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", ["A. Technician", "João d'Ávila", "M. Silva-Pinto", "N"])
-def test_names_of_people_are_taken_at_once(name: str) -> None:
+def test_plausible_names_are_accepted(name: str) -> None:
     assert doubt_of_name(name) is None
 
 
-def test_choices_that_have_no_room_stand_below_their_question(tmp_path: Path) -> None:
+def test_long_choices_are_shown_below_the_prompt(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["on"], (RADIO,), {"sparus/wifi": ["FAIL silent"]})
     sitting.sit()
     asked = (
@@ -355,7 +355,7 @@ def test_choices_that_have_no_room_stand_below_their_question(tmp_path: Path) ->
     assert max(map(len, sitting.text.splitlines())) <= 80
 
 
-def test_in_portuguese_words_of_both_languages_are_taken(tmp_path: Path) -> None:
+def test_both_languages_are_accepted_in_portuguese(tmp_path: Path) -> None:
     language.use(language.Language.PORTUGUESE)
     try:
         sitting = Sitting(tmp_path, ["não", "s", "escuro", "N", "", "repetir", "sim", "", "", "Sim"], (LAMP, PING))

@@ -22,7 +22,7 @@ def item(evidence: EvidenceRequest = NUMBER, by: tuple[str, ...] = (), name: str
     return replace(made, step=step)
 
 
-def test_a_number_is_asked_for_and_measured_again_where_it_does_not_pass(tmp_path: Path) -> None:
+def test_number_out_of_range_is_requested_again(tmp_path: Path) -> None:
     sitting = Sitting(
         tmp_path, ["yes", "13", "", "A. Technician", "", "yes", "sixteen", "16,1 V", "16,1", "", ""], (item(),)
     )
@@ -36,14 +36,14 @@ def test_a_number_is_asked_for_and_measured_again_where_it_does_not_pass(tmp_pat
     assert "`16,1 V` is no number: write it without its unit, like 16.1" in sitting.words_said
 
 
-def test_what_does_not_hold_needs_no_number(tmp_path: Path) -> None:
+def test_failed_item_needs_no_number(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["no", "yes", "the display is dark", "A. Technician", "", "on"], (item(),))
     (found,) = sitting.sit()
     assert (found.verdict, found.evidence[0].value) == ("FAIL", "the display is dark")
     assert "The number" not in sitting.text
 
 
-def test_text_and_photo_are_asked_for_until_they_are_given(tmp_path: Path) -> None:
+def test_required_text_and_photo_are_requested_until_given(tmp_path: Path) -> None:
     photo = tmp_path / "ring.png"
     photo.write_bytes(b"\x89PNG\r\n\x1a\nno more")
     serial, ring = item(EvidenceRequest(EvidenceKind.TEXT)), item(EvidenceRequest(EvidenceKind.PHOTO), name="a/items/b")
@@ -56,7 +56,7 @@ def test_text_and_photo_are_asked_for_until_they_are_given(tmp_path: Path) -> No
     assert "a photo is asked for: give the path of a JPEG or PNG" in sitting.words_said
 
 
-def test_another_person_answers_where_only_they_may(tmp_path: Path) -> None:
+def test_restricted_item_is_answered_by_an_authorised_person(tmp_path: Path) -> None:
     """Who sits at the terminal is asked once; an item of others asks which of them it is, and goes on as before."""
     typed = ["yes", "", "A. Technician", "A. Technician", "c. owner", "", "yes", "", ""]
     sitting = Sitting(tmp_path, typed, (LAMP, item(EvidenceRequest(), ("B. Pilot", "C. Owner"))))
@@ -66,7 +66,7 @@ def test_another_person_answers_where_only_they_may(tmp_path: Path) -> None:
     assert "A. Technician may not answer: the declaration names others" in sitting.words_said
 
 
-def test_recovery_is_asked_when_all_is_back(tmp_path: Path) -> None:
+def test_recovery_items_are_asked(tmp_path: Path) -> None:
     listed = plan(pilot(), "coastal", Scope(phases=(Phase.RECOVERY,)))
     sitting = Sitting(tmp_path, ["yes", "", "A. Technician", ""], listed.entries)
     (found,) = sitting.sit()
@@ -74,7 +74,7 @@ def test_recovery_is_asked_when_all_is_back(tmp_path: Path) -> None:
     assert sitting.text.startswith("\nRECOVERY\n\nmares/items/rinsed: The vehicle was rinsed\n")
 
 
-def test_the_pilots_words_are_not_translated(tmp_path: Path) -> None:
+def test_custom_texts_are_not_translated(tmp_path: Path) -> None:
     """Even where the catalogue has the very words: they are the user's."""
     ours = replace(item(), item=item().item.model_copy(update={"title": "waits for a person"}))
     sitting = Sitting(tmp_path, ["sim", "16", "", "A. Technician", ""], (ours,))

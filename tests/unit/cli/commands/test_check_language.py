@@ -40,7 +40,7 @@ SITTINGS = [
 
 @pytest.mark.parametrize("typed", SITTINGS, ids=["well", "slips", "corrected", "overridden"])
 @pytest.mark.parametrize("price", [paying, refusing])
-def test_every_line_and_question_is_translated_once(
+def test_every_line_and_prompt_is_translated_once(
     typed: Sequence[str], price: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A script that ends early leaves the rest for later: what was said until then is looked at.
@@ -55,7 +55,7 @@ def test_every_line_and_question_is_translated_once(
     assert [line for line in rest if "N" * 101 not in line] == []
 
 
-def test_what_is_kept_is_what_was_typed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stored_answers_are_not_translated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sitting = Sitting(tmp_path, ["yes", "green", "N", ""], (LAMP,))
     with marked(monkeypatch):
         sitting.sit()
@@ -64,7 +64,7 @@ def test_what_is_kept_is_what_was_typed(tmp_path: Path, monkeypatch: pytest.Monk
     assert "N has seen that it is well: green" in log.read_text(encoding="utf-8")
 
 
-def test_longer_texts_stay_within_the_screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_longer_translations_fit_the_screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Questions with their choices; what devices say is as long as it is."""
     typed = ["on", "no", "y", "fog", "N", "", "on", "no", "open"]
     sitting = Sitting(tmp_path, typed, (RADIO, LAMP, PING), {"sparus/wifi": ["FAIL silent"]})
@@ -75,7 +75,7 @@ def test_longer_texts_stay_within_the_screen(tmp_path: Path, monkeypatch: pytest
     assert [part for part in shown if len(part) > 80] == []
 
 
-def test_a_long_message_stands_below_its_first_words() -> None:
+def test_long_message_is_indented() -> None:
     said: list[str] = []
     Prompt(say=said.append).say(f"  {'FAIL':<12} sparus/wifi: {'far away ' * 12}\n  do        {'look ' * 20}")
     first, second, *steps = said[0].splitlines()

@@ -41,7 +41,7 @@ def told(capsys: pytest.CaptureFixture[str], *typed: str, code: int) -> dict[str
     return said
 
 
-def test_what_was_signed_is_verified(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_signed_checklists_verify(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     signed(state)
     signed(state, real=False)
     assert main(["report", "verify"]) == 0
@@ -71,7 +71,7 @@ def _change(path: Path) -> None:
         ("records.jsonl", _change, "was changed after"),
     ],
 )
-def test_what_was_tampered_with_is_found(
+def test_tampering_is_detected(
     name: str, tamper: Callable[[Path], None], words: str, state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tamper(signed(state) / name)
@@ -84,7 +84,7 @@ def test_what_was_tampered_with_is_found(
     assert all(one["hint"] for one in row["troubles"])
 
 
-def test_a_report_that_came_by_mail(state: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_single_report_file_is_verified(state: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     report = tmp_path / "report.json"
     report.write_bytes((signed(state) / "report.json").read_bytes())
     assert main(["report", "verify", "file=report.json"]) == 0
@@ -104,7 +104,7 @@ def test_a_report_that_came_by_mail(state: Path, tmp_path: Path, capsys: pytest.
     assert (row["signed"], row["troubles"][0]["what"]) == (None, "is no report of a checklist, or is damaged")
 
 
-def test_what_is_open_was_not_signed(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_open_checklist_was_not_signed(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Sitting(state / "real" / "coastal", [], (RADIO, LAMP), {"sparus/wifi": [WELL]}).book().close()
     assert main(["report", "verify", "site=coastal"]) == 7
     assert capsys.readouterr().err.startswith("error: nothing was signed\n")
@@ -112,7 +112,7 @@ def test_what_is_open_was_not_signed(state: Path, capsys: pytest.CaptureFixture[
     assert [(row["state"], row["exit"], row["open"]) for row in rows["checklists"]] == [("open", 6, 2)]
 
 
-def test_the_history_says_what_has_changed_since_green(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_history_shows_changes_since_green(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     signed(state)
     signed(state, heard="FAIL hears nobody")
     assert main(["report", "list", "site=coastal"]) == 0
@@ -135,7 +135,7 @@ since 20260504T120000Z, which was green:
 """
 
 
-def test_a_kept_one_is_shown_again(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stored_checklist_is_shown(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = signed(state)
     signed(state, heard="FAIL hears nobody")
     assert main(["report", "show", "site=coastal", f"run={folder.name}"]) == 0
@@ -148,7 +148,7 @@ def test_a_kept_one_is_shown_again(state: Path, capsys: pytest.CaptureFixture[st
     assert "did you mean `20260504T120000Z-02`?" in capsys.readouterr().err
 
 
-def test_rehearsed_ones_are_apart(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rehearsed_checklists_are_separate(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     signed(state, real=False)
     for command in ("list", "show"):
         assert main(["report", command, "site=coastal"]) == 7

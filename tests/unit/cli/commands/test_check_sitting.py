@@ -106,7 +106,7 @@ def at_desk(*typed: str, words: Sequence[str] = ROV) -> tuple[int, str]:
     return int(code), "\n".join(said)
 
 
-def test_as_json_nobody_is_asked(ears: NobodyThere, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_mode_asks_nobody(ears: NobodyThere, capsys: pytest.CaptureFixture[str]) -> None:
     found = told(capsys, *ROV, code=6)
     assert found["signed"] is None
     assert found["errors"] == []
@@ -123,7 +123,7 @@ def test_as_json_nobody_is_asked(ears: NobodyThere, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.usefixtures("ears")
-def test_without_a_terminal_people_are_told_how_to_go_on(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_without_a_terminal_the_next_steps_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["check", *ROV, "--anew"]) == 6
     said = capsys.readouterr()
     assert "eca-rov/ethernet" in said.err
@@ -143,7 +143,7 @@ def test_without_a_terminal_people_are_told_how_to_go_on(capsys: pytest.CaptureF
 
 
 @pytest.mark.usefixtures("ears")
-def test_a_file_of_answers_ends_with_a_signature(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_answers_file_leads_to_a_signature(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "answers.yml").write_text(ANSWERS)
     assert told(capsys, *ROV, "--answers", "answers.yml", code=0)["signed"]["by"] == "A. Technician"
     assert main(["report", "verify", "site=coastal"]) == 0
@@ -154,7 +154,7 @@ def test_a_file_of_answers_ends_with_a_signature(capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.usefixtures("ears")
-def test_an_answer_that_fits_nothing_starts_nothing(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_invalid_answers_file_starts_nothing(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "answers.yml").write_text(ANSWERS.replace("eca-rov/usbl", "eca-rov/usb"))
     assert main(["check", *ROV, "--answers", "answers.yml"]) == 3
     assert "answers.yml:3:3: there is no item `eca-rov/usb` in this checklist" in capsys.readouterr().err
@@ -162,14 +162,14 @@ def test_an_answer_that_fits_nothing_starts_nothing(capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.usefixtures("ears")
-def test_nobody_signs_while_something_is_open(capsys: pytest.CaptureFixture[str]) -> None:
+def test_checklist_with_open_items_is_not_signed(capsys: pytest.CaptureFixture[str]) -> None:
     found = told(capsys, *ROV, "--sign-as", "A. Technician", code=6)
     assert found["signed"] is None
     assert [error["message"] for error in found["errors"]] == ["1 of 2 items are open: eca-rov/usbl"]
 
 
 @pytest.mark.usefixtures("ears")
-def test_a_person_goes_through_it_and_signs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_person_completes_the_checklist_and_signs(capsys: pytest.CaptureFixture[str]) -> None:
     code, said = at_desk("override", "spare cable", "N", "yes", "heard", "", "yes")
     assert code == 0
     assert "0 of 2 items are settled, 2 are open." in said
@@ -180,14 +180,14 @@ def test_a_person_goes_through_it_and_signs(capsys: pytest.CaptureFixture[str]) 
     assert "Checklist of coastal" not in out, "who has just read it needs its end alone"
 
 
-def test_after_a_signature_the_worst_item_is_named() -> None:
+def test_worst_item_is_named_after_signing() -> None:
     bad: list[Any] = [SimpleNamespace(id="worst"), SimpleNamespace(id="other"), SimpleNamespace(id="third")]
     said = [check_run._begin_anew(bad[:count]).partition(", then")[0] for count in (1, 2, 3)]
     assert said == ["Mend worst", "Mend worst and 1 other", "Mend worst and 2 others"]
 
 
 @pytest.mark.usefixtures("ears")
-def test_later_and_again(capsys: pytest.CaptureFixture[str]) -> None:
+def test_checklist_is_left_for_later_and_resumed(capsys: pytest.CaptureFixture[str]) -> None:
     code, said = at_desk("override", "spare cable", "N", "later")
     assert (code, said.endswith("left for later")) == (6, True)
     assert "NOT SIGNED" in capsys.readouterr().out
@@ -199,14 +199,14 @@ def test_later_and_again(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.usefixtures("ears")
-def test_later_at_the_signature_is_no(capsys: pytest.CaptureFixture[str]) -> None:
+def test_later_at_the_signature_means_no(capsys: pytest.CaptureFixture[str]) -> None:
     assert at_desk("override", "spare cable", "N", "yes", "", "", "later")[0] == 0
     assert "NOT SIGNED" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("ears")
 @pytest.mark.parametrize("kept", range(7))
-def test_after_ctrl_c_it_goes_on(kept: int) -> None:
+def test_checklist_is_resumed_after_ctrl_c(kept: int) -> None:
     typed = ["override", "spare cable", "N", "yes", "heard", "", "yes"]
     with pytest.raises(CheckInterrupt) as stopped:
         at_desk(*typed[:kept], "^C")
@@ -220,7 +220,7 @@ def test_after_ctrl_c_it_goes_on(kept: int) -> None:
     assert " is gone on with\n" in said
 
 
-def test_a_proof_over_the_satellite_has_its_price_in_money() -> None:
+def test_allow_list_test_over_satellite_shows_its_price() -> None:
     (entry,) = [one for one in plan(pilot(), "coastal").entries if one.item.id == "coastal/satellite/allow-list"]
     rows = [
         (["site=coastal"], False, True),

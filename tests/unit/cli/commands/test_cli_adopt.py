@@ -26,7 +26,7 @@ SITE = ("adopt", "site=scc", "device=scc-router")
         (("adopt", "site=scc", "device=scc-rooter", "--rehearse"), 7, "scc-rooter"),
     ],
 )
-def test_what_is_refused_at_once(
+def test_invalid_command_lines_are_refused(
     typed: tuple[str, ...], code: int, said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     del tmp_path
@@ -34,7 +34,7 @@ def test_what_is_refused_at_once(
     assert said in capsys.readouterr().err
 
 
-def test_a_password_file_is_for_its_owner_only(tmp_path: Path) -> None:
+def test_password_file_must_be_private(tmp_path: Path) -> None:
     file = tmp_path / "sticker.txt"
     file.write_text("5TICKER \n")
     file.chmod(0o644)
@@ -46,6 +46,6 @@ def test_a_password_file_is_for_its_owner_only(tmp_path: Path) -> None:
     assert "5TICKER" not in str(_from(file))
 
 
-def test_a_password_file_that_is_not_there(tmp_path: Path) -> None:
+def test_missing_password_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="the password file cannot be read"):
         _from(tmp_path / "sticker.txt")

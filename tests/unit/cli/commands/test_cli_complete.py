@@ -56,11 +56,11 @@ def offered(*typed: str) -> list[str]:
     ],
     ids=" ".join,
 )
-def test_what_is_offered(typed: list[str], expected: list[str]) -> None:
+def test_completions(typed: list[str], expected: list[str]) -> None:
     assert offered(*typed) == expected
 
 
-def test_nothing_typed_offers_the_commands_and_the_words_of_a_run() -> None:
+def test_empty_line_completes_commands_and_run_arguments() -> None:
     words = offered("")
     assert words[:5] == ["run", "links", "check", "drift", "runs"]
     assert "site=" in words
@@ -68,7 +68,7 @@ def test_nothing_typed_offers_the_commands_and_the_words_of_a_run() -> None:
     assert {name.split()[0] for name in COMMANDS} <= set(words)
 
 
-def test_every_word_and_flag_of_a_command_is_offered_with_its_meaning(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_argument_and_flag_completes_with_its_help(monkeypatch: pytest.MonkeyPatch) -> None:
     table = Table(monkeypatch, done)
     assert candidates(["show", ""], table) == [("site=", "the site to show")]
     assert candidates(["run", "site=x", "--"], table)[:2] == [
@@ -89,7 +89,7 @@ def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
-def test_runs_of_the_site_are_offered_newest_first(runs: list[str]) -> None:
+def test_runs_of_the_site_complete_newest_first(runs: list[str]) -> None:
     first, second, other = runs
     assert offered("rollback", "site=coastal", "to=2") == [f"to={second}", f"to={first}"]
     assert offered("rollback", "site=coastal", "to=l") == ["to=latest"]
@@ -97,7 +97,7 @@ def test_runs_of_the_site_are_offered_newest_first(runs: list[str]) -> None:
     assert offered("resume", "site=coastal", "run=") == [f"run={second}", f"run={first}"]
 
 
-def test_looking_for_runs_makes_no_state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_completion_creates_no_state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     assert offered("resume", "site=coastal", "run=") == []
     assert not (tmp_path / "state").exists()
@@ -122,16 +122,14 @@ def broken_inventories(folder: Path) -> Iterator[tuple[str, list[str]]]:
     yield str(folder / "latin"), []
 
 
-def test_a_broken_inventory_shortens_the_list_and_says_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_broken_inventory_shortens_completions_silently(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for folder, sites in broken_inventories(tmp_path):
         assert main(["complete", "drift", f"inventory={folder}", "site="]) == 0
         printed = capsys.readouterr()
         assert (printed.err, printed.out.split()) == ("", [f"site={site}" for site in sites]), folder
 
 
-def test_the_program_answers_quickly_and_without_a_word_of_its_own() -> None:
+def test_completion_is_fast_and_prints_nothing_else() -> None:
     """A person waits at each Tab: 1 s on a busy machine is five times what it takes."""
     typed = [*PROGRAM, "complete", "drift", "site=coastal", "only=coastal-r"]
     times = []

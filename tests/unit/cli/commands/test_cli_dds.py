@@ -14,7 +14,7 @@ SHIPPED = Path(__file__).parents[4] / "inventory"
 LINE = ["dds", "site=coastal", "host=coastal-gateway", f"inventory={SHIPPED}"]
 
 
-def test_the_second_time_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_second_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     typed = [*LINE, f"to={tmp_path / 'profiles'}"]
     assert main(typed) == ExitCode.DONE
     first = {path: (path.read_bytes(), path.stat().st_ino) for path in (tmp_path / "profiles").rglob("*.*")}
@@ -25,7 +25,7 @@ def test_the_second_time_changes_nothing(tmp_path: Path, capsys: pytest.CaptureF
     assert {path: (path.read_bytes(), path.stat().st_ino) for path in (tmp_path / "profiles").rglob("*.*")} == first
 
 
-def test_one_file_that_differs_is_written_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_changed_file_is_written_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     typed = [*LINE, f"to={tmp_path}", "--json"]
     assert main(typed) == ExitCode.DONE
     (tmp_path / "4g" / "fastdds.xml").write_text("mine")
@@ -36,7 +36,7 @@ def test_one_file_that_differs_is_written_again(tmp_path: Path, capsys: pytest.C
     assert "atlantis" in (tmp_path / "4g" / "fastdds.xml").read_text()
 
 
-def test_shown_is_what_would_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_prints_what_would_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*LINE, f"to={tmp_path}", "--show", "--json"]) == ExitCode.DONE
     told = json.loads(capsys.readouterr().out)
     assert {file["name"]: file["text"] for file in told["files"]} == {
@@ -56,14 +56,14 @@ def test_json_without_files(capsys: pytest.CaptureFixture[str]) -> None:
     assert {(file["text"], file["changed"]) for file in told["files"]} == {(None, None)}
 
 
-def test_a_folder_that_cannot_be_had(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unusable_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("in the way")
     assert main([*LINE, f"to={tmp_path / 'file'}"]) == ExitCode.USAGE
     assert "cannot be written: Not a directory" in capsys.readouterr().err
     assert (tmp_path / "file").read_text() == "in the way"
 
 
-def test_a_pilot_without_dds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_dds_settings_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copytree(SHIPPED, tmp_path / "inventory")
     pilot = tmp_path / "inventory" / "group_vars" / "all" / "pilot.yml"
     pilot.write_text(pilot.read_text().partition("  dds:")[0])

@@ -33,12 +33,12 @@ def raising(error: BaseException) -> Callable[[Arguments], ExitCode]:
 
 
 @pytest.mark.parametrize("code", list(ExitCode))
-def test_the_exit_code_is_the_commands(code: ExitCode, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exit_code_is_that_of_the_command(code: ExitCode, monkeypatch: pytest.MonkeyPatch) -> None:
     assert main(LINE, table=Table(monkeypatch, lambda _arguments: code)) == code
 
 
 @pytest.mark.parametrize("error", [UsageError, NoMatchError, DeviceError, OutcomeUnknown])
-def test_an_error_of_ours_is_told_with_its_hint(
+def test_expected_error_is_shown_with_its_hint(
     error: type[UsageError], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = Table(monkeypatch, raising(error("the router is gone", hint="look at its cable")))
@@ -51,7 +51,7 @@ def test_an_error_without_hint_is_one_line(monkeypatch: pytest.MonkeyPatch, caps
     assert capsys.readouterr().err == "error: refused\n"
 
 
-def test_json_holds_the_exit_code_and_every_error(
+def test_json_has_the_exit_code_and_every_error(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code = main(["sit=coastal", "--paln", "--json"], table=Table(monkeypatch, done))
@@ -61,7 +61,7 @@ def test_json_holds_the_exit_code_and_every_error(
     assert [error["hint"] for error in told["errors"]] == ["did you mean `site=coastal`?", "did you mean `--plan`?"]
 
 
-def test_an_unforeseen_error_is_one_sentence_and_a_log_file(
+def test_unexpected_error_is_one_sentence_and_a_log_file(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
@@ -74,7 +74,7 @@ def test_an_unforeseen_error_is_one_sentence_and_a_log_file(
     assert "ZeroDivisionError: by nothing" in log.read_text()
 
 
-def test_an_unforeseen_error_is_told_without_a_place_for_logs(
+def test_unexpected_error_is_reported_if_no_log_can_be_written(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("")
@@ -88,14 +88,14 @@ def test_an_unforeseen_error_is_told_without_a_place_for_logs(
 @pytest.mark.parametrize(
     ("line", "code"), [(LINE, ExitCode.UNKNOWN), ([*LINE, "--plan"], ExitCode.FAILED), (["show"], ExitCode.FAILED)]
 )
-def test_ctrl_c_is_told_in_words(
+def test_ctrl_c_is_reported(
     line: list[str], code: ExitCode, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(line, table=Table(monkeypatch, raising(KeyboardInterrupt()))) == code
     assert capsys.readouterr().err.startswith("error: stopped by Ctrl-C")
 
 
-def test_a_stop_during_an_import_is_raised_once_the_module_is_there(
+def test_signal_during_an_import_is_deferred(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     (tmp_path / "slow_to_load.py").write_text(
@@ -112,14 +112,14 @@ def test_a_stop_during_an_import_is_raised_once_the_module_is_there(
     assert capsys.readouterr().err.startswith("error: stopped by SIGTERM")
 
 
-def test_nothing_typed_is_answered_with_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+def test_empty_command_line_shows_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == ExitCode.USAGE
     said = capsys.readouterr()
     assert said.out == ""
     assert "Usage:" in said.err
 
 
-def test_a_reader_who_leaves_changes_no_exit_code() -> None:
+def test_closed_pipe_does_not_change_the_exit_code() -> None:
     source = "import sys; from atlantis_netcfg.cli import main; sys.exit(main(['--help']))"
     read, write = os.pipe()
     os.close(read)
@@ -129,7 +129,7 @@ def test_a_reader_who_leaves_changes_no_exit_code() -> None:
 
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
-def test_a_stream_that_is_closed_is_nothing(closed: str) -> None:
+def test_closed_standard_streams_are_handled(closed: str) -> None:
     """As a service or a wrapper may start it; a file that is opened later must not become one of the three."""
     source = "import sys, os; from atlantis_netcfg.cli import main; sys.exit(main(['validate']) or os.open('/', 0) < 3)"
     process = subprocess.run(
@@ -138,7 +138,7 @@ def test_a_stream_that_is_closed_is_nothing(closed: str) -> None:
     assert (process.returncode, process.stderr) == (ExitCode.DONE, b"")
 
 
-def test_what_is_started_after_a_play_has_the_streams_of_the_command() -> None:
+def test_standard_streams_stay_inheritable_after_a_play() -> None:
     source = (
         "import os, sys; from atlantis_netcfg.cli import main\n"
         "code = main(['drift', 'site=coastal', 'only=coastal-cpe'])\n"
@@ -148,13 +148,13 @@ def test_what_is_started_after_a_play_has_the_streams_of_the_command() -> None:
     assert process.stdout == "3 [True, True, True]\n", process.stderr
 
 
-def test_a_console_without_the_character_gets_another_one() -> None:
+def test_unencodable_character_is_replaced() -> None:
     source = "import sys; from atlantis_netcfg.cli import _open_streams as s; s(); print('…')"
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}
     assert subprocess.run([sys.executable, "-c", source], capture_output=True, env=environment, check=True).stdout
 
 
-def test_progress_goes_to_stderr_as_it_is_at_that_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_goes_to_the_current_stderr(monkeypatch: pytest.MonkeyPatch) -> None:
     instead = io.StringIO()
     monkeypatch.setattr("sys.stderr", instead)
     with progress(quiet=False) as notify:
@@ -162,7 +162,7 @@ def test_progress_goes_to_stderr_as_it_is_at_that_moment(monkeypatch: pytest.Mon
     assert instead.getvalue() == "  quay               done  as declared\n"
 
 
-def test_a_plain_log_says_what_it_waits_for() -> None:
+def test_log_reports_what_it_is_waiting_for() -> None:
     reminded = threading.Event()
 
     class Log(io.StringIO):
@@ -183,7 +183,7 @@ def test_a_plain_log_says_what_it_waits_for() -> None:
     )
 
 
-def test_a_reminder_says_how_long_a_step_may_take() -> None:
+def test_reminder_shows_time_limits() -> None:
     at_work = [
         (Event("quay", Stage.CONNECTING, "to it", limit_s=120), 40.0),
         (Event("mast", Stage.APPLYING, "", 3, 9), 7.0),
@@ -195,7 +195,7 @@ def test_a_reminder_says_how_long_a_step_may_take() -> None:
     )
 
 
-def test_a_log_that_nobody_reads_stops_no_reminder_and_no_run() -> None:
+def test_closed_log_stops_neither_reminder_nor_run() -> None:
     class Closed(io.StringIO):
         tries = 0
 
@@ -215,7 +215,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_where_a_program_reads_only_a_person_at_a_terminal_sees_the_progress() -> None:
+def test_quiet_progress_is_shown_only_on_a_terminal() -> None:
     terminal, log = Terminal(), io.StringIO()
     for out in (terminal, log):
         with progress(quiet=True, out=out) as notify:
@@ -234,7 +234,7 @@ def test_a_terminal_shows_the_age_of_a_step(monkeypatch: pytest.MonkeyPatch) -> 
     assert re.search(r"mast +connecting  to a far place .*…  \(\d+ s of at most 120 s\)", terminal.getvalue())
 
 
-def test_silence_that_this_computer_cannot_make_is_refused_before_a_device_is_asked(
+def test_silence_flag_without_root_is_refused_before_contact(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("atlantis_netcfg.routeros.api.may_cut_off", lambda: False)

@@ -52,7 +52,7 @@ def test_lines_fit_a_narrow_terminal(inventory: Path, capsys: pytest.CaptureFixt
     assert not any("-> 2 Hz" in words for words in shown)
 
 
-def test_json_has_the_same(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_the_same_values(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(line(inventory, "link=satellite", "--json")) == ExitCode.CHECKS_FAILED
     told = json.loads(capsys.readouterr().out)
     assert (told["exit"], told["errors"], told["vehicle"], told["subscribers"]) == (6, [], "sparus", 1)
@@ -77,7 +77,7 @@ def test_json_has_the_same(inventory: Path, capsys: pytest.CaptureFixture[str]) 
         ("run=unknown", ExitCode.NOTHING, "coastal has no measurement `unknown`"),
     ],
 )
-def test_what_does_not_exist(
+def test_unknown_names_are_refused(
     inventory: Path, capsys: pytest.CaptureFixture[str], typed: str, code: ExitCode, words: str
 ) -> None:
     named = typed.partition("=")[0]
@@ -86,12 +86,12 @@ def test_what_does_not_exist(
     assert words in capsys.readouterr().err
 
 
-def test_a_vehicle_of_which_nothing_is_declared(capsys: pytest.CaptureFixture[str]) -> None:
+def test_vehicle_without_topics_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(line(SHIPPED)) == ExitCode.NOTHING
     assert "declare its topics in group_vars/all/vehicles.yml" in capsys.readouterr().err
 
 
-def test_validate_warns_of_what_fits_no_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_validate_warns_of_rates_that_fit_no_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Not of what fits when it is thinned, nor of what fits a better link."""
     own = publishing(tmp_path, "{topic: /video, data: images, rate_hz: 5, size_bytes: 1500000, least_hz: 4}")
     assert main(["validate", f"inventory={own}"]) == ExitCode.DONE
@@ -108,6 +108,6 @@ def test_validate_warns_of_what_fits_no_link(tmp_path: Path, capsys: pytest.Capt
     assert "/video alone would fit up to " in told
 
 
-def test_validate_says_nothing_of_what_fits_one(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_validate_is_silent_about_rates_that_fit_one_link(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", f"inventory={inventory}"]) == ExitCode.DONE
     assert "publishes more than any link of coastal" not in capsys.readouterr().out

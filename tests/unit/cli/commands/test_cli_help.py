@@ -54,7 +54,7 @@ FIRST = ["site=NAME", "links", "check", "drift", "runs"]
 TITLES = [group.value for group in Group]
 
 
-def test_a_command_without_a_group_is_listed_all_the_same(
+def test_command_without_a_group_is_still_listed(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["--help"], table=Table(monkeypatch, done)) == ExitCode.DONE
@@ -70,7 +70,7 @@ def test_help_fits_a_terminal_of_eighty_columns(line: list[str], capsys: pytest.
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_breaks_no_word_and_leaves_none_out(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_is_complete_and_breaks_no_word(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = " ".join(said_by(capsys, [*name.split(), "--help"]).split())
     command = load(name, COMMANDS).command
     assert f"provision {name}: {command.summary} Usage:" in said
@@ -107,11 +107,11 @@ def test_the_help_of_a_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
 
 
 @pytest.mark.parametrize("name", ["drift", "vpn", "vpn onboard"])
-def test_help_of_something_is_its_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_command_equals_help_flag(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert said_by(capsys, ["help", *name.split()]) == said_by(capsys, [*name.split(), "--help"])
 
 
-def test_help_of_a_word_that_is_none_says_what_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_for_a_misspelt_command_suggests_a_correction(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["help", "drfit"]) == ExitCode.USAGE
     assert "did you mean `provision drift`?" in capsys.readouterr().err
 
@@ -157,6 +157,6 @@ def test_the_overview_loads_neither_openssl_nor_archivers() -> None:
     assert {"hmac", "_hashlib", "shutil", "tempfile"}.isdisjoint(process.stderr.split())
 
 
-def test_version_without_importing_what_it_names(capsys: pytest.CaptureFixture[str]) -> None:
+def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == ExitCode.DONE
     assert re.match(r"provision \S+\nPython 3\.\d+\.\d+\nansible-core 2\.\d+\.\d+\n$", capsys.readouterr().out)

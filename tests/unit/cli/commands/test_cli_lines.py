@@ -16,9 +16,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("line", CASES)
-def test_what_is_said_about_a_mistake(
-    line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mistakes_are_explained(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     table = Table(monkeypatch, done)
     code = main(shlex.split(line), table=table)
     said = capsys.readouterr()
@@ -40,7 +38,7 @@ def test_what_is_said_about_a_mistake(
         ("vpn --json partner=iqua onboard", None, None),
     ],
 )
-def test_what_is_understood(
+def test_command_lines_are_parsed(
     line: str,
     words: dict[str, tuple[str, ...]] | None,
     flags: dict[str, str | None] | None,
@@ -52,7 +50,7 @@ def test_what_is_understood(
     assert code == (3 if words is None else 0)
 
 
-def test_the_values_as_a_command_asks_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_reads_its_arguments_and_flags(monkeypatch: pytest.MonkeyPatch) -> None:
     table = Table(monkeypatch, done)
     main(["site=coastal", "only=a,b", "--keep", "dir"], table=table)
     (arguments,) = table.runs

@@ -17,7 +17,7 @@ CASES = [block.partition("\n")[::2] for text in TEXTS for block in text.strip().
 
 
 @pytest.mark.parametrize(("line", "said"), CASES, ids=[line for line, _ in CASES])
-def test_what_is_said_about_a_mistake(
+def test_mistakes_are_explained(
     line: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -29,7 +29,7 @@ def test_what_is_said_about_a_mistake(
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
-def test_a_record_of_example_values_is_refused_before_anything_is_asked(
+def test_example_values_are_refused_before_contact(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
@@ -38,7 +38,7 @@ def test_a_record_of_example_values_is_refused_before_anything_is_asked(
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
-def test_the_words_are_those_of_the_list() -> None:
+def test_choices_match_the_checklist() -> None:
     endpoint, phase = CHECK.word("endpoint"), CHECK.word("phase")
     assert endpoint is not None
     assert phase is not None

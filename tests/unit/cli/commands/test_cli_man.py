@@ -32,7 +32,7 @@ def run(program: str, *words: str, page: str) -> subprocess.CompletedProcess[str
     )
 
 
-def test_man_shows_everything_in_eighty_columns(page: str) -> None:
+def test_man_page_is_complete_in_eighty_columns(page: str) -> None:
     shown = run("man", "--warnings", "-l", "-", page=page)
     assert (shown.returncode, shown.stderr) == (0, "")
     assert [line for line in shown.stdout.splitlines() if len(line) > 80] == []
@@ -50,19 +50,19 @@ def test_man_shows_everything_in_eighty_columns(page: str) -> None:
         assert f" {int(code)} {meaning}" in text
 
 
-def test_groff_warns_of_nothing(page: str) -> None:
+def test_groff_gives_no_warnings(page: str) -> None:
     done = run("groff", "-ww", "-man", "-Tutf8", page=page)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout
 
 
-def test_mandoc_finds_nothing(page: str) -> None:
+def test_mandoc_gives_no_warnings(page: str) -> None:
     done = run("mandoc", "-Tlint", page=page)
     assert [line for line in done.stdout.splitlines() if not line.endswith(ACCEPTED)] == []
     assert "unknown macro" in run("mandoc", "-Tlint", page=f"{page}\n.XX\n").stdout
 
 
-def test_what_is_copied_from_the_page_can_be_typed(page: str) -> None:
+def test_text_copied_from_the_page_can_be_typed(page: str) -> None:
     """A plain `-` in roff becomes a hyphen, and `--plan` copied from such a page is no flag."""
     assert re.findall(r"(?<!\\)-", page) == []
     assert page.isascii()

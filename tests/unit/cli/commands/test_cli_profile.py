@@ -13,7 +13,7 @@ _WITHOUT = {"adopt", "resume", "retrieve", "rollback", "survey"}
 emulated device: `retrieve` sends over the declared link alone."""
 
 
-def test_a_real_link_is_what_it_is(
+def test_profile_without_rehearsal_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
@@ -21,7 +21,7 @@ def test_a_real_link_is_what_it_is(
     assert "`--profile` is for rehearsals" in capsys.readouterr().err
 
 
-def test_a_run_that_is_not_there_starts_nothing(
+def test_profile_of_a_missing_run_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
@@ -31,7 +31,7 @@ def test_a_run_that_is_not_there_starts_nothing(
     assert "starting" not in told.out + told.err
 
 
-def test_it_is_there_wherever_emulated_devices_of_a_site_are_started() -> None:
+def test_commands_that_rehearse_a_site_have_the_profile_flag() -> None:
     commands = {name: load(name, COMMANDS).command for name in COMMANDS}
     rehearse = {name for name, command in commands.items() if command.flag("rehearse") is not None}
     assert {name for name, command in commands.items() if command.flag("profile") is not None} == rehearse - _WITHOUT

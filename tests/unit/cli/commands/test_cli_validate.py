@@ -45,13 +45,13 @@ def invalid(inventory: Path) -> Path:
 
 
 @pytest.mark.usefixtures("inventory")
-def test_it_says_what_was_checked(capsys: pytest.CaptureFixture[str]) -> None:
+def test_result_lists_what_was_checked(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
     assert capsys.readouterr() == (SAID, "")
 
 
 @pytest.mark.usefixtures("inventory")
-def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_output(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.DONE
     said = json.loads(capsys.readouterr().out)
     assert said.pop("revision")
@@ -70,7 +70,7 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.usefixtures("inventory")
-def test_every_example_is_listed_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_example_value_is_listed_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
     (words,) = advised(capsys.readouterr().out.splitlines()[-1])
     assert words == ["validate", "--examples"]
@@ -82,12 +82,12 @@ def test_every_example_is_listed_with_its_place(capsys: pytest.CaptureFixture[st
     assert said[-1] == "454 values are examples."
 
 
-def test_the_checkouts_own_inventory_is_the_default(capsys: pytest.CaptureFixture[str]) -> None:
+def test_default_inventory_is_that_of_the_checkout(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate"]) == ExitCode.DONE
     assert capsys.readouterr().out.splitlines()[0] == f"{SHIPPED}: no errors"
 
 
-def test_warnings_stop_nothing(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_warnings_do_not_fail(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = inventory / "group_vars" / "coastal.yml"
     budget = "      standing_budget_mb: 1\n      device: coastal-sat\n"
     path.write_text(path.read_text(encoding="utf-8").replace("      device: coastal-sat\n", budget), encoding="utf-8")
@@ -135,7 +135,7 @@ def test_errors_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.usefixtures("inventory")
-def test_nothing_to_check(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_inventory_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "inventory=inventroy"]) == ExitCode.NOTHING
     said = capsys.readouterr()
     assert said.out == ""
@@ -145,7 +145,7 @@ def test_nothing_to_check(capsys: pytest.CaptureFixture[str]) -> None:
     ]
 
 
-def test_it_imports_only_what_reads_and_checks_a_declaration(inventory: Path) -> None:
+def test_validation_imports_only_what_it_needs(inventory: Path) -> None:
     """Where nothing has to be worked out of what links carry."""
     without_budgets(inventory)
     vehicles = inventory / "group_vars" / "all" / "vehicles.yml"

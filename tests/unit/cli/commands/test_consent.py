@@ -43,13 +43,13 @@ def spoken(request: pytest.FixtureRequest) -> Iterator[Language]:
 
 
 @pytest.mark.parametrize("word", ["yes", "YES", " Yes ", "y", "Y"])
-def test_yes_is_yes_in_every_language(word: str, spoken: Language) -> None:
+def test_yes_is_accepted_in_every_language(word: str, spoken: Language) -> None:
     assert shown_word("yes") == {Language.ENGLISH: "yes", Language.PORTUGUESE: "sim"}[spoken]
     assert yes_or_no("Is it?", Typist(word).read)
 
 
 @pytest.mark.parametrize("word", ["no", "NO", " n", "N"])
-def test_no_is_no_in_every_language(word: str, spoken: Language) -> None:
+def test_no_is_accepted_in_every_language(word: str, spoken: Language) -> None:
     assert spoken in Language
     assert not yes_or_no("Is it?", Typist(word).read)
     assert not whole_word("Do it?", Typist(word).read)
@@ -67,14 +67,14 @@ def test_no_is_no_in_every_language(word: str, spoken: Language) -> None:
         ("n", "declines"),
     ],
 )
-def test_portuguese_words_are_taken_in_portuguese(word: str, agrees: str) -> None:
+def test_portuguese_answers_are_accepted_in_portuguese(word: str, agrees: str) -> None:
     typist = Typist(word)
     assert yes_or_no("Is it?", typist.read, typist.say) is (agrees == "agrees")
     assert (typist.asked, typist.said) == (["Is it? [sim, não] "], [])
 
 
 @pytest.mark.parametrize("word", ["sim", "s", "não"])
-def test_portuguese_words_are_none_in_english(word: str) -> None:
+def test_portuguese_answers_are_refused_in_english(word: str) -> None:
     typist = Typist(word, "no")
     assert not whole_word("Do it?", typist.read, typist.say)
     assert typist.said == ["  type the whole word yes, or no"]
@@ -82,7 +82,7 @@ def test_portuguese_words_are_none_in_english(word: str) -> None:
 
 @pytest.mark.parametrize("word", ["", "y", "ye", "yes!", "ok", "pay", "1", "true"])
 @pytest.mark.parametrize("ask", [whole_word, yes_or_no])
-def test_what_is_neither_is_asked_again(ask: Callable[..., bool], word: str) -> None:
+def test_other_answers_are_asked_again(ask: Callable[..., bool], word: str) -> None:
     if ask is yes_or_no and word == "y":
         return
     typist = Typist(word, "yes")
@@ -91,27 +91,27 @@ def test_what_is_neither_is_asked_again(ask: Callable[..., bool], word: str) -> 
     assert len(typist.said) == 1
 
 
-def test_three_wrong_answers_are_no() -> None:
+def test_three_invalid_answers_mean_no() -> None:
     typist = Typist("y", "ok", "sure", "yes")
     assert not whole_word("Do it?", typist.read, typist.say)
     assert typist.typed == ["yes"]
 
 
 @pytest.mark.parametrize("ask", [whole_word, yes_or_no])
-def test_the_end_of_the_input_is_no(ask: Callable[..., bool]) -> None:
+def test_end_of_input_means_no(ask: Callable[..., bool]) -> None:
     typist = Typist(None)
     assert not ask("Do it?", typist.read, typist.say)
     assert typist.said == []
 
 
-def test_the_question_says_that_the_whole_word_is_needed() -> None:
+def test_prompt_says_that_the_whole_word_is_needed() -> None:
     typist = Typist("no")
     assert not whole_word("Change coastal-router?", typist.read)
     assert typist.asked == ["Change coastal-router?\n  Type yes to go on (the whole word), or no: "]
 
 
 @pytest.mark.parametrize("word", ["pay", "remove"])
-def test_no_question_answers_another(word: str) -> None:
+def test_each_prompt_accepts_only_its_own_word(word: str) -> None:
     for other in ("yes", "y", "sim", *{"pay", "remove"} - {word}):
         assert not whole_word("Go on?", Typist(other, "no").read, lambda _words: None, word=word)
     assert whole_word("Go on?", Typist(word).read, word=word)
@@ -134,7 +134,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     return types
 
 
-def test_devices_change_by_the_whole_word_alone(terminal: Callable[[str], None]) -> None:
+def test_device_changes_need_the_whole_word(terminal: Callable[[str], None]) -> None:
     terminal("yes")
     require_agreement("Change it now?")
     for word in ("y", "no", "pay", ""):
@@ -143,7 +143,7 @@ def test_devices_change_by_the_whole_word_alone(terminal: Callable[[str], None])
             require_agreement("Change it now?")
 
 
-def test_money_and_rows_have_words_of_their_own(terminal: Callable[[str], None]) -> None:
+def test_cost_and_removal_have_their_own_words(terminal: Callable[[str], None]) -> None:
     terminal("pay")
     confirm_cost(["over satellite: 1 EUR"], ask=True)
     with pytest.raises(ConsentRefusal):
@@ -156,9 +156,7 @@ def test_money_and_rows_have_words_of_their_own(terminal: Callable[[str], None])
             confirm_cost(["over satellite: 1 EUR"], ask=ask)
 
 
-def test_ctrl_c_at_a_question_stops_before_anything_is_changed(
-    monkeypatch: pytest.MonkeyPatch, terminal: Callable[[str], None]
-) -> None:
+def test_ctrl_c_at_a_prompt_changes_nothing(monkeypatch: pytest.MonkeyPatch, terminal: Callable[[str], None]) -> None:
     def stopped(_question: str) -> str:
         raise KeyboardInterrupt
 
@@ -168,7 +166,7 @@ def test_ctrl_c_at_a_question_stops_before_anything_is_changed(
         require_agreement("Change it now?")
 
 
-def test_with_nobody_there_nobody_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_consent_fails_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     with pytest.raises(UsageError, match="nobody is here"):
         require_agreement("Change it now?")

@@ -179,13 +179,13 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
 
 
 @pytest.mark.parametrize("name", SITUATIONS)
-def test_what_is_advised_is_typed(name: str, at: Place) -> None:
+def test_advised_commands_work_when_typed(name: str, at: Place) -> None:
     brings, hint, code, says = SITUATIONS[name]
     (words,) = advised(said(brings(at), hint))
     assert says in at.type(*(word.replace("NAME", "coastal") for word in words), code=code)
 
 
-def test_canaries_of_a_satellite_are_tried_by_a_person(at: Place) -> None:
+def test_satellite_is_not_probed_automatically(at: Place) -> None:
     hint = "remove `canaries:`; `provision prove site={}` tries the satellite when a person asks for it"
     (words,) = advised(said(a_satellite_with_canaries(at), hint))
     at.monkeypatch.setattr("atlantis_netcfg.cli.links._prove", _tried(at))
@@ -212,7 +212,9 @@ class NothingBehindIt(NetcfgError):
         super().__init__("nothing was tried")
 
 
-def test_example_values_are_rehearsed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rehearsal_advised_for_example_values_starts(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert main(["validate"]) == 0
     (words,) = advised(said(capsys.readouterr().out, "`provision site={} --rehearse`"))
     seen: list[object] = []
@@ -238,7 +240,7 @@ def _no_twins(*_: object) -> Iterator[object]:
 
 
 @for_each_row("name", CHANGING)
-def test_what_is_said_after_a_stop_is_no_resume_that_knows_of_nothing(name: str) -> None:
+def test_resume_is_advised_only_for_resumable_commands(name: str) -> None:
     """A command that is no run of the engine goes on when it is typed again; `resume` would refuse it."""
     command = commands.load(name, COMMANDS).command
     assert command.plays != command.again.replace("what was recorded stands: ", "").startswith("type the same again")
@@ -257,7 +259,7 @@ def test_a_stopped_command_that_is_no_run_is_typed_again(name: str, at: Place) -
     assert not any("resume" in words for words in advised(printed))
 
 
-def test_a_stop_before_anything_was_sent_says_that_nothing_was_changed(at: Place) -> None:
+def test_stop_before_anything_was_sent_reports_no_change(at: Place) -> None:
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
@@ -266,7 +268,7 @@ def test_a_stop_before_anything_was_sent_says_that_nothing_was_changed(at: Place
         assert "nothing was changed" in at.type(*typed, code=4)
 
 
-def test_a_hint_goes_on_where_the_command_was_typed(at: Place) -> None:
+def test_hint_keeps_authority_and_rehearsal_options(at: Place) -> None:
     """In the folder of the authority that was named, and with the emulated devices."""
     (init,) = advised(at.type("vpn", "list", f"authority={at.folder / 'another'}", code=3))
     assert init == ["vpn", "init", f"authority={at.folder / 'another'}"]
@@ -274,7 +276,7 @@ def test_a_hint_goes_on_where_the_command_was_typed(at: Place) -> None:
     assert advised(at.type(*line, code=7)) == [["check", "site=coastal", "--rehearse"]]
 
 
-def test_a_host_that_was_named_and_is_not_handled_is_never_green(at: Place) -> None:
+def test_named_host_that_is_not_handled_is_not_green(at: Place) -> None:
     line = ("backup", "site=coastal")
     assert "no role handles" in at.type(*line, "only=coastal-gateway", code=7)
     assert "does nothing with coastal-gateway" in at.type(*line, "only=coastal-router,coastal-gateway", code=7)
@@ -283,7 +285,7 @@ def test_a_host_that_was_named_and_is_not_handled_is_never_green(at: Place) -> N
 @pytest.mark.parametrize(
     ("codes", "asks"), [((2, 6), True), ((2,), True), ((6,), False), ((2, 4), False), ((0,), False)]
 )
-def test_what_a_look_has_found_wrong_keeps_no_other_device_from_being_changed(
+def test_failed_check_of_one_device_does_not_block_the_others(
     codes: tuple[int, ...],
     asks: bool,  # noqa: FBT001 - a case
 ) -> None:

@@ -23,7 +23,7 @@ from atlantis_netcfg.core.printable import Style, StyledText
 EVERY = "".join(map(chr, range(0x3000))) + "\ud83e\udd16\ufeff\ufff9\U000e0041"
 
 
-def test_every_character_is_shown_and_none_is_obeyed() -> None:
+def test_control_characters_are_shown_escaped() -> None:
     told = printable.line(EVERY)
     assert told.isprintable()
     assert not [one for one in told if unicodedata.category(one) in {"Cc", "Cf", "Zl", "Zp", "Cs", "Cn"}]
@@ -32,19 +32,19 @@ def test_every_character_is_shown_and_none_is_obeyed() -> None:
     assert printable.line("\U000e0041") == "\\udb40\\udc41"
 
 
-def test_what_is_printable_stays() -> None:
+def test_printable_text_stays() -> None:
     for text in ("čaj 🤖", "", "São João, 25 °C…", "漢字"):
         assert printable.line(text) == printable.lines(text) == printable.visible(text) == text
 
 
-def test_data_is_cleaned_to_its_leaves() -> None:
+def test_nested_data_is_cleaned() -> None:
     told = {"a": ["\x1b", {"b": ("\u202e", 1, None)}], "c": True}
     assert printable.clean(told) == {"a": ["\\u001b", {"b": ["\\u202e", 1, None]}], "c": True}
     assert printable.clean({"\x1b\n": {"\u202e": 1}}) == {"\\u001b\\u000a": {"\\u202e": 1}}
 
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
-def test_every_print_goes_through_the_filter(
+def test_all_output_is_filtered(
     stream: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """No command has to think of it, and `--json` is read as it was."""
@@ -60,7 +60,7 @@ def test_every_print_goes_through_the_filter(
     assert json.loads(text.splitlines()[-1]) == {"said": HOSTILE}
 
 
-def test_an_error_with_a_devices_words_is_told_in_lines_of_ours(
+def test_error_with_device_output_has_no_control_characters(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def act(_arguments: Arguments) -> ExitCode:
@@ -77,7 +77,7 @@ def _noted(asked: list[str], question: str) -> str:
     return "no"
 
 
-def test_a_question_shows_what_a_card_calls_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_prompt_with_a_card_name_has_no_control_characters(monkeypatch: pytest.MonkeyPatch) -> None:
     """Python hands a question to the terminal itself, past every stream of ours."""
     asked: list[str] = []
     monkeypatch.setattr("builtins.input", partial(_noted, asked))
@@ -94,7 +94,7 @@ class Screen(io.StringIO):
 
 
 @pytest.mark.parametrize("out", [io.StringIO, Screen])
-def test_progress_shows_a_devices_words(out: type[io.StringIO]) -> None:
+def test_progress_with_device_output_has_no_control_characters(out: type[io.StringIO]) -> None:
     """On a terminal rich draws, with escapes of its own: none of the device's is among them."""
     shown = out()
     with progress(quiet=False, out=printable.Printer(shown)) as notify:  # type: ignore[arg-type] # it is one by its methods
@@ -108,7 +108,7 @@ def test_progress_shows_a_devices_words(out: type[io.StringIO]) -> None:
         assert control_characters(text) == []
 
 
-def test_a_line_is_broken_between_words_and_loses_none() -> None:
+def test_line_is_wrapped_between_words_without_loss() -> None:
     row = ("  coastal-router     ", StyledText("applied and verified by a rather long sentence", Style.GOOD), " (1 s)")
     assert printable.wrap_row(row, 0, 21) == [row]
     for width in range(30, 90):
@@ -120,7 +120,7 @@ def test_a_line_is_broken_between_words_and_loses_none() -> None:
     assert {piece.style for piece in pieces if isinstance(piece, StyledText)} == {Style.GOOD}
 
 
-def test_a_word_that_is_longer_than_the_line_stays_whole() -> None:
+def test_word_longer_than_the_line_stays_whole() -> None:
     (first, second) = printable.wrap_row("see ~/.local/state/atlantis/real/coastal/runs", 20, 2)
     assert [printable.plain(line) for line in (first, second)] == ["see", "  ~/.local/state/atlantis/real/coastal/runs"]
 
@@ -140,7 +140,7 @@ class ColourScreen(io.StringIO):
         ({}, False),
     ],
 )
-def test_colours_are_for_terminals_that_show_them(
+def test_colours_only_on_terminals_that_support_them(
     environment: dict[str, str],
     coloured: bool,  # noqa: FBT001 - a value of the table
     monkeypatch: pytest.MonkeyPatch,
@@ -157,7 +157,7 @@ def test_colours_are_for_terminals_that_show_them(
         assert out.getvalue() == f"{start}[OK]{end} done \\u001b[31m\n{bad}a\\u001b[0m{end}\n"
 
 
-def test_a_stream_of_ascii_gets_the_nearest_letters() -> None:
+def test_ascii_stream_gets_the_nearest_letters() -> None:
     raw = io.BytesIO()
     with io.TextIOWrapper(raw, "ascii", printable.ASCII) as out:
         out.write("não é São João … « » — 漢")

@@ -27,13 +27,13 @@ def broken(state: Path, command: str, purpose: Purpose) -> Run:
         ("provision vpn install host=router", Purpose.INSTALL, "an import of a VPN identity"),
     ],
 )
-def test_the_command_to_repeat_is_told(tmp_path: Path, command: str, purpose: Purpose, what: str) -> None:
+def test_command_to_repeat_is_shown(tmp_path: Path, command: str, purpose: Purpose, what: str) -> None:
     with pytest.raises(UsageError, match=f"was {what}") as refused:
         _refuse_others(broken(tmp_path, command, purpose))
     assert refused.value.hint == f"repeat it: `{command}`"
 
 
-def test_what_a_rehearsal_advises_is_a_rehearsal() -> None:
+def test_hints_of_a_rehearsal_keep_its_flag() -> None:
     """Only of commands that have the flag: `runs` has none."""
     hint = "`provision resume site=… run=1`, or `provision backup site=…`; `provision runs` lists all"
     rehearsed = as_typed(hint, ["site=quay", "--rehearse"])
@@ -43,17 +43,17 @@ def test_what_a_rehearsal_advises_is_a_rehearsal() -> None:
     assert "--rehearse" not in as_typed(hint, ["site=quay"])
 
 
-def test_a_run_of_the_engine_goes_on(tmp_path: Path) -> None:
+def test_configuration_run_can_be_resumed(tmp_path: Path) -> None:
     run = broken(tmp_path, "provision site=quay", Purpose.CONFIGURE)
     _refuse_others(run)
     assert run.unsettled_devices == ("router",)
 
 
-def test_a_backup_leaves_nothing_to_go_on_with(tmp_path: Path) -> None:
+def test_backup_leaves_nothing_to_resume(tmp_path: Path) -> None:
     assert broken(tmp_path, "provision backup site=quay", Purpose.BACKUP).unsettled_devices == ()
 
 
-def test_a_run_that_has_left_nothing_open_is_typed_again(tmp_path: Path) -> None:
+def test_run_with_nothing_open_is_typed_again(tmp_path: Path) -> None:
     """Stopped before the last device's turn came: nothing is open, and not everything is done."""
     run = broken(tmp_path, "provision site=quay --yes", Purpose.CONFIGURE)
     _refuse_settled(run)
@@ -64,7 +64,7 @@ def test_a_run_that_has_left_nothing_open_is_typed_again(tmp_path: Path) -> None
     assert "type its command again:  provision site=quay --yes" in (refused.value.hint or "")
 
 
-def test_resume_goes_on_with_every_device_that_is_not_done(tmp_path: Path) -> None:
+def test_resume_covers_every_unfinished_device(tmp_path: Path) -> None:
     """Seed 209 of the campaign: `resume` was green, and the devices whose turn had not come were as before."""
     hosts = ("open", "never reached", "taken back", "done")
     started = RunStart(site="quay", revision="", tool="", hosts=hosts, rehearsed=False, command="provision")

@@ -29,14 +29,14 @@ LISBON = "Europe/Lisbon"
         ("2026-11-25 15:37", "Europe", "2026-11-25 15:37 UTC"),
     ],
 )
-def test_both_are_shown(utc: str, zone: str, text: str) -> None:
+def test_local_and_utc_time_are_shown(utc: str, zone: str, text: str) -> None:
     assert time_text(datetime.fromisoformat(f"{utc}+00:00"), zone) == text
 
 
-def test_a_time_of_another_zone_is_the_same_moment() -> None:
+def test_time_of_another_zone_is_converted() -> None:
     at = datetime(2026, 11, 25, 17, 37, tzinfo=timezone(timedelta(hours=2)))
     assert time_text(at, LISBON) == time_text(at.astimezone(UTC), LISBON) == "2026-11-25 15:37 WET (15:37 UTC)"
 
 
-def test_a_time_without_a_zone_says_so() -> None:
+def test_time_without_a_zone_is_marked() -> None:
     assert time_text(datetime(2026, 11, 25, 15, 37), LISBON) == "2026-11-25 15:37 (time zone unknown)"  # noqa: DTZ001

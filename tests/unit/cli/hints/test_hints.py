@@ -17,7 +17,7 @@ OF_RUNS = (
 """Whoever reads these has a device that is open: none of them may be left untyped."""
 
 
-def test_every_hint_of_the_source_is_in_the_register_and_no_other() -> None:
+def test_register_lists_exactly_the_hints_of_the_source() -> None:
     registered = Counter(entry.hint for entry in ENTRIES)
     assert [hint for hint, number in registered.items() if number > 1] == []
     found = hints()
@@ -26,14 +26,14 @@ def test_every_hint_of_the_source_is_in_the_register_and_no_other() -> None:
 
 
 @for_each_row("entry", [one for one in ENTRIES if "::" in one.test], ids=lambda one: one.hint.text[:60])
-def test_the_test_that_is_named_types_what_was_advised(entry: Entry) -> None:
+def test_registered_test_exists_and_types_the_hint(entry: Entry) -> None:
     file, _, name = entry.test.partition("::")
     assert (CHECKOUT / file).is_file(), file
     assert name in typing_tests(CHECKOUT / file)
     assert not entry.reason
 
 
-def test_what_is_not_typed_yet_has_a_reason_and_becomes_less() -> None:
+def test_untested_hints_have_a_reason_and_do_not_increase() -> None:
     untyped = [entry for entry in ENTRIES if entry.test == "-"]
     assert all(entry.reason for entry in ENTRIES if "::" not in entry.test)
     assert len(untyped) == NOT_TYPED
@@ -41,12 +41,12 @@ def test_what_is_not_typed_yet_has_a_reason_and_becomes_less() -> None:
 
 
 @for_each_row("entry", [one for one in ENTRIES if one.test != "no"], ids=lambda one: one.hint.text[:60])
-def test_every_command_of_a_hint_is_one_that_can_be_typed(entry: Entry) -> None:
+def test_every_command_of_a_hint_can_be_typed(entry: Entry) -> None:
     """Words and flags that the command has, and all that it needs; no `…` that nobody fills in."""
     assert untypeable(entry.hint) == []
 
 
-def test_what_cannot_be_typed_is_noticed() -> None:
+def test_untypeable_hint_is_detected() -> None:
     for text in (
         "`provision prove … --try-all`",
         "`provision links`",
@@ -56,7 +56,7 @@ def test_what_cannot_be_typed_is_noticed() -> None:
         assert untypeable(Hint("file", text)) != []
 
 
-def test_what_is_a_hint() -> None:
+def test_hints_are_extracted_from_source() -> None:
     source = '''
 class A:
     """Type `provision runs`."""

@@ -51,7 +51,7 @@ def foreign_options(printed: str, name: str) -> list[str]:
 
 
 @for_each_row("name", list(COMMANDS), ids=str)
-def test_example_values_are_refused_with_what_this_command_has(name: str, tmp_path: Path) -> None:
+def test_example_values_hint_fits_the_command(name: str, tmp_path: Path) -> None:
     with pytest.raises(UsageError) as refused:
         refuse_examples(load_declaration(SHIPPED), is_rehearsal=False)
     hint = as_typed(refused.value.hint or "", [*typed_words(name, tmp_path), "site=coastal"]).splitlines()[0]
@@ -70,7 +70,7 @@ def test_example_values_are_refused_with_what_this_command_has(name: str, tmp_pa
     [name for name in COMMANDS if load(name, COMMANDS).command.word("inventory") is not None and name != ENDLESS],
     ids=str,
 )
-def test_what_a_command_advises_without_a_device_is_an_option_of_its_own(
+def test_hints_use_only_options_of_the_command(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
@@ -81,7 +81,7 @@ def test_what_a_command_advises_without_a_device_is_an_option_of_its_own(
     assert foreign_options(told, name) == [], told
 
 
-def test_what_saves_a_plan_can_be_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_hint_to_save_a_plan_can_be_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["apply", f"file={tmp_path / 'absent'}"]) == ExitCode.USAGE
     (words,) = advised(capsys.readouterr().err)
     name, rest = choose([word.replace("NAME", "coastal") for word in words], COMMANDS)
@@ -99,7 +99,7 @@ def test_what_saves_a_plan_can_be_typed(tmp_path: Path, capsys: pytest.CaptureFi
         ({"atlantis_request": {"rehearsed": "maybe"}}, "atlantis_request: `rehearsed` ", ""),
     ],
 )
-def test_a_wrong_extra_variable_is_one_plain_sentence(variables: dict[str, object], message: str, hint: str) -> None:
+def test_invalid_extra_variable_is_one_plain_sentence(variables: dict[str, object], message: str, hint: str) -> None:
     with pytest.raises(UsageError) as refused:
         of_variables(variables)
     assert str(refused.value).startswith(message)

@@ -46,7 +46,7 @@ def files(base: GatewayBase) -> dict[str, str]:
     return {file.path: file.content for file in base.configuration.files}
 
 
-def test_a_network_with_a_key_and_without_a_way_out(tmp_path: Path) -> None:
+def test_network_has_a_key_and_no_way_out(tmp_path: Path) -> None:
     base = part(tmp_path)
     lines = files(base)[FILE].splitlines()
     assert {"country_code=PT", "channel=100", "hw_mode=a", "wpa_key_mgmt=WPA-PSK", "ap_isolate=1"} <= {*lines}
@@ -61,7 +61,7 @@ def test_a_network_with_a_key_and_without_a_way_out(tmp_path: Path) -> None:
     assert units["hostapd.service"] == (False, False)
 
 
-def test_its_key_comes_from_the_declaration_and_is_shown_nowhere(tmp_path: Path) -> None:
+def test_key_comes_from_the_inventory_and_is_never_shown(tmp_path: Path) -> None:
     told = part(tmp_path).as_dict()
     assert "EXAMPLE-gateway-key" not in json.dumps(told)
     secrets = dict.fromkeys(told["secrets"], "EXAMPLE-of-a-robot") | {told["own_secret"]: "EXAMPLE-gateway-key"}
@@ -70,11 +70,11 @@ def test_its_key_comes_from_the_declaration_and_is_shown_nowhere(tmp_path: Path)
     assert (laid[FILE].secret, laid[FILE].mode) == (True, "0600")
 
 
-def test_stations_may_reach_each_other_where_it_is_declared(tmp_path: Path) -> None:
+def test_station_isolation_can_be_disabled(tmp_path: Path) -> None:
     assert "ap_isolate=0" in files(part(tmp_path, {"isolated": "false"}))[FILE]
 
 
-def test_a_rehearsal_says_that_it_opens_no_network(tmp_path: Path) -> None:
+def test_rehearsal_notes_that_no_network_is_opened(tmp_path: Path) -> None:
     notes = [item.note for item in part(tmp_path, rehearsed=True).configuration.brought]
     assert notes[-1] == "not rehearsed: wlan3 opens the network EXAMPLE-COASTAL-GATEWAY, for this machine has no radio"
 
@@ -121,9 +121,7 @@ def read_by(program: Path, libraries: Path | None, file: Path) -> str:
     ],
     ids=["ac", "wpa3", "g", "n", "a", "accents", "quotes", "together"],
 )
-def test_the_real_program_reads_the_file(
-    hostapd: tuple[Path, Path | None], tmp_path: Path, changes: dict[str, str]
-) -> None:
+def test_hostapd_accepts_the_file(hostapd: tuple[Path, Path | None], tmp_path: Path, changes: dict[str, str]) -> None:
     file = tmp_path / "wlan3.conf"
     file.write_text(files(part(tmp_path, changes))[FILE])
     said = read_by(*hostapd, file)
@@ -136,7 +134,7 @@ def test_the_real_program_reads_the_file(
     "word",
     ["ssid2", "country_code", "ieee80211d", "hw_mode", "channel", "ieee80211n", "wpa", "wpa_key_mgmt", "ap_isolate"],
 )
-def test_the_real_program_refuses_a_misspelt_key(hostapd: tuple[Path, Path | None], tmp_path: Path, word: str) -> None:
+def test_hostapd_refuses_a_misspelt_key(hostapd: tuple[Path, Path | None], tmp_path: Path, word: str) -> None:
     file = tmp_path / "wlan3.conf"
     file.write_text(re.sub(rf"^{word}=", f"{word}x=", files(part(tmp_path))[FILE], flags=re.MULTILINE))
     said = read_by(*hostapd, file)
@@ -145,7 +143,7 @@ def test_the_real_program_refuses_a_misspelt_key(hostapd: tuple[Path, Path | Non
 
 
 @pytest.mark.parametrize(("word", "accepted"), [("wpa_passphrase", True), ("wpa_pasphrase", False)])
-def test_the_validator_of_the_gateway_tells_them_apart(tmp_path: Path, word: str, *, accepted: bool) -> None:
+def test_validator_of_the_gateway_detects_bad_files(tmp_path: Path, word: str, *, accepted: bool) -> None:
     base = part(tmp_path)
     radio = next(file for file in base.configuration.files if file.path == FILE)
     file = tmp_path / "wlan3.conf"
@@ -160,7 +158,7 @@ def ruleset(tmp_path: Path, **changes: str) -> str:
     return files(part(tmp_path, changes))["/etc/nftables.conf"]
 
 
-def test_with_a_way_to_the_vpn_stations_reach_its_server_and_nothing_else(tmp_path: Path) -> None:
+def test_stations_reach_only_the_vpn_server(tmp_path: Path) -> None:
     text = ruleset(tmp_path, vpn="true")
     forward = text[text.index("chain forward") :]
     assert "hook forward priority 0; policy drop;" in forward
@@ -173,7 +171,7 @@ def test_with_a_way_to_the_vpn_stations_reach_its_server_and_nothing_else(tmp_pa
     assert "ip saddr 10.71.1.0/24 ip daddr 203.0.113.2 masquerade" in forward
 
 
-def test_packets_are_forwarded_as_long_as_the_network_is_open(tmp_path: Path) -> None:
+def test_forwarding_is_enabled_only_while_the_network_is_open(tmp_path: Path) -> None:
     laid = files(part(tmp_path, {"vpn": "true"}))
     unit = laid["/etc/systemd/system/atlantis-access-point@.service"]
     assert "ExecStartPre=/bin/sh -c 'echo 1 > /proc/sys/net/ipv4/ip_forward'" in unit
@@ -181,7 +179,7 @@ def test_packets_are_forwarded_as_long_as_the_network_is_open(tmp_path: Path) ->
     assert "EmitRouter=yes" in laid["/etc/systemd/network/04-atlantis-radio-wlan3.network"]
 
 
-def test_without_it_nothing_is_forwarded(tmp_path: Path) -> None:
+def test_nothing_is_forwarded_by_default(tmp_path: Path) -> None:
     laid = files(part(tmp_path))
     assert "masquerade" not in laid["/etc/nftables.conf"]
     assert "ip_forward" not in laid["/etc/systemd/system/atlantis-access-point@.service"]

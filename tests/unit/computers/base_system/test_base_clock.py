@@ -55,7 +55,7 @@ def test_a_clock_that_is_far_off_is_set_once(off_s: float, told: str | None) -> 
     assert abs(board.now - NOW) <= 300
 
 
-def test_a_clock_that_follows_a_server_is_left_and_the_difference_told() -> None:
+def test_synchronised_clock_is_not_set_and_difference_is_reported() -> None:
     board = Board(NOW - 7200, follows=True)
     clock = board.clock()
     clock.converge(NOW)
@@ -63,7 +63,7 @@ def test_a_clock_that_follows_a_server_is_left_and_the_difference_told() -> None
     assert clock.notes == ["its clock is 7200 s behind of your computer's, and follows a time server: look at your own"]
 
 
-def test_where_the_clock_may_not_be_set_it_is_a_failure_with_a_way_out() -> None:
+def test_clock_that_cannot_be_set_is_a_failure_with_a_hint() -> None:
     board = Board(NOW - 3650 * DAY_S, frozen=True)
     with pytest.raises(
         ModuleError, match="is 3650 days behind, and may not be set here: Operation not permitted"
@@ -72,7 +72,7 @@ def test_where_the_clock_may_not_be_set_it_is_a_failure_with_a_way_out() -> None
     assert "CAP_SYS_TIME" in caught.value.hint
 
 
-def test_a_technicians_clock_that_is_wrong_itself_sets_nothing() -> None:
+def test_wrong_clock_of_the_laptop_sets_nothing() -> None:
     board = Board(NOW)
     with pytest.raises(ModuleError, match=r"the clock of this laptop is wrong .1970-01-01 00:20 UTC"):
         board.clock().converge(1200)

@@ -47,7 +47,7 @@ DONE = [
 ]
 
 
-def test_everything_once_and_nothing_twice(computer: Computer) -> None:
+def test_configure_is_idempotent(computer: Computer) -> None:
     computer.put("/etc/daemon/old.conf", "old")
     before = computer.snapshot()
     assert computer.converge(check=True, **WISHES) == DONE
@@ -86,7 +86,7 @@ CASES: list[tuple[str, str, dict[str, Any], list[str]]] = [
 
 
 @pytest.mark.parametrize(("mode", "told", "changes"), [case[1:] for case in CASES], ids=[case[0] for case in CASES])
-def test_one_change(computer: Computer, mode: str, told: dict[str, Any], changes: list[str]) -> None:
+def test_single_changes(computer: Computer, mode: str, told: dict[str, Any], changes: list[str]) -> None:
     computer.put("/a/b", "x", int(mode, 8))
     (computer.root / "a").chmod(0o755)
     assert computer.converge(check=True, **told) == changes
@@ -94,7 +94,7 @@ def test_one_change(computer: Computer, mode: str, told: dict[str, Any], changes
     assert computer.converge(**told) == []
 
 
-def test_an_owner_is_mended(computer: Computer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_owner_is_corrected(computer: Computer, monkeypatch: pytest.MonkeyPatch) -> None:
     told = []
     monkeypatch.setattr(os, "chown", lambda *arguments, **_: told.append(arguments[1:]))
     computer.put("/a/b", "x")
@@ -102,7 +102,7 @@ def test_an_owner_is_mended(computer: Computer, monkeypatch: pytest.MonkeyPatch)
     assert told == [(61234, os.getegid())]
 
 
-def test_a_link_in_the_place_of_a_file_is_replaced(computer: Computer) -> None:
+def test_symlink_in_place_of_a_file_is_replaced(computer: Computer) -> None:
     computer.put("/a/theirs", "theirs")
     (computer.root / "a" / "b").symlink_to("theirs")
     assert computer.converge(**file()) == ["file /a/b"]
@@ -130,7 +130,7 @@ def test_a_link_in_the_place_of_a_file_is_replaced(computer: Computer) -> None:
         ({"files": [{"path": "/a/f", "content": "x"}], "absent": ["/a/f"]}, "path /a/f is declared twice"),
     ],
 )
-def test_what_is_in_the_way_is_refused_and_nothing_changed(computer: Computer, told: dict[str, Any], said: str) -> None:
+def test_obstructed_path_is_refused_and_nothing_changed(computer: Computer, told: dict[str, Any], said: str) -> None:
     (computer.root / "a" / "b").mkdir(parents=True)
     os.mkfifo(computer.root / "a" / "c")
     computer.put("/a/f", "x")
@@ -141,7 +141,7 @@ def test_what_is_in_the_way_is_refused_and_nothing_changed(computer: Computer, t
     assert [path for path in sorted(computer.root.rglob("*")) if "run" not in path.parts] == before
 
 
-def test_nothing_is_changed_when_one_file_is_not_accepted(computer: Computer) -> None:
+def test_rejected_file_prevents_all_changes(computer: Computer) -> None:
     computer.put("/etc/first", "old")
     before = computer.snapshot()
     told: dict[str, Any] = {
@@ -155,7 +155,7 @@ def test_nothing_is_changed_when_one_file_is_not_accepted(computer: Computer) ->
     assert computer.ran == []
 
 
-def test_a_secret_is_shown_nowhere(computer: Computer) -> None:
+def test_secret_is_not_shown(computer: Computer) -> None:
     computer.put("/a/b", "hush, old\n")
     told: dict[str, Any] = {"files": [{"path": "/a/b", "secret_content": "hush, new\n", "validate": GOOD}]}
     with pytest.raises(ModuleError) as caught:
@@ -168,7 +168,7 @@ def test_a_secret_is_shown_nowhere(computer: Computer) -> None:
     assert (configure.changes, configure.diff) == (["file /a/b"], [])
 
 
-def test_a_validator_that_is_not_installed(computer: Computer) -> None:
+def test_missing_validator_is_reported(computer: Computer) -> None:
     told = file(validate=["no-such-program", "%s"])
     assert computer.converge(check=True, **told) == ["file /a/b"]
     with pytest.raises(ModuleError, match="`no-such-program`, which has to accept /a/b, is not installed"):
@@ -176,7 +176,7 @@ def test_a_validator_that_is_not_installed(computer: Computer) -> None:
     assert computer.snapshot() == {}
 
 
-def test_differences_are_texts(computer: Computer) -> None:
+def test_diffs_are_shown_for_text_files_only(computer: Computer) -> None:
     computer.put("/a/b", "x\n")
     (computer.root / "a" / "c").write_bytes(b"\xff\xfe")
     told: dict[str, Any] = {"files": [*file("y\n")["files"], {"path": "/a/c", "content": "text"}], "absent": ["/a/d"]}
@@ -196,7 +196,7 @@ def test_differences_are_texts(computer: Computer) -> None:
         (errno.ENXIO, "/etc/second: "),
     ],
 )
-def test_a_card_that_takes_no_more_is_left_as_it_was(
+def test_full_disk_leaves_everything_unchanged(
     computer: Computer, monkeypatch: pytest.MonkeyPatch, number: int, said: str
 ) -> None:
     computer.put("/etc/first", "old")
@@ -219,14 +219,14 @@ def test_a_card_that_takes_no_more_is_left_as_it_was(
     assert computer.converge(files=files) == ["file /etc/first", "file /etc/second"]
 
 
-def test_a_write_may_take_a_part_only(computer: Computer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_partial_write_is_continued(computer: Computer, monkeypatch: pytest.MonkeyPatch) -> None:
     write = os.write
     monkeypatch.setattr(os, "write", lambda handle, data: write(handle, bytes(data)[:1]))
     computer.converge(**file("a text of some length\n"))
     assert computer.text("/a/b") == "a text of some length\n"
 
 
-def test_two_runs_do_not_mix(computer: Computer) -> None:
+def test_concurrent_run_is_refused(computer: Computer) -> None:
     lock = computer.root / "run" / "lock" / "atlantis-configure"
     lock.parent.mkdir(parents=True)
     lock.write_text("process 77, begun from 192.0.2.7")
@@ -239,7 +239,7 @@ def test_two_runs_do_not_mix(computer: Computer) -> None:
     assert lock.read_text() == f"process {os.getpid()}, begun from 192.0.2.9"
 
 
-def test_a_step_that_fails_tells_its_last_lines_and_is_done_again(computer: Computer) -> None:
+def test_failed_step_shows_its_last_lines_and_is_repeated(computer: Computer) -> None:
     told = {**file(), "steps": [{"name": "make", "run": ["make"], "after": ["/a/b"]}]}
     computer.converge(**told)
     computer.answers["make"] = ProgramResult(2, "".join(f"line {number}\n" for number in range(40)))
@@ -254,7 +254,7 @@ def test_a_step_that_fails_tells_its_last_lines_and_is_done_again(computer: Comp
     assert computer.converge(**told) == []
 
 
-def test_steps_run_once_or_when_they_are_others(computer: Computer) -> None:
+def test_step_runs_once_or_when_its_inputs_change(computer: Computer) -> None:
     step: dict[str, Any] = {"name": "a/../b", "run": ["once"]}
     assert computer.converge(steps=[step]) == ["step a/../b"]
     assert computer.converge(steps=[step]) == []
@@ -267,7 +267,7 @@ def test_steps_run_once_or_when_they_are_others(computer: Computer) -> None:
     assert [argv[0] for argv in computer.ran] == ["once", "twice", "once", "once"]
 
 
-def test_a_damaged_stamp_costs_one_more_run(computer: Computer) -> None:
+def test_damaged_stamp_repeats_the_step(computer: Computer) -> None:
     told: dict[str, Any] = {**file(), "steps": [{"name": "make", "run": ["make"], "after": ["/a/b"]}]}
     computer.converge(**told)
     computer.put("/var/lib/atlantis/applied/make", '{"half')
@@ -275,7 +275,7 @@ def test_a_damaged_stamp_costs_one_more_run(computer: Computer) -> None:
     assert computer.converge(**told) == []
 
 
-def test_the_journal_of_the_computer_holds_no_contents() -> None:
+def test_journal_contains_no_file_contents() -> None:
     module, told = object.__new__(Module), list[str]()
     module.params = {"files": [{"path": "/a/b", "secret_content": "first hush\nsecond hush\n"}]}
     module.log = told.append
@@ -283,7 +283,7 @@ def test_the_journal_of_the_computer_holds_no_contents() -> None:
     assert told == ["Invoked for /a/b"]
 
 
-def test_what_a_person_has_not_brought_is_told_and_changes_nothing(computer: Computer) -> None:
+def test_missing_file_to_be_supplied_is_noted_and_changes_nothing(computer: Computer) -> None:
     brought = [{"path": "/etc/daemon/key", "note": "daemon has no key: bring one"}]
     for check in (True, False):
         asked = computer.configure(check=check, brought=brought)
@@ -313,7 +313,7 @@ OPTIONAL: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("before", [None, "an older one\n"])
-def test_a_file_that_is_not_accepted_is_a_finding_and_all_else_is_done(computer: Computer, before: str | None) -> None:
+def test_rejected_optional_file_is_a_finding_and_the_rest_is_done(computer: Computer, before: str | None) -> None:
     computer.units["wall"] = FakeUnit(active="failed")
     if before is not None:
         computer.put("/etc/wall.conf", before, 0o600)
@@ -337,7 +337,7 @@ def test_a_file_that_is_not_accepted_is_a_finding_and_all_else_is_done(computer:
     assert {name: text for name, (_, text) in left.items()} == ({} if before is None else {"etc/wall.conf": before})
 
 
-def test_a_file_that_is_no_longer_accepted_is_a_finding_although_it_is_unchanged(computer: Computer) -> None:
+def test_unchanged_file_that_is_now_rejected_is_a_finding(computer: Computer) -> None:
     """The kernel was exchanged for one without nf_tables: the file is there, and its unit cannot start any more."""
     computer.units["wall"] = FakeUnit()
     switch = ["sh", "-c", f"test -e {computer.root}/nf_tables # %s"]
@@ -355,7 +355,7 @@ def test_a_file_that_is_no_longer_accepted_is_a_finding_although_it_is_unchanged
     assert later.findings[0][0].startswith(FINDING)
 
 
-def test_a_file_that_is_not_accepted_and_has_to_be_still_stops_everything(computer: Computer) -> None:
+def test_rejected_mandatory_file_still_stops_everything(computer: Computer) -> None:
     told = {**OPTIONAL, "files": [*OPTIONAL["files"], {"path": "/etc/must.conf", "content": "bad\n", "validate": GOOD}]}
     before = computer.snapshot()
     with pytest.raises(ModuleError, match=r"sh does not accept the new /etc/must\.conf, so that nothing was changed"):
@@ -363,7 +363,7 @@ def test_a_file_that_is_not_accepted_and_has_to_be_still_stops_everything(comput
     assert computer.snapshot() == before
 
 
-def test_a_check_is_asked_in_every_run_and_changes_nothing(computer: Computer) -> None:
+def test_check_runs_every_time_and_changes_nothing(computer: Computer) -> None:
     checks = [{"run": ["look", "there"], "finding": "it is not bounded", "hint": "take another"}]
     for code, found in (
         (0, []),

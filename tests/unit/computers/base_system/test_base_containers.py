@@ -63,12 +63,12 @@ def test_a_container_is_confined_and_never_pulled() -> None:
     assert f"sha256={'a' * 64}\n" in script, "small letters, as sha256sum prints them"
 
 
-def test_a_port_of_root_is_one_capability() -> None:
+def test_privileged_port_needs_one_capability() -> None:
     script = files(base({**contained(), "port": 443}))[f"{FOLDER}/atlantis-service-backend"]
     assert "--cap-drop all --cap-add NET_BIND_SERVICE" in script
 
 
-def test_its_unit_has_its_bounds_and_leaves_the_rest_to_podman() -> None:
+def test_unit_has_limits_and_leaves_the_rest_to_podman() -> None:
     unit = files(base(contained(memory_mb=300, restart="on-failure")))[
         "/etc/systemd/system/atlantis-service-backend.service"
     ].splitlines()
@@ -79,14 +79,14 @@ def test_its_unit_has_its_bounds_and_leaves_the_rest_to_podman() -> None:
 
 
 @pytest.mark.parametrize("made", [base(contained()), base(bridge={"master_uri": "http://10.64.0.30:11311"})])
-def test_the_script_is_one_for_sh(made: GatewayBase, tmp_path: Path) -> None:
+def test_script_is_valid_sh(made: GatewayBase, tmp_path: Path) -> None:
     (script,) = [text for path, text in files(made).items() if path.startswith(FOLDER) and "." not in Path(path).name]
     (tmp_path / "script").write_text(script)
     done = subprocess.run(["sh", "-n", str(tmp_path / "script")], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_podman_comes_with_a_container_alone() -> None:
+def test_podman_is_installed_only_for_containers() -> None:
     def names(made: GatewayBase) -> set[str]:
         return {package.name for package in made.packages}
 
@@ -96,7 +96,7 @@ def test_podman_comes_with_a_container_alone() -> None:
     assert not [unit for unit in base().configuration.units if unit.name.startswith("podman")]
 
 
-def test_secrets_are_words_in_the_order_of_the_declaration() -> None:
+def test_secrets_are_placeholders_in_inventory_order() -> None:
     rows = [
         {"name": "MODE", "value": "quay"},
         {"name": "B", "secret": "EXAMPLE-b"},
@@ -114,7 +114,7 @@ def test_a_rehearsal_pins_its_own_archive() -> None:
     assert f"sha256={'b' * 64}\n" in files(made)[f"{FOLDER}/atlantis-service-backend"]
 
 
-def test_a_folder_is_measured_against_its_budget(tmp_path: Path) -> None:
+def test_folder_size_is_checked_against_its_budget(tmp_path: Path) -> None:
     def over(folder: Path) -> bool:
         return subprocess.run(folder_budget_check("x", str(folder), 2).run, check=False).returncode != 0
 
@@ -125,7 +125,7 @@ def test_a_folder_is_measured_against_its_budget(tmp_path: Path) -> None:
     assert over(tmp_path)
 
 
-def test_the_bridge_lives_with_the_vpn_and_takes_the_profile_of_dds() -> None:
+def test_bridge_follows_the_vpn_and_the_dds_profile() -> None:
     made = base(bridge={"master_uri": "http://10.64.0.30:11311/", "topics": TOPICS})
     laid = files(made)
     unit = laid[f"/etc/systemd/system/{BRIDGE}"]
@@ -144,7 +144,7 @@ def test_the_bridge_lives_with_the_vpn_and_takes_the_profile_of_dds() -> None:
     assert BRIDGE in {unit["name"] for unit in gateway_dds(SHIPPED, host).as_dict()["configure"]["units"]}
 
 
-def test_all_topics_are_bridged_where_none_is_named() -> None:
+def test_all_topics_are_bridged_by_default() -> None:
     laid = files(base(bridge={"master_uri": "http://10.64.0.30:11311"}))
     assert "ros2 run ros1_bridge dynamic_bridge --bridge-all-topics" in laid[f"{FOLDER}/atlantis-service-ros1-bridge"]
     assert f"{FOLDER}/atlantis-service-ros1-bridge.yaml" not in laid

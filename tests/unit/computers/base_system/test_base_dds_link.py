@@ -29,7 +29,7 @@ def text(base: GatewayBase, path: str) -> str:
     return next(file.content for file in base.configuration.files if file.path == path)
 
 
-def test_a_gateway_asks_its_router_and_drops_its_own_dds() -> None:
+def test_gateway_pings_its_router_and_drops_its_own_dds() -> None:
     base = part(SHIPPED)
     assert "ping -n -s 0 -i 5 -Q 4 -t 2 203.0.113.2 |" in text(base, UNIT)
     assert text(base, UNIT).count("ping -q -c 1 -s 0 -W 5 10.80.0.1") == 2
@@ -46,7 +46,7 @@ def test_a_gateway_asks_its_router_and_drops_its_own_dds() -> None:
 
 
 @pytest.mark.parametrize("case", ["every link", "over LANs", "no DDS", "control centre", "outside the VPN"])
-def test_elsewhere_it_is_taken_away(case: str) -> None:
+def test_service_is_removed_elsewhere(case: str) -> None:
     declaration, name = SHIPPED, "coastal-gateway"
     if case == "every link":
         declaration = changed(dds=True)
@@ -69,7 +69,7 @@ def test_elsewhere_it_is_taken_away(case: str) -> None:
     ]
 
 
-def test_a_link_that_is_metered_is_kept_free_by_itself() -> None:
+def test_metered_links_carry_no_dds_by_default() -> None:
     assert links_without_dds(changed(dds=None), "coastal") == ("4g", "satellite")
     assert links_without_dds(changed(dds=False), "coastal") == ("wifi-ptp", "4g", "satellite")
     assert links_without_dds(SHIPPED, "scc") == ()

@@ -40,7 +40,7 @@ def text(base: GatewayBase, path: str) -> str:
     return next(file.content for file in base.configuration.files if file.path == path)
 
 
-def test_it_is_final_data(tmp_path: Path) -> None:
+def test_result_is_plain_json_without_templates(tmp_path: Path) -> None:
     told = part(tmp_path).as_dict()
     assert json.loads(json.dumps(told)) == told
     assert told.keys() == {"packages", "configure", "secrets", "own_secret", "service_secrets", "qualify_secret"}
@@ -49,7 +49,7 @@ def test_it_is_final_data(tmp_path: Path) -> None:
     assert "{%" not in json.dumps(told)
 
 
-def test_time_comes_from_near_first_and_never_over_the_vpn(tmp_path: Path) -> None:
+def test_time_comes_from_nearby_servers_and_never_over_the_vpn(tmp_path: Path) -> None:
     conf = text(part(tmp_path), "/etc/chrony/chrony.conf")
     assert re.findall(r"^(server \S+|local.*|allow.*|makestep.*|refclock.*)", conf, re.MULTILINE) == [
         *("server 10.64.1.1", "server 192.0.2.123", "server 192.0.2.124", "local stratum 10 orphan"),
@@ -64,7 +64,7 @@ def test_time_comes_from_near_first_and_never_over_the_vpn(tmp_path: Path) -> No
         ("{source: socket, device: ttyUSB1}", "refclock SOCK /run/chrony.ttyUSB1.sock refid GPS poll 4 delay 0.5"),
     ],
 )
-def test_a_receiver_gives_the_time(tmp_path: Path, gps: str, line: str) -> None:
+def test_gps_receiver_provides_the_time(tmp_path: Path, gps: str, line: str) -> None:
     base = part(tmp_path, f"  gps: {gps}\n")
     assert line in text(base, "/etc/chrony/chrony.conf").splitlines()
     assert 'GPSD_OPTIONS="-n"' in text(base, "/etc/default/gpsd")
@@ -72,7 +72,7 @@ def test_a_receiver_gives_the_time(tmp_path: Path, gps: str, line: str) -> None:
     assert "gpsd.service" in {unit.name for unit in base.configuration.units}
 
 
-def test_who_may_log_in(tmp_path: Path) -> None:
+def test_ssh_access_is_limited_to_declared_networks(tmp_path: Path) -> None:
     base = part(
         tmp_path, "  ssh: {port: 2222}\n", site=("admit: [10.64.101.0/24,", "admit: [10.64.101.0/25, 192.0.2.64/26,")
     )
@@ -92,17 +92,17 @@ def test_who_may_log_in(tmp_path: Path) -> None:
         (("participants: 10 ", "participants: 3 "), "udp dport 7400-7415 accept"),
     ],
 )
-def test_the_ports_of_the_domain_are_open_to_lan_and_vpn(tmp_path: Path, pilot: tuple[str, str], rule: str) -> None:
+def test_dds_ports_are_open_to_lan_and_vpn(tmp_path: Path, pilot: tuple[str, str], rule: str) -> None:
     assert rule in text(part(tmp_path, pilot=pilot), "/etc/nftables.conf")
 
 
-def test_without_dds_its_ports_are_shut() -> None:
+def test_dds_ports_are_closed_without_dds() -> None:
     declared = load(SHIPPED)
     silent = replace(declared, pilot=declared.pilot.model_copy(update={"dds": None}))
     assert "DDS" not in text(gateway_base(silent, silent.hosts[GATEWAY]), "/etc/nftables.conf")
 
 
-def test_no_route_is_taken_from_other_computers(tmp_path: Path) -> None:
+def test_redirects_and_router_advertisements_are_ignored(tmp_path: Path) -> None:
     base = part(tmp_path, "  network: {by: networkd, interface: eth7}\n")
     lines = text(base, "/etc/sysctl.d/60-atlantis.conf").splitlines()
     for interface in ("all", "default", "*", "eth7", "wlan0"):
@@ -114,7 +114,7 @@ def test_no_route_is_taken_from_other_computers(tmp_path: Path) -> None:
     assert "systemd-resolved.service" in {unit.name for unit in base.configuration.units}
 
 
-def test_the_watchdog_is_set_where_it_is_declared(tmp_path: Path) -> None:
+def test_watchdog_is_set_if_declared(tmp_path: Path) -> None:
     path = "/etc/systemd/system.conf.d/atlantis-watchdog.conf"
     without, declared = part(tmp_path / "a"), part(tmp_path / "b", "  watchdog_s: 30\n")
     assert path in without.configuration.absent
@@ -122,7 +122,7 @@ def test_the_watchdog_is_set_where_it_is_declared(tmp_path: Path) -> None:
     assert "RuntimeWatchdogSec=30\n" in text(declared, path)
 
 
-def test_cloud_init_takes_nothing_back(tmp_path: Path) -> None:
+def test_cloud_init_stays_disabled(tmp_path: Path) -> None:
     """Of its two files the one that switches it on has precedence, and the kernel's command line over both."""
     made = part(tmp_path).configuration
     assert "/etc/cloud/cloud-init.disabled" in [file.path for file in made.files]
@@ -137,7 +137,7 @@ def test_cloud_init_takes_nothing_back(tmp_path: Path) -> None:
         assert subprocess.run(["sh", "-c", script], check=False).returncode == 0
 
 
-def test_nothing_is_fetched_unasked_where_bytes_cost(tmp_path: Path) -> None:
+def test_nothing_is_downloaded_automatically_over_metered_links(tmp_path: Path) -> None:
     apt = "/etc/apt/apt.conf.d/90atlantis"
     metered = text(part(tmp_path / "a"), apt)
     assert 'APT::Periodic::Update-Package-Lists "0";' in metered
@@ -182,12 +182,12 @@ def shape(options: dict[str, Any], below: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("module", [path.stem for path in sorted(MODULES.glob("*.py"))])
-def test_the_documentation_can_be_read(module: str) -> None:
+def test_module_documentation_is_valid(module: str) -> None:
     texts = told(module)
     assert texts.keys() == TEXTS
     assert texts["DOCUMENTATION"]["module"] == module
     assert texts["EXAMPLES"][0].keys() >= {"name", f"atlantis.netcfg.{module}"}
 
 
-def test_configure_takes_what_it_tells() -> None:
+def test_documented_options_match_the_arguments() -> None:
     assert shape(told("configure")["DOCUMENTATION"]["options"], "suboptions") == shape(ARGUMENTS, "options")

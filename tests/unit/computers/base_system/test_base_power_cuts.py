@@ -83,7 +83,7 @@ def cut_after(calls: int, computer: Daemon, monkeypatch: pytest.MonkeyPatch) -> 
     return False
 
 
-def test_whatever_was_cut_is_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_power_cut_is_completed_by_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     right = made(tmp_path / "right")
     right.converge(**WISHES)
     wanted, calls = right.snapshot(), 0
@@ -105,7 +105,7 @@ def test_whatever_was_cut_is_completed(tmp_path: Path, monkeypatch: pytest.Monke
     assert calls > 40
 
 
-def test_a_file_is_safe_on_the_disk_before_it_takes_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_is_synced_before_it_is_put_in_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     computer = made(tmp_path)
     told: list[str] = []
 

@@ -62,13 +62,13 @@ def test_each_radio_joins_its_vehicle(tmp_path: Path) -> None:
     assert "wpasupplicant" in {package.name for package in base.packages}
 
 
-def test_no_key_is_in_what_the_role_is_told(tmp_path: Path) -> None:
+def test_role_data_contains_no_key(tmp_path: Path) -> None:
     told = part(tmp_path).as_dict()
     assert told["secrets"] == KEYS
     assert "-wifi" not in json.dumps(told).replace("@wifi", "")
 
 
-def test_the_module_puts_the_keys_in_and_shows_them_nowhere(tmp_path: Path) -> None:
+def test_module_inserts_keys_and_never_shows_them(tmp_path: Path) -> None:
     told = part(tmp_path).as_dict()
     secrets = {word: f"EXAMPLE-{vehicle}-key" for word, vehicle in told["secrets"].items()}
     laid = {file.path: file for file in DesiredState.of({**told["configure"], "secrets": secrets}).files}
@@ -79,7 +79,7 @@ def test_the_module_puts_the_keys_in_and_shows_them_nowhere(tmp_path: Path) -> N
     assert not any("@wifi-key" in file.content for file in laid.values())
 
 
-def test_a_robots_network_gives_an_address_and_nothing_else(tmp_path: Path) -> None:
+def test_vehicle_network_provides_only_an_address(tmp_path: Path) -> None:
     base = part(tmp_path, ("        client: {network: 10.70.2.0/24, address: 10.70.2.2}\n", ""))
     static = lines(files(base)["/etc/systemd/network/04-atlantis-radio-wlan0-girona500.network"])
     leased = lines(files(base)["/etc/systemd/network/04-atlantis-radio-wlan1-sparus.network"])
@@ -88,7 +88,7 @@ def test_a_robots_network_gives_an_address_and_nothing_else(tmp_path: Path) -> N
     assert {"DHCP=ipv4", "UseRoutes=no", "UseDNS=no", "UseNTP=no", "UseHostname=no"} <= {*leased}
 
 
-def test_one_radio_for_two_vehicles_tells_them_apart_by_name(tmp_path: Path) -> None:
+def test_two_vehicles_on_one_radio_are_distinguished_by_ssid(tmp_path: Path) -> None:
     base = part(tmp_path, ("interface: wlan1", "interface: wlan0"), ("ssid: EXAMPLE-SPARUS", "ssid: 'a*b \"c'"))
     assert files(base)["/etc/atlantis/radios/wlan0.conf"].count("network={") == 2
     told = lines(files(base)["/etc/systemd/network/04-atlantis-radio-wlan0-sparus.network"])
@@ -105,7 +105,7 @@ def test_nothing_is_forwarded_between_robots(tmp_path: Path) -> None:
     ]
 
 
-def test_without_a_key_a_person_configures_the_radio(tmp_path: Path) -> None:
+def test_radio_without_a_key_is_left_to_a_person(tmp_path: Path) -> None:
     edits = [(f"        key: EXAMPLE-{name}-wifi\n", "") for name in ("girona500", "sparus", "mares")] + [
         (f"        client: {{network: 10.70.{n}.0/24, address: 10.70.{n}.2}}\n", "") for n in (1, 2, 3)
     ]
@@ -116,7 +116,7 @@ def test_without_a_key_a_person_configures_the_radio(tmp_path: Path) -> None:
     assert base.as_dict()["secrets"] == {}
 
 
-def test_a_rehearsal_says_that_it_has_no_radio(tmp_path: Path) -> None:
+def test_rehearsal_notes_that_there_is_no_radio(tmp_path: Path) -> None:
     base = part(tmp_path, rehearsed=True)
     assert next(item.note for item in base.configuration.brought) == (
         "not rehearsed: wlan0 joins the access point of girona500, for this machine has no radio"
@@ -154,7 +154,7 @@ def supplicant(request: pytest.FixtureRequest) -> tuple[Path, Path | None]:
     ],
     ids=["shipped", "accents", "quotes", "wpa3", "mac", "shared"],
 )
-def test_the_real_program_reads_every_file(
+def test_wpa_supplicant_accepts_every_file(
     supplicant: tuple[Path, Path | None], tmp_path: Path, edit: tuple[str, str]
 ) -> None:
     found = {
@@ -171,9 +171,7 @@ def test_the_real_program_reads_every_file(
 
 
 @pytest.mark.parametrize("word", ["country", "id_str", "ssid", "proto", "pairwise", "group", "key_mgmt", "ieee80211w"])
-def test_the_real_program_refuses_a_misspelt_key(
-    supplicant: tuple[Path, Path | None], tmp_path: Path, word: str
-) -> None:
+def test_wpa_supplicant_refuses_a_misspelt_key(supplicant: tuple[Path, Path | None], tmp_path: Path, word: str) -> None:
     text = files(part(tmp_path))["/etc/atlantis/radios/wlan0.conf"]
     file = tmp_path / "wlan0.conf"
     file.write_text(re.sub(rf"^( *){word}=", rf"\1{word}x=", text, flags=re.MULTILINE))
@@ -181,7 +179,7 @@ def test_the_real_program_refuses_a_misspelt_key(
 
 
 @pytest.mark.parametrize(("word", "accepted"), [("psk", True), ("pskx", False)])
-def test_the_validator_of_the_gateway_tells_them_apart(tmp_path: Path, word: str, *, accepted: bool) -> None:
+def test_validator_of_the_gateway_detects_bad_files(tmp_path: Path, word: str, *, accepted: bool) -> None:
     base = part(tmp_path)
     radio = next(file for file in base.configuration.files if file.path.endswith("radios/wlan0.conf"))
     file = tmp_path / "wlan0.conf"

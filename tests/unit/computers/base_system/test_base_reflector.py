@@ -35,7 +35,7 @@ HERE = "127.0.0.1"
 
 
 @pytest.mark.parametrize("name", COMPUTERS)
-def test_it_is_bound_to_the_address_in_the_vpn_and_open_to_our_own_computers(name: str) -> None:
+def test_reflector_is_bound_to_the_vpn_address_and_open_to_our_computers(name: str) -> None:
     configuration = gateway_base(SHIPPED, SHIPPED.hosts[name]).configuration
     files = {file.path: file.content for file in configuration.files}
     assert f"ExecStart=/usr/bin/python3 -I {PROGRAM} {name} {COMPUTERS[name]} {REFLECTOR_PORT}\n" in files[UNIT]
@@ -48,7 +48,7 @@ def test_it_is_bound_to_the_address_in_the_vpn_and_open_to_our_own_computers(nam
     ]
 
 
-def test_of_a_computer_outside_the_vpn_it_is_taken_away() -> None:
+def test_reflector_is_removed_outside_the_vpn() -> None:
     box = SHIPPED.hosts["scc-control"]
     assert isinstance(box.device, ServerComputer)
     outside = replace(box, device=box.device.model_copy(update={"vpn_address": None}))
@@ -91,7 +91,7 @@ def test_a_high_port_needs_no_capability() -> None:
 
 
 @pytest.mark.parametrize("name", COMPUTERS)
-def test_where_it_is_not_the_far_end_it_is_taken_away(name: str) -> None:
+def test_far_end_is_removed_elsewhere(name: str) -> None:
     pilot = SHIPPED.pilot if name != "scc-control" else SHIPPED.pilot.model_copy(update={"qualify": None})
     base = gateway_base(replace(SHIPPED, pilot=pilot), SHIPPED.hosts[name])
     assert {f"/etc/systemd/system/{QUALIFY_SERVICE}", QUALIFY_KEY} <= {*base.configuration.absent}
@@ -100,7 +100,7 @@ def test_where_it_is_not_the_far_end_it_is_taken_away(name: str) -> None:
     assert not [file for file in base.configuration.files if "dport 862" in file.content or "qualify" in file.path]
 
 
-def test_the_far_end_starts_from_its_folder_and_reads_its_key_from_standard_input(tmp_path: Path) -> None:
+def test_far_end_program_starts_and_reads_its_key_from_stdin(tmp_path: Path) -> None:
     """As the unit starts it, but for systemd."""
     for file in link_reflector("scc-control", SHIPPED.pilot).files:
         if file.path.startswith(f"{QUALIFY_FOLDER}/"):
@@ -138,7 +138,7 @@ def asked(port: int, count: int = 3) -> dict[str, object]:
     return {"source": HERE, "address": HERE, "port": port, "count": count, "within_s": 5.0}
 
 
-def test_the_very_tokens_come_back_with_the_way_by_which_they_came(port: int) -> None:
+def test_tokens_come_back_with_the_path_they_took(port: int) -> None:
     found = reflect(asked(port))
     rows = [json.loads(data) for *_, data in found["answers"]]
     assert [row["token"] for row in rows] == found["tokens"]
@@ -148,7 +148,7 @@ def test_the_very_tokens_come_back_with_the_way_by_which_they_came(port: int) ->
     assert all(0 < delay < 5 for _, _, delay, _ in found["answers"])
 
 
-def test_nothing_else_is_answered_and_no_answer_is_longer_than_its_message(port: int) -> None:
+def test_only_valid_messages_are_answered_without_amplification(port: int) -> None:
     token = b"0" * 32
     good = (b"atlantis-reflect " + token).ljust(224)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as here:
@@ -167,13 +167,13 @@ def test_nothing_else_is_answered_and_no_answer_is_longer_than_its_message(port:
     assert len(answer) <= len(good)
 
 
-def test_that_nobody_listens_is_told_as_a_refusal() -> None:
+def test_closed_port_is_reported_as_refused() -> None:
     with pytest.raises(ProbeError) as refused:
         reflect(asked(9))
     assert refused.value.trouble == "refused"
 
 
-def test_without_its_own_address_nothing_is_sent() -> None:
+def test_missing_source_address_is_reported_as_unreachable() -> None:
     with pytest.raises(ProbeError) as unreachable:
         reflect({**asked(9), "source": "192.0.2.1"})
     assert unreachable.value.trouble == "unreachable"

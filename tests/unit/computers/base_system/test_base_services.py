@@ -58,28 +58,28 @@ def opened(declaration: Inventory, host: str = CENTRE) -> dict[str, tuple[str, i
         ({"open_to": ["vpn"], "partners": ["inesc", "iqua"]}, [POOL, "10.80.16.0/23"]),
     ],
 )
-def test_a_port_is_open_to_exactly_whom_it_says(whom: dict[str, Any], sources: list[str]) -> None:
+def test_port_is_open_to_the_declared_sources(whom: dict[str, Any], sources: list[str]) -> None:
     assert opened(with_services({"name": "web", "port": 18080, **whom})) == {"web": ("tcp", 18080, sources)}
 
 
-def test_a_port_for_nobody_and_a_service_without_one_open_nothing() -> None:
+def test_service_without_port_or_sources_opens_nothing() -> None:
     assert opened(with_services({"name": "database", "port": 18083}, {"name": "worker"})) == {}
 
 
-def test_a_gateway_has_services_too() -> None:
+def test_gateway_can_host_services() -> None:
     declared = {"name": "map", "transport": "udp", "port": 18084, "open_to": ["lan"]}
     found = opened(with_services(declared, host="coastal-gateway"), "coastal-gateway")
     assert found["map"] == ("udp", 18084, ["10.64.1.0/24"])
 
 
-def test_the_stream_of_a_remote_control_reaches_who_listens_to_it() -> None:
+def test_remote_control_stream_passes_the_firewall_of_the_gateway() -> None:
     """The autopilot sends it without being asked, so that no answer that is awaited lets it in."""
     found = opened(SHIPPED, "coastal-gateway")
     assert found["remote control of stork"] == ("udp", 14550, ["10.64.1.0/24"])
     assert not [name for name in opened(SHIPPED) if name.startswith("remote control")]
 
 
-def test_what_the_pilot_offers_all_partners_passes_the_computer_as_it_passes_the_server() -> None:
+def test_vpn_service_for_all_partners_is_open_on_its_host() -> None:
     declaration = with_services()
     offered = VpnService.model_validate({"name": 'a "page"', "host": CENTRE, "port": 8443})
     vpn = declaration.pilot.vpn.model_copy(update={"services": (offered,)})
@@ -105,7 +105,7 @@ def unit_of(declared: HostedService) -> str:
     return text
 
 
-def test_the_unit_is_bounded() -> None:
+def test_unit_is_sandboxed() -> None:
     lines = unit_of(service(memory_mb=300, restart="on-failure")).splitlines()
     for line in (
         *("User=svc-backend", "ExecStart=/opt/backend --port 18082", "Restart=on-failure", "MemoryMax=300M"),
@@ -114,7 +114,7 @@ def test_the_unit_is_bounded() -> None:
         assert line in lines
 
 
-def test_its_account_and_folder_may_be_declared() -> None:
+def test_account_and_folder_can_be_declared() -> None:
     declared = service(user="backend", data="/srv/backend")
     assert {"User=backend", "ReadWritePaths=/srv/backend"} <= set(unit_of(declared).splitlines())
     files = {file.path: file.content for file in configured(declared).files}
@@ -122,12 +122,12 @@ def test_its_account_and_folder_may_be_declared() -> None:
     assert files["/etc/tmpfiles.d/atlantis-services.conf"] == "d /srv/backend 0750 backend backend -\n"
 
 
-def test_a_port_of_root_is_one_capability_and_no_more() -> None:
+def test_privileged_port_needs_one_capability() -> None:
     declared = service().model_copy(update={"port": 443})
     assert "CapabilityBoundingSet=CAP_NET_BIND_SERVICE" in unit_of(declared).splitlines()
 
 
-def test_two_services_of_one_account_make_it_once() -> None:
+def test_shared_account_is_created_once() -> None:
     more = (
         service(user="backend", data="/srv/a"),
         service(user="backend", data="/srv/b").model_copy(update={"name": "second"}),
@@ -137,14 +137,14 @@ def test_two_services_of_one_account_make_it_once() -> None:
     assert files[LIST].splitlines() == ["atlantis-service-backend.service", "atlantis-service-second.service"]
 
 
-def test_without_a_program_nothing_is_laid_down_and_what_was_goes() -> None:
+def test_service_without_a_program_is_removed() -> None:
     made = configured(HostedService.model_validate({"name": "web", "port": 18080}))
     assert (made.files, made.units, made.checks) == ((), (), ())
     assert LIST in made.absent
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
-def test_systemd_understands_the_unit(tmp_path: Path) -> None:
+def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
     file = tmp_path / "atlantis-service-backend.service"
     file.write_text(unit_of(service()).replace("/opt/backend", "/bin/true").replace("svc-backend", "root"))
     done = subprocess.run(["systemd-analyze", "verify", str(file)], capture_output=True, text=True, check=False)
@@ -152,7 +152,7 @@ def test_systemd_understands_the_unit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("kind", "sort"), [("tcp", socket.SOCK_STREAM), ("udp", socket.SOCK_DGRAM)])
-def test_a_stand_in_really_listens(tmp_path: Path, kind: str, sort: socket.SocketKind) -> None:
+def test_stand_in_listens(tmp_path: Path, kind: str, sort: socket.SocketKind) -> None:
     with socket.socket(socket.AF_INET, sort) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

@@ -23,7 +23,7 @@ def wishes(content: str = "1", **unit: Any) -> dict[str, Any]:  # noqa: ANN401 -
     }
 
 
-def test_it_runs_what_is_in_its_files(computer: Computer) -> None:
+def test_unit_is_restarted_or_reloaded_after_file_changes(computer: Computer) -> None:
     daemon = computer.units["daemon"]
     daemon.active = "active"  # started by its package, with its own file
     assert computer.converge(**wishes()) == [f"file {CONF}", "unit daemon restarted"]
@@ -36,7 +36,7 @@ def test_it_runs_what_is_in_its_files(computer: Computer) -> None:
     assert [argv[1] for argv in computer.ran] == ["restart", "reload-or-restart", "start"]
 
 
-def test_without_a_wish_it_is_restarted_only_where_it_runs(computer: Computer) -> None:
+def test_unit_without_a_desired_state_is_restarted_only_if_it_runs(computer: Computer) -> None:
     told = wishes(active=None)
     assert computer.converge(**told) == [f"file {CONF}"]
     computer.units["daemon"].active = "active"
@@ -45,7 +45,7 @@ def test_without_a_wish_it_is_restarted_only_where_it_runs(computer: Computer) -
     assert computer.converge(**wishes("2", active=None)) == []
 
 
-def test_two_roles_look_after_one_unit(computer: Computer) -> None:
+def test_two_roles_can_manage_one_unit(computer: Computer) -> None:
     other: dict[str, Any] = {
         "files": [{"path": "/etc/daemon.d/own.conf", "content": "own"}],
         "units": [{"name": "daemon", "active": True, "after": ["/etc/daemon.d/own.conf"]}],
@@ -56,7 +56,7 @@ def test_two_roles_look_after_one_unit(computer: Computer) -> None:
     assert computer.converge(**other) == []
 
 
-def test_it_is_stopped_and_disabled(computer: Computer) -> None:
+def test_unit_is_stopped_and_disabled(computer: Computer) -> None:
     computer.units["daemon"].file = "enabled"
     computer.units["daemon"].active = "active"
     told: dict[str, Any] = {
@@ -69,12 +69,12 @@ def test_it_is_stopped_and_disabled(computer: Computer) -> None:
 
 
 @pytest.mark.parametrize("state", ["static", "generated", "alias", "indirect"])
-def test_what_cannot_be_enabled_is_left(computer: Computer, state: str) -> None:
+def test_unit_that_cannot_be_enabled_is_left_alone(computer: Computer, state: str) -> None:
     computer.units["daemon"].file = state
     assert computer.converge(units=[{"name": "daemon", "enabled": True}]) == []
 
 
-def test_a_unit_that_is_not_there(computer: Computer) -> None:
+def test_missing_unit_is_reported(computer: Computer) -> None:
     told: dict[str, Any] = {"units": [{"name": "chrony", "enabled": True, "active": True}]}
     assert computer.converge(check=True, **told) == ["unit chrony enabled", "unit chrony started"]
     with pytest.raises(ModuleError, match="there is no unit chrony on this computer") as caught:
@@ -90,7 +90,7 @@ def test_a_unit_that_is_not_there(computer: Computer) -> None:
         (FakeUnit(condition=False), "a condition of its unit file does not hold"),
     ],
 )
-def test_a_unit_that_does_not_run_is_told(computer: Computer, unit: FakeUnit, said: str) -> None:
+def test_failed_unit_is_reported(computer: Computer, unit: FakeUnit, said: str) -> None:
     computer.units["daemon"] = unit
     with pytest.raises(ModuleError, match=said):
         computer.converge(**wishes())
@@ -98,13 +98,13 @@ def test_a_unit_that_does_not_run_is_told(computer: Computer, unit: FakeUnit, sa
     assert computer.converge(**wishes()) == ["unit daemon restarted"]
 
 
-def test_nobody_waits_for_a_unit_that_waits_itself(computer: Computer) -> None:
+def test_no_wait_for_a_unit_that_waits(computer: Computer) -> None:
     computer.units["daemon"] = FakeUnit(waits=True)
     assert computer.converge(**wishes(wait=False)) == [f"file {CONF}", "unit daemon started"]
     assert computer.converge(**wishes(wait=False)) == []
 
 
-def test_unit_files_of_others_are_read_again(computer: Computer) -> None:
+def test_changed_unit_files_are_reloaded(computer: Computer) -> None:
     computer.units["daemon"].stale = True
     assert computer.converge(check=True, **wishes())[1:] == ["systemd has read its unit files", "unit daemon started"]
     assert computer.converge(**wishes())[1:] == ["systemd has read its unit files", "unit daemon started"]

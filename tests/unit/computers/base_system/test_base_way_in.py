@@ -25,14 +25,14 @@ def computer(tmp_path: Path) -> Computer:
 
 
 @pytest.mark.parametrize("address", ["192.0.2.7", "::ffff:192.0.2.7", "203.0.113.99"])
-def test_who_stays_admitted_may_change(computer: Computer, address: str) -> None:
+def test_admitted_address_may_change_access(computer: Computer, address: str) -> None:
     way_in = {"admit": ["192.0.2.0/28", "203.0.113.0/24"], "port": 22}
     assert computer.converge(files=FILES, way_in=way_in, environment=session(address)) == ["file /etc/x"]
 
 
 @pytest.mark.parametrize("address", ["192.0.2.99", "198.51.100.7", "fe80::1%eth0", "2001:db8::1", "what"])
 @pytest.mark.parametrize("check", [True, False])
-def test_who_would_be_shut_out_is_refused(computer: Computer, address: str, check: bool) -> None:  # noqa: FBT001
+def test_change_that_locks_out_the_operator_is_refused(computer: Computer, address: str, check: bool) -> None:  # noqa: FBT001
     way_in = {"admit": ["192.0.2.0/28", "203.0.113.0/24"], "hint": "do that"}
     with pytest.raises(ModuleError) as caught:
         computer.converge(check=check, files=FILES, way_in=way_in, environment=session(address))
@@ -45,13 +45,13 @@ def test_who_would_be_shut_out_is_refused(computer: Computer, address: str, chec
     assert computer.snapshot() == {}
 
 
-def test_the_port_of_the_session_stays_open(computer: Computer) -> None:
+def test_port_of_the_current_session_must_stay_open(computer: Computer) -> None:
     with pytest.raises(ModuleError, match="came in on port 2222, and SSH would be admitted on port 22 only"):
         computer.converge(files=FILES, way_in={"port": 22}, environment=session("192.0.2.7", 2222))
 
 
 @pytest.mark.parametrize("text", [None, "", "# ssh-ed25519 AAAA…\n", "ssh-ed25519\n", "no key at all\n"])
-def test_passwords_go_only_where_a_key_is(computer: Computer, text: str | None) -> None:
+def test_passwords_are_disabled_only_if_a_key_exists(computer: Computer, text: str | None) -> None:
     if text is not None:
         computer.put(KEYS, text)
     me = pwd.getpwuid(os.geteuid()).pw_name
@@ -62,7 +62,7 @@ def test_passwords_go_only_where_a_key_is(computer: Computer, text: str | None) 
     assert computer.converge(files=FILES, way_in={"key": True}) == ["file /etc/x"]
 
 
-def test_the_key_is_that_of_who_has_logged_in(computer: Computer) -> None:
+def test_key_must_belong_to_the_logged_in_account(computer: Computer) -> None:
     me = pwd.getpwuid(os.geteuid())
     other = next(account.pw_name for account in pwd.getpwall() if account.pw_dir != me.pw_dir)
     computer.put(KEYS, "ssh-ed25519 AAAAC3Nz technician\n")
@@ -70,7 +70,7 @@ def test_the_key_is_that_of_who_has_logged_in(computer: Computer) -> None:
         computer.converge(files=FILES, way_in={"key": True}, environment={"SUDO_USER": other})
 
 
-def test_a_session_is_found_where_sudo_has_hidden_it() -> None:
+def test_ssh_session_is_found_behind_sudo() -> None:
     """As sudo does it: the variable is in the environment of an ancestor only."""
     program = (
         "from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ssh_access import client\n"

@@ -28,7 +28,7 @@ def refusal(
     return [(str(each), each.hint) for each in caught.value.errors or (caught.value,)]
 
 
-def test_a_good_bundle_is_opened(folder: Path, keys: Keys) -> None:
+def test_valid_bundle_is_opened(folder: Path, keys: Keys) -> None:
     opened = open_bundle(folder, keys, [WISH])
     assert opened.manifest.site == "coastal"
     assert opened.manifest.of(HOST)["repository/InRelease"].path == f"hosts/{HOST}/repository/InRelease"
@@ -42,14 +42,12 @@ def test_a_good_bundle_is_opened(folder: Path, keys: Keys) -> None:
         (lambda path: path.write_bytes(b"x" * 1800), f"{CHRONY}: its content is not what was put there"),
     ],
 )
-def test_a_file_that_is_not_as_it_was_is_named(
-    folder: Path, keys: Keys, tamper: Callable[[Path], object], words: str
-) -> None:
+def test_damaged_file_is_named(folder: Path, keys: Keys, tamper: Callable[[Path], object], words: str) -> None:
     tamper(folder / CHRONY)
     assert refusal(folder, keys) == [(words, AGAIN)]
 
 
-def test_all_damage_is_told_together(folder: Path, keys: Keys) -> None:
+def test_all_damage_is_reported_together(folder: Path, keys: Keys) -> None:
     for path in (CHRONY, f"hosts/{HOST}/repository/InRelease"):
         (folder / path).write_bytes(b"")
     assert len(refusal(folder, keys)) == 2
@@ -65,15 +63,13 @@ def test_a_manifest_that_was_changed_is_refused(folder: Path, keys: Keys, name: 
 
 
 @pytest.mark.parametrize("name", ["manifest.json", "manifest.json.asc", "key.gpg"])
-def test_a_folder_that_is_no_bundle_is_refused(folder: Path, keys: Keys, name: str) -> None:
+def test_folder_without_a_bundle_is_refused(folder: Path, keys: Keys, name: str) -> None:
     (folder / name).unlink()
     ((words, _),) = refusal(folder, keys)
     assert words == f"{folder} is no bundle, or not a whole one: {folder / name}: No such file or directory"
 
 
-def test_the_key_of_another_computer_is_taken_once_a_person_has_typed_it(
-    folder: Path, signer: BundleSigner, tmp_path: Path
-) -> None:
+def test_foreign_key_is_accepted_once_typed(folder: Path, signer: BundleSigner, tmp_path: Path) -> None:
     other = Keys.of(tmp_path / "other")
     own = f"{folder} was signed on another computer, by key {signer.fingerprint}"
     assert [words for words, _ in refusal(folder, other)] == [own]
@@ -86,7 +82,7 @@ def test_the_key_of_another_computer_is_taken_once_a_person_has_typed_it(
     assert open_bundle(folder, other, [WISH]).folder == folder
 
 
-def test_everything_that_is_missing_is_named(folder: Path, keys: Keys) -> None:
+def test_everything_missing_is_named(folder: Path, keys: Keys) -> None:
     wish = replace(
         WISH,
         packages=(
@@ -110,7 +106,7 @@ def test_everything_that_is_missing_is_named(folder: Path, keys: Keys) -> None:
     ]
 
 
-def test_a_host_that_it_was_not_made_for_is_named(folder: Path, keys: Keys) -> None:
+def test_host_without_a_bundle_is_named(folder: Path, keys: Keys) -> None:
     ((words, _),) = refusal(folder, keys, replace(WISH, host="te4sea-gateway"))
     assert words == f"te4sea-gateway: the bundle was made for {HOST}"
 
@@ -126,7 +122,7 @@ def test_a_host_that_it_was_not_made_for_is_named(folder: Path, keys: Keys) -> N
         ({"key": "0" * 40}, "names another key than its own"),
     ],
 )
-def test_a_signed_manifest_is_still_looked_at(
+def test_signed_manifest_is_still_validated(
     folder: Path, keys: Keys, signer: BundleSigner, change: dict[str, object], words: str
 ) -> None:
     data = json.dumps(manifest(signer).model_dump(mode="json") | change).encode()
@@ -135,7 +131,7 @@ def test_a_signed_manifest_is_still_looked_at(
     assert words in refusal(folder, keys)[0][0]
 
 
-def test_what_is_carried_is_counted_before(folder: Path, keys: Keys, tmp_path: Path) -> None:
+def test_bytes_to_carry_are_computed_beforehand(folder: Path, keys: Keys, tmp_path: Path) -> None:
     opened = open_bundle(folder, keys)
     every = {file.sha256 for file in opened.manifest.of(HOST).values()}
     for wanted in (every, set(sorted(every)[:1])):
@@ -146,7 +142,7 @@ def test_what_is_carried_is_counted_before(folder: Path, keys: Keys, tmp_path: P
     assert bytes_to_carry(opened, HOST, every) == 0
 
 
-def test_the_id_is_that_of_the_content(folder: Path, keys: Keys, signer: BundleSigner) -> None:
+def test_id_depends_on_content_only(folder: Path, keys: Keys, signer: BundleSigner) -> None:
     later = manifest(signer).model_copy(update={"made": "2027-01-01T00:00:00+00:00", "tool": "9"})
     sign(folder, later, signer)
     assert open_bundle(folder, keys).manifest.id == manifest(signer).id

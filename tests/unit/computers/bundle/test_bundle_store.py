@@ -44,7 +44,7 @@ def bring(store: BundleStore, name: str, data: bytes, content: dict[str, bytes])
     return settled.ready, len(settled.missing)
 
 
-def test_a_bundle_is_put_together_once(store: BundleStore, tmp_path: Path) -> None:
+def test_bundle_is_assembled_once(store: BundleStore, tmp_path: Path) -> None:
     assert store.settle(ONE, None, check=False).is_known is False
     assert len(store.settle(ONE, held(CONTENT), check=False).missing) == 3
     assert bring(store, ONE, archive(CONTENT), CONTENT) == (True, 0)
@@ -55,7 +55,7 @@ def test_a_bundle_is_put_together_once(store: BundleStore, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("cut", [0, 100, 512, 6000, 12000, -1])
-def test_of_an_upload_that_was_cut_off_whole_files_count(store: BundleStore, cut: int) -> None:
+def test_complete_files_of_an_interrupted_upload_count(store: BundleStore, cut: int) -> None:
     whole = archive(CONTENT)
     arrived = whole[: cut if cut >= 0 else len(whole) - 3000]
     ready, missing = bring(store, ONE, arrived, CONTENT)
@@ -69,14 +69,14 @@ def _missing(store: BundleStore) -> tuple[str, ...]:
     return store.settle(ONE, held(CONTENT), check=False).missing
 
 
-def test_what_arrived_damaged_or_unasked_is_not_kept(store: BundleStore, tmp_path: Path) -> None:
+def test_damaged_or_unrequested_files_are_discarded(store: BundleStore, tmp_path: Path) -> None:
     data = bytearray(archive({**CONTENT, "x": b"unasked"}))
     data[600] ^= 1
     assert bring(store, ONE, bytes(data), CONTENT) == (False, 1)
     assert len(os.listdir(tmp_path / "lib" / "bundle" / ".store")) == 2  # noqa: PTH208
 
 
-def test_a_later_bundle_takes_what_is_there_and_the_older_goes(store: BundleStore, tmp_path: Path) -> None:
+def test_later_bundle_reuses_files_and_replaces_the_older(store: BundleStore, tmp_path: Path) -> None:
     bring(store, ONE, archive(CONTENT), CONTENT)
     later = {**CONTENT, "repository/pool/a.deb": b"newer"}
     assert len(store.settle(TWO, held(later), check=True).missing) == 1
@@ -94,7 +94,7 @@ def test_what_is_damaged_later_is_missing_again(store: BundleStore, tmp_path: Pa
     assert bring(store, ONE, archive({"b": b"b" * 5000}), CONTENT) == (True, 0)
 
 
-def test_a_cut_while_it_is_put_together_is_gone_over(store: BundleStore, tmp_path: Path) -> None:
+def test_interrupted_assembly_is_completed(store: BundleStore, tmp_path: Path) -> None:
     bring(store, ONE, archive(CONTENT), CONTENT)
     place = tmp_path / "lib" / "bundle"
     (place / ONE).rename(place / f".{ONE}.new")
@@ -104,19 +104,19 @@ def test_a_cut_while_it_is_put_together_is_gone_over(store: BundleStore, tmp_pat
     assert len(list((place / ".store").iterdir())) == 3
 
 
-def test_looking_changes_nothing(store: BundleStore, tmp_path: Path) -> None:
+def test_check_mode_changes_nothing(store: BundleStore, tmp_path: Path) -> None:
     assert len(store.settle(ONE, held(CONTENT), check=True).missing) == 3
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_partners_sources_are_for_nobody_else(store: BundleStore, tmp_path: Path) -> None:
+def test_sources_are_readable_by_their_owner_only(store: BundleStore, tmp_path: Path) -> None:
     content = {**CONTENT, "sources/git/git.example.org/x.git/HEAD": b"ref"}
     bring(store, ONE, archive(content), content)
     place = tmp_path / "lib" / "bundle" / ONE
     assert [(place / name).stat().st_mode & 0o777 for name in ("sources", "repository")] == [0o700, 0o755]
 
 
-def test_a_full_disk_is_told_before_anything_is_sent(store: BundleStore, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_reported_before_sending(store: BundleStore, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: shutil._ntuple_diskusage(10**9, 10**9 - 10**6, 10**6))
     with pytest.raises(ModuleError) as caught:
         store.settle(ONE, held(CONTENT), check=False)

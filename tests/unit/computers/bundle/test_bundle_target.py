@@ -32,11 +32,11 @@ def status(base: str = "11ubuntu5.8", architecture: str = "arm64", extra: str = 
         ("13.8", "debian trixie"),
     ],
 )
-def test_what_system_it_is(base: str, release: str) -> None:
+def test_system_release_is_identified(base: str, release: str) -> None:
     assert read_target(status(base), "status").title == f"{release} arm64"
 
 
-def test_only_what_is_installed_counts() -> None:
+def test_only_installed_packages_count() -> None:
     extra = (
         "Package: gone\nStatus: deinstall ok config-files\nArchitecture: arm64\nVersion: 1\n\n"
         "Package: half\nStatus: install ok half-configured\nArchitecture: arm64\nVersion: 1\n\n"
@@ -56,7 +56,7 @@ def test_only_what_is_installed_counts() -> None:
         (status("14ubuntu1"), "x: `base-files 14ubuntu1` is of no release that bundles are made for"),
     ],
 )
-def test_what_is_no_status_is_refused(data: bytes, words: str) -> None:
+def test_invalid_status_is_refused(data: bytes, words: str) -> None:
     with pytest.raises(BundleError) as caught:
         read_target(data, "x")
     assert str(caught.value) == words
@@ -90,7 +90,7 @@ def test_what_is_no_status_is_refused(data: bytes, words: str) -> None:
         ),
     ],
 )
-def test_where_its_own_packages_come_from(  # noqa: PLR0913, PLR0917 - columns of the table
+def test_distribution_sources_and_key(  # noqa: PLR0913, PLR0917 - columns of the table
     base: str, architecture: str, mirror: str | None, lines: list[str], tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     assert request.node.name
@@ -101,13 +101,13 @@ def test_where_its_own_packages_come_from(  # noqa: PLR0913, PLR0917 - columns o
     assert key.content == b"key"
 
 
-def test_a_keyring_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+def test_unreadable_keyring_is_reported(tmp_path: Path) -> None:
     with pytest.raises(BundleError, match="the key of the distribution cannot be read") as caught:
         archive(read_target(status(), "x"), None, tmp_path / "none")
     assert caught.value.hint == "`keyring=` names a file"
 
 
-def test_the_key_stays_and_its_signatures_hold_for_a_clock_in_the_past(tmp_path: Path) -> None:
+def test_signing_key_is_stable_and_private(tmp_path: Path) -> None:
     keys = Keys.of(tmp_path)
     assert keys.signer().fingerprint == keys.signer().fingerprint
     assert (tmp_path / "bundle" / "signing-key.asc").stat().st_mode & 0o777 == 0o600

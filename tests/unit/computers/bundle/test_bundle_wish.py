@@ -24,7 +24,7 @@ PIN = {"path": "/etc/apt/preferences.d/ros", "content": "Package: *\n"}
 KEY = {"path": "/usr/share/keyrings/ros.gpg", "content_base64": base64.b64encode(b"key").decode(), "fingerprint": "0"}
 
 
-def test_the_parts_are_added_up(declaration: Inventory, tmp_path: Path) -> None:
+def test_requirements_of_all_parts_are_combined(declaration: Inventory, tmp_path: Path) -> None:
     host = declaration.hosts["coastal-gateway"]
     parts = {
         "gateway_base": part({"packages": {"packages": [{"name": "chrony", "version": None}, {"name": "locales"}]}}),
@@ -52,7 +52,7 @@ def test_the_parts_are_added_up(declaration: Inventory, tmp_path: Path) -> None:
     assert (wish.distribution, wish.codename) == ("ubuntu", "focal")
 
 
-def test_the_library_and_its_examples_are_wished_for(declaration: Inventory, tmp_path: Path) -> None:
+def test_library_and_examples_are_required(declaration: Inventory, tmp_path: Path) -> None:
     interop = declaration.pilot.gateways.interop
     assert interop is not None
     assert interop.examples is not None
@@ -65,7 +65,7 @@ def test_the_library_and_its_examples_are_wished_for(declaration: Inventory, tmp
     assert "token" not in repr(opened)
 
 
-def test_what_is_declared_can_be_wished_for(declaration: Inventory, tmp_path: Path) -> None:
+def test_every_declared_package_is_required(declaration: Inventory, tmp_path: Path) -> None:
     # The one needs the archive's key, the other is no part of a gateway.
     others = {name: each for name, each in PARTS.items() if name not in {"gateway_ros2", "openvpn_server"}}
     request = Request(state=tmp_path)
@@ -75,7 +75,7 @@ def test_what_is_declared_can_be_wished_for(declaration: Inventory, tmp_path: Pa
         assert {one.name for one in wish.packages} == {row["name"] for one in told for row in one.get("packages", ())}
 
 
-def test_a_control_centre_has_a_bundle_without_what_is_not_built_there(declaration: Inventory, tmp_path: Path) -> None:
+def test_control_centre_has_a_bundle_without_ros_and_libraries(declaration: Inventory, tmp_path: Path) -> None:
     (host,) = bundle_hosts(declaration, "scc")
     wish = host_requirements(declaration, host, Request(state=tmp_path))
     assert {"chrony", "nftables", "openvpn"} <= {package.name for package in wish.packages}
@@ -83,6 +83,6 @@ def test_a_control_centre_has_a_bundle_without_what_is_not_built_there(declarati
     assert (wish.libraries, wish.sources, wish.codename) == ((), (), None)
 
 
-def test_a_choice_without_computers_has_no_bundle(declaration: Inventory) -> None:
+def test_selection_without_computers_has_no_bundle(declaration: Inventory) -> None:
     with pytest.raises(NoMatchError, match="`scc-router`: bundles are for gateways, control centres and operator"):
         bundle_hosts(declaration, "scc", ["scc-router"])

@@ -10,7 +10,7 @@ from atlantis_netcfg.computers.bundle.requirements import BundleError
 from atlantis_netcfg.core.errors import UsageError
 
 
-def test_no_link_is_followed_to_where_a_bundle_is_made(tmp_path: Path) -> None:
+def test_symlinked_staging_folder_is_refused(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.mkdir()
     (tmp_path / ".bundle.part").symlink_to(victim)
@@ -20,7 +20,7 @@ def test_no_link_is_followed_to_where_a_bundle_is_made(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder away")
-def test_no_bundle_is_made_in_a_folder_of_somebody_else(tmp_path: Path) -> None:
+def test_staging_folder_of_another_user_is_refused(tmp_path: Path) -> None:
     (tmp_path / ".bundle.part").mkdir()
     os.chown(tmp_path / ".bundle.part", 65534, 65534)
     with pytest.raises(UsageError, match="belongs to nobody"), open_staging(tmp_path / "bundle"):

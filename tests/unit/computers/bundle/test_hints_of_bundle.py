@@ -126,7 +126,7 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str]] = {
 
 
 @pytest.mark.parametrize("name", SITUATIONS)
-def test_the_bundle_that_is_advised_is_made_and_can_be_used(name: str, at: Place) -> None:
+def test_advised_bundle_is_made_and_usable(name: str, at: Place) -> None:
     brings, hint = SITUATIONS[name]
     (words,) = advised(said(brings(at), hint))
     printed = at.type(*words)
@@ -135,7 +135,7 @@ def test_the_bundle_that_is_advised_is_made_and_can_be_used(name: str, at: Place
     assert "signed by" in at.checked(code=0)
 
 
-def test_a_bundle_of_another_computer_is_opened_with_the_key_that_is_told(
+def test_bundle_of_another_computer_opens_with_the_advised_key(
     at: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = KEYS_OF(tmp_path / "other")
@@ -146,14 +146,14 @@ def test_a_bundle_of_another_computer_is_opened_with_the_key_that_is_told(
     assert "signed by" in at.checked(code=0)
 
 
-def test_a_key_needs_its_bundle(at: Place, signer: BundleSigner) -> None:
+def test_key_without_a_bundle_advises_a_working_command(at: Place, signer: BundleSigner) -> None:
     hint = "add `check=` and its folder: `provision bundle site={} check=BUNDLE key={}`"
     printed = at.type("bundle", "site=coastal", f"key={signer.fingerprint}", code=3)
     (words,) = advised(said(printed, hint))
     assert "signed by" in at.type(*(word.replace("BUNDLE", str(at.bundle)) for word in words))
 
 
-def test_another_card_is_made_with_the_words_that_are_shown(at: Place) -> None:
+def test_advised_image_command_works(at: Place) -> None:
     hint = "make a card with the right system (`provision image --help`), or declare the release that fits this one"
     (words,) = advised(said(another_system(at), hint))
     assert "host=coastal-gateway" in at.type(*words) or "the gateway computer" in at.type(*words)

@@ -46,7 +46,7 @@ def test_cyclone_of_humble_and_jazzy(release: str) -> None:
     assert cyclone(release) == [*ANY, *interface, *COMMON, ("Discovery/LeaseDuration", "120s"), *PEERS]
 
 
-def test_cyclone_of_a_laptop_forgets_no_peer() -> None:
+def test_cyclone_dds_of_a_laptop_keeps_every_peer() -> None:
     interface = [("General/Interfaces/NetworkInterface@address", "10.80.0.21")]
     kept = [("Discovery/LeaseDuration", "120s"), ("Discovery/InitialLocatorPruneDelay", "inf")]
     assert cyclone("pypi") == [*ANY, *interface, *COMMON, *kept, *PEERS]
@@ -114,7 +114,7 @@ def test_the_environment(release: str, kept_open: str) -> None:
 
 @pytest.mark.parametrize("kind", LinkKind)
 @pytest.mark.parametrize("lease_s", [120, 180])
-def test_every_lease_outlives_the_gap_with_an_announcement_lost(kind: LinkKind, lease_s: int) -> None:
+def test_lease_outlives_a_link_gap_and_a_lost_announcement(kind: LinkKind, lease_s: int) -> None:
     assert Dds(distribution=RosDistribution.FOXY).lease_s <= lease_s
     assert GAP_S + 2 * TUNING[kind.traits.pace].announce_s < lease_s
 
@@ -133,14 +133,14 @@ def everywhere() -> Inventory:
     )
 
 
-def test_a_control_centre_knows_everybody_and_spares_the_slowest_link() -> None:
+def test_control_centre_lists_all_gateways_at_the_slowest_pace() -> None:
     declaration = everywhere()
     (centre,) = profile_views(declaration, declaration.hosts["scc-control"])
     assert [name for name, _ in centre.peers] == ["scc-control", "coastal-gateway", "te4sea-gateway"]
     assert centre.tuning == TUNING[Pace.SATELLITE]
 
 
-def test_a_control_centre_names_no_gateway_with_a_link_that_dds_may_not_cross() -> None:
+def test_control_centre_omits_gateways_with_links_closed_to_dds() -> None:
     """It would announce itself to it over a satellite as well, whoever has to pay for it; it hears it anyway."""
     centre = view("scc-control", "uplink")
     assert [name for name, _ in centre.peers] == ["scc-control"]
@@ -148,7 +148,7 @@ def test_a_control_centre_names_no_gateway_with_a_link_that_dds_may_not_cross() 
     assert [name for name, _ in view("te4sea-gateway", "4g").peers] == ["scc-control", "te4sea-gateway"]
 
 
-def test_what_the_announcements_cost() -> None:
+def test_cost_of_announcements() -> None:
     """1 other computer x 11 packets of Fast DDS of 484 bytes and 52 of the VPN, every 20 s; Cyclone DDS: 10 of 380."""
     assert view("coastal-gateway", "satellite").announced_mb_a_day == pytest.approx(11 * 536 * 4320 / 1e6)
     declaration = everywhere()
@@ -168,7 +168,7 @@ PEERED = Dds(
 )
 
 
-def test_peers_of_a_site_are_its_own_and_those_without_one() -> None:
+def test_peers_are_those_of_the_site_and_those_without_one() -> None:
     def names(host: str, bearer: str) -> list[str]:
         return [name for name, _ in view(host, bearer, dds=PEERED).peers]
 
@@ -177,7 +177,7 @@ def test_peers_of_a_site_are_its_own_and_those_without_one() -> None:
     assert names("scc-control", "uplink")[-2:] == ["sparus-onboard", "zarco-station"]
 
 
-def test_over_lans_the_vehicles_with_a_reservation_are_peers() -> None:
+def test_vehicles_with_a_reservation_are_peers_over_the_lan() -> None:
     over_lan = view("coastal-gateway", "wifi-ptp", dds=Dds(distribution=RosDistribution.FOXY, over=DdsPath.LAN))
     assert over_lan.address == "10.64.1.10"
     assert over_lan.peers == (
@@ -192,19 +192,19 @@ def test_over_lans_the_vehicles_with_a_reservation_are_peers() -> None:
     )
 
 
-def test_who_talks_no_dds() -> None:
+def test_host_without_dds_is_refused() -> None:
     declaration = pilot()
     with pytest.raises(UsageError, match="`coastal-router` is a router: it does not use DDS") as refused:
         profile_views(declaration, declaration.hosts["coastal-router"])
     assert refused.value.hint == "hosts that do: scc-control, coastal-gateway, te4sea-gateway"
 
 
-def test_a_release_that_is_not_known() -> None:
+def test_unknown_release_is_refused() -> None:
     declaration = pilot()
     with pytest.raises(UsageError, match="`galactic` is no release") as refused:
         profile_views(declaration, declaration.hosts["coastal-gateway"], "galactic")
     assert refused.value.hint == f"there are: {', '.join(RELEASES)}"
 
 
-def test_every_distribution_that_can_be_declared_is_known() -> None:
+def test_every_declarable_distribution_is_known() -> None:
     assert {*RosDistribution} < RELEASES.keys()

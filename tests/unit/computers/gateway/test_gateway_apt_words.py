@@ -24,7 +24,7 @@ def told(why: ModuleError | None) -> str:
 
 
 @for_each_row("case", CASES, ids=[case.stem for case in CASES])
-def test_what_apt_says_is_told(case: Path) -> None:
+def test_apt_errors_are_explained(case: Path) -> None:
     asked, _, rest = case.read_text().partition("\n")
     said, _, words = rest.partition("# in words\n")
     _, kind, *of, _, code = asked.split()
@@ -34,20 +34,20 @@ def test_what_apt_says_is_told(case: Path) -> None:
     assert told(why) == words
 
 
-def test_every_way_that_apt_fails_has_its_words() -> None:
+def test_every_apt_error_has_an_explanation() -> None:
     """Where apt's own words are handed on, that is on purpose: nobody knows a better one."""
     raw = {case.stem for case in CASES if "the words above are those of apt" in case.read_text()}
     assert raw == {"update-damaged-lists"}, "they are repaired before anybody reads this"
 
 
-def test_an_architecture_that_the_computer_does_not_have_may_be_missing() -> None:
+def test_architecture_not_used_by_the_computer_may_be_missing() -> None:
     said = f"N: Skipping acquire of configured file 'x' as repository '{RELEASE}' doesn't support architecture '{{}}'"
     url = ["https://archive.example.org/ros/"]
     assert explain_update_failure(said.format("armhf"), 0, url, "arm64") is None
     assert explain_update_failure(said.format("arm64"), 0, url, "arm64") is not None
 
 
-def test_other_sources_hinder_nothing_and_are_told_once() -> None:
+def test_failures_of_other_sources_are_only_noted_once() -> None:
     said = (
         "W: Failed to fetch http://deb.example.org/debian/dists/x/InRelease  Could not resolve 'deb.example.org'\n"
         "W: Failed to fetch http://deb.example.org/debian/dists/y/InRelease  Could not resolve 'deb.example.org'\n"

@@ -74,7 +74,7 @@ def board(tmp_path: Path) -> Iterator[Board]:
         yield Board(interop.make_interop(tmp_path / "served", "v1"), git, tmp_path)
 
 
-def test_tag_and_commit_come_with_their_submodule_and_without_history(board: Board) -> None:
+def test_tag_and_commit_are_fetched_with_submodule_without_history(board: Board) -> None:
     first = board.fetch("v1")
     second = board.projects.release("v2")
     assert board.fetch(second, into="other") == second != first
@@ -86,7 +86,7 @@ def test_tag_and_commit_come_with_their_submodule_and_without_history(board: Boa
         assert counted.stdout in (b"1\n", b"0\n")
 
 
-def test_the_token_goes_to_its_own_server_only_and_is_written_nowhere(board: Board, tmp_path: Path) -> None:
+def test_token_goes_only_to_its_own_server_and_is_not_stored(board: Board, tmp_path: Path) -> None:
     with server(tmp_path / "served", None) as other:
         board.projects.release("v2", submodule_at=f"{other.url}/{interop.MESSAGES}.git")
         board.fetch("v2")
@@ -103,13 +103,13 @@ def test_the_token_goes_to_its_own_server_only_and_is_written_nowhere(board: Boa
     assert TOKEN not in "\n".join(board.said)
 
 
-def test_a_deploy_token_goes_with_its_name(board: Board) -> None:
+def test_deploy_token_is_sent_with_its_name(board: Board) -> None:
     board.fetch("v1", f"deployer:{TOKEN}")
     with pytest.raises(ModuleError, match="does not accept the declared token"):
         board.fetch("v1", "deployer:wrong", into="again")
 
 
-def test_a_submodule_by_ssh_on_the_same_server_is_read_with_the_token(board: Board) -> None:
+def test_ssh_submodule_on_the_same_server_uses_the_token(board: Board) -> None:
     board.projects.release("v2", submodule_at=f"git@127.0.0.1:{interop.MESSAGES}.git")
     board.fetch("v2")
     assert (board.folder / "library" / HEADER).is_file()
@@ -122,13 +122,13 @@ def test_a_submodule_by_ssh_on_the_same_server_is_read_with_the_token(board: Boa
     ("revision", "words"),
     [("v9", "no revision v9"), ("f" * 40, f"no revision {'f' * 40}"), ("daily", "`daily` is a branch")],
 )
-def test_what_is_no_revision_is_refused(board: Board, revision: str, words: str) -> None:
+def test_invalid_revision_is_refused(board: Board, revision: str, words: str) -> None:
     board.projects.branch("daily")
     with pytest.raises(ModuleError, match=words):
         board.fetch(revision)
 
 
-def test_a_submodule_without_address_is_named(board: Board) -> None:
+def test_missing_submodule_or_token_is_reported(board: Board) -> None:
     board.projects.release("v2", submodule_at="../gone.git")
     with pytest.raises(ModuleError, match=r"a submodule of .*there is no repository"):
         board.fetch("v2")
@@ -136,7 +136,7 @@ def test_a_submodule_without_address_is_named(board: Board) -> None:
         board.fetch("v1", None, into="again")
 
 
-def test_only_the_difference_to_the_build_in_use_travels(board: Board) -> None:
+def test_only_the_difference_to_the_current_build_is_fetched(board: Board) -> None:
     board.fetch("v1")
     whole = board.git.sent_bytes
     board.projects.release("v2")
@@ -145,7 +145,7 @@ def test_only_the_difference_to_the_build_in_use_travels(board: Board) -> None:
     assert (board.folder / "seeded" / HEADER).is_file()
 
 
-def test_what_was_cut_off_is_gone_on_with(board: Board) -> None:
+def test_interrupted_fetch_is_resumed(board: Board) -> None:
     commit = board.fetch("v1")
     library = board.folder / "library"
     (library / ".git/index.lock").touch()
@@ -158,7 +158,7 @@ def test_what_was_cut_off_is_gone_on_with(board: Board) -> None:
     assert not (library / "install").exists()
 
 
-def test_damaged_sources_are_fetched_anew(board: Board) -> None:
+def test_damaged_sources_are_fetched_again(board: Board) -> None:
     commit = board.fetch("v1")
     for path in (board.folder / "library/.git/objects").rglob("*"):
         if path.is_file():
@@ -168,7 +168,7 @@ def test_damaged_sources_are_fetched_anew(board: Board) -> None:
     assert (board.folder / "library" / HEADER).is_file()
 
 
-def test_a_broken_link_is_tried_again(board: Board) -> None:
+def test_broken_link_is_retried(board: Board) -> None:
     with socket.socket() as listener, ExitStack() as later:
         listener.bind(("127.0.0.1", 0))
         port = listener.getsockname()[1]
@@ -185,7 +185,7 @@ def test_a_broken_link_is_tried_again(board: Board) -> None:
     assert board.pauses == [10.0, 30.0]
 
 
-def test_a_link_that_stays_broken_is_told(board: Board) -> None:
+def test_permanently_broken_link_is_reported(board: Board) -> None:
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
         board.git.url = f"http://127.0.0.1:{nobody.getsockname()[1]}"
@@ -194,7 +194,7 @@ def test_a_link_that_stays_broken_is_told(board: Board) -> None:
     assert sum(board.pauses) > 3 * 70
 
 
-def test_a_folder_stands_for_all_servers(board: Board, tmp_path: Path) -> None:
+def test_bundle_folder_replaces_all_git_servers(board: Board, tmp_path: Path) -> None:
     place = board.url.partition("://")[2].partition("/")[0]
     (tmp_path / "bundle/git").mkdir(parents=True)
     (tmp_path / "served").rename(tmp_path / "bundle/git" / place)

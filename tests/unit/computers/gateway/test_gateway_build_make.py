@@ -29,7 +29,7 @@ def colcon(folder: Path, script: str) -> None:
     program.chmod(0o755)
 
 
-def test_the_library_is_built_in_the_environment_of_ros_with_as_many_jobs(make: BuildTools, tmp_path: Path) -> None:
+def test_library_is_built_in_the_ros_environment(make: BuildTools, tmp_path: Path) -> None:
     colcon(tmp_path, f"{BUILDS}; echo $ROS_DISTRO $MAKEFLAGS $TMPDIR $*")
     make.library()
     assert f"foxy -j2 {tmp_path}/{'tmp'} build --executor sequential" in (tmp_path / "log").read_text()
@@ -38,7 +38,7 @@ def test_the_library_is_built_in_the_environment_of_ros_with_as_many_jobs(make: 
     assert not (tmp_path / "tmp").exists()
 
 
-def test_what_an_attempt_left_is_removed_before_the_next(make: BuildTools, tmp_path: Path) -> None:
+def test_remains_of_an_attempt_are_removed(make: BuildTools, tmp_path: Path) -> None:
     colcon(tmp_path, BUILDS)
     make.library()
     (tmp_path / "library/CMakeLists.txt").touch()
@@ -55,7 +55,7 @@ def test_what_an_attempt_left_is_removed_before_the_next(make: BuildTools, tmp_p
         ("echo 'fatal error: cannot write: No space left on device'; exit 1", "became full"),
     ],
 )
-def test_a_failure_is_told_from_this_attempt_alone(make: BuildTools, tmp_path: Path, script: str, words: str) -> None:
+def test_failure_is_explained_from_this_attempt_only(make: BuildTools, tmp_path: Path, script: str, words: str) -> None:
     (tmp_path / "log").write_text("y.cpp:9: error: of the attempt before\n")
     colcon(tmp_path, script)
     with pytest.raises(ModuleError, match=words) as caught:
@@ -64,7 +64,7 @@ def test_a_failure_is_told_from_this_attempt_alone(make: BuildTools, tmp_path: P
     assert isinstance(caught.value, CardFull) == ("full" in words)
 
 
-def test_a_program_that_does_not_find_its_library_is_no_build(make: BuildTools, tmp_path: Path) -> None:
+def test_program_without_its_library_is_no_valid_build(make: BuildTools, tmp_path: Path) -> None:
     install = tmp_path / "library/install"
     (install / "lib").mkdir(parents=True)
     (install / "setup.sh").touch()

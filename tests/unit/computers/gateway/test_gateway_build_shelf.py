@@ -35,19 +35,19 @@ def made(shelf: build_plan.BuildStore, key: str) -> str:
         replace(PLAN, compiler="11 aarch64-linux-gnu"),
     ],
 )
-def test_whatever_changes_what_is_built_changes_the_key(other: build_plan.BuildPlan) -> None:
+def test_every_build_input_changes_the_key(other: build_plan.BuildPlan) -> None:
     assert other.key != PLAN.key
     assert len(PLAN.key) == 12
     assert build_plan.BuildPlan.of(PLAN.as_dict()).key == PLAN.key
 
 
-def test_a_commit_is_the_same_on_every_server() -> None:
+def test_commit_has_the_same_key_on_every_server() -> None:
     moved = replace(PLAN, examples=build_plan.Repository("https://mirror.example.org/examples.git", COMMIT))
     assert moved.key == PLAN.key
     assert PLAN.words == "library v1.0.0 and examples 0123456789ab"
 
 
-def test_the_build_in_use_and_the_one_before_it_are_kept(tmp_path: Path) -> None:
+def test_current_and_previous_builds_are_kept(tmp_path: Path) -> None:
     shelf = build_plan.BuildStore(str(tmp_path))
     for key in ("one", "two", "three"):
         shelf.use(made(shelf, key))
@@ -62,7 +62,7 @@ def test_the_build_in_use_and_the_one_before_it_are_kept(tmp_path: Path) -> None
     assert (shelf.link_target("current"), shelf.link_target("previous")) == ("two", "three")
 
 
-def test_a_build_without_its_marker_is_none(tmp_path: Path) -> None:
+def test_build_without_its_marker_is_invalid(tmp_path: Path) -> None:
     shelf = build_plan.BuildStore(str(tmp_path))
     made(shelf, "one")
     marker = tmp_path / "builds/one/build.json"
@@ -76,7 +76,7 @@ def test_a_build_without_its_marker_is_none(tmp_path: Path) -> None:
     assert shelf.marker("one") is None
 
 
-def test_a_cut_between_the_links_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interruption_between_links_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shelf = build_plan.BuildStore(str(tmp_path))
     shelf.use(made(shelf, "one"))
     made(shelf, "two")
@@ -96,7 +96,7 @@ def test_a_cut_between_the_links_loses_nothing(tmp_path: Path, monkeypatch: pyte
     assert (shelf.link_target("current"), shelf.link_target("previous")) == ("two", "one")
 
 
-def test_half_a_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shelf = build_plan.BuildStore(str(tmp_path))
     made(shelf, "one")
 
@@ -113,14 +113,14 @@ def test_half_a_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest.Monk
     assert not (tmp_path / "builds/one").exists()
 
 
-def test_a_folder_in_the_place_of_a_link_is_left_alone(tmp_path: Path) -> None:
+def test_folder_in_place_of_a_symlink_is_left_alone(tmp_path: Path) -> None:
     shelf = build_plan.BuildStore(str(tmp_path))
     (tmp_path / "current").mkdir()
     with pytest.raises(ModuleError, match="has to be a link"):
         shelf.use(made(shelf, "one"))
 
 
-def test_tags_are_kept_and_damage_to_them_is_survived(tmp_path: Path) -> None:
+def test_tags_are_stored_and_damage_is_survived(tmp_path: Path) -> None:
     shelf = build_plan.BuildStore(str(tmp_path))
     shelf.note_tags(PLAN, {"library": "a" * 40, "examples": COMMIT})
     assert shelf.tags() == {PLAN.library.url: {"v1.0.0": "a" * 40}}

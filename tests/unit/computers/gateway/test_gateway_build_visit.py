@@ -91,7 +91,7 @@ def gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Gateway:
     return Gateway(tmp_path)
 
 
-def test_a_build_is_started_joined_taken_into_use_and_left_alone(gateway: Gateway) -> None:
+def test_build_is_started_joined_activated_and_then_left_alone(gateway: Gateway) -> None:
     planned, wish = gateway.visit(check=True)
     assert (planned["state"], list(gateway.running), list((gateway.folder).glob("memory"))) == ("wanted", [], [])
     told, first = gateway.visit()
@@ -111,7 +111,7 @@ def test_a_build_is_started_joined_taken_into_use_and_left_alone(gateway: Gatewa
     assert gateway.shelf.tags() == {URL: {"v1": "a" * 40}}
 
 
-def test_the_declaration_set_back_takes_the_kept_build(gateway: Gateway) -> None:
+def test_reverted_inventory_reuses_the_kept_build(gateway: Gateway) -> None:
     keys = []
     for revision in ("v1", "v2"):
         told, _ = gateway.visit(revision)
@@ -127,7 +127,7 @@ def test_the_declaration_set_back_takes_the_kept_build(gateway: Gateway) -> None
     assert sum(command[0] == "systemd-run" for command in gateway.commands) == started
 
 
-def test_the_token_is_in_memory_only_and_goes_when_nothing_starts(gateway: Gateway) -> None:
+def test_token_is_kept_in_memory_and_removed_on_failure(gateway: Gateway) -> None:
     told, _ = gateway.visit()
     home = Path(gateway.places.job(told["key"]))
     assert home.stat().st_mode & 0o777 == 0o700
@@ -143,7 +143,7 @@ def test_the_token_is_in_memory_only_and_goes_when_nothing_starts(gateway: Gatew
     assert not home.exists()
 
 
-def test_what_runs_is_whole_and_fenced(gateway: Gateway) -> None:
+def test_build_job_is_self_contained_and_sandboxed(gateway: Gateway) -> None:
     told, _ = gateway.visit()
     (command,) = (one for one in gateway.commands if one[0] == "systemd-run")
     assert {"--collect", f"--unit={told['unit']}", "--property=ProtectSystem=strict"} <= set(command)
@@ -153,7 +153,7 @@ def test_what_runs_is_whole_and_fenced(gateway: Gateway) -> None:
     assert {"__main__.py", "build_git.py", "build_make.py", "errors.py", "filesystem.py"} <= names
 
 
-def test_a_failure_is_told_once_and_the_next_visit_starts_anew(gateway: Gateway) -> None:
+def test_failure_is_reported_once_and_the_next_visit_restarts(gateway: Gateway) -> None:
     told, _ = gateway.visit()
     gateway.end(told, {"ok": False, "message": "no such header", "hint": "ask"})
     with pytest.raises(ModuleError, match="no such header") as caught:
@@ -166,7 +166,7 @@ def test_a_failure_is_told_once_and_the_next_visit_starts_anew(gateway: Gateway)
         gateway.visit(started=again["run"])
 
 
-def test_another_declaration_ends_the_build_of_the_one_before(gateway: Gateway) -> None:
+def test_changed_inventory_stops_the_previous_build(gateway: Gateway) -> None:
     told, _ = gateway.visit("v1")
     Path(gateway.shelf.at(told["key"])).mkdir(parents=True)
     other, build = gateway.visit("v2")
@@ -175,7 +175,7 @@ def test_another_declaration_ends_the_build_of_the_one_before(gateway: Gateway) 
     assert not Path(gateway.shelf.at(told["key"])).exists()
 
 
-def test_what_is_missing_is_named(gateway: Gateway, tmp_path: Path) -> None:
+def test_missing_build_tools_are_named(gateway: Gateway, tmp_path: Path) -> None:
     (tmp_path / "bin/colcon").unlink()
     (tmp_path / "bin/cmake").unlink()
     with pytest.raises(ModuleError, match="the gateway lacks colcon, cmake to build with"):
@@ -186,7 +186,7 @@ def test_what_is_missing_is_named(gateway: Gateway, tmp_path: Path) -> None:
     assert gateway.visit(check=True)[1].changes == ["build of the library, once its packages are installed"]
 
 
-def test_the_key_is_that_of_the_plan(gateway: Gateway) -> None:
+def test_key_matches_the_plan(gateway: Gateway) -> None:
     told, _ = gateway.visit(check=True)
     plan = build_plan.BuildPlan(
         build_plan.Repository(URL, "v1"), None, str(gateway.folder / "setup.sh"), "12 x86_64-linux-gnu"

@@ -41,14 +41,14 @@ GNUTLS = (
         ("fatal: something else", BuildTrouble.OTHER),
     ],
 )
-def test_failures_of_git_are_told_apart(said: str, kind: BuildTrouble) -> None:
+def test_git_failures_are_distinguished(said: str, kind: BuildTrouble) -> None:
     assert trouble(said) is kind
     told = about_git(said, URL, "v1.0.0", has_token=True)
     assert told.message
     assert "Traceback" not in told.message
 
 
-def test_a_token_that_is_missing_is_not_one_that_is_wrong() -> None:
+def test_missing_and_wrong_token_are_distinguished() -> None:
     assert "no token is declared" in about_git(ASKED, URL, "v1", has_token=False).message
     assert "does not accept the declared token" in about_git(REFUSED, URL, "v1", has_token=True).message
     assert "gateway's clock" in about_git(GNUTLS[1], URL, "v1", has_token=True).hint
@@ -64,13 +64,13 @@ def test_a_token_that_is_missing_is_not_one_that_is_wrong() -> None:
         ("a.cpp:3:1: error: 'x' was not declared", "a.cpp:3:1: error"),
     ],
 )
-def test_failures_of_building_say_what_is_missing(said: str, words: str) -> None:
+def test_build_failures_name_what_is_missing(said: str, words: str) -> None:
     told = about_building("the library", f"-- Configuring\n{said}\nmake: *** [Makefile:2: all] Error 2\n")
     assert words in told.message
     assert isinstance(told, CardFull) == ("full" in words)
 
 
-def test_the_last_words_are_those_that_mean_something() -> None:
+def test_relevant_error_lines_are_selected() -> None:
     said = (
         "[ 50%] Building\nx.cpp:2: error: no\nmake[1]: *** [x.o] Error 1\nFailed   <<< pkg [1s, exited with code 2]\n"
     )
@@ -82,5 +82,5 @@ def test_the_last_words_are_those_that_mean_something() -> None:
     ("free_mib", "cores", "wanted", "jobs"),
     [(3600, 6, None, 3), (900, 6, None, 1), (0, 6, None, 1), (16000, 6, None, 6), (16000, 6, 2, 2), (1300, 6, 4, 1)],
 )
-def test_compilers_fit_into_the_free_memory(free_mib: int, cores: int, wanted: int | None, jobs: int) -> None:
+def test_number_of_jobs_fits_free_memory(free_mib: int, cores: int, wanted: int | None, jobs: int) -> None:
     assert jobs_within(f"MemTotal: 1 kB\nMemAvailable: {free_mib * 1024} kB\n", cores, wanted) == jobs

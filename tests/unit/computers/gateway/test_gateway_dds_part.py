@@ -37,7 +37,7 @@ def test_the_environment_is_that_of_the_slowest_link() -> None:
 @pytest.mark.parametrize(
     ("order", "in_use"), [(("4g", "wifi-ptp"), "4g"), (("wifi-ptp", "4g"), "4g"), (("wifi-ptp", "cable"), "cable")]
 )
-def test_of_two_links_alike_the_less_preferred_is_the_slower(order: tuple[str, ...], in_use: str) -> None:
+def test_of_two_equal_links_the_less_preferred_is_used(order: tuple[str, ...], in_use: str) -> None:
     declaration = pilot(Dds(distribution=RosDistribution.FOXY))
     site = declaration.sites["coastal"]
     known = {one.name: one for one in site.bearers}
@@ -47,7 +47,7 @@ def test_of_two_links_alike_the_less_preferred_is_the_slower(order: tuple[str, .
     assert gateway_dds(declaration, declaration.hosts[HOST]).in_use == in_use
 
 
-def test_whoever_reads_a_profile_is_restarted_by_what_it_reads_only() -> None:
+def test_readers_of_a_profile_restart_only_for_their_files() -> None:
     configure = part(Dds(distribution=RosDistribution.FOXY)).as_dict()["configure"]
     read = [
         *(f"/etc/atlantis/dds/satellite/{name}" for name in ("cyclonedds.xml", "fastdds.xml", "ros.env")),
@@ -63,7 +63,7 @@ def test_whoever_reads_a_profile_is_restarted_by_what_it_reads_only() -> None:
     assert configure["only"] == ["/etc/atlantis/dds"]
 
 
-def test_without_dds_everything_that_was_laid_down_goes() -> None:
+def test_everything_is_removed_without_dds() -> None:
     told = part(None).as_dict()
     assert told["configure"]["files"] == []
     assert told["configure"]["absent"] == [ENVIRONMENT, LOGIN]
@@ -78,11 +78,11 @@ def test_without_dds_everything_that_was_laid_down_goes() -> None:
         (RosDistribution.JAZZY, {"ROS_LOCALHOST_ONLY": "0", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}),
     ],
 )
-def test_what_nobody_else_may_set(distribution: RosDistribution, alone: dict[str, str]) -> None:
+def test_exclusive_environment_variables(distribution: RosDistribution, alone: dict[str, str]) -> None:
     assert part(Dds(distribution=distribution)).alone == alone
 
 
-def test_the_registry_gives_it_as_data() -> None:
+def test_registry_returns_plain_data() -> None:
     declaration = pilot(Dds(distribution=RosDistribution.FOXY))
     told = PARTS["gateway_dds"](declaration, declaration.hosts[HOST], Request(state=Path("/nowhere")))
     assert json.loads(json.dumps(told)) == told

@@ -36,7 +36,7 @@ def found(root: Path, path: str, text: str) -> list[env_conflicts.Setting]:
         ("/etc/systemd/system/talker.service.d/10.conf", f"Environment=A=b {NAME}=1"),
     ],
 )
-def test_a_setting_is_found_wherever_it_stands(path: str, line: str, tmp_path: Path) -> None:
+def test_conflicting_setting_is_found_anywhere(path: str, line: str, tmp_path: Path) -> None:
     assert found(tmp_path, path, f"# about\n{line}\n") == [env_conflicts.Setting(path, 2, NAME, "1")]
 
 
@@ -51,17 +51,17 @@ def test_a_setting_is_found_wherever_it_stands(path: str, line: str, tmp_path: P
         (OURS, f"{NAME}=1"),
     ],
 )
-def test_what_sets_nothing_else_is_not_told(path: str, line: str, tmp_path: Path) -> None:
+def test_harmless_line_is_ignored(path: str, line: str, tmp_path: Path) -> None:
     assert found(tmp_path, path, f"{line}\n") == []
 
 
-def test_without_a_variable_nothing_is_looked_for(tmp_path: Path) -> None:
+def test_nothing_is_searched_without_variables(tmp_path: Path) -> None:
     (tmp_path / "etc").mkdir()
     (tmp_path / "etc" / "profile").write_text('if [ "$1" = x ]; then :; fi\n')
     assert env_conflicts.contradicting(FileSystem(str(tmp_path)), {}, frozenset()) == []
 
 
-def test_a_note_says_where_what_and_what_to_do() -> None:
+def test_note_states_place_effect_and_advice() -> None:
     assert env_conflicts.note(env_conflicts.Setting("/etc/environment", 3, NAME, "1"), "ROS 2 stays at home") == (
         "line 3 of /etc/environment sets ROS_LOCALHOST_ONLY=1: ROS 2 stays at home; take that line out, and log in anew"
     )

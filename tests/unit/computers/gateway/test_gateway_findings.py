@@ -35,13 +35,13 @@ def told(mode: Mode, *tasks: dict[str, Any]) -> ComputerResult:
         (Mode.DRIFT, ({"changed": False},), ExitCode.DONE, "as declared, nothing to change"),
     ],
 )
-def test_a_finding_is_no_green_end(mode: Mode, tasks: tuple[dict[str, Any], ...], code: ExitCode, message: str) -> None:
+def test_finding_is_not_green(mode: Mode, tasks: tuple[dict[str, Any], ...], code: ExitCode, message: str) -> None:
     result = told(mode, *tasks)
     assert (result.exit, result.as_dict()["message"]) == (code, message)
     assert result.as_dict()["hint"] == ("take a newer image" if FOUND in tasks else None)
 
 
-def test_drift_lists_it_among_what_differs() -> None:
+def test_drift_lists_the_finding() -> None:
     comparison = told(Mode.DRIFT, CHANGED, FOUND).as_dict()["comparison"]
     assert [one["subject"] for one in comparison["differences"]] == ["file /etc/hosts", FINDING]
     report = DriftReport(
@@ -51,7 +51,7 @@ def test_drift_lists_it_among_what_differs() -> None:
     assert report.exit is ExitCode.CHECKS_FAILED
 
 
-def test_a_failure_that_comes_later_is_worse_and_hides_no_finding() -> None:
+def test_later_failure_does_not_hide_a_finding() -> None:
     result = told(Mode.APPLY, FOUND)
     result.fail("another task", {"msg": "no room", "hint": "make some"}, Status.LEFT_AS_FOUND)
     assert (result.exit, result.hint) == (ExitCode.FAILED, "make some")

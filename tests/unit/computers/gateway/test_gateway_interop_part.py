@@ -39,7 +39,7 @@ def files(made: dict[str, Any]) -> dict[str, str]:
     return {file["path"]: file["content"] for file in made["configure"].get("files", ())}
 
 
-def test_what_is_declared_is_built_and_no_token_leaves_the_declaration() -> None:
+def test_declared_library_is_built_without_exposing_the_token() -> None:
     made = told(pilot())
     assert made["build"]["ros_setup"] == "/opt/ros/foxy/setup.sh"
     assert made["build"]["library"].keys() == {"url", "revision"}
@@ -52,7 +52,7 @@ def test_what_is_declared_is_built_and_no_token_leaves_the_declaration() -> None
     assert told(pilot(examples=None))["build"]["examples"] is None
 
 
-def test_without_a_service_or_a_library_what_was_there_is_taken_away() -> None:
+def test_undeclared_service_and_library_are_removed() -> None:
     made = told(pilot())["configure"]
     assert {UNIT, COMMAND} <= set(made["absent"])
     assert "units" not in made
@@ -100,7 +100,7 @@ def test_the_service_is_bound_to_the_vpn_and_limited() -> None:
         ((), False),
     ],
 )
-def test_a_bound_that_the_kernel_does_not_enforce_is_a_finding(
+def test_limit_the_kernel_does_not_enforce_is_a_finding(
     there: tuple[str, ...],
     bounded: bool,  # noqa: FBT001 - a column
     tmp_path: Path,
@@ -120,7 +120,7 @@ def test_a_bound_that_the_kernel_does_not_enforce_is_a_finding(
     assert "checks" not in told(pilot())["configure"]
 
 
-def test_its_environment_is_what_the_profiles_are_told_by() -> None:
+def test_service_environment_is_that_of_the_profiles() -> None:
     service = InteropService(command="gateway")
     declaration = pilot(service=service)
     reader, *_ = gateway_dds(declaration, declaration.hosts[HOST]).as_dict()["configure"]["units"]
@@ -130,7 +130,7 @@ def test_its_environment_is_what_the_profiles_are_told_by() -> None:
 
 
 @pytest.mark.parametrize(("command", "code"), [("gateway --x 'a b'", 0), ("gateway --x 'a b", 2)])
-def test_a_command_that_no_shell_reads_is_not_laid_down(command: str, code: int, tmp_path: Path) -> None:
+def test_command_with_shell_syntax_error_is_not_installed(command: str, code: int, tmp_path: Path) -> None:
     made = told(pilot(service=InteropService(command=command)))
     (file,) = (one for one in made["configure"]["files"] if one["path"] == COMMAND)
     script = tmp_path / "script"

@@ -31,7 +31,7 @@ def expected(words: str | None) -> AbstractContextManager[object]:
     ("now", "words"),
     [(999.0, None), (1000.5, None), (1003.0, None), (1004.0, "are 3 s apart"), (-3e8, "are 300001000 s apart")],
 )
-def test_the_clock_may_be_off_by_two_seconds_and_the_time_that_it_took_to_ask(now: float, words: str | None) -> None:
+def test_clock_tolerance_includes_the_request_time(now: float, words: str | None) -> None:
     with expected(words):
         suite.test_clock_is_right(promised(), told(now=now))
 
@@ -45,7 +45,7 @@ def test_the_clock_may_be_off_by_two_seconds_and_the_time_that_it_took_to_ask(no
         (None, "`tracking` cannot be asked"),
     ],
 )
-def test_a_clock_follows_somebody(tracking: str | None, words: str | None) -> None:
+def test_clock_must_follow_a_source(tracking: str | None, words: str | None) -> None:
     with expected(words):
         suite.test_clock_follows_a_source(told(said={"tracking": tracking}))
 
@@ -60,7 +60,7 @@ def test_a_clock_follows_somebody(tracking: str | None, words: str | None) -> No
         ({}, None, "x is not installed, or only half"),
     ],
 )
-def test_versions(found: dict[str, str], wanted: str | None, words: str | None) -> None:
+def test_package_versions_are_judged(found: dict[str, str], wanted: str | None, words: str | None) -> None:
     with expected(words):
         suite.test_package(promised(packages={"x": wanted}), "x", told(packages=found))
 
@@ -74,7 +74,7 @@ def test_versions(found: dict[str, str], wanted: str | None, words: str | None) 
         (None, "the library in use is None, declared is v1"),
     ],
 )
-def test_the_build_in_use(built: object, words: str | None) -> None:
+def test_build_in_use_is_judged(built: object, words: str | None) -> None:
     promises = promised(build={"library": {"revision": "v1"}, "examples": {"revision": "v2"}})
     with expected(words):
         suite.test_the_declared_library_is_in_use(promises, told(texts={BUILT: json.dumps(built) if built else None}))
@@ -94,7 +94,7 @@ def test_the_build_in_use(built: object, words: str | None) -> None:
         ("active", "disabled", False, False, "x is active, declared is active: False"),
     ],
 )
-def test_units(state: str, by: str, enabled: bool | None, active: bool | None, words: str | None) -> None:  # noqa: FBT001
+def test_units_are_judged(state: str, by: str, enabled: bool | None, active: bool | None, words: str | None) -> None:  # noqa: FBT001
     promises = promised(units={"x": UnitThere("x", enabled, active)})
     with expected(words):
         suite.test_unit(promises, "x", told(units={"x": {"ActiveState": state, "UnitFileState": by}}))
@@ -110,19 +110,19 @@ def test_units(state: str, by: str, enabled: bool | None, active: bool | None, w
         ({"free_mb": 4000, "free": 0.2, "free_inodes": 0.01}, "1% of its inodes"),
     ],
 )
-def test_room(room: dict[str, float], words: str | None) -> None:
+def test_free_space_is_judged(room: dict[str, float], words: str | None) -> None:
     with expected(words):
         suite.test_card_has_room(told(room={"/": room}))
 
 
-def test_a_firewall_that_lets_everything_in() -> None:
+def test_open_firewall_is_detected() -> None:
     rules = "table inet atlantis {\n chain input {\n type filter hook input priority filter; policy accept;\n }\n}\n"
     with expected("what comes in is let in"):
         suite.test_firewall_is_the_declared_one(promised(), told(said={"firewall": rules, "firewall_meant": rules}))
 
 
 @pytest.mark.parametrize(("used", "words"), [("16.0M", None), ("210.0M", None), ("1.2G", "the journal takes 1.2G")])
-def test_the_journal_keeps_its_bound(used: str, words: str | None) -> None:
+def test_journal_limit_is_judged(used: str, words: str | None) -> None:
     path = "/etc/systemd/journald.conf.d/atlantis.conf"
     promises = promised(files={path: FileThere(path, b"[Journal]\nSystemMaxUse=200M\n")})
     said = {
@@ -133,7 +133,7 @@ def test_the_journal_keeps_its_bound(used: str, words: str | None) -> None:
         suite.test_journal_is_bounded(promises, told(said=said))
 
 
-def test_an_inventory_of_examples_leads_to_no_computer() -> None:
+def test_example_inventory_contacts_no_computer() -> None:
     declaration = load(ROOT / "inventory")
     with pytest.raises(NotReached, match="still holds example values"):
         ask(declaration, Promises(declaration.hosts["coastal-gateway"]), None)

@@ -45,7 +45,7 @@ def test_the_file_of_each_tool(by: str, address_by: str) -> None:
 
 @EVERY
 @BOTH
-def test_a_fresh_card_is_as_declared(by: str, address_by: str) -> None:
+def test_fresh_image_has_the_declared_network(by: str, address_by: str) -> None:
     """`provision image` has put the same files there: names, modes, and words but for the comment."""
     declaration, host = coast(by, address_by)
     part = computer_network(declaration, host)
@@ -59,7 +59,7 @@ def test_a_fresh_card_is_as_declared(by: str, address_by: str) -> None:
     assert has_same_settings(None if resolver is None else resolver.content.decode(), part.resolver)
 
 
-def test_it_is_data_for_the_module() -> None:
+def test_result_is_plain_data() -> None:
     part = computer_network(*coast("networkd", rollback_s=90, replaces=("/etc/network/interfaces",)))
     assert part is not None
     told = part.as_dict()
@@ -69,17 +69,17 @@ def test_it_is_data_for_the_module() -> None:
     assert told["resolver"] == "# Written by `provision`.\nsearch coastal.example.org\nnameserver 10.64.1.1\n"
 
 
-def test_with_dhcp_the_names_come_from_the_server() -> None:
+def test_dhcp_needs_no_resolver_file() -> None:
     part = computer_network(*coast("ifupdown", "dhcp"))
     assert part is not None
     assert "resolver" not in part.as_dict()
 
 
-def test_without_a_declared_network_nothing_is_touched() -> None:
+def test_undeclared_network_is_left_alone() -> None:
     assert computer_network(*coast(None)) is None
 
 
-def test_the_role_of_the_base_is_told_of_it() -> None:
+def test_base_role_receives_the_network() -> None:
     told = gateway_base(*coast("netplan")).as_dict()
     part = computer_network(*coast("netplan"))
     assert part is not None

@@ -38,7 +38,7 @@ def as_we_say(keys: Iterable[PublicKey]) -> list[tuple[str, int, int | None]]:
 
 
 @pytest.mark.parametrize("path", KEYRINGS, ids=[path.stem for path in KEYRINGS])
-def test_debian_s_keys_are_read_as_gpg_reads_them(path: Path, tmp_path: Path) -> None:
+def test_debian_keys_are_read_as_by_gpg(path: Path, tmp_path: Path) -> None:
     assert as_we_say(public_keys(path.read_bytes())) == as_gpg_says(path, tmp_path)
 
 
@@ -54,13 +54,13 @@ def armoured(key: bytes, head: str = "Comment: made for a test\n", end: str = "\
 
 @pytest.mark.parametrize("head", ["", "Comment: a\nVersion: b\n"])
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_armour_is_taken_off(key: bytes, head: str, end: str) -> None:
+def test_armour_is_removed(key: bytes, head: str, end: str) -> None:
     assert binary(armoured(key, head, end)) == key
     assert binary(key) == key
     assert public_keys(armoured(key, head, end)) == public_keys(key)
 
 
-def test_a_key_that_ends_anywhere_is_no_key_or_the_same_key(key: bytes) -> None:
+def test_truncated_key_is_refused_or_the_same_key(key: bytes) -> None:
     whole = public_keys(key)[0].fingerprint
     for end in range(len(key)):
         try:
@@ -71,7 +71,7 @@ def test_a_key_that_ends_anywhere_is_no_key_or_the_same_key(key: bytes) -> None:
 
 
 @for_each_row("place", range(0, 220, 3))
-def test_a_damaged_key_is_never_a_fault_of_ours(key: bytes, place: int) -> None:
+def test_damaged_key_raises_no_unexpected_error(key: bytes, place: int) -> None:
     damaged = bytearray(key)
     damaged[place % len(key)] ^= 0xFF
     with suppress(NotAKey):
@@ -88,6 +88,6 @@ def test_a_damaged_key_is_never_a_fault_of_ours(key: bytes, place: int) -> None:
         (bytes([0xB4, 0x01, 0x41]), "no public key is in it"),
     ],
 )
-def test_what_is_no_key_is_told(content: bytes, why: str) -> None:
+def test_invalid_key_is_refused_with_a_reason(content: bytes, why: str) -> None:
     with pytest.raises(NotAKey, match=why):
         public_keys(content)

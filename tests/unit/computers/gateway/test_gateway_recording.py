@@ -42,18 +42,18 @@ def test_the_unit_records_the_declared_topics() -> None:
     assert "EnvironmentFile=/etc/atlantis/ros.env" in unit.splitlines()
 
 
-def test_what_is_found_where_it_does_not_run_says_so() -> None:
+def test_stopped_recording_is_a_finding() -> None:
     (check,) = recording(DECLARED, "foxy").checks
     assert check.finding == "the recording does not run, though the VPN's interface is there"
 
 
-def test_without_a_recording_what_was_goes() -> None:
+def test_undeclared_recording_is_removed() -> None:
     made = recording(None, "foxy")
     assert (made.files, made.units, made.checks) == ((), (), ())
     assert f"/etc/systemd/system/{SERVICE}" in made.absent
 
 
-def test_its_packages_come_with_ros(tmp_path: Path) -> None:
+def test_packages_are_installed_with_ros(tmp_path: Path) -> None:
     archive = publish(tmp_path / "archive", ros_packages("foxy", more=packages("foxy")), codename="focal")
     stand_in = StandIn("http://192.0.2.1", ArchiveKey(archive.key, archive.fingerprint), "focal", "ubuntu")
     declaration = with_recording()
@@ -105,7 +105,7 @@ def recorder(tmp_path: Path) -> Iterator[Recorder]:
     made.running.communicate(timeout=HANG_S)
 
 
-def test_the_oldest_goes_before_the_budget_is_exceeded(recorder: Recorder) -> None:
+def test_oldest_recording_is_removed_before_the_budget_is_exceeded(recorder: Recorder) -> None:
     most, until = 0, time.monotonic() + HANG_S
     while not any("_12.db3" in name for name in recorder.files):
         assert time.monotonic() < until, recorder.files
@@ -126,6 +126,6 @@ def values(**change: Any) -> dict[str, Any]:  # noqa: ANN401 - keys of the decla
 
 
 @pytest.mark.parametrize("change", [{"topics": []}, {"budget_mb": 79}, {"topics": ["pose"]}, {"folder": "/etc/bags"}])
-def test_what_cannot_be_recorded_is_refused(change: dict[str, Any]) -> None:
+def test_invalid_recording_is_refused(change: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"topics|budget_mb|folder"):
         Recording.model_validate(values(**change))

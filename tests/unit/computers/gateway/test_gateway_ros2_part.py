@@ -52,7 +52,7 @@ def talker(told: dict[str, Any]) -> dict[str, Any]:
     return dict(step)
 
 
-def test_nothing_is_asked_for_where_ros_is_not_declared(inventory: Path) -> None:
+def test_nothing_is_required_without_ros(inventory: Path) -> None:
     assert part(inventory, None).as_dict() == {"packages": None, "configure": None}
 
 
@@ -83,7 +83,9 @@ def test_foxy_comes_from_its_final_snapshot(inventory: Path, archive: StubArchiv
     ("release", "codename", "alone"),
     [("humble", "jammy", "ROS_LOCALHOST_ONLY=1"), ("jazzy", "noble", "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST")],
 )
-def test_a_living_release_comes_from_the_live_archive(inventory: Path, release: str, codename: str, alone: str) -> None:
+def test_supported_release_comes_from_the_live_archive(
+    inventory: Path, release: str, codename: str, alone: str
+) -> None:
     dds = Dds(distribution=RosDistribution(release), middleware=RosMiddleware.CYCLONE_DDS)
     told = part(inventory, {"origin": "live", "key_file": "own.asc"}, dds, now=NOW).as_dict()
     assert (
@@ -97,17 +99,17 @@ def test_a_living_release_comes_from_the_live_archive(inventory: Path, release: 
     assert f"/opt/ros/{release}" in step["run"]
 
 
-def test_what_keeps_the_test_on_the_board_is_nowhere_else(inventory: Path) -> None:
+def test_localhost_setting_of_the_test_is_not_installed(inventory: Path) -> None:
     told = part(inventory, SNAPSHOT).as_dict()
     assert not any("LOCALHOST_ONLY=" in file["content"] for file in told["configure"]["files"])
 
 
-def test_the_test_is_repeated_when_a_package_is_another(inventory: Path) -> None:
+def test_test_is_repeated_after_a_package_change(inventory: Path) -> None:
     told = part(inventory, {**SNAPSHOT, "packages": ["ros-foxy-nav-msgs"]}).as_dict()
     assert "/var/lib/dpkg/info/ros-foxy-nav-msgs.md5sums" in talker(told)["after"]
 
 
-def test_a_snapshot_of_a_release_that_has_not_ended_needs_its_date(inventory: Path) -> None:
+def test_snapshot_of_a_supported_release_needs_its_date(inventory: Path) -> None:
     humble = Dds(distribution=RosDistribution.HUMBLE)
     with pytest.raises(UsageError, match="no final snapshot of humble"):
         part(inventory, SNAPSHOT, humble)
@@ -116,12 +118,12 @@ def test_a_snapshot_of_a_release_that_has_not_ended_needs_its_date(inventory: Pa
     assert f"URIs: {mirror}\nSuites: jammy\n" in told["packages"]["sources"][0]["content"]
 
 
-def test_without_dds_nobody_knows_the_release(inventory: Path) -> None:
+def test_release_is_unknown_without_dds(inventory: Path) -> None:
     with pytest.raises(UsageError, match="which release of ROS 2"):
         part(inventory, SNAPSHOT, None)
 
 
-def test_stand_ins_take_the_place_of_the_archive(inventory: Path, archive: StubArchive) -> None:
+def test_stand_ins_replace_the_archive(inventory: Path, archive: StubArchive) -> None:
     key = ArchiveKey(archive.key, archive.fingerprint)
     stand_in = StandIn("http://10.64.1.1:8000", key, "bookworm", "debian")
     told = part(inventory, {"origin": "snapshot"}, stand_in=stand_in).as_dict()["packages"]
@@ -130,7 +132,7 @@ def test_stand_ins_take_the_place_of_the_archive(inventory: Path, archive: StubA
     assert any("stand-ins take the place" in note for note in told["notes"])
 
 
-def test_the_archive_s_own_key_has_to_be_there_and_to_be_that_one(inventory: Path, archive: StubArchive) -> None:
+def test_archive_key_must_exist_and_match(inventory: Path, archive: StubArchive) -> None:
     with pytest.raises(UsageError, match=r"is missing: keys/ros-snapshots\.asc") as missing:
         part(inventory, {"origin": "snapshot"})
     assert "0x4B63CF8FDE49746E98FA01DDAD19BAB3CBF125EA" in str(missing.value.hint)
@@ -142,13 +144,13 @@ def test_the_archive_s_own_key_has_to_be_there_and_to_be_that_one(inventory: Pat
 @pytest.mark.parametrize(
     ("content", "why"), [(b"<html>", "is no public key: it is neither"), (2, "holds 2 keys")], ids=["html", "two"]
 )
-def test_a_file_that_is_no_key_is_told(inventory: Path, archive: StubArchive, content: bytes | int, why: str) -> None:
+def test_invalid_key_file_is_refused(inventory: Path, archive: StubArchive, content: bytes | int, why: str) -> None:
     (inventory / "keys" / "own.asc").write_bytes(archive.key * content if isinstance(content, int) else content)
     with pytest.raises(UsageError, match=why):
         part(inventory, SNAPSHOT)
 
 
-def test_a_key_is_told_before_it_expires_and_refused_after(inventory: Path) -> None:
+def test_expiring_key_is_noted_and_expired_key_refused(inventory: Path) -> None:
     row = RELEASES[RosDistribution.FOXY].archives[RosOrigin.SNAPSHOT]
     assert archive_key(inventory, row, "own.asc", NOW).note is None
     soon = archive_key(inventory, row, "own.asc", NOW + timedelta(days=310)).note

@@ -36,7 +36,7 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_what_is_not_declared_goes_and_its_empty_folders_too(root: Path) -> None:
+def test_undeclared_files_and_empty_folders_are_removed(root: Path) -> None:
     gone = [f"absent {FOLDER}/{name}" for name in (".hidden", "link", "4g/old.xml", "satellite/deep/old.xml")]
     assert sorted(configured(root, files=[KEPT], check=True)) == sorted(gone)
     assert (root / FOLDER[1:] / ".hidden").exists()
@@ -46,17 +46,17 @@ def test_what_is_not_declared_goes_and_its_empty_folders_too(root: Path) -> None
     assert configured(root, files=[KEPT]) == []
 
 
-def test_without_any_declared_file_the_folder_is_emptied_and_stays(root: Path) -> None:
+def test_folder_without_declared_files_is_emptied_but_kept(root: Path) -> None:
     assert len(configured(root)) == 5
     assert list((root / FOLDER[1:]).iterdir()) == []
     assert configured(root) == []
 
 
-def test_a_folder_that_is_not_there_has_nothing_to_clear(tmp_path: Path) -> None:
+def test_missing_folder_needs_no_cleaning(tmp_path: Path) -> None:
     assert configured(tmp_path) == []
 
 
-def test_a_folder_is_named_from_the_root(tmp_path: Path) -> None:
+def test_folder_must_be_an_absolute_path(tmp_path: Path) -> None:
     with pytest.raises(ModuleError, match="`etc/ours` is no path from the root"):
         configured(tmp_path, only=["etc/ours"])
 
@@ -64,7 +64,7 @@ def test_a_folder_is_named_from_the_root(tmp_path: Path) -> None:
 # A file that takes another's place is a whole second younger, however fast it came.
 
 
-def test_of_files_of_one_second_each_is_a_second_younger(tmp_path: Path) -> None:
+def test_files_written_in_one_second_get_increasing_times(tmp_path: Path) -> None:
     tree, seconds = FileSystem(str(tmp_path)), []
     for content in (b"one", b"two", b"six"):
         tree.write("/list", content)
@@ -72,7 +72,7 @@ def test_of_files_of_one_second_each_is_a_second_younger(tmp_path: Path) -> None
     assert seconds[0] < seconds[1] < seconds[2]
 
 
-def test_a_file_of_the_future_is_followed(tmp_path: Path) -> None:
+def test_file_with_a_future_time_gets_a_later_one(tmp_path: Path) -> None:
     tree = FileSystem(str(tmp_path))
     tree.write("/list", b"one")
     os.utime(tmp_path / "list", (4e9, 4e9))

@@ -43,7 +43,7 @@ def gateway(tmp_path: Path) -> Gateway:
     return made
 
 
-def test_what_runs_is_inconclusive_and_not_started_again(gateway: Gateway) -> None:
+def test_running_program_is_inconclusive_and_not_restarted(gateway: Gateway) -> None:
     assert gateway.judge(check=True).startswith("SKIP (silent)")
     assert not gateway.commands
     assert gateway.judge().startswith(
@@ -59,12 +59,12 @@ def test_what_runs_is_inconclusive_and_not_started_again(gateway: Gateway) -> No
         gateway.judge()
 
 
-def test_what_ends_by_itself_is_inconclusive_too(gateway: Gateway) -> None:
+def test_program_that_exits_cleanly_is_inconclusive(gateway: Gateway) -> None:
     gateway.end = ProgramResult(0, "")
     assert "ended by itself, without an error" in gateway.judge()
 
 
-def test_an_error_fails_and_is_tried_again(gateway: Gateway) -> None:
+def test_error_fails_and_is_retried(gateway: Gateway) -> None:
     gateway.end = ProgramResult(2, "starting\nerror: C4i does not answer\n")
     with pytest.raises(
         ModuleError, match=r"FAIL: example-robot ended with 2 .*:\nerror: C4i does not answer"
@@ -76,13 +76,13 @@ def test_an_error_fails_and_is_tried_again(gateway: Gateway) -> None:
 
 
 @pytest.mark.parametrize("address", [ProgramResult(1, 'Device "tun0" does not exist.'), ProgramResult(0, "")])
-def test_without_the_vpn_it_is_not_started(gateway: Gateway, address: ProgramResult) -> None:
+def test_program_is_not_started_without_the_vpn(gateway: Gateway, address: ProgramResult) -> None:
     gateway.address = address
     assert gateway.judge().startswith("SKIP: example-robot was not started: tun0, the VPN's interface, has no address")
     assert len(gateway.commands) == 1
 
 
-def test_a_program_that_is_not_there_is_named(gateway: Gateway) -> None:
+def test_missing_program_is_named(gateway: Gateway) -> None:
     (gateway.root / "b/example-robot").unlink()
     with pytest.raises(ModuleError, match="the build has no /b/example-robot"):
         gateway.judge()

@@ -21,7 +21,7 @@ CLOUD = "/etc/netplan/50-cloud-init.yaml"
 
 
 @EVERY
-def test_a_confirmed_change_stays_and_the_second_run_changes_nothing(box: Box, by: str) -> None:
+def test_confirmed_change_persists_and_second_run_changes_nothing(box: Box, by: str) -> None:
     first = made(box, by)
     assert first.stage(check=True) is None
     assert box.text(PATHS[by]) is None
@@ -39,7 +39,7 @@ def test_a_confirmed_change_stays_and_the_second_run_changes_nothing(box: Box, b
 
 
 @EVERY
-def test_an_unconfirmed_change_is_taken_back(box: Box, by: str) -> None:
+def test_unconfirmed_change_is_rolled_back(box: Box, by: str) -> None:
     before = settled(box, by)
     change = made(box, by, **moved(by))
     name = change.stage()
@@ -57,7 +57,7 @@ def test_an_unconfirmed_change_is_taken_back(box: Box, by: str) -> None:
 
 
 @EVERY
-def test_a_silent_gateway_is_not_confirmed(box: Box, by: str) -> None:
+def test_change_is_not_confirmed_without_a_responding_gateway(box: Box, by: str) -> None:
     before = settled(box, by)
     content = wish(by).content.replace("10.64.1.1}", "10.64.1.99}").replace("ateway=10.64.1.1\n", "ateway=10.64.1.99\n")
     content = content.replace("gateway 10.64.1.1\n", "gateway 10.64.1.99\n")
@@ -74,7 +74,7 @@ def test_a_silent_gateway_is_not_confirmed(box: Box, by: str) -> None:
 
 
 @EVERY
-def test_a_power_cut_in_the_window_brings_the_previous_one(box: Box, by: str) -> None:
+def test_power_cut_before_confirmation_restores_the_previous_state(box: Box, by: str) -> None:
     before = settled(box, by)
     change = made(box, by, **moved(by))
     name = change.stage()
@@ -87,7 +87,7 @@ def test_a_power_cut_in_the_window_brings_the_previous_one(box: Box, by: str) ->
     assert change.look(name, 0.0) == {"state": "rolled back", "why": why}
 
 
-def test_a_session_that_is_older_than_the_change_proves_nothing(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_older_session_cannot_confirm_the_change(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     change = made(box, "networkd")
     name = change.stage()
     assert name is not None
@@ -99,7 +99,7 @@ def test_a_session_that_is_older_than_the_change_proves_nothing(box: Box, monkey
     assert change.confirm(name)["state"] == "confirmed"
 
 
-def test_a_tool_that_fails_is_taken_back_at_once(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_tool_is_rolled_back_at_once(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     before = settled(box, "netplan")
     change = made(box, "netplan", **moved("netplan"))
     name = change.stage()
@@ -111,7 +111,7 @@ def test_a_tool_that_fails_is_taken_back_at_once(box: Box, monkeypatch: pytest.M
     assert change.look(name, 0.0)["why"].startswith("`netplan apply` failed")
 
 
-def test_what_is_there_and_not_in_effect_is_applied(box: Box) -> None:
+def test_configuration_not_in_effect_is_applied(box: Box) -> None:
     settled(box, "ifupdown")
     box.routes = []
     change = made(box, "ifupdown")
@@ -120,7 +120,7 @@ def test_what_is_there_and_not_in_effect_is_applied(box: Box) -> None:
     assert change.diff == []
 
 
-def test_the_lan_moves_away_from_the_interface_that_had_it(box: Box) -> None:
+def test_lan_address_moves_between_interfaces(box: Box) -> None:
     settled(box, "networkd")
     change = made(box, "networkd", interface="eth1", content=wish("networkd").content.replace("eth0", "eth1"))
     assert change.stage() is not None
@@ -131,7 +131,7 @@ def test_the_lan_moves_away_from_the_interface_that_had_it(box: Box) -> None:
     assert box.held == {"eth0": ["10.64.1.10/24"], "eth1": []}
 
 
-def test_an_earlier_change_is_ended_before_another_begins(box: Box) -> None:
+def test_pending_change_is_ended_before_another_begins(box: Box) -> None:
     settled(box, "netplan")
     assert made(box, "netplan", **moved("netplan")).stage() is not None
     again = made(box, "netplan")
@@ -148,7 +148,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
 
 @EVERY
 @pytest.mark.parametrize("case", list(CASES))
-def test_nonsense_is_refused_before_anything_is_touched(box: Box, by: str, case: str) -> None:
+def test_invalid_change_is_refused_before_anything_is_touched(box: Box, by: str, case: str) -> None:
     changes, said, hint = CASES[case]
     before = box.state()
     with pytest.raises(ModuleError) as caught:
@@ -159,7 +159,7 @@ def test_nonsense_is_refused_before_anything_is_touched(box: Box, by: str, case:
     assert box.text(f"{FOLDER}/pending") is None
 
 
-def test_what_netplan_does_not_take_is_refused_in_its_words(box: Box) -> None:
+def test_netplan_rejection_is_reported_in_its_own_words(box: Box) -> None:
     content = wish("netplan").content.replace("10.64.1.10/24", "10.64.1.10")
     with pytest.raises(ModuleError, match="is missing /prefixlength") as caught:
         made(box, "netplan", content=content).stage()
@@ -167,7 +167,7 @@ def test_what_netplan_does_not_take_is_refused_in_its_words(box: Box) -> None:
     assert not box.timer
 
 
-def test_a_tool_that_is_not_there_is_told(box: Box) -> None:
+def test_missing_tool_is_reported(box: Box) -> None:
     (box.root / "usr/sbin/netplan").unlink()
     with pytest.raises(ModuleError, match="netplan, which this computer does not have") as caught:
         made(box, "netplan").stage()
@@ -184,7 +184,7 @@ OTHERS = {
 
 @EVERY
 @pytest.mark.parametrize("path", list(OTHERS))
-def test_two_configurations_of_one_interface_do_not_fight(box: Box, by: str, path: str) -> None:
+def test_conflicting_configuration_is_replaced_and_restored(box: Box, by: str, path: str) -> None:
     box.put("/etc/network/interfaces", "source /etc/network/interfaces.d/*\n")
     wants = box.root / "etc/systemd/system/multi-user.target.wants"
     wants.mkdir(parents=True)
@@ -210,7 +210,7 @@ def test_two_configurations_of_one_interface_do_not_fight(box: Box, by: str, pat
     assert box.state() == before
 
 
-def test_what_somebody_lays_beside_ours_later_is_told(box: Box) -> None:
+def test_conflicting_file_added_later_is_reported(box: Box) -> None:
     settled(box, "netplan")
     box.put(CLOUD, OTHERS[CLOUD])
     change = made(box, "netplan")
@@ -233,7 +233,7 @@ def test_a_file_of_another_interface_is_left_alone(box: Box, text: str) -> None:
     assert made(box, "networkd").stage() is not None
 
 
-def test_entries_of_others_in_interfaces_are_not_lost(box: Box) -> None:
+def test_foreign_entries_in_interfaces_are_preserved(box: Box) -> None:
     box.put("/etc/network/interfaces", "auto lo\niface lo inet loopback\nsource interfaces.d/*\n")
     box.put("/etc/network/interfaces.d/sonar", "iface eth1 inet static\n    address 192.168.0.2/24\n")
     with pytest.raises(ModuleError, match=r"lose their entries: eth1 \(/etc/network/interfaces.d/sonar\)") as caught:
@@ -242,7 +242,7 @@ def test_entries_of_others_in_interfaces_are_not_lost(box: Box) -> None:
     assert made(box, "ifupdown", replaces=["/etc/network/interfaces"]).stage() is not None
 
 
-def test_a_card_of_ours_is_as_declared(box: Box) -> None:
+def test_fresh_image_needs_no_change(box: Box) -> None:
     content = wish("ifupdown").content.replace("# Written by `provision`.", "# Written by `provision image`.")
     box.put(PATHS["ifupdown"], content)
     box.put("/etc/resolv.conf", "# Written by `provision image`.\nsearch coastal.example.org\nnameserver 10.64.1.1\n")
@@ -251,14 +251,14 @@ def test_a_card_of_ours_is_as_declared(box: Box) -> None:
     assert (change.stage(), change.changes) == (None, [])
 
 
-def test_what_writes_names_of_servers_itself_is_left_to_it(box: Box) -> None:
+def test_resolver_file_is_left_to_systemd_resolved(box: Box) -> None:
     box.put("/lib/systemd/systemd-resolved", "")
     change = made(box, "netplan")
     change.stage()
     assert change.changes == [f"file {PATHS['netplan']}"]
 
 
-def test_no_timer_no_change(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_change_without_a_guarding_timer(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     before = box.state()
     monkeypatch.setattr(box, "_systemd_run", lambda _words: NetworkComputer("/nowhere").run(("false",)))
     with pytest.raises(ModuleError, match="systemd does not start what would guard the change; nothing was changed"):
@@ -269,7 +269,7 @@ def test_no_timer_no_change(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     assert box.text(f"{FOLDER}/pending") is None
 
 
-def test_what_is_kept_can_be_read_by_root_only(box: Box) -> None:
+def test_stored_state_is_readable_by_root_only(box: Box) -> None:
     made(box, "netplan").stage()
     kept = [place for place in (box.root / FOLDER[1:]).iterdir() if place.suffix == ".json"]
     assert {place.stat().st_mode & 0o777 for place in kept} == {0o600}
@@ -293,7 +293,7 @@ def full(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
     monkeypatch.setattr(NetworkComputer, "write", refuse)
 
 
-def test_a_full_disk_is_told_and_nothing_is_changed(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_reported_and_nothing_is_changed(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     before = settled(box, "ifupdown")
     full(monkeypatch, "wanted.json")
     with pytest.raises(ModuleError, match="is full"):
@@ -303,7 +303,7 @@ def test_a_full_disk_is_told_and_nothing_is_changed(box: Box, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("by", list(PATHS))
-def test_a_disk_that_fills_in_the_window_keeps_the_way_in(box: Box, by: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_disk_full_before_confirmation_keeps_access(box: Box, by: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before = settled(box, by)
     change = made(box, by, **moved(by))
     name = change.stage()

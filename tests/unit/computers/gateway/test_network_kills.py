@@ -87,7 +87,7 @@ def ended(box: Box, by: str, end: str) -> None:
 
 
 @ENDS
-def test_a_kill_while_it_is_staged(box: Box, by: str, end: str) -> None:
+def test_kill_during_staging(box: Box, by: str, end: str) -> None:
     before = settled(box, by)
 
     def after() -> None:
@@ -100,7 +100,7 @@ def test_a_kill_while_it_is_staged(box: Box, by: str, end: str) -> None:
 
 
 @ENDS
-def test_a_kill_while_it_is_applied(box: Box, by: str, end: str) -> None:
+def test_kill_during_apply(box: Box, by: str, end: str) -> None:
     before = settled(box, by)
 
     def prepare() -> Callable[[], Any]:
@@ -116,7 +116,7 @@ def test_a_kill_while_it_is_applied(box: Box, by: str, end: str) -> None:
 
 
 @ENDS
-def test_a_kill_while_it_is_taken_back(box: Box, by: str, end: str) -> None:
+def test_kill_during_rollback(box: Box, by: str, end: str) -> None:
     before = settled(box, by)
 
     def prepare() -> Callable[[], Any]:
@@ -134,7 +134,7 @@ def test_a_kill_while_it_is_taken_back(box: Box, by: str, end: str) -> None:
 
 
 @pytest.mark.parametrize("end", ["time", "power"])
-def test_a_kill_while_it_is_confirmed(box: Box, by: str, end: str) -> None:
+def test_kill_during_confirmation(box: Box, by: str, end: str) -> None:
     before = settled(box, by)
 
     def prepare() -> Callable[[], Any]:
@@ -154,7 +154,7 @@ def test_a_kill_while_it_is_confirmed(box: Box, by: str, end: str) -> None:
     assert each_step(box, prepare, after) > 5
 
 
-def test_a_power_cut_while_the_boot_takes_it_back(box: Box, by: str) -> None:
+def test_power_cut_during_rollback_at_boot(box: Box, by: str) -> None:
     before = settled(box, by)
 
     def prepare() -> Callable[[], Any]:
@@ -171,7 +171,7 @@ def test_a_power_cut_while_the_boot_takes_it_back(box: Box, by: str) -> None:
     assert each_step(box, prepare, after) > 2
 
 
-def test_a_card_without_a_network_is_left_without_a_half_of_one(box: Box, by: str) -> None:
+def test_killed_first_change_leaves_no_partial_network(box: Box, by: str) -> None:
     """The first change of all: what it takes back is nothing, and the last kill leaves it staged."""
     before = box.state()
 

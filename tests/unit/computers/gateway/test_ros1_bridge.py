@@ -67,7 +67,7 @@ def sources(told: dict[str, Any]) -> dict[str, str]:
         ({"ros1_mirror": "http://mirror.example/ros1"}, "http://mirror.example/ros1"),
     ],
 )
-def test_its_half_of_ros_1_has_an_archive_of_its_own(inventory: Path, ros2: dict[str, str], url: str) -> None:
+def test_ros_1_packages_have_their_own_archive(inventory: Path, ros2: dict[str, str], url: str) -> None:
     told = part(pilot(inventory, {}, **ros2))
     assert {"ros-foxy-ros1-bridge", "ros-noetic-ros-comm"} <= {each["name"] for each in told["packages"]["packages"]}
     lines = sources(told)[ROS1].splitlines()
@@ -77,7 +77,7 @@ def test_its_half_of_ros_1_has_an_archive_of_its_own(inventory: Path, ros2: dict
     assert "/etc/apt/sources.list.d/ros-latest.list" in told["packages"]["absent"], "another keyring for one address"
 
 
-def test_a_snapshot_of_both_is_gone_down_to(inventory: Path) -> None:
+def test_both_snapshots_are_pinned(inventory: Path) -> None:
     declaration = pilot(inventory, {}, ros1_mirror="http://mirror.example/ros1")
     (pins,) = part(declaration)["packages"]["pins"]
     assert [line for line in pins["content"].splitlines() if line.startswith("Pin: origin")] == [
@@ -86,7 +86,7 @@ def test_a_snapshot_of_both_is_gone_down_to(inventory: Path) -> None:
     ]
 
 
-def test_without_a_bridge_nothing_of_ros_1_is_asked_for(inventory: Path) -> None:
+def test_nothing_of_ros_1_is_required_without_a_bridge(inventory: Path) -> None:
     for bridge in (None, {"archive": "bridge.tar", "sha256": "a" * 64}):
         told = part(pilot(inventory, bridge))
         assert list(sources(told)) == ["/etc/apt/sources.list.d/ros2.sources"]
@@ -95,7 +95,7 @@ def test_without_a_bridge_nothing_of_ros_1_is_asked_for(inventory: Path) -> None
         assert f"/etc/systemd/system/{SERVICE}" in told["configure"]["absent"]
 
 
-def test_one_archive_of_stand_ins_takes_the_place_of_both(inventory: Path, tmp_path: Path) -> None:
+def test_one_stand_in_archive_replaces_both(inventory: Path, tmp_path: Path) -> None:
     archive = publish(tmp_path / "archive", ros_packages("foxy", more=packages("foxy")), codename="focal")
     stand_in = StandIn("http://192.0.2.1", ArchiveKey(archive.key, archive.fingerprint), "focal", "ubuntu")
     told = part(pilot(inventory, {}), stand_in)
@@ -104,7 +104,7 @@ def test_one_archive_of_stand_ins_takes_the_place_of_both(inventory: Path, tmp_p
     assert {*packages("foxy")} <= {each["name"] for each in told["packages"]["packages"]}
 
 
-def test_a_bundle_brings_what_is_in_both_archives(inventory: Path, tmp_path: Path) -> None:
+def test_bundle_covers_both_archives(inventory: Path, tmp_path: Path) -> None:
     declaration = pilot(inventory, {})
     parts = {"gateway_ros2": PARTS["gateway_ros2"]}
     wish = host_requirements(declaration, declaration.hosts[HOST], Request(state=tmp_path), parts=parts)
@@ -113,14 +113,14 @@ def test_a_bundle_brings_what_is_in_both_archives(inventory: Path, tmp_path: Pat
     assert wish.archives == ()
 
 
-def test_no_container_is_run_for_it(inventory: Path) -> None:
+def test_bridge_runs_without_a_container(inventory: Path) -> None:
     device = pilot(inventory, {}).hosts[HOST].device
     assert isinstance(device, Gateway)
     assert not {*containers.PACKAGES} & {*services.packages(device)}
     assert "ros1" not in str(services.services(device).files)
 
 
-def test_the_unit_lives_with_the_vpn_and_takes_the_profile_of_dds(inventory: Path) -> None:
+def test_unit_follows_the_vpn_and_the_dds_profile(inventory: Path) -> None:
     declaration = pilot(inventory, {"topics": TOPICS, "memory_mb": 300})
     told = part(declaration)["configure"]
     laid = {each["path"]: each["content"] for each in told["files"]}
@@ -143,12 +143,12 @@ def test_the_unit_lives_with_the_vpn_and_takes_the_profile_of_dds(inventory: Pat
     assert SERVICE in {each["name"] for each in units}, "it reads the profile when it starts"
 
 
-def test_all_topics_are_bridged_where_none_is_named() -> None:
+def test_all_topics_are_bridged_by_default() -> None:
     laid = {file.path: file.content for file in ros1_bridge(Ros1Bridge.model_validate(MASTER), "foxy").files}
     assert "dynamic_bridge --bridge-all-topics &" in laid["/usr/local/lib/atlantis/ros1_bridge.sh"]
     assert "/etc/atlantis/ros1-bridge.yaml" not in laid
 
 
-def test_what_is_found_where_it_does_not_run_says_so() -> None:
+def test_stopped_bridge_is_a_finding() -> None:
     (check,) = ros1_bridge(Ros1Bridge.model_validate(MASTER), "foxy").checks
     assert check.finding == "the bridge to ROS 1 does not run, though the VPN's interface is there"

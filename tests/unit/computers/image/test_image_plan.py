@@ -37,7 +37,7 @@ def files(edits: tuple[facts.Edit, ...]) -> dict[str, str]:
     return {edit.path: edit.content.decode() for edit in edits if isinstance(edit, facts.ImageFile)}
 
 
-def test_the_name_is_the_declared_one() -> None:
+def test_host_name_is_the_declared_one() -> None:
     found = files(plan(SEEN, WISH))
     assert found["/etc/hostname"] == "coastal-gateway\n"
     assert found["/etc/hosts"] == "127.0.0.1\tlocalhost\n192.0.2.9\tkept\n127.0.1.1\tcoastal-gateway\n"
@@ -46,26 +46,26 @@ def test_the_name_is_the_declared_one() -> None:
 @pytest.mark.parametrize(
     ("user", "home", "owner"), [("root", "/root", (0, 0)), ("odroid", "/home/odroid", (1000, 1001))]
 )
-def test_the_keys_are_those_of_the_account(user: str, home: str, owner: tuple[int, int]) -> None:
+def test_ssh_keys_are_installed_for_the_account(user: str, home: str, owner: tuple[int, int]) -> None:
     edits = plan(SEEN, replace(WISH, user=user))
     assert facts.ImageDirectory(f"{home}/.ssh", 0o700, owner) in edits
     keys = b"ssh-ed25519 AAAA one\nssh-ed25519 BBBB two\n"
     assert facts.ImageFile(f"{home}/.ssh/authorized_keys", keys, 0o600, owner) in edits
 
 
-def test_no_password_is_left() -> None:
+def test_passwords_are_removed() -> None:
     edits = plan(SEEN, WISH)
     text = "root:*::0:99999:7:::\nodroid:*:19000::::::\nguest:*:19000::::::\ndaemon:*:19000::::::\n"
     assert facts.ImageFile("/etc/shadow", text.encode(), 0o640, (0, 42)) in edits
     assert "/etc/passwd" not in files(edits)
 
 
-def test_a_password_in_the_file_that_everybody_reads_goes_too() -> None:
+def test_password_in_etc_passwd_is_removed() -> None:
     spoilt = replace(SEEN, files={**FILES, "/etc/passwd": "root::0:0:root:/root:/bin/bash\n"})
     assert files(plan(spoilt, WISH))["/etc/passwd"] == "root:x:0:0:root:/root:/bin/bash\n"
 
 
-def test_the_ssh_server_takes_keys_only_whatever_the_vendor_says() -> None:
+def test_ssh_accepts_only_keys_despite_vendor_settings() -> None:
     found = files(plan(SEEN, WISH))
     assert "PasswordAuthentication no\n" in found["/etc/ssh/sshd_config.d/00-atlantis.conf"]
     include = "Include /etc/ssh/sshd_config.d/*.conf\n"
@@ -74,7 +74,7 @@ def test_the_ssh_server_takes_keys_only_whatever_the_vendor_says() -> None:
     assert "/etc/ssh/sshd_config" not in files(plan(once, WISH))
 
 
-def test_what_must_not_be_on_two_cards_is_removed() -> None:
+def test_unique_identifiers_are_removed() -> None:
     seed, bus = "/var/lib/systemd/random-seed", "/var/lib/dbus/machine-id"
     listed = {"/etc/ssh": ("sshd_config", "ssh_host_rsa_key", "ssh_host_rsa_key.pub")}
     edits = plan(replace(SEEN, present=SEEN.present | {seed, bus}, names_by_folder=listed), WISH)
@@ -126,27 +126,27 @@ def only(*present: str) -> facts.ImageFacts:
         ),
     ],
 )
-def test_other_ways_to_an_address(present: str, path: str, static: str, dhcp: str) -> None:
+def test_files_of_other_network_tools(present: str, path: str, static: str, dhcp: str) -> None:
     assert static in files(plan(only(present), WISH))[path]
     text = files(plan(only(present), replace(WISH, static=None)))[path]
     assert dhcp in text
     assert "10.64.1" not in text
 
 
-def test_networkd_is_started() -> None:
+def test_networkd_is_enabled() -> None:
     wanted = "/etc/systemd/system/multi-user.target.wants/systemd-networkd.service"
     edits = plan(only("/lib/systemd/systemd-networkd"), WISH)
     assert facts.ImageLink(wanted, "/lib/systemd/system/systemd-networkd.service") in edits
 
 
-def test_who_answers_dns() -> None:
+def test_resolver_file() -> None:
     resolv = "/etc/resolv.conf"
     assert "nameserver 10.64.1.1\n" in files(plan(only("/lib/systemd/systemd-networkd"), WISH))[resolv]
     both = only("/lib/systemd/systemd-networkd", "/lib/systemd/systemd-resolved")
     assert resolv not in files(plan(both, WISH))
 
 
-def test_time() -> None:
+def test_time_zone_and_servers() -> None:
     edits = plan(replace(SEEN, present=SEEN.present | {"/etc/chrony/sources.d"}), WISH)
     found = files(edits)
     assert facts.ImageLink("/etc/localtime", "/usr/share/zoneinfo/Europe/Lisbon") in edits
@@ -159,7 +159,7 @@ def test_time() -> None:
     )
 
 
-def test_the_first_start() -> None:
+def test_first_boot_unit() -> None:
     edits = plan(SEEN, WISH)
     assert "ssh-keygen -A\n" in files(edits)["/usr/local/sbin/atlantis-first-boot"]
     unit = "/etc/systemd/system/atlantis-first-boot.service"
@@ -186,7 +186,7 @@ def test_the_first_start() -> None:
         ),
     ],
 )
-def test_an_image_that_cannot_serve_is_refused(seen: facts.ImageFacts, wish: facts.ImageRequest, said: str) -> None:
+def test_unsuitable_image_is_refused(seen: facts.ImageFacts, wish: facts.ImageRequest, said: str) -> None:
     with pytest.raises(facts.ImageError, match=said):
         plan(seen, wish)
 
@@ -196,7 +196,7 @@ GRUB = "/etc/default/grub"
 
 
 @pytest.mark.parametrize("known_by", ["/etc/cloud", "/usr/bin/cloud-init"])
-def test_cloud_init_is_switched_off(known_by: str) -> None:
+def test_cloud_init_is_disabled(known_by: str) -> None:
     seen = replace(SEEN, present=SEEN.present | {known_by}, boot_words={GRUB: 'A="quiet"\n#B="cloud-init=enabled"\n'})
     edits = plan(seen, WISH)
     assert OFF in files(edits)
@@ -205,14 +205,14 @@ def test_cloud_init_is_switched_off(known_by: str) -> None:
     assert "cloud-init of the image is switched off" in note
 
 
-def test_an_image_without_cloud_init_is_left_without_its_file() -> None:
+def test_image_without_cloud_init_gets_no_file_for_it() -> None:
     assert OFF not in files(plan(replace(SEEN, boot_words={GRUB: "cloud-init=enabled"}), WISH))
 
 
 @pytest.mark.parametrize(
     "words", ["cloud-init=enabled", "console=tty0 cloud-init=enabled ds=nocloud\n", 'GRUB="cloud-init=enabled"\n']
 )
-def test_cloud_init_that_the_kernels_command_line_switches_on_is_refused(words: str) -> None:
+def test_cloud_init_enabled_on_the_kernel_command_line_is_refused(words: str) -> None:
     """It has precedence over the file: cloud-init's generator asks it first."""
     seen = replace(SEEN, present=SEEN.present | {"/etc/cloud"}, boot_words={"boot.ini on the FAT partition": words})
     with pytest.raises(

@@ -30,7 +30,7 @@ def unpack(folder: Path, data: bytes, sha256: str | None = None) -> UnpackedImag
 
 
 @pytest.mark.parametrize("packing", PACKED)
-def test_every_packing_gives_the_same_copy(packing: str, tmp_path: Path) -> None:
+def test_every_compression_gives_the_same_copy(packing: str, tmp_path: Path) -> None:
     expanded = unpack(tmp_path, PACKED[packing])
     assert expanded.path.read_bytes() == RAW + bytes(-len(RAW) % BLOCK)
     assert (expanded.size, expanded.spans, expanded.told_by) == (len(RAW), None, "")
@@ -38,7 +38,7 @@ def test_every_packing_gives_the_same_copy(packing: str, tmp_path: Path) -> None
     assert expanded.path.stat().st_mode & 0o777 == 0o600
 
 
-def test_zeros_are_holes_and_count(tmp_path: Path) -> None:
+def test_zeros_are_stored_as_holes(tmp_path: Path) -> None:
     expanded = unpack(tmp_path, RAW)
     parts = segments(expanded.path, expanded.size)
     assert sum(part.size for part in parts) == len(RAW)
@@ -46,7 +46,7 @@ def test_zeros_are_holes_and_count(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["x.img.xz.sha256", "SHA256SUMS", "sha256sums.txt"])
-def test_a_checksum_beside_the_image(name: str, tmp_path: Path) -> None:
+def test_checksum_file_beside_the_image_is_verified(name: str, tmp_path: Path) -> None:
     right, wrong = hashlib.sha256(RAW).hexdigest(), "0" * 64
     (tmp_path / name).write_text(f"{wrong}  other.img\n{right} *x.img.xz\n")
     assert unpack(tmp_path, RAW).told_by == name
@@ -56,7 +56,7 @@ def test_a_checksum_beside_the_image(name: str, tmp_path: Path) -> None:
         unpack(tmp_path, RAW)
 
 
-def test_a_checksum_that_was_typed(tmp_path: Path) -> None:
+def test_given_checksum_is_verified(tmp_path: Path) -> None:
     assert unpack(tmp_path, RAW, hashlib.sha256(RAW).hexdigest().upper()).told_by == "sha256="
     with pytest.raises(ImageError, match="`abc` is no SHA-256"):
         unpack(tmp_path, RAW, "abc")
@@ -73,7 +73,7 @@ def test_a_checksum_that_was_typed(tmp_path: Path) -> None:
     ],
     ids=["xz cut", "gz cut", "xz spoilt", "zstd", "zip"],
 )
-def test_a_file_that_cannot_be_used_is_refused(data: bytes, said: str, tmp_path: Path) -> None:
+def test_unusable_file_is_refused(data: bytes, said: str, tmp_path: Path) -> None:
     with pytest.raises(ImageError, match=said):
         unpack(tmp_path, data)
 
@@ -95,7 +95,7 @@ def digest(first: int, last: int) -> str:
 RANGES = {"0-9": digest(0, 9), "91": digest(91, 91)}
 
 
-def test_a_block_map_says_what_matters(tmp_path: Path) -> None:
+def test_block_map_limits_what_is_copied(tmp_path: Path) -> None:
     (tmp_path / "x.img.bmap").write_text(bmap(RAW, RANGES))
     expanded = unpack(tmp_path, PACKED["xz"])
     assert expanded.spans == ((0, 10 * BLOCK), (91 * BLOCK, len(RAW)))
@@ -119,7 +119,7 @@ def test_a_block_map_says_what_matters(tmp_path: Path) -> None:
         ("", "damaged or no block map"),
     ],
 )
-def test_a_block_map_that_does_not_fit_is_refused(text: str, said: str, tmp_path: Path) -> None:
+def test_mismatched_block_map_is_refused(text: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "x.img.xz.bmap").write_text(text)
     with pytest.raises(ImageError, match=said):
         unpack(tmp_path, PACKED["xz"])
@@ -147,7 +147,7 @@ def test_memory_stays_below_100_mb(preset: int, tmp_path: Path) -> None:
     assert (tmp_path / "copy").stat().st_size == 150 * 2**20
 
 
-def test_progress_is_told_now_and_then_and_at_its_end() -> None:
+def test_progress_is_reported_periodically_and_at_the_end() -> None:
     told: list[Progress] = []
     moments = iter([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
     meter = WriteMeter(WriterStep.WRITING, told.append, every_s=2.0, clock=lambda: next(moments))

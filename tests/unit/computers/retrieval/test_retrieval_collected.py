@@ -80,17 +80,17 @@ class Rsync:
         ("exec sleep 600", "has not ended within 1 s"),
     ],
 )
-def test_a_program_that_says_too_much_or_never_ends_is_ended(script: str, words: str) -> None:
+def test_program_with_too_much_output_or_no_end_is_killed(script: str, words: str) -> None:
     with pytest.raises(MODULE.TooMuch, match=words):
         MODULE.bounded(["sh", "-c", script], b"", None if "zero" in script else 0.6)
 
 
-def test_what_a_program_prints_comes_whole_and_of_its_errors_the_first() -> None:
+def test_output_is_complete_and_errors_are_truncated() -> None:
     script = "cat; head -c 300000 /dev/zero >&2; exit 7"
     assert MODULE.bounded(["sh", "-c", script], b"a" * 200_000) == (7, b"a" * 200_000, bytes(65536))
 
 
-def test_a_robot_that_holds_all_up_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hanging_robot_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "rsync").write_text("#!/bin/sh\nwhile :; do echo at work >&2; sleep 0.02; done\n")
     (tmp_path / "rsync").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
@@ -121,7 +121,7 @@ def record(rsync: Rsync, path: str, data: bytes = b"bag") -> None:
     os.utime(place, (NOW, NOW))
 
 
-def test_its_files_are_listed_as_rsync_prints_them(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
+def test_files_are_listed_from_rsync_output(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
     record(rsync, "dive 1/a.db3", b"x" * 1_234)
     record(rsync, "odd\\#012name")
     listed = robot.list()
@@ -132,7 +132,7 @@ def test_its_files_are_listed_as_rsync_prints_them(rsync: Rsync, robot: Any) -> 
 
 
 @pytest.mark.parametrize("path", ["../../../etc/passwd", "bag/../../secret", "/etc/passwd", "bag//a", "./a"])
-def test_a_robot_that_names_files_outside_of_its_folder_gets_none_of_ours(
+def test_robot_listing_paths_outside_its_folder_is_refused(
     rsync: Rsync,
     robot: Any,  # noqa: ANN401 - as above
     path: str,
@@ -143,7 +143,7 @@ def test_a_robot_that_names_files_outside_of_its_folder_gets_none_of_ours(
         robot.list()
 
 
-def test_a_file_has_its_name_here_after_it_was_compared(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
+def test_file_is_stored_only_after_comparison(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
     record(rsync, "bag/a", b"x" * 100)
     rsync.spoils = 1
     rows = robot.list()
@@ -160,7 +160,7 @@ def test_a_file_has_its_name_here_after_it_was_compared(rsync: Rsync, robot: Any
     assert len(rsync.calls) == 8, "what is here is not fetched again"
 
 
-def test_what_is_not_the_same_has_no_name_here_and_is_told(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
+def test_differing_files_are_reported_and_not_stored(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
     for name in ("differs", "goes", "grows"):
         record(rsync, name, b"x" * 10)
     rows = robot.list()
@@ -171,7 +171,7 @@ def test_what_is_not_the_same_has_no_name_here_and_is_told(rsync: Rsync, robot: 
     assert list(Path(robot.folder).iterdir()) == []
 
 
-def test_the_room_is_what_the_budget_leaves_beside_what_was_begun(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
+def test_missing_space_accounts_for_budget_and_partial_files(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
     record(rsync, "a", b"x" * 8_000)
     record(rsync, "b", b"x" * 4_000)
     rows = robot.list()
@@ -198,7 +198,7 @@ def test_the_room_is_what_the_budget_leaves_beside_what_was_begun(rsync: Rsync, 
         (30, "rsync error: timeout in data send/receive", "", "sparus does not answer"),
     ],
 )
-def test_why_it_gives_nothing_is_told(code: int, text: str, kind: str, words: str) -> None:
+def test_rsync_failures_are_explained(code: int, text: str, kind: str, words: str) -> None:
     found = MODULE.meaning("sparus", code, text.encode())
     assert type(found).__name__ == ("Refused" if kind else "Away")
     assert (getattr(found, "kind", ""), words in str(found)) == (kind, True)
@@ -231,7 +231,7 @@ def left() -> dict[str, list[str]]:
     return {"changed": [], "gone": [], "differ": [], "unread": [], "robot": []}
 
 
-def test_the_copy_goes_when_the_control_centre_has_it_and_is_not_collected_again(
+def test_copy_is_deleted_after_delivery_and_not_collected_again(
     sender: Any,  # noqa: ANN401 - as above
     rsync: Rsync,
     tmp_path: Path,
@@ -251,7 +251,7 @@ def test_the_copy_goes_when_the_control_centre_has_it_and_is_not_collected_again
     assert (rsync.robot / "bag/a").exists()
 
 
-def test_a_robot_that_goes_is_waited_for_and_then_what_it_has_given_is_sent(
+def test_lost_robot_is_awaited_then_collected_files_are_sent(
     sender: Any,  # noqa: ANN401 - as above
     rsync: Rsync,
     tmp_path: Path,
@@ -282,7 +282,7 @@ def test_a_robot_that_goes_is_waited_for_and_then_what_it_has_given_is_sent(
     assert "No route to host" in away["robot"]["why"]
 
 
-def test_too_little_room_is_refused_before_the_first_byte(sender: Any, rsync: Rsync, tmp_path: Path) -> None:  # noqa: ANN401 - as above
+def test_insufficient_space_is_refused_before_copying(sender: Any, rsync: Rsync, tmp_path: Path) -> None:  # noqa: ANN401 - as above
     record(rsync, "a", b"x" * 12_000)
     declared = settings(tmp_path)
     rows = sender.listed(declared, WISH)["rows"]
@@ -291,7 +291,7 @@ def test_too_little_room_is_refused_before_the_first_byte(sender: Any, rsync: Rs
     assert rsync.calls == ["list"]
 
 
-def test_the_gateway_knows_the_robot_and_the_robot_s_owner_has_one_line() -> None:
+def test_gateway_knows_the_robot_and_the_owner_gets_one_key_line() -> None:
     files = {file.path: file.content for file in retrieval(DECLARED, DECLARED.hosts[GATEWAY]).files}
     assert json.loads(files["/etc/atlantis/retrieval.json"])["sources"]["sparus"] == {
         "folder": "/var/lib/atlantis/robots/sparus",
@@ -310,7 +310,7 @@ def test_the_gateway_knows_the_robot_and_the_robot_s_owner_has_one_line() -> Non
     assert f"retrieval_receive.py {GATEWAY},sparus /srv/recordings" in keys["/etc/atlantis/retrieval.keys"]
 
 
-def test_what_is_on_a_robot_is_told_in_the_plan_and_what_was_not_looked_at_is_not_green() -> None:
+def test_plan_shows_the_robot_and_an_unreachable_one_is_not_green() -> None:
     source, _ = source_at(DECLARED, "coastal", "sparus")
     robot = {"state": "answers", "files": 2, "bytes": 5_000_000, "lacking": 0}
     look = {"files": 3, "bytes": 6_000_000, "compared": 0, "kept": 0, "writing": 0, "unnamed": 0, "before": 1.0}
@@ -328,7 +328,7 @@ def test_what_is_on_a_robot_is_told_in_the_plan_and_what_was_not_looked_at_is_no
     assert RetrievalStatus(goes_on, None, "sparus").progress().startswith("collects from sparus, 1 of 3 files")
 
 
-def test_which_recordings_is_asked_in_words_that_name_the_choices() -> None:
+def test_ambiguous_source_lists_the_choices() -> None:
     with pytest.raises(UsageError, match="recordings of more than one computer") as caught:
         source_at(DECLARED, "coastal", None)
     assert caught.value.hint == f"choose one of these: `from={GATEWAY}`, `from=sparus`"

@@ -110,7 +110,7 @@ def in_use(desk: Desk, *names: str) -> None:
     desk.monkeypatch.setattr(links, "read_links", lambda _opened: status)
 
 
-def test_a_plan_says_what_it_takes_and_sends_nothing(desk: Desk) -> None:
+def test_plan_shows_the_cost_and_sends_nothing(desk: Desk) -> None:
     printed = desk.type("link=satellite", "--plan", code=2)
     for words in (
         "3 files to send, 200 kB",
@@ -123,14 +123,14 @@ def test_a_plan_says_what_it_takes_and_sends_nothing(desk: Desk) -> None:
     assert desk.verbs() == ["look"]
 
 
-def test_over_a_metered_link_nothing_is_sent_without_consent_nor_beyond_the_cap(desk: Desk) -> None:
+def test_metered_link_needs_consent_and_respects_the_cap(desk: Desk) -> None:
     assert "nobody has agreed to pay for this" in desk.type("link=satellite", code=4)
     desk.answers(look={**LOOK, "bytes": 10**10})
     assert "no action may send more than" in desk.type("link=satellite", "--accept-cost", code=4)
     assert "start" not in desk.verbs()
 
 
-def test_it_goes_over_the_link_that_the_router_says_and_is_whole_when_the_gateway_says_so(desk: Desk) -> None:
+def test_transfer_uses_the_link_in_use_and_ends_when_verified(desk: Desk) -> None:
     in_use(desk, "4g")
     assert "3 files: the same SHA-256 at both ends" in desk.type("files=bag-*", "--accept-cost")
     job = desk.job()
@@ -140,7 +140,7 @@ def test_it_goes_over_the_link_that_the_router_says_and_is_whole_when_the_gatewa
     assert desk.verbs() == ["look", "start", "status"]
 
 
-def test_whatever_is_not_whole_is_not_green(desk: Desk) -> None:
+def test_incomplete_transfer_is_not_green(desk: Desk) -> None:
     in_use(desk, "wifi-ptp")
     desk.answers(status={**STATUS, "arrived": 2, "left": {"changed": ["bag/a"], "gone": [], "differ": []}})
     assert "bag/a: changed while it was sent" in desk.type(code=6)
@@ -149,7 +149,7 @@ def test_whatever_is_not_whole_is_not_green(desk: Desk) -> None:
     assert json.loads(desk.type("--json", code=4))["whole"] is False
 
 
-def test_whoever_stops_watching_does_not_stop_the_transfer(desk: Desk) -> None:
+def test_ctrl_c_does_not_stop_the_transfer(desk: Desk) -> None:
     def stop(_seconds: float) -> None:
         raise KeyboardInterrupt
 
@@ -160,14 +160,14 @@ def test_whoever_stops_watching_does_not_stop_the_transfer(desk: Desk) -> None:
     assert "stop" not in desk.verbs()
 
 
-def test_a_gateway_that_is_not_reached_meanwhile_is_waited_for(desk: Desk) -> None:
+def test_temporarily_unreachable_gateway_is_awaited(desk: Desk) -> None:
     desk.answers(status=None, error="ssh: connect to host 10.64.1.10 port 22: Connection timed out")
     desk.monkeypatch.setattr("atlantis_netcfg.cli.retrieve._pause", lambda _seconds: desk.answers(status=STATUS))
     assert "the same SHA-256" in desk.type("link=wifi-ptp")
     assert desk.verbs()[-2:] == ["status", "status"]
 
 
-def test_how_it_stands_and_its_end(desk: Desk) -> None:
+def test_status_and_stop(desk: Desk) -> None:
     assert "3 files: the same SHA-256 at both ends" in desk.type("status")
     assert "nothing goes on" in desk.type("stop", code=7)
     desk.answers(status=GOES_ON, stop={**GOES_ON, "state": "stopped", "running": False, "job": False})
@@ -176,7 +176,7 @@ def test_how_it_stands_and_its_end(desk: Desk) -> None:
     assert "it takes no `files=`" in desk.type("files=a", "stop", code=3)
 
 
-def test_nothing_to_send_is_done_only_where_all_was_retrieved(desk: Desk) -> None:
+def test_nothing_to_send_is_success_only_if_all_was_retrieved(desk: Desk) -> None:
     nothing = {**LOOK, "files": 0, "bytes": 0}
     desk.answers(look={**nothing, "writing": 0})
     assert "nothing to send" in desk.type("link=4g")
@@ -197,7 +197,7 @@ def robot(desk: Desk, **seen: Any) -> None:  # noqa: ANN401 - JSON
     desk.answers(look=look, status={**STATUS, "source": "sparus"}, start={"started": True, "source": "sparus"})
 
 
-def test_a_robot_s_recordings_are_collected_first_and_its_name_is_the_source(desk: Desk) -> None:
+def test_robot_recordings_are_collected_first(desk: Desk) -> None:
     robot(desk)
     assert f"2 files on sparus, 5.0 MB: {GATEWAY} collects them first" in desk.type("from=sparus", "link=wifi-ptp")
     assert desk.job()["source"] == "sparus"
@@ -228,7 +228,7 @@ def test_a_robot_s_recordings_are_collected_first_and_its_name_is_the_source(des
         ({"lacking": 2_000_000}, "declare a higher `budget_mb` of it in `retrieval.robots`"),
     ],
 )
-def test_a_robot_that_gives_nothing_is_refused_with_what_to_do(desk: Desk, seen: dict[str, Any], words: str) -> None:
+def test_unavailable_robot_is_refused_with_advice(desk: Desk, seen: dict[str, Any], words: str) -> None:
     robot(desk, **seen)
     printed = " ".join(desk.type("from=sparus", "link=wifi-ptp", code=4).split())
     assert words in printed
@@ -236,12 +236,12 @@ def test_a_robot_that_gives_nothing_is_refused_with_what_to_do(desk: Desk, seen:
     assert desk.verbs() == ["look"], "nothing was begun"
 
 
-def test_without_a_name_the_choices_are_listed(desk: Desk) -> None:
+def test_missing_source_lists_the_choices(desk: Desk) -> None:
     assert main(["retrieve", "site=coastal"]) == ExitCode.USAGE
     assert f"choose one of these: `from={GATEWAY}`, `from=sparus`" in desk.capsys.readouterr().err
 
 
-def test_a_rehearsal_goes_its_whole_way_and_says_what_it_needs(desk: Desk) -> None:
+def test_rehearsal_refuses_missing_tools_and_options(desk: Desk) -> None:
     desk.monkeypatch.setenv("PATH", "/nowhere")
     assert "rsync is not installed on this computer" in desk.type("--rehearse", code=3)
     assert "it takes no `files=` and no `--plan`" in desk.type("--rehearse", "files=a", "--plan", code=3)
@@ -283,7 +283,7 @@ ADVICE = {
 
 
 @pytest.mark.parametrize("hint", ADVICE)
-def test_what_is_advised_is_typed(desk: Desk, hint: str) -> None:
+def test_advised_commands_work_when_typed(desk: Desk, hint: str) -> None:
     """Of commands about routers and roles it is held that they take these words; their devices are nowhere."""
     commands = advised(said(ADVICE[hint](desk), hint))
     desk.answers(look=LOOK, start={"started": True}, status=STATUS)

@@ -41,13 +41,13 @@ def status(over: str = "satellite", **told: Any) -> retrieve.RetrievalStatus:  #
 
 
 @pytest.mark.parametrize("priority", list(RetrievalPriority))
-def test_the_rate_is_the_share_of_the_declared_upward_rate(priority: RetrievalPriority) -> None:
+def test_rate_is_the_share_of_the_declared_uplink_rate(priority: RetrievalPriority) -> None:
     made = planned("satellite", priority.value)
     assert made.rate_bps == round(retrieve.SHARES[priority] * made.site_link.rate.up_kbps * 1000)
     assert made.seconds >= 8 * made.wire_bytes / made.rate_bps
 
 
-def test_what_is_told_of_the_cost_is_that_of_the_wire_and_the_job_is_bound_by_it() -> None:
+def test_cost_matches_the_bytes_sent_and_limits_the_job() -> None:
     made = planned("satellite")
     assert made.cost.bill.payload_bytes == made.wire_bytes > 1.2 * LOOK["bytes"]
     job = made.job(retrieve.RetrievalSelection("bag-*"), "number")
@@ -58,7 +58,7 @@ def test_what_is_told_of_the_cost_is_that_of_the_wire_and_the_job_is_bound_by_it
     assert planned("satellite", bytes=10**12).cost.over_cap
 
 
-def test_over_a_free_link_answers_as_slow_as_those_of_a_dear_one_stop_it() -> None:
+def test_transfer_over_a_free_link_stops_at_satellite_latency() -> None:
     free, dear = planned("wifi-ptp"), planned("satellite")
     assert free.cap_bytes is None
     slowest = dear.site_link.rate.rtt_ms / 1000
@@ -67,7 +67,7 @@ def test_over_a_free_link_answers_as_slow_as_those_of_a_dear_one_stop_it() -> No
     assert dear.rtt_max_s is None, "nothing is dearer and slower than a satellite"
 
 
-def test_only_what_is_the_same_at_both_ends_is_green() -> None:
+def test_only_identical_files_at_both_ends_are_green() -> None:
     assert (status().whole, status().exit) == (True, ExitCode.DONE)
     assert status().lines("coastal")[0] == "2 files: the same SHA-256 at both ends"
     for told, code in (
@@ -86,13 +86,13 @@ def test_only_what_is_the_same_at_both_ends_is_green() -> None:
         assert found.lines("coastal"), told
 
 
-def test_one_that_has_ended_without_a_word_says_so() -> None:
+def test_transfer_that_ended_silently_is_reported_as_lost() -> None:
     assert status(state="sending").state == "lost"
     assert "without a word" in status(state="sending").lines("coastal")[0]
     assert status(state="sending", job=True).state == "sending", "its unit begins again"
 
 
-def test_what_it_has_cost_is_told_while_it_goes_on_and_at_its_end() -> None:
+def test_cost_is_shown_while_sending_and_at_the_end() -> None:
     on = status(state="sending", running=True, arrived=0)
     assert on.progress() == f"0 of 2 files whole, 1.2 MB sent over satellite, {on.total_cost.money}"
     assert "EUR" in on.total_cost.money
@@ -100,7 +100,7 @@ def test_what_it_has_cost_is_told_while_it_goes_on_and_at_its_end() -> None:
     assert "EUR" not in status("wifi-ptp", link="wifi-ptp").lines("coastal")[-1]
 
 
-def test_the_source_is_the_one_of_the_site_or_the_named_one() -> None:
+def test_source_is_chosen_by_site_or_by_name() -> None:
     assert (
         retrieve.source_at(DECLARED, "coastal", None)[1].name
         == retrieve.source_at(DECLARED, "coastal", GATEWAY)[1].name
@@ -119,11 +119,11 @@ def test_the_source_is_the_one_of_the_site_or_the_named_one() -> None:
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (119, "119 s"), (120, "2 min"), (12_000, "3 h 20 min")])
-def test_a_time_is_told_as_people_say_it(seconds: float, text: str) -> None:
+def test_duration_is_formatted_for_people(seconds: float, text: str) -> None:
     assert retrieve.duration(seconds) == text
 
 
-def test_without_a_declaration_a_rehearsal_has_an_example_and_changes_no_other() -> None:
+def test_rehearsal_without_retrieval_config_uses_an_example() -> None:
     declaration, words = with_example(SHIPPED, "te4sea")
     assert words == "no recordings are declared to be retrieved: this is an example, from te4sea-gateway to scc-control"
     assert retrieve.source_at(declaration, "te4sea", None)[1].name == "te4sea-gateway"
@@ -136,7 +136,7 @@ def test_without_a_declaration_a_rehearsal_has_an_example_and_changes_no_other()
 # What either end of a retrieval gets, and that it goes when it is declared no more.
 
 
-def test_a_gateway_knows_where_to_send_and_by_which_key() -> None:
+def test_gateway_gets_the_retrieval_target_and_key() -> None:
     declaration = with_retrieval()
     made = retrieval(declaration, declaration.hosts[GATEWAY])
     files = {file.path: file.content for file in made.files}
@@ -157,7 +157,7 @@ def test_a_gateway_knows_where_to_send_and_by_which_key() -> None:
     assert [(unit.name, unit.active) for unit in made.units] == [(SERVICE, None)], "a job starts it, no run does"
 
 
-def test_the_control_centre_gives_that_key_one_program_alone() -> None:
+def test_control_centre_restricts_the_key_to_one_command() -> None:
     declaration = with_retrieval()
     made = retrieval(declaration, declaration.hosts[CENTRE])
     files = {file.path: file.content for file in made.files}
@@ -167,7 +167,7 @@ def test_the_control_centre_gives_that_key_one_program_alone() -> None:
     assert made.units == ()
 
 
-def test_an_end_that_has_another_host_key_is_a_finding_of_every_run() -> None:
+def test_each_end_checks_its_declared_host_key() -> None:
     declaration = with_retrieval()
     for name in (GATEWAY, CENTRE):
         (check,) = retrieval(declaration, declaration.hosts[name]).checks
@@ -176,7 +176,7 @@ def test_an_end_that_has_another_host_key_is_a_finding_of_every_run() -> None:
         assert retrieval(declaration, declaration.hosts[name], is_rehearsal=True).checks == ()
 
 
-def test_what_is_declared_no_more_goes_and_others_have_nothing() -> None:
+def test_retrieval_files_are_removed_when_no_longer_in_inventory() -> None:
     declared = with_retrieval()
     laid = {file.path for name in (GATEWAY, CENTRE) for file in retrieval(declared, declared.hosts[name]).files}
     for name in (GATEWAY, CENTRE, "te4sea-gateway"):
@@ -185,7 +185,7 @@ def test_what_is_declared_no_more_goes_and_others_have_nothing() -> None:
         assert set(made.absent) == laid
 
 
-def test_rsync_comes_with_either_end_alone() -> None:
+def test_rsync_is_installed_on_both_ends_only() -> None:
     declared = with_retrieval()
     for name, there in ((GATEWAY, True), (CENTRE, True), ("te4sea-gateway", False)):
         packages = {package.name for package in gateway_base(declared, declared.hosts[name]).packages}

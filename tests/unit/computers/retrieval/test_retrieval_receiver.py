@@ -31,7 +31,7 @@ def lay(folder: Path, path: str, data: bytes) -> Path:
     return place
 
 
-def test_a_file_gets_its_name_when_it_was_read_again_and_is_the_same(receiver: Any) -> None:  # noqa: ANN401 - as above
+def test_file_is_moved_into_place_after_verification(receiver: Any) -> None:  # noqa: ANN401 - as above
     assert receiver.have([row("bag/a")])["answers"] == ["missing"]
     lay(receiver.incoming, "bag/a", DATA[:50])
     assert receiver.have([row("bag/a")])["answers"] == ["partial"]
@@ -45,7 +45,7 @@ def test_a_file_gets_its_name_when_it_was_read_again_and_is_the_same(receiver: A
     assert receiver.keep([row("bag/a")])["answers"] == receiver.have([row("bag/a")])["answers"] == ["kept"]
 
 
-def test_a_file_that_was_spoilt_later_is_found_and_mended_from_a_copy(receiver: Any) -> None:  # noqa: ANN401 - as above
+def test_corrupted_file_is_detected_and_replaced_by_a_new_copy(receiver: Any) -> None:  # noqa: ANN401 - as above
     spoilt = b"X" + DATA[1:]
     kept = lay(receiver.kept, "bag/a", spoilt)
     assert receiver.have([row("bag/a")])["answers"] == ["differs"]
@@ -56,7 +56,7 @@ def test_a_file_that_was_spoilt_later_is_found_and_mended_from_a_copy(receiver: 
     assert kept.read_bytes() == DATA
 
 
-def test_the_room_is_what_the_budget_leaves(receiver: Any) -> None:  # noqa: ANN401 - as above
+def test_free_space_is_the_remaining_budget(receiver: Any) -> None:  # noqa: ANN401 - as above
     lay(receiver.kept, "a", b"1" * 600_000)
     lay(receiver.folder, "another-gateway/b", b"1" * 300_000)
     assert receiver.have([])["room"] == 100_000
@@ -65,7 +65,7 @@ def test_the_room_is_what_the_budget_leaves(receiver: Any) -> None:  # noqa: ANN
 
 
 @pytest.mark.parametrize("path", ["", "/etc/passwd", "../other/a", "a/../../b", "a//b", "./a", "a\nb"])
-def test_a_path_stays_in_its_folder(receiver: Any, path: str) -> None:  # noqa: ANN401 - as above
+def test_path_outside_its_folder_is_rejected(receiver: Any, path: str) -> None:  # noqa: ANN401 - as above
     with pytest.raises(ValueError, match="no path of a recording"):
         receiver.have([row(path)])
 
@@ -85,12 +85,12 @@ def test_a_path_stays_in_its_folder(receiver: Any, path: str) -> None:  # noqa: 
         "",
     ],
 )
-def test_nothing_but_writing_here_is_admitted(command: str) -> None:
+def test_commands_other_than_writing_are_rejected(command: str) -> None:
     with pytest.raises(ValueError, match="admitted"):
         RECEIVER.server(command.split())
 
 
-def test_what_our_rsync_asks_for_is_admitted() -> None:
+def test_our_rsync_command_is_accepted() -> None:
     words = ["rsync", "--server", "-tRe.LsfxCIvu", "--timeout=120", "--append", "--append", "--inplace", ".", "."]
     assert RECEIVER.server(words) == words
 
@@ -103,7 +103,7 @@ def test_what_our_rsync_asks_for_is_admitted() -> None:
     ],
     ids=["one file", "many files"],
 )
-def test_more_than_the_budget_is_not_taken_whatever_the_gateway_sends(tmp_path: Path, script: str) -> None:
+def test_budget_is_enforced_against_a_compromised_gateway(tmp_path: Path, script: str) -> None:
     """A gateway that somebody has taken over does not ask how much room there is."""
     (tmp_path / "rsync").write_text(f"#!/bin/sh\n{script}\n")
     (tmp_path / "rsync").chmod(0o755)

@@ -34,7 +34,7 @@ def listed(sender: Any, folder: Path, **how: Any) -> dict[str, Any]:  # noqa: AN
     return found
 
 
-def test_it_lists_files_that_are_written_to_no_more_and_follows_no_link(sender: Any, tmp_path: Path) -> None:  # noqa: ANN401 - as above
+def test_lists_only_finished_files_and_follows_no_symlinks(sender: Any, tmp_path: Path) -> None:  # noqa: ANN401 - as above
     folder = tmp_path / "bags"
     record(folder, "bag-1/a.db3", b"x" * 100)
     record(folder, "bag-2/b.db3", age_s=5)
@@ -55,7 +55,7 @@ def test_it_lists_files_that_are_written_to_no_more_and_follows_no_link(sender: 
     assert listed(sender, folder, pattern="bag-2/*")["files"] == 0
 
 
-def test_what_was_retrieved_is_left_out_until_it_changes_or_is_to_be_compared(sender: Any, tmp_path: Path) -> None:  # noqa: ANN401 - as above
+def test_retrieved_files_are_skipped_unless_changed_or_to_be_compared(sender: Any, tmp_path: Path) -> None:  # noqa: ANN401 - as above
     folder = tmp_path / "bags"
     path = record(folder, "a", b"x" * 100)
     state = path.stat()
@@ -67,7 +67,7 @@ def test_what_was_retrieved_is_left_out_until_it_changes_or_is_to_be_compared(se
     assert listed(sender, folder)["files"] == 1
 
 
-def test_a_file_that_changes_meanwhile_is_told_and_not_vouched_for(sender: Any, tmp_path: Path) -> None:  # noqa: ANN401 - as above
+def test_files_changed_or_deleted_meanwhile_are_reported(sender: Any, tmp_path: Path) -> None:  # noqa: ANN401 - as above
     folder = tmp_path / "bags"
     for name in ("same", "grows", "goes"):
         record(folder, name)
@@ -89,7 +89,7 @@ def test_a_file_that_changes_meanwhile_is_told_and_not_vouched_for(sender: Any, 
         (1, "rsync: syntax or usage error", "Refused"),
     ],
 )
-def test_a_lost_link_is_tried_again_and_a_refusal_is_not(sender: Any, code: int, text: str, name: str) -> None:  # noqa: ANN401 - as above
+def test_lost_link_is_retried_and_refusal_is_not(sender: Any, code: int, text: str, name: str) -> None:  # noqa: ANN401 - as above
     found = sender.failure(code, f"{text}\nlast line\n".encode())
     assert (type(found).__name__, str(found)) == (name, text)
 
@@ -109,7 +109,7 @@ def test_a_lost_link_is_tried_again_and_a_refusal_is_not(sender: Any, code: int,
         ),
     ],
 )
-def test_what_is_refused_for_good_is_told_in_our_words(sender: Any, text: str, words: str) -> None:  # noqa: ANN401 - as above
+def test_permanent_refusal_has_a_clear_message(sender: Any, text: str, words: str) -> None:  # noqa: ANN401 - as above
     found = sender.failure(12, text.encode())
     assert type(found).__name__ == "Refused"
     assert words in str(found)
@@ -129,7 +129,7 @@ class Clock:
 
 
 @pytest.mark.parametrize("rate_bps", [17_600, 70_400, 8_000_000])
-def test_the_rate_is_that_of_the_wire(sender: Any, monkeypatch: pytest.MonkeyPatch, rate_bps: int) -> None:  # noqa: ANN401 - as above
+def test_rate_limit_includes_wire_overhead(sender: Any, monkeypatch: pytest.MonkeyPatch, rate_bps: int) -> None:  # noqa: ANN401 - as above
     clock = Clock()
     monkeypatch.setattr(sender, "time", clock)
     meter = sender.Meter({"cap_bytes": None, "rate_bps": rate_bps})
@@ -141,7 +141,7 @@ def test_the_rate_is_that_of_the_wire(sender: Any, monkeypatch: pytest.MonkeyPat
     assert meter.portion * sender.WIRE * 8 / rate_bps <= 0.31, "no burst is longer than a third of a second"
 
 
-def test_the_cap_ends_it_and_is_noted_across_connections(sender: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401 - as above
+def test_cap_stops_transfer_and_is_counted_across_connections(sender: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401 - as above
     class Ended(Exception):
         pass
 
@@ -160,7 +160,7 @@ def test_the_cap_ends_it_and_is_noted_across_connections(sender: Any, monkeypatc
     assert json.loads(sender.COUNTS.read_text())["spent"] is True
 
 
-def test_another_link_is_told_by_its_answers(sender: Any, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: ANN401 - as above
+def test_other_link_is_detected_by_its_round_trip_time(sender: Any, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: ANN401 - as above
     job = {"rtt_max_s": 0.2, "link": "4g"}
     assert [sender.too_slow(job, rtt) for rtt in (0.05, 0.2, 0.65)] == [False, False, True]
     assert capsys.readouterr().err == "an answer takes 0.7 s: the traffic does not go over 4g now\n"

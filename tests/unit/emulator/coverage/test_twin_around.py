@@ -74,7 +74,7 @@ class Box:
         return self.rows("/interface/ethernet/poe/monitor", f"=numbers={ports}", "=once=")
 
 
-def test_by_default_nothing_is_around() -> None:
+def test_surroundings_are_empty_by_default() -> None:
     box = Box()
     assert box.rows("/ip/neighbor/print") == []
     assert {row["status"] for row in box.rows("/ip/dhcp-server/lease/print")} == {"waiting"}
@@ -84,7 +84,7 @@ def test_by_default_nothing_is_around() -> None:
     assert len(box.rows("/ip/address/print")) == 2
 
 
-def test_cards_answer_pings_and_arp_under_their_own_mac() -> None:
+def test_network_cards_answer_ping_and_arp_with_their_own_mac() -> None:
     box = Box(cards={"10.64.1.23": "02:00:5e:00:01:23", "192.168.2.2": "02:00:5E:00:AA:01"})
     arp = {row["address"]: (row["mac-address"], row["interface"]) for row in box.rows("/ip/arp/print")}
     assert arp == {"10.64.1.23": ("02:00:5E:00:01:23", "bridge-lan")}
@@ -93,7 +93,7 @@ def test_cards_answer_pings_and_arp_under_their_own_mac() -> None:
     assert box.rows("/tool/ping", *words)[0]["received"] == "1"
 
 
-def test_poe_by_what_hangs_on_a_port_and_how_it_is_set() -> None:
+def test_poe_status_follows_load_and_setting() -> None:
     box = Box(loads={"ether1": Load(milliamps=224, volts=23.2), "ether2": Load(status="short-circuit")})
     first = {"name": "ether1", "poe-out": "auto-on", "poe-out-status": "powered-on"}
     figures = {"poe-out-voltage": "23.2V", "poe-out-current": "224mA", "poe-out-power": "5.2W"}
@@ -116,7 +116,7 @@ def test_poe_by_what_hangs_on_a_port_and_how_it_is_set() -> None:
     ],
     ids=("a port that cannot feed", "no port", "without once", "without ports", "an unknown word"),
 )
-def test_the_monitor_of_poe_refuses_what_it_must(words: tuple[str, ...], message: str) -> None:
+def test_poe_monitor_rejects_invalid_arguments(words: tuple[str, ...], message: str) -> None:
     assert message in Box().trap("/interface/ethernet/poe/monitor", *words)
 
 
@@ -132,7 +132,7 @@ def test_a_connected_tunnel_has_an_address_and_runs() -> None:
     assert len(box.rows("/ip/address/print")) == 2
 
 
-def test_leases_and_the_time() -> None:
+def test_dhcp_leases_and_ntp_status() -> None:
     box = Box(leases={"10.64.1.23": "bound", "10.64.1.24": "busy"}, time_server="192.0.2.123")
     bound, busy = box.rows("/ip/dhcp-server/lease/print")
     assert (bound["status"], bound["active-mac-address"], bound["active-server"]) == (
@@ -147,7 +147,7 @@ def test_leases_and_the_time() -> None:
     assert Box(time_server="192.0.2.9").rows("/system/ntp/client/print")[0]["status"] == "waiting"
 
 
-def test_names_are_heard_where_discovery_listens() -> None:
+def test_neighbours_are_seen_on_discovery_interfaces() -> None:
     box = Box(
         called=(
             DiscoveryNeighbour(
@@ -169,7 +169,7 @@ def test_names_are_heard_where_discovery_listens() -> None:
     )
 
 
-def test_an_alert_tells_of_servers_that_are_not_valid() -> None:
+def test_dhcp_alert_reports_unknown_servers() -> None:
     box = Box(dhcp_servers={"bridge-lan": ("02:00:5e:00:aa:03", "02:00:5E:00:AA:04")})
     words = ("=interface=bridge-lan", "=valid-server=02:00:5E:00:AA:04", "=disabled=no")
     box.run("/ip/dhcp-server/alert/add", *words)
@@ -179,7 +179,7 @@ def test_an_alert_tells_of_servers_that_are_not_valid() -> None:
     assert "unknown-server" not in box.rows("/ip/dhcp-server/alert/print")[0]
 
 
-def test_dates_of_a_certificate() -> None:
+def test_certificate_validity_dates() -> None:
     since, until = CLOCK - timedelta(days=400), CLOCK - timedelta(days=1)
     box = Box(validity={"atlantis-vpn": Validity(since=since, until=until)})
     rows = {row["name"]: row for row in box.rows("/certificate/print")}
@@ -188,7 +188,7 @@ def test_dates_of_a_certificate() -> None:
     assert "invalid-after" not in rows["atlantis-api"]
 
 
-def test_the_place_changes_under_a_router_at_work() -> None:
+def test_surroundings_can_change_while_router_runs() -> None:
     box = Box(loads={"ether1": Load()}, tunnels={"ovpn-scc": "10.80.0.11/16"})
     assert update_surroundings(box.device.core, {"tunnels": {}})["tunnels"] == {}
     assert box.rows("/interface/ovpn-client/print")[0]["running"] == "false"
@@ -198,7 +198,7 @@ def test_the_place_changes_under_a_router_at_work() -> None:
             update_surroundings(box.device.core, nonsense)
 
 
-def test_the_control_knows_the_word(tmp_path: Path) -> None:
+def test_site_control_changes_surroundings(tmp_path: Path) -> None:
     with RunningSite(SiteSpec(name="site", emulators=(EmulatorSpec(router=RouterSpec(name="box")),)), tmp_path) as site:
         told = site.do("box", "around", leases={"10.64.1.23": "bound"})
         assert told["leases"] == {"10.64.1.23": "bound"}

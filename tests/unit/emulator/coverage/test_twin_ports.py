@@ -4,7 +4,7 @@ import pytest
 from test_twin_around import Box
 
 
-def test_a_monitor_says_the_rate_of_a_port_that_has_a_link() -> None:
+def test_monitor_shows_rate_of_ports_with_link() -> None:
     box = Box()
     box.run("/interface/ethernet/disable", "=numbers=ether3")
     up, down = box.rows("/interface/ethernet/monitor", "=numbers=ether4,ether3", "=once=")
@@ -22,11 +22,11 @@ def test_a_monitor_says_the_rate_of_a_port_that_has_a_link() -> None:
         (("=numbers=ether1",), "not rehearsed by the twin: /interface/ethernet/monitor without once"),
     ],
 )
-def test_a_monitor_is_refused_in_the_words_of_a_router(words: tuple[str, ...], message: str) -> None:
+def test_monitor_errors_match_those_of_a_router(words: tuple[str, ...], message: str) -> None:
     assert message in Box().trap("/interface/ethernet/monitor", *words)
 
 
-def test_a_bridge_tells_whom_it_has_heard_on_which_port() -> None:
+def test_bridge_lists_learned_hosts_per_port() -> None:
     box = Box(plugged={"ether4": ("02:00:5e:00:01:23",), "ether5": ("02:00:5E:00:01:24",)})
     rows = box.rows("/interface/bridge/host/print")
     heard = [(row["mac-address"], row["on-interface"], row["bridge"]) for row in rows if row["local"] == "false"]
@@ -34,7 +34,7 @@ def test_a_bridge_tells_whom_it_has_heard_on_which_port() -> None:
     assert [row["on-interface"] for row in rows if row["local"] == "true"] == ["ether4"]
 
 
-def test_a_port_that_is_off_hears_nobody() -> None:
+def test_disabled_port_learns_no_hosts() -> None:
     box = Box(plugged={"ether4": ("02:00:5E:00:01:23",)})
     box.run("/interface/ethernet/disable", "=numbers=ether4")
     assert box.rows("/interface/bridge/host/print") == []

@@ -24,49 +24,49 @@ def able(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def test_nothing_is_said_where_machines_run() -> None:
+def test_no_reason_when_machines_can_run() -> None:
     assert why_not({}) is None
 
 
 @pytest.mark.parametrize("value", ["1", "no", ""])
-def test_they_can_be_forbidden_by_any_value(value: str) -> None:
+def test_any_value_of_the_variable_disables_machines(value: str) -> None:
     assert why_not({"ATLANTIS_NO_MACHINES": value}) == "ATLANTIS_NO_MACHINES is set"
 
 
-def test_an_ordinary_user(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_non_root_user_cannot_run_machines(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     assert why_not({}) == "not root"
 
 
-def test_another_system(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_linux_can_run_machines(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "darwin")
     assert why_not({}) == "not Linux"
 
 
-def test_missing_programs_are_told_as_what_to_type(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_programs_are_reported_as_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     there = {"ip", "mount", "setpriv", "unshare", "nsenter", "git", "gpg"}
     monkeypatch.setattr(shutil, "which", lambda name: name if name in there else None)
     assert why_not({}) == "missing: apt install mmdebstrap systemd-container"
 
 
-def test_the_keyring_of_debian_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_debian_keyring_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(ready, "_KEYRING", tmp_path / "none.gpg")
     assert why_not({}) == "missing: apt install debian-archive-keyring"
 
 
-def test_a_kernel_without_overlays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernel_without_overlayfs_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ready, "_overlays", lambda: False)
     assert why_not({}) == "the kernel has no overlay file system"
 
 
-def test_a_container_that_may_not_make_namespaces(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_container_without_namespaces_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "atlantis_netcfg.emulator.lab.hosts.output_of", lambda words: subprocess.CompletedProcess(words, 1)
     )
     assert why_not({}) == "this computer may not make namespaces"
 
 
-def test_a_yard_says_why_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_lab_error_says_why_no_machine_can_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("ATLANTIS_NO_MACHINES", "1")
     with (
         pytest.raises(MachineError, match="no machine can be run here: ATLANTIS_NO_MACHINES is set"),
@@ -89,7 +89,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return asked
 
 
-def test_what_is_missing_is_installed_for_root(installed: list[str]) -> None:
+def test_missing_packages_are_installed_as_root(installed: list[str]) -> None:
     told: list[str] = []
     provide(told.append, {})
     assert told == ["installing mmdebstrap"]
@@ -97,7 +97,7 @@ def test_what_is_missing_is_installed_for_root(installed: list[str]) -> None:
     assert installed == [install, "apt-get -qq -o DPkg::Lock::Timeout=300 update", install]
 
 
-def test_nothing_is_installed_unasked_or_for_others(installed: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_installed_when_disabled_or_not_root(installed: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     provide(pytest.fail, {"ATLANTIS_NO_MACHINES": "1"})
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     provide(pytest.fail, {})

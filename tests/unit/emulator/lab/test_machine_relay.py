@@ -55,7 +55,7 @@ def test_bytes_pass_both_ways_and_are_counted(both: Both, relay: Relay) -> None:
     assert relay.traffic == RelayTraffic(connections=1, up_bytes=14, down_bytes=8)
 
 
-def test_an_end_that_has_said_all_still_listens(both: Both) -> None:
+def test_half_closed_connection_still_receives(both: Both) -> None:
     sent = bytes(range(256)) * 4096
     both.client.sendall(b"all")
     both.client.shutdown(socket.SHUT_WR)
@@ -66,7 +66,7 @@ def test_an_end_that_has_said_all_still_listens(both: Both) -> None:
 
 
 @pytest.mark.parametrize("breaker", ["client", "machine"])
-def test_a_reset_arrives_as_a_reset_behind_what_was_said_before(both: Both, breaker: str) -> None:
+def test_reset_is_relayed_after_earlier_data(both: Both, breaker: str) -> None:
     near, far = (both.client, both.machine) if breaker == "client" else (both.machine, both.client)
     near.sendall(b"last words")
     assert far.recv(100) == b"last words"
@@ -76,13 +76,13 @@ def test_a_reset_arrives_as_a_reset_behind_what_was_said_before(both: Both, brea
         far.recv(100)
 
 
-def test_a_machine_that_refuses_resets(server: socket.socket, relay: Relay) -> None:
+def test_client_is_reset_when_machine_refuses_connection(server: socket.socket, relay: Relay) -> None:
     server.close()
     with pytest.raises(ConnectionError), socket.create_connection(("127.0.0.1", relay.port), HANG_S) as client:
         client.recv(1)
 
 
-def test_a_connection_and_a_question_cost_two_round_trips(server: socket.socket, relay: Relay) -> None:
+def test_connect_and_request_cost_two_round_trips(server: socket.socket, relay: Relay) -> None:
     relay.set(RelayLink(delay_s=0.05))
     begin = time.monotonic()
     with closing(Both(relay, server)) as both:
@@ -93,7 +93,7 @@ def test_a_connection_and_a_question_cost_two_round_trips(server: socket.socket,
     assert time.monotonic() - begin >= 4 * 0.05
 
 
-def test_a_shape_takes_the_place_of_delay_and_rates(server: socket.socket, relay: Relay) -> None:
+def test_shape_overrides_delay_and_rates(server: socket.socket, relay: Relay) -> None:
     up = LinkShape(delay_s=0.05, gaps_s=((0.0, 0.15),))
     relay.set(RelayLink(delay_s=100, shapes=(up, LinkShape(delay_s=0.02))))
     with closing(Both(relay, server)) as both:
@@ -121,7 +121,7 @@ def test_the_other_direction_is_not_slowed_down(both: Both, relay: Relay) -> Non
     assert len(_everything(both.machine)) == 10_000
 
 
-def test_a_dead_link_keeps_what_is_under_way(both: Both, relay: Relay) -> None:
+def test_data_on_a_dead_link_arrives_when_it_is_up_again(both: Both, relay: Relay) -> None:
     relay.set(RelayLink(up=False))
     both.client.sendall(b"into the silence")
     both.client.shutdown(socket.SHUT_WR)
@@ -136,7 +136,7 @@ def test_a_dead_link_keeps_what_is_under_way(both: Both, relay: Relay) -> None:
     assert _everything(both.machine) == b"into the silence"
 
 
-def test_a_connection_over_a_dead_link_waits_for_it(server: socket.socket, relay: Relay) -> None:
+def test_connection_over_a_dead_link_waits_until_it_is_up(server: socket.socket, relay: Relay) -> None:
     relay.set(RelayLink(up=False))
     with socket.create_connection(("127.0.0.1", relay.port), HANG_S) as client:
         client.sendall(b"patient")
@@ -150,7 +150,7 @@ def test_a_connection_over_a_dead_link_waits_for_it(server: socket.socket, relay
             assert machine.recv(100) == b"patient"
 
 
-def test_its_end_closes_what_is_open(server: socket.socket) -> None:
+def test_closing_the_relay_closes_open_connections(server: socket.socket) -> None:
     relay = Relay(socket.socket, server.getsockname())
     with closing(Both(relay, server)) as both:
         relay.close()

@@ -47,15 +47,15 @@ def builds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         TreeSpec(packages=("git", "curl"), mirror="http://192.0.2.1/debian"),
     ],
 )
-def test_another_tree_has_another_name(other: TreeSpec) -> None:
+def test_different_specs_have_different_keys(other: TreeSpec) -> None:
     assert TreeSpec(packages=("git", "curl")).key() != other.key()
 
 
-def test_the_order_of_packages_makes_no_other_tree() -> None:
+def test_package_order_does_not_change_the_key() -> None:
     assert TreeSpec(packages=("git", "curl")).key() == TreeSpec(packages=("curl", "git", "systemd", "git")).key()
 
 
-def test_it_is_built_once(builds: Path, tmp_path: Path) -> None:
+def test_tree_is_built_once(builds: Path, tmp_path: Path) -> None:
     spec = TreeSpec(packages=("git",), mirror="http://192.0.2.1/debian")
     made = build_rootfs(spec, tmp_path / "cache")
     assert build_rootfs(spec, tmp_path / "cache") == made
@@ -70,7 +70,7 @@ def build_at_once(specs: list[TreeSpec], cache: Path) -> list[Path]:
         return list(pool.map(lambda spec: build_rootfs(spec, cache), specs))
 
 
-def test_many_who_want_it_at_once_wait_for_one(builds: Path, tmp_path: Path) -> None:
+def test_concurrent_requests_share_one_build(builds: Path, tmp_path: Path) -> None:
     assert len(build_at_once([TreeSpec()] * 4, tmp_path / "cache")) == 4
     assert builds.read_text() == "once\n"
 
@@ -83,7 +83,7 @@ def test_different_trees_are_built_one_after_another(builds: Path, tmp_path: Pat
     assert builds.read_text().split() == ["begin", "once"] * 3
 
 
-def test_what_a_killed_build_has_left_is_thrown_away(builds: Path, tmp_path: Path) -> None:
+def test_leftovers_of_a_killed_build_are_discarded(builds: Path, tmp_path: Path) -> None:
     half = tmp_path / "cache" / f"{TreeSpec().key()}.half"
     (half / "etc").mkdir(parents=True)
     made = build_rootfs(TreeSpec(), tmp_path / "cache")
@@ -92,7 +92,7 @@ def test_what_a_killed_build_has_left_is_thrown_away(builds: Path, tmp_path: Pat
     assert [path.name for path in made.iterdir()] == ["words"]
 
 
-def test_mmdebstrap_holds_the_lock_beyond_the_life_of_its_caller(builds: Path, tmp_path: Path) -> None:
+def test_mmdebstrap_inherits_the_lock_of_its_caller(builds: Path, tmp_path: Path) -> None:
     script = tmp_path / "bin" / "mmdebstrap"
     script.write_text(f"{BUILT}\nls -l /proc/self/fd > $target/open\n")
     made = build_rootfs(TreeSpec(), tmp_path / "cache")
@@ -102,7 +102,7 @@ def test_mmdebstrap_holds_the_lock_beyond_the_life_of_its_caller(builds: Path, t
     assert builds.read_text() == "once\n"
 
 
-def test_its_failure_is_told_with_its_last_lines(builds: Path, tmp_path: Path) -> None:
+def test_build_failure_is_reported_with_its_last_lines(builds: Path, tmp_path: Path) -> None:
     (tmp_path / "bin" / "mmdebstrap").write_text(REFUSED)
     with pytest.raises(MachineError) as caught:
         build_rootfs(TreeSpec(packages=("no-such-package",)), tmp_path / "cache")
@@ -116,7 +116,7 @@ def test_its_failure_is_told_with_its_last_lines(builds: Path, tmp_path: Path) -
 
 
 @pytest.mark.usefixtures("builds")
-def test_by_default_it_is_kept_in_the_cache_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_default_location_is_the_user_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
     assert build_rootfs(TreeSpec()).parent == tmp_path / "xdg" / "atlantis" / "trees"
 
@@ -162,7 +162,7 @@ def test_a_tree_that_is_used_again_is_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("builds")
-def test_an_old_tree_is_kept_as_long_as_a_machine_stands_on_it(tmp_path: Path) -> None:
+def test_old_tree_is_kept_while_a_machine_uses_it(tmp_path: Path) -> None:
     made = build_rootfs(OTHER, tmp_path)
     _last_used(tmp_path, OTHER, "0.0.9")
     with in_use(made):
@@ -173,9 +173,7 @@ def test_an_old_tree_is_kept_as_long_as_a_machine_stands_on_it(tmp_path: Path) -
 
 
 @pytest.mark.usefixtures("builds")
-def test_an_old_tree_is_kept_while_a_mount_of_a_killed_process_is_left(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_old_tree_is_kept_while_a_leftover_mount_uses_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = build_rootfs(OTHER, tmp_path / "cache")
     _last_used(tmp_path / "cache", OTHER, "0.0.9")
     (tmp_path / "mounts").write_text(
@@ -187,7 +185,7 @@ def test_an_old_tree_is_kept_while_a_mount_of_a_killed_process_is_left(
 
 
 @pytest.mark.usefixtures("builds")
-def test_an_old_tree_is_kept_while_another_process_is_about_to_use_it(tmp_path: Path) -> None:
+def test_old_tree_is_kept_while_another_process_locks_it(tmp_path: Path) -> None:
     made = build_rootfs(OTHER, tmp_path)
     lock = _last_used(tmp_path, OTHER, "0.0.9").with_suffix(".lock")
     with lock.open() as held:
@@ -197,7 +195,7 @@ def test_an_old_tree_is_kept_while_another_process_is_about_to_use_it(tmp_path: 
 
 
 @pytest.mark.usefixtures("builds")
-def test_what_a_killed_build_of_another_tree_has_left_is_removed(tmp_path: Path) -> None:
+def test_leftovers_of_another_killed_build_are_removed(tmp_path: Path) -> None:
     build_rootfs(TreeSpec(), tmp_path)
     (tmp_path / f"{OTHER.key()}.lock").touch()
     (tmp_path / f"{OTHER.key()}.half" / "etc").mkdir(parents=True)
@@ -205,7 +203,7 @@ def test_what_a_killed_build_of_another_tree_has_left_is_removed(tmp_path: Path)
     assert list(tmp_path.glob("*.half")) == []
 
 
-def test_trees_of_the_tests_stand_in_one_list_and_each_is_built_before_them() -> None:
+def test_trees_of_integration_tests_are_declared_in_one_list() -> None:
     tests = Path(__file__).parents[3]
     elsewhere = [path.name for path in (tests / "integration").rglob("*.py") if "TreeSpec(" in path.read_text()]
     specs = {spec for spec in vars(debian_trees).values() if isinstance(spec, TreeSpec)}

@@ -52,12 +52,12 @@ def test_an_association_is_read_from_what_iw_prints() -> None:
 
 
 @pytest.mark.parametrize("changes", [{"association": None}, {"up": False}])
-def test_a_radio_without_an_access_point(changes: dict[str, Any]) -> None:
+def test_radio_without_access_point_has_no_link(changes: dict[str, Any]) -> None:
     assert wifi.read_link(out(radio(**changes), "iw dev wlan1 link")) == wifi.WifiLink()
     assert out(radio(**changes), "iw dev wlan1 station dump") == ""
 
 
-def test_a_radio_that_is_an_access_point_itself_on_the_lower_band() -> None:
+def test_radio_can_be_an_access_point_on_2_4_ghz() -> None:
     heard = HEARD.model_copy(update={"frequency_mhz": 2437})
     told = out(radio(type="AP", association=heard), "iw dev wlan1 info")
     assert wifi.read_type(told) == "AP"
@@ -65,7 +65,7 @@ def test_a_radio_that_is_an_access_point_itself_on_the_lower_band() -> None:
 
 
 @pytest.mark.parametrize("name", ["eth0", "wlan7"])
-def test_what_is_no_radio_is_none_to_iw(name: str) -> None:
+def test_iw_rejects_an_interface_that_is_no_radio(name: str) -> None:
     assert linux.Computer(radio()).answer(["iw", "dev", name, "link"])[0] == 237
 
 
@@ -78,11 +78,11 @@ def test_what_is_no_radio_is_none_to_iw(name: str) -> None:
     ],
     ids=("healthy", "not set", "behind"),
 )
-def test_the_clock_as_timedatectl_tells(time: linux.TimeSpec, lines: tuple[str, ...]) -> None:
+def test_timedatectl_output(time: linux.TimeSpec, lines: tuple[str, ...]) -> None:
     assert set(lines) <= set(out(spec(time=time), "timedatectl show").splitlines())
 
 
-def test_chrony_as_it_tells() -> None:
+def test_chronyc_output() -> None:
     told = out(spec(), "chronyc -n -c tracking").strip().split(",")
     assert (len(told), told[1], told[2], told[-1]) == (14, "192.0.2.123", "3", "Normal")
     lost = out(spec(time=linux.TimeSpec(is_synchronised=False)), "chronyc -n -c tracking").strip().split(",")
@@ -92,12 +92,12 @@ def test_chrony_as_it_tells() -> None:
     assert stopped == (1, "", "506 Cannot talk to daemon\n")
 
 
-def test_its_clock_is_as_wrong_as_it_is_told() -> None:
+def test_clock_has_the_configured_offset() -> None:
     assert linux.Computer(spec(time=linux.TimeSpec(offset_s=-2.5)), lambda: NOW).now == NOW - 2.5
 
 
 @pytest.mark.parametrize("words", ["openssl version", "ethtool eth0", "rm -rf /"])
-def test_a_program_that_is_not_there_is_not_found(words: str) -> None:
+def test_missing_program_is_not_found(words: str) -> None:
     computer = linux.Computer(spec(lacks=("openssl",)))
     program = words.split(maxsplit=1)[0]
     assert computer.answer(words.split()) == (127, "", f"sh: 1: {program}: not found\n")
@@ -111,20 +111,20 @@ def test_a_program_that_is_not_there_is_not_found(words: str) -> None:
         *("chronyc -n -c makestep", "openssl genrsa", "cat /etc/shadow", "ip -j route get"),
     ],
 )
-def test_what_it_does_not_print_fails_as_the_program_would(words: str) -> None:
+def test_unsupported_command_fails_with_an_error(words: str) -> None:
     rc, told, errors = linux.Computer(radio()).answer(words.split())
     assert rc != 0
     assert not told
     assert errors
 
 
-def test_files_that_may_not_be_read() -> None:
+def test_unreadable_files_are_refused() -> None:
     made = spec(unreadable_paths=("/etc/secret",))
     assert linux.Computer(made).answer(["cat", "/etc/secret"]) == (1, "", "cat: /etc/secret: Permission denied\n")
     assert linux.Computer(made).answer(["openssl", "storeutl", "/etc/secret"])[0] == 1
 
 
-def test_offers_by_the_name_of_an_interface_and_by_its_address() -> None:
+def test_dhcp_offers_by_interface_name_or_address() -> None:
     own = linux.OfferSpec(server="10.64.1.1", mac="02:00:5E:00:FF:01", address="10.64.1.100", router="10.64.1.1")
     assert linux.Computer(spec()).offers("eth0") == linux.Computer(spec()).offers("10.64.1.10") == (own,)
     assert linux.Computer(spec()).offers("wlan9") is None
@@ -133,7 +133,7 @@ def test_offers_by_the_name_of_an_interface_and_by_its_address() -> None:
     assert linux.Computer(spec(interfaces=(down,))).offers("eth0") == ()
 
 
-def test_pings_that_get_lost_and_pings_that_find_no_way() -> None:
+def test_lost_pings_and_unreachable_destinations() -> None:
     lossy = {name: echo.model_copy(update={"loss_percent": 25}) for name, echo in spec().echoes.items()}
     told = out(spec(echoes=lossy), "ping -n -c 20 -i 0.2 -W 2 10.64.1.23")
     assert "20 packets transmitted, 15 received, 25% packet loss, time 3800ms" in told
@@ -146,7 +146,7 @@ def test_pings_that_get_lost_and_pings_that_find_no_way() -> None:
     assert linux.Computer(spec()).answer(["ping", "-n", "-c", "1", "-W", "1", "192.0.2.7"])[0] == 1
 
 
-def test_a_specification_survives_json_and_refuses_what_is_none() -> None:
+def test_specification_survives_json_and_rejects_unknown_keys() -> None:
     assert linux.ComputerSpec.model_validate_json(radio().model_dump_json()) == radio()
     with pytest.raises(ValueError, match="extra"):
         linux.ComputerSpec.model_validate({"interfaces": (), "moods": "bad"})
@@ -158,7 +158,7 @@ FINGERPRINT = "SHA256:XhBHTQ+nz92L4eFwdj6n8mzbg1usmFgKSFlwNPGDwUo"
 HOST_KEY = "/etc/ssh/ssh_host_ed25519_key.pub"
 
 
-def test_a_computer_says_what_it_is_as_the_record_asks() -> None:
+def test_as_built_record_reads_facts_of_an_emulated_computer() -> None:
     """The questions of the as-built record, and its reading of what the twin prints."""
     host = load(Path(__file__).parents[4] / "inventory").hosts["coastal-gateway"]
     files = {
@@ -204,12 +204,12 @@ def test_a_computer_says_what_it_is_as_the_record_asks() -> None:
         ),
     ],
 )
-def test_what_it_says_of_itself_in_the_words_of_the_programs(words: str, answer: tuple[int, str, str]) -> None:
+def test_commands_answer_like_the_real_programs(words: str, answer: tuple[int, str, str]) -> None:
     made = spec(unreadable_paths=("/etc/secret",), packages={"chrony": "4.3-2", "bash": "5.2.15-2+b8"})
     assert linux.Computer(made).answer(words.split()) == answer
 
 
-def test_every_program_of_the_list_has_its_twin() -> None:
+def test_every_allowed_program_is_emulated() -> None:
     programs = {words.split()[0] for words in PROGRAMS}
     made = linux.Computer(spec())
     assert {program for program in programs if made.answer((program,))[0] == 127} == set()

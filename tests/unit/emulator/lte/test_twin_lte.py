@@ -8,7 +8,7 @@ from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 from atlantis_netcfg.links.lte import Registration
 
 
-def test_at_home_and_connected() -> None:
+def test_connected_in_the_home_network() -> None:
     found = Box().read()
     assert found.state is Registration.REGISTERED_HOME
     assert (found.operator, found.band, found.rsrp_dbm, found.rsrq_db, found.sinr_db, found.rssi_dbm) == (
@@ -17,7 +17,7 @@ def test_at_home_and_connected() -> None:
     assert (found.address, found.roaming, found.network_apn, found.apn) == ("100.72.9.14", False, True, None)
 
 
-def test_what_it_shows_has_names_of_the_device() -> None:
+def test_monitor_uses_property_names_of_the_device() -> None:
     known = set(trees.offered()["/interface/lte/monitor proplist"])
     shown = {
         name
@@ -28,7 +28,7 @@ def test_what_it_shows_has_names_of_the_device() -> None:
     assert {"imei", "imsi", "iccid"} <= shown
 
 
-def test_rows_of_the_device_itself() -> None:
+def test_modem_adds_interface_address_and_route() -> None:
     box = Box()
     (row,) = box.rows("/interface/lte/print")
     assert {row[name] for name in ("name", "default-name")} == {"lte1"}
@@ -40,19 +40,19 @@ def test_rows_of_the_device_itself() -> None:
     assert [one["type"] for one in box.rows("/interface/print") if one["name"] == "lte1"] == ["lte"]
 
 
-def test_a_made_row_cannot_be_changed() -> None:
+def test_dynamic_row_cannot_be_removed() -> None:
     box = Box()
     number = next(one[".id"] for one in box.rows("/ip/address/print") if one["interface"] == "lte1")
     assert box.say("/ip/address/remove", f".id={number}")[0].startswith("!trap")
 
 
-def test_no_default_route_of_its_own() -> None:
+def test_default_route_can_be_disabled() -> None:
     box = Box()
     box.profile("add-default-route=no")
     assert [one for one in box.rows("/ip/route/print") if one["gateway"] == "lte1"] == []
 
 
-def test_abroad_without_roaming_it_registers_and_gets_no_data() -> None:
+def test_modem_abroad_without_roaming_gets_no_data() -> None:
     box = Box(plmn="20601")
     found = box.read()
     assert (found.state, found.roaming, found.address) == (Registration.REGISTERED_ROAMING, True, None)
@@ -63,7 +63,7 @@ def test_abroad_without_roaming_it_registers_and_gets_no_data() -> None:
     assert box.read().address is None
 
 
-def test_the_network_s_own_apn_goes_before_a_configured_one() -> None:
+def test_network_apn_overrides_the_configured_one() -> None:
     box = Box(apns=("umts",), own_apn="internet")
     assert box.read().address is None
     box.profile("apn=umts")
@@ -73,7 +73,7 @@ def test_the_network_s_own_apn_goes_before_a_configured_one() -> None:
     assert (found.address, found.apn, found.network_apn) == ("100.72.9.14", "umts", False)
 
 
-def test_bands_and_operators() -> None:
+def test_registration_needs_matching_band_and_operator() -> None:
     box = Box(bands=(20,))
     box.set("band=3,7")
     assert box.read().state is Registration.SEARCHING
@@ -83,7 +83,7 @@ def test_bands_and_operators() -> None:
     assert box.read().state is Registration.SEARCHING
 
 
-def test_no_sim_is_told_by_the_log_alone() -> None:
+def test_missing_sim_is_read_from_the_log() -> None:
     box = Box(sim=False)
     found = box.read()
     assert (found.state, found.last_error) == (Registration.SIM_MISSING, "+CME ERROR: 10")
@@ -98,7 +98,7 @@ def test_denied_and_disabled() -> None:
     assert box.read().state is Registration.DISABLED
 
 
-def test_a_right_pin_is_entered_once_and_at_every_start() -> None:
+def test_correct_pin_is_entered_once_and_after_every_reboot() -> None:
     box = Box(pin="73951846")
     assert (box.read().state, box.tries) == (Registration.SIM_PIN_REQUIRED, (3, 0))
     box.set("pin=73951846")
@@ -126,7 +126,7 @@ def test_a_wrong_pin_costs_a_try_each_time_it_is_entered() -> None:
     assert (box.read().state, box.tries) == (Registration.SIM_PUK_REQUIRED, (0, 3))
 
 
-def test_the_card_remembers_over_a_new_start_of_the_twin() -> None:
+def test_sim_tries_survive_an_emulator_restart() -> None:
     box = Box(pin="73951846")
     box.set("pin=99887766")
     again = Device(box.device.spec, lambda: 0.0)
@@ -134,7 +134,7 @@ def test_the_card_remembers_over_a_new_start_of_the_twin() -> None:
     assert again.core.sim.tries_left == 2
 
 
-def test_a_pin_is_a_secret() -> None:
+def test_pin_is_hidden_in_export_and_log() -> None:
     box = Box(pin="73951846")
     box.set("pin=73951846")
     box.profile("password=hidden-word")
@@ -161,16 +161,16 @@ def test_a_pin_is_a_secret() -> None:
         ("/interface/lte/info", ("number=lte1", "once="), "no such command"),
     ],
 )  # fmt: skip
-def test_it_refuses(command: str, words: tuple[str, ...], told: str) -> None:
+def test_invalid_commands_are_refused(command: str, words: tuple[str, ...], told: str) -> None:
     assert f"=message={told}" in Box().say(command, *words)[0]
 
 
-def test_since() -> None:
+def test_link_recovery_timer_exists_in_7_21_5() -> None:
     box = Box(version="7.21.5")
     assert box.say("/interface/lte/settings/set", "link-recovery-timer=60") == ["!done"]
 
 
-def test_another_card_and_another_network_under_a_modem_at_work() -> None:
+def test_sim_and_network_can_change_while_modem_runs() -> None:
     box = Box()
     core = box.device.core
     assert update_modem(core, {"cell": {"plmn": "20601"}}) == {
@@ -195,7 +195,7 @@ def test_another_card_and_another_network_under_a_modem_at_work() -> None:
         update_modem(Device(RouterSpec(name="router"), lambda: 0.0).core, {})
 
 
-def test_on_the_console_as_the_manual_shows_it() -> None:
+def test_console_output_matches_the_manual() -> None:
     box = Box()
     typed = [
         box.device.type(box.caller, f"/interface lte {line}") for line in ("monitor lte1 once", "monitor lte9 once")
@@ -212,7 +212,7 @@ def test_capabilities() -> None:
     assert Box().rows("/interface/lte/show-capabilities", "number=lte1")[0]["roaming-barring"] == "yes"
 
 
-def test_a_board_without_modem_has_the_menu_and_no_row() -> None:
+def test_board_without_modem_has_an_empty_lte_menu() -> None:
     device = Device(RouterSpec(name="router"), lambda: 0.0)
     caller = device.login("provision", "", via="api-ssl", address="10.64.101.10")
     assert [one.kind for one in device.run(caller, ["/interface/lte/print"])] == ["!empty", "!done"]

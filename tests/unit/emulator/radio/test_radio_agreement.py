@@ -107,7 +107,7 @@ def test_agreement(case: str) -> None:
     assert why_not(other, one, between) == expected
 
 
-def test_levels_are_those_of_free_space() -> None:
+def test_signal_level_follows_free_space_loss() -> None:
     assert free_space_loss_db(150.0, 5500) == pytest.approx(90.8, abs=0.05)
     loud = signal_dbm(AP, STATION, 5500, Air(distance_m=150.0))
     assert loud == pytest.approx(-44.8, abs=0.1), "30 dBm EIRP, which the law allows, and 16 dBi"
@@ -131,7 +131,7 @@ def test_span_of_a_channel(width: str, edges: tuple[int, int]) -> None:
     assert span(5500, width) == edges
 
 
-def test_wide_channels_need_room_in_the_range() -> None:
+def test_wide_channel_must_fit_in_the_allowed_range() -> None:
     assert find_rule("portugal", 5500, "20/40mhz-Ce", outdoor=True) is not None
     assert find_rule("portugal", 5500, "20/40mhz-eC", outdoor=True) is None
     assert find_rule("portugal", 5720, "20/40mhz-Ce", outdoor=True) is None

@@ -42,7 +42,7 @@ def test_a_radio_is_an_interface() -> None:
     )
 
 
-def test_secrets_are_hidden_from_who_may_not_see_them() -> None:
+def test_secrets_are_hidden_unless_show_sensitive() -> None:
     bench = make(**WIRELESS)
     bench.script('/interface wireless set wlan1 nv2-preshared-key="very secret" nv2-security=enabled')
     assert "very secret" in bench.device.export(show_sensitive=True)
@@ -59,12 +59,12 @@ def test_secrets_are_hidden_from_who_may_not_see_them() -> None:
         ("=sssid=x", "unknown parameter sssid"),
     ],
 )
-def test_values_are_refused_in_the_devices_words(word: str, message: str) -> None:
+def test_invalid_values_are_refused_with_the_device_message(word: str, message: str) -> None:
     (trap, _) = make(**WIRELESS).say("/interface/wireless/set", "=.id=wlan1", word)
     assert f"=message={message}" in trap
 
 
-def test_values_are_inherited_in_the_manuals_order() -> None:
+def test_values_are_inherited_in_the_documented_order() -> None:
     bench = make(**WIFI)
     said = bench.script(
         "/interface wifi security add name=deep passphrase=from-profile-of-configuration\n"
@@ -86,7 +86,7 @@ def test_values_are_inherited_in_the_manuals_order() -> None:
     assert settings(bench, "wifi1").ssid == "own"
 
 
-def test_print_config_shows_what_a_row_itself_says() -> None:
+def test_print_config_shows_only_the_values_of_the_row() -> None:
     bench = make(**WIFI)
     bench.script(
         "/interface wifi configuration add name=all ssid=configured\n/interface wifi set wifi1 configuration=all"
@@ -106,7 +106,7 @@ def test_monitor_once() -> None:
     assert bench.count("/interface/wireless/registration-table") == 0
 
 
-def test_a_pair_needs_two_radios_that_are_there() -> None:
+def test_radio_pair_needs_two_different_existing_radios() -> None:
     twins = tuple(EmulatorSpec(router=RouterSpec(name=name)) for name in ("near", "far"))
     with pytest.raises(ValueError, match="there is no radio wlan1 on a twin called near"):
         SiteSpec(name="quay", emulators=twins, pairs=(RadioPair(near="near", far="far"),))

@@ -53,7 +53,7 @@ def counted(made: Bench) -> dict[str, tuple[str, str]]:
     }
 
 
-def test_a_rule_leads_the_flow_over_the_other_link_and_its_rows_count_it() -> None:
+def test_rule_routes_flow_over_other_link_where_it_is_counted() -> None:
     made = bench(LED)
     assert carried(made) == {"port": "ether3", "passed": True}
     assert counted(made) == {"ether2": ("0", "0"), "ether3": ("7", "6")}
@@ -62,7 +62,7 @@ def test_a_rule_leads_the_flow_over_the_other_link_and_its_rows_count_it() -> No
     assert counter(made, "/interface", "rx-byte", "?name=ether3") == "840"
 
 
-def test_without_the_rule_it_goes_over_the_best_link_and_is_counted_there() -> None:
+def test_without_rule_flow_uses_the_best_link_and_is_counted_there() -> None:
     made = bench()
     assert carried(made)["port"] == "ether2"
     assert counted(made) == {"ether2": ("7", "6"), "ether3": ("0", "0")}
@@ -75,14 +75,14 @@ def test_another_flow_is_not_counted() -> None:
 
 
 @pytest.mark.parametrize(("match", "down"), [("out-interface=ether3", "0"), ("in-interface=ether3", "6")])
-def test_what_the_filter_drops_has_been_counted_by_mangle_before(match: str, down: str) -> None:
+def test_mangle_counts_packets_that_the_filter_drops(match: str, down: str) -> None:
     made = bench(LED)
     made.script(f"/ip/firewall/filter/add chain=forward action=drop {match} place-before=0")
     assert carried(made) == {"port": "ether3", "passed": False}
     assert counted(made)["ether3"] == ("7", down)
 
 
-def test_without_a_way_nothing_passes() -> None:
+def test_nothing_passes_without_a_route() -> None:
     made = bench(f"/routing/rule/add action=unreachable dst-address={FAR}/32", LED)
     assert carried(made) == {"port": None, "passed": False}
     assert counted(made) == {"ether2": ("0", "0"), "ether3": ("0", "0")}

@@ -4,7 +4,7 @@ from row_subtests import for_each_row
 from twin_bench import make
 
 
-def test_output_tells_how_far_a_script_came() -> None:
+def test_output_shows_where_a_script_failed() -> None:
     router = make()
     printed = router.script(
         ':put "ok 1"\n'
@@ -137,7 +137,7 @@ REFUSED = [
 
 
 @for_each_row(("text", "words"), REFUSED)
-def test_refused(text: str, words: str) -> None:
+def test_invalid_scripts_are_refused_and_change_nothing(text: str, words: str) -> None:
     router = make()
     before = router.text()
     assert router.script(text) == words
@@ -174,26 +174,26 @@ def test_unset_in_a_script() -> None:
     assert router.value("/ip/firewall/filter", "src-address") is None
 
 
-def test_errors_as_traps() -> None:
+def test_execute_errors_are_reported_as_traps() -> None:
     router = make(execute="trap")
     reply = router.say("/execute", "=script=/ip pool remove *5", "=as-string=")
     assert reply == ["!trap =category=3 =message=no such item", "!done"]
 
 
-def test_no_execute() -> None:
+def test_execute_can_be_missing() -> None:
     router = make(execute="none")
     reply = router.say("/execute", '=script=:put "x"', "=as-string=")
     assert reply == ["!trap =category=0 =message=no such command", "!done"]
 
 
-def test_without_as_string_the_job_is_answered_and_the_log_has_the_error() -> None:
+def test_without_as_string_execute_returns_the_job_and_logs_errors() -> None:
     router = make()
     (reply,) = router.say("/execute", "=script=/ip pool remove *5")
     assert reply.startswith("!done =ret=*")
     assert router.value("/log", "message", "?topics=script,error") == "no such item"
 
 
-def test_a_script_may_do_no_more_than_its_user() -> None:
+def test_script_has_only_the_permissions_of_its_user() -> None:
     router = make()
     watch = router.session("watch", "look")
     assert router.say("/execute", "=script=/ip pool add ranges=10.0.0.1", "=as-string=", by=watch) == [
@@ -202,7 +202,7 @@ def test_a_script_may_do_no_more_than_its_user() -> None:
     ]
 
 
-def test_longest_script() -> None:
+def test_too_long_script_is_refused() -> None:
     router = make()
     reply = router.say("/execute", f"=script=# {'x' * 65536}", "=as-string=")
     assert reply == ["!trap =category=1 =message=invalid value for argument script", "!done"]
@@ -230,7 +230,7 @@ CASES = {
 
 
 @for_each_row("case", CASES, ids=str)
-def test_attempts(case: str) -> None:
+def test_do_on_error(case: str) -> None:
     script, output = CASES[case]
     router = make()
     router.script("/ip/address remove [find]")

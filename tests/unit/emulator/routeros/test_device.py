@@ -31,7 +31,7 @@ def test_login_needs_the_policy_of_the_service() -> None:
         router.session("t", "t")
 
 
-def test_old_login() -> None:
+def test_challenge_response_login() -> None:
     router = make()
     challenge = router.device.challenge()
     digest = hashlib.md5(b"\0look" + bytes.fromhex(challenge), usedforsecurity=False).hexdigest()
@@ -41,7 +41,7 @@ def test_old_login() -> None:
         router.device.login_response("watch", challenge, f"00{'0' * 32}", via="api", address="10.64.101.10")
 
 
-def test_who_is_there() -> None:
+def test_active_users_are_listed() -> None:
     router = make()
     router.session("watch", "look")
     assert router.say("/user/active/print", "=.proplist=name,address,via,group") == [
@@ -58,7 +58,7 @@ def test_quit() -> None:
     assert make().say("/quit") == ["!fatal session terminated on request"]
 
 
-def test_listen_tells_changes_until_it_is_cancelled() -> None:
+def test_listen_reports_changes_until_cancelled() -> None:
     router = make()
     listener = router.session()
     assert router.say("/ip/pool/listen", ".tag=7", by=listener) == []
@@ -75,7 +75,7 @@ def test_listen_tells_changes_until_it_is_cancelled() -> None:
     assert router.device.pending(listener) == []
 
 
-def test_flash_survives() -> None:
+def test_configuration_is_restored_from_flash() -> None:
     router = make()
     router.script("/interface bridge add name=lan\n/ip address add address=10.0.0.1/24 interface=lan")
     router.say("/ip/firewall/address-list/add", "=list=a", "=address=10.0.0.1", "=timeout=1h")
@@ -90,7 +90,7 @@ def test_flash_survives() -> None:
     assert other.say("/interface/bridge/add", "=name=next") == ["!done =ret=*A"]
 
 
-def test_snapshot_is_without_what_safe_mode_would_undo() -> None:
+def test_snapshot_excludes_changes_under_safe_mode() -> None:
     router = make()
     before = router.device.snapshot()["configuration"]["tables"]
     router.say("/safe-mode/take")
@@ -109,7 +109,7 @@ def test_the_revision_grows_with_changes_only() -> None:
     assert router.device.revision > before
 
 
-def test_dynamic_entries_go_by_themselves() -> None:
+def test_dynamic_entries_expire() -> None:
     router = make()
     router.say("/ip/firewall/address-list/add", "=list=a", "=address=10.0.0.1", "=timeout=30m")
     assert router.value("/ip/firewall/address-list", "dynamic") == "true"
@@ -166,12 +166,12 @@ def test_specs_survive_json() -> None:
     assert Device(again, lambda: 0.0).export() == Device(spec, lambda: 0.0).export()
 
 
-def test_a_spec_names_only_ports_that_it_has() -> None:
+def test_spec_rejects_unknown_ports() -> None:
     with pytest.raises(ValueError, match="no such port on r: ether9"):
         RouterSpec(name="r", poe_ports=("ether9",))
 
 
-def test_what_is_not_rehearsed_is_said() -> None:
+def test_limits_of_the_emulation_are_listed() -> None:
     assert len(NOT_REHEARSED) == len(set(NOT_REHEARSED)) > 5
 
 
@@ -192,7 +192,7 @@ def test_facts_for_a_preflight() -> None:
 @pytest.mark.parametrize(
     ("version", "date"), [("6.49.18", "jan/01/2026"), ("7.9", "jan/01/2026"), ("7.10", "2026-01-01")]
 )
-def test_old_versions_write_dates_in_their_way_and_run_what_is_due(version: str, date: str) -> None:
+def test_old_versions_use_their_date_format_and_run_schedulers(version: str, date: str) -> None:
     now = [0.0]
     device = Device(RouterSpec(name="router", version=version), lambda: now[0])
     caller = device.login("provision", "", via="api", address=device.spec.management.technician)
@@ -243,7 +243,7 @@ def test_another_session_is_ended_by_the_command_of_its_version(version: str, co
     assert device.closed_sessions == {victim.number}
 
 
-def test_device_mode_of_before_7_17_has_its_old_name_and_fewer_features() -> None:
+def test_device_mode_before_7_17_has_its_old_name_and_fewer_features() -> None:
     found = {}
     for version in ("7.16", "7.17"):
         device = Device(RouterSpec(name="router", version=version), lambda: 0.0)
@@ -267,7 +267,7 @@ def test_a_time_zone_does_not_set_the_clock() -> None:
 # What only clients of others ask of the router.
 
 
-def test_what_runs_is_said_before_anybody_looked_for_updates() -> None:
+def test_installed_version_is_shown_before_an_update_check() -> None:
     assert make().say("/system/package/update/print") == ["!re =channel=stable =installed-version=7.18.2", "!done"]
 
 
@@ -277,12 +277,12 @@ def test_each_cpu_has_its_load() -> None:
     assert router.say("/system/resource/cpu/print", "=.proplist=cpu,load")[0] == "!re =cpu=cpu0 =load=1"
 
 
-def test_interfaces_count_what_passes() -> None:
+def test_interface_stats_include_counters() -> None:
     row = make().say("/interface/print", "=stats=", "?name=ether1")[0]
     assert "=rx-byte=0 =tx-byte=0 =rx-packet=0 =tx-packet=0" in row
 
 
-def test_settings_are_got_by_the_name_of_the_value_alone() -> None:
+def test_settings_are_read_by_value_name_only() -> None:
     router = make()
     script = "=script=:put [/system/identity/get name]"
     assert router.say("/execute", script, "=as-string=") == ["!done =ret=MikroTik"]
@@ -299,7 +299,7 @@ def test_a_backup_is_loaded_with_and_without_its_ending(name: str) -> None:
     assert router.say("/system/identity/print") == ["!re =name=MikroTik", "!done"]
 
 
-def test_a_backup_that_is_not_there() -> None:
+def test_loading_a_missing_backup_fails() -> None:
     router = make()
     try:
         said = router.say("/system/backup/load", "=name=nowhere", "=password=")
@@ -308,5 +308,5 @@ def test_a_backup_that_is_not_there() -> None:
     assert "no such item" in said[0]
 
 
-def test_counters_of_interfaces_are_shown_when_asked_for() -> None:
+def test_interface_counters_are_shown_only_on_request() -> None:
     assert "rx-byte" not in make().say("/interface/print", "?name=ether1")[0]

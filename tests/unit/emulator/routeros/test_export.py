@@ -49,7 +49,7 @@ add fib name=via-sat
 """
 
 
-def test_an_address_of_one_host_is_exported_without_its_length() -> None:
+def test_host_address_is_exported_without_prefix_length() -> None:
     router = make(seed="/ip address add address=10.255.255.1/32 interface=ether1")
     lines = router.text().splitlines()
     assert "add address=10.255.255.1 interface=ether1 network=10.255.255.1" in lines
@@ -75,7 +75,7 @@ def test_verbose_shows_defaults() -> None:
     )
 
 
-def test_secrets_only_when_asked() -> None:
+def test_secrets_are_exported_only_on_request() -> None:
     router = make(seed=SEED)
     assert "hush" not in router.device.export()
     assert "password=hush" in router.device.export(show_sensitive=True)
@@ -89,19 +89,19 @@ def test_users_and_certificates_are_not_exported() -> None:
     assert "/certificate" not in router.text()
 
 
-def test_a_blocked_scheduler_says_so() -> None:
+def test_blocked_scheduler_is_marked_in_the_export() -> None:
     router = make(device_mode={"mode": "home"})
     router.say("/system/scheduler/add", "=name=x", "=interval=1m")
     assert "# inactivated, not allowed by device-mode\nadd interval=1m name=x" in router.text()
 
 
-def test_old_header() -> None:
+def test_old_version_has_the_old_export_header() -> None:
     assert make(version="7.9").device.export().startswith("# jan/01/2026 08:00:00 by RouterOS 7.9\n")
 
 
 @pytest.mark.parametrize("version", ["7.16", "7.18.2", "7.21.5"])
 @pytest.mark.parametrize("site", SITES, ids=lambda path: path.stem)
-def test_what_our_templates_render_goes_in_and_comes_back(site: Path, version: str) -> None:
+def test_rendered_templates_survive_import_and_export(site: Path, version: str) -> None:
     first = make(version=version, **BOARD)
     declared = site.read_text(encoding="utf-8")
     if version == "7.16" and NEWER in declared:

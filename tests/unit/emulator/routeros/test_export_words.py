@@ -213,12 +213,12 @@ CASES: list[tuple[str, str, str | None]] = [
 
 
 @pytest.mark.parametrize(("version", "lines", "words"), CASES, ids=[f"{case[0]} {case[1][:70]}" for case in CASES])
-def test_lines_of_exports(version: str, lines: str, words: str | None) -> None:
+def test_export_lines_are_accepted_or_refused(version: str, lines: str, words: str | None) -> None:
     router = make(version=version, packages=("routeros", "wifi-qcom"), radios=(Radio(name="wifi1"),))
     assert run_file(router.device.core, SYSTEM, lines).error == words
 
 
-def test_radios_of_before_have_argument_names_with_a_slash() -> None:
+def test_old_wireless_arguments_contain_a_slash() -> None:
     rates = "supported-rates-a/g=6Mbps,9Mbps"
     radios = {"version": "7.18.2", "packages": ("routeros", "wireless"), "radios": (Radio(name="wlan1"),)}
     seed = f"/interface wireless set wlan1 rate-set=configured {rates} basic-rates-a/g=6Mbps"
@@ -228,7 +228,7 @@ def test_radios_of_before_have_argument_names_with_a_slash() -> None:
     assert error == "expected end of command (line 1 column 31)"
 
 
-def test_interfaces_that_run_over_others_are_exported_behind_them() -> None:
+def test_interfaces_are_exported_after_those_they_depend_on() -> None:
     """As exports of 7.15 and 7.20 have it."""
     seed = (
         "/interface vlan add interface=ether1 name=v6 vlan-id=6\n"
@@ -265,7 +265,7 @@ def test_a_cloud_hosted_router_has_no_switch_chip() -> None:
     assert error == "bad command name switch (line 1 column 21)"
 
 
-def test_radios_of_before_take_what_exports_say() -> None:
+def test_old_wireless_accepts_lines_of_public_exports() -> None:
     """Rus1999/Network and simsrw73/documents (7.1.5 to 7.4)."""
     router = make(version="7.2.1", radios=(Radio(name="wlan1"),))
     text = (
@@ -327,12 +327,12 @@ def result_of(path: Path) -> Imported:
 
 
 @pytest.mark.parametrize("path", OWN_FILES, ids=lambda path: path.stem)
-def test_what_is_refused_is_listed(path: Path) -> None:
+def test_refused_lines_are_listed(path: Path) -> None:
     found = [row(path.name, refusal) for refusal in result_of(path).refusals]
     assert found == [line for line in LISTED if line.startswith(f"{path.name}\t")]
 
 
-def test_of_a_hundred_lines_in_menus_of_the_templates_at_most_one_is_refused() -> None:
+def test_at_most_one_percent_of_template_menu_lines_is_refused() -> None:
     total = figures(map(result_of, OWN_FILES))["all"]
     assert total["exports"] == len(OWN_FILES) > 1
     assert total["template_lines"] > 0
@@ -341,7 +341,7 @@ def test_of_a_hundred_lines_in_menus_of_the_templates_at_most_one_is_refused() -
 
 
 @public
-def test_what_is_refused_of_public_exports_is_listed() -> None:
+def test_refused_lines_of_public_exports_are_listed() -> None:
     refused = [
         "\t".join((path.name, str(refusal.line.number), refusal.cause, refusal.words))
         for path in PUBLIC_FILES
@@ -351,7 +351,7 @@ def test_what_is_refused_of_public_exports_is_listed() -> None:
 
 
 @public
-def test_of_a_thousand_lines_of_public_exports_since_7_10_at_most_five_are_refused() -> None:
+def test_at_most_half_a_percent_of_public_lines_since_7_10_is_refused() -> None:
     results = [result_of(path) for path in PUBLIC_FILES]
     total = figures(result for result in results if version_key(result.version) >= version_key("7.10"))["all"]
     assert total["template_lines"] > 900
@@ -359,7 +359,7 @@ def test_of_a_thousand_lines_of_public_exports_since_7_10_at_most_five_are_refus
 
 
 @named
-def test_what_the_twin_exports_goes_in_again_and_comes_out_the_same(path: Path) -> None:
+def test_emulator_export_survives_import_and_export(path: Path) -> None:
     first = result_of(path).device.export(show_sensitive=True)
     again = Device(spec_of(text_of(path)), lambda: 1000.0)
     # What an adopted router holds beside the defaults, which an export leaves out.
@@ -392,5 +392,5 @@ def test_a_misspelt_argument_is_refused_on_every_line(path: Path) -> None:
 
 
 @named
-def test_its_source_and_licence_are_noted(path: Path) -> None:
+def test_export_file_is_listed_in_the_readme(path: Path) -> None:
     assert f"`{path.name}`" in path.with_name("README.md").read_text(encoding="utf-8")

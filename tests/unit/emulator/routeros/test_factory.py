@@ -39,14 +39,14 @@ def row(device: Device, name: str) -> dict[str, str]:
     return dict(word[1:].partition("=")[::2] for word in answers[0].words)
 
 
-def test_the_factory_bridges_all_ports_but_the_first(box: Device) -> None:
+def test_factory_config_bridges_all_ports_but_the_first(box: Device) -> None:
     statements = parse(box.export()).statements
     bridged = [dict(one.values)["interface"] for one in statements if one.menu == "/interface/bridge/port"]
     assert bridged == [f"ether{number}" for number in range(2, 9)]
     assert all("defconf" in str(dict(one.values)) for one in statements if one.verb == "add" and one.menu != "/ip/pool")
 
 
-def test_the_laptop_reaches_it_on_the_bridge_only(box: Device) -> None:
+def test_laptop_can_connect_on_bridge_ports_only(box: Device) -> None:
     way = (LAPTOP.technician, LAPTOP.local, "ssh")
     assert box.path_open(*way, plug="ether2")
     assert box.path_open(*way, plug="ether8")
@@ -54,7 +54,7 @@ def test_the_laptop_reaches_it_on_the_bridge_only(box: Device) -> None:
     assert not box.path_open("10.64.101.10", "10.64.101.1", "ssh")
 
 
-def test_the_laptop_loses_it_with_its_bridge_port(box: Device) -> None:
+def test_laptop_loses_access_with_its_bridge_port(box: Device) -> None:
     port = box.run(admin(box), ["/interface/bridge/port/print", "?interface=ether2"])[0].words[0].removeprefix("=.id=")
     assert said(box, "/interface/bridge/port/remove", f"=.id={port}") == ["!done"]
     assert not box.path_open(LAPTOP.technician, LAPTOP.local, "ssh", is_established=True, plug="ether2")
@@ -85,13 +85,13 @@ def test_a_template_becomes_a_certificate_when_it_is_signed(box: Device) -> None
         ("=digest-algorithm=md5", "invalid value for argument digest-algorithm"),
     ],
 )
-def test_what_no_certificate_can_have_is_refused(box: Device, argument: str, words: str) -> None:
+def test_invalid_certificate_values_are_refused(box: Device, argument: str, words: str) -> None:
     said(box, "/certificate/add", "=name=api", "=common-name=box", argument)
     assert said(box, "/certificate/sign", "=.id=api")[0] == f"!trap =message={words}"
     assert box.certificate("api") is None
 
 
-def test_an_authority_signs(box: Device) -> None:
+def test_certificate_authority_signs_a_certificate(box: Device) -> None:
     usage = "=key-usage=key-cert-sign,crl-sign"
     said(box, "/certificate/add", "=name=ca", "=common-name=ca", "=key-size=prime256v1", usage)
     said(box, "/certificate/add", "=name=api", "=common-name=box", "=key-size=prime256v1")
@@ -103,7 +103,7 @@ def test_an_authority_signs(box: Device) -> None:
     assert "CN=ca" in x509.load_pem_x509_certificate(pem.encode()).issuer.rfc4514_string()
 
 
-def test_a_file_is_imported_with_its_key(box: Device) -> None:
+def test_certificate_file_is_imported_with_its_key(box: Device) -> None:
     said(box, "/certificate/add", "=name=api", "=common-name=box", "=key-size=prime256v1")
     said(box, "/certificate/sign", "=.id=api")
     pem = box.certificate("api")
@@ -124,11 +124,11 @@ def test_keys_survive_a_power_cut(box: Device) -> None:
     assert again.certificate("api") == box.certificate("api")
 
 
-def test_tls_shows_the_certificate_that_was_made(tmp_path: Path) -> None:
+def test_tls_presents_the_signed_certificate(tmp_path: Path) -> None:
     assert asyncio.run(_shown(tmp_path, signed=True))
 
 
-def test_tls_has_nothing_to_show_before(tmp_path: Path) -> None:
+def test_tls_handshake_fails_before_the_certificate_is_signed(tmp_path: Path) -> None:
     with pytest.raises(ssl.SSLError):
         asyncio.run(_shown(tmp_path, signed=False))
 

@@ -40,7 +40,7 @@ def test_export_reaches_the_api_through_a_file() -> None:
     assert router.value("/file", "type", "?name=now.rsc") == "script"
 
 
-def test_an_import_of_an_export_changes_nothing() -> None:
+def test_reimport_of_own_export_fails_on_existing_names() -> None:
     router = make()
     router.script("/interface bridge add name=lan\n/ip address add address=10.0.0.1/24 interface=lan")
     router.say("/export", "=file=all", "=show-sensitive=")
@@ -48,7 +48,7 @@ def test_an_import_of_an_export_changes_nothing() -> None:
     assert reply == ["!trap =category=3 =message=failure: already have interface with such name", "!done"]
 
 
-def test_files_have_limits_and_names() -> None:
+def test_file_size_limit_and_names() -> None:
     router = make()
     assert router.say("/file/add", "=name=big", f"=contents={'x' * 61441}") == [
         "!trap =category=1 =message=invalid value for argument contents",
@@ -62,7 +62,7 @@ def test_files_have_limits_and_names() -> None:
     assert router.say("/file/remove", "=.id=a.txt") == ["!trap =category=0 =message=no such item", "!done"]
 
 
-def test_a_backup_is_loaded_by_rebooting() -> None:
+def test_loading_a_backup_needs_a_reboot() -> None:
     router = make()
     before = router.text()
     assert router.say("/system/backup/save", "=name=before") == ["!done"]

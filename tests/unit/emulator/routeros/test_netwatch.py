@@ -30,7 +30,7 @@ def logged(router: Bench) -> list[str]:
 SAYS = ' up-script="/log info message=\\"say up\\"" down-script="/log info message=\\"say down\\""'
 
 
-def test_simple_turns_with_each_answer_and_runs_its_scripts_once() -> None:
+def test_simple_probe_changes_with_each_reply_and_runs_scripts_once() -> None:
     router = watched("interval=5s timeout=1s type=simple" + SAYS)
     wait(router, 2.9)
     assert status(router) == "unknown"
@@ -47,7 +47,7 @@ def test_simple_turns_with_each_answer_and_runs_its_scripts_once() -> None:
     assert logged(router) == ["say up", "say down", "say up"]
 
 
-def test_icmp_counts_its_packets_and_tells_the_script() -> None:
+def test_icmp_probe_counts_packets_and_passes_them_to_the_script() -> None:
     router = watched(
         "interval=30s packet-count=4 packet-interval=5s timeout=1s type=icmp"
         ' test-script=":if (\\$\\"response-count\\" = 2)'
@@ -63,13 +63,13 @@ def test_icmp_counts_its_packets_and_tells_the_script() -> None:
     assert logged(router) == ["say half", "say else"]
 
 
-def test_a_late_look_does_all_that_was_due_in_its_time() -> None:
+def test_overdue_probes_are_all_counted() -> None:
     router = watched("interval=5s timeout=1s type=simple")
     wait(router, 3 + 100)
     assert status(router, "done-tests") == "21"
 
 
-def test_a_row_that_is_set_or_enabled_begins_anew() -> None:
+def test_setting_or_enabling_a_row_restarts_it() -> None:
     router = watched("interval=5s type=simple" + SAYS)
     wait(router, 10)
     router.script("/tool netwatch disable [find name=w]")
@@ -85,7 +85,7 @@ def test_a_row_that_is_set_or_enabled_begins_anew() -> None:
     assert logged(router) == ["say up"] * 3
 
 
-def test_after_a_start_of_the_router_startup_delay_comes_first() -> None:
+def test_startup_delay_applies_after_a_reboot() -> None:
     router = watched("interval=5s startup-delay=30s type=simple")
     wait(router, 10)
     router.device.reboot()
@@ -96,7 +96,7 @@ def test_after_a_start_of_the_router_startup_delay_comes_first() -> None:
     assert status(router) == "up"
 
 
-def test_the_first_status_may_be_told_to_be_quiet() -> None:
+def test_initial_up_can_be_ignored() -> None:
     router = watched("interval=5s type=simple ignore-initial-up=yes" + SAYS)
     wait(router, 10)
     assert (status(router), logged(router)) == ("up", [])
@@ -113,7 +113,7 @@ def test_a_script_may_read_and_write_and_no_more() -> None:
     assert len(messages) == 1
 
 
-def test_no_route_is_no_answer() -> None:
+def test_missing_route_counts_as_no_reply() -> None:
     router = watched("interval=5s timeout=1s type=simple")
     wait(router, 10)
     router.script("/interface ethernet disable ether1")
@@ -133,7 +133,7 @@ def active(router: Bench, comment: str = "r") -> bool:
 
 
 @pytest.mark.parametrize("check", ["ping", "arp"])
-def test_check_gateway_gives_a_next_hop_up_after_two_misses(check: str) -> None:
+def test_check_gateway_drops_a_next_hop_after_two_failures(check: str) -> None:
     router = make()
     router.script(CHECKED.format(check=check))
     wait(router, 1)
@@ -149,7 +149,7 @@ def test_check_gateway_gives_a_next_hop_up_after_two_misses(check: str) -> None:
     assert active(router, "also")
 
 
-def test_one_miss_is_forgotten_by_the_next_answer() -> None:
+def test_single_failure_is_reset_by_the_next_reply() -> None:
     router = make()
     router.script(CHECKED.format(check="ping"))
     for _ in range(5):
@@ -160,7 +160,7 @@ def test_one_miss_is_forgotten_by_the_next_answer() -> None:
         assert active(router)
 
 
-def test_from_7_21_it_has_settings() -> None:
+def test_check_gateway_settings_exist_from_7_21() -> None:
     router = make(version="7.21.5")
     router.script(CHECKED.format(check="ping") + "\n/routing settings set check-gateway-ping-interval=30s")
     router.script("/routing settings set check-gateway-ping-count=3")
@@ -172,7 +172,7 @@ def test_from_7_21_it_has_settings() -> None:
     assert not active(router)
 
 
-def test_unchecked_routes_stay() -> None:
+def test_routes_without_check_gateway_stay_active() -> None:
     router = make()
     router.script(CHECKED.format(check="none"))
     router.device.silence([HOST])

@@ -40,25 +40,25 @@ def parse(version: str, text: str) -> str:
 
 @for_each_row("version", VERSIONS)
 @for_each_row("text", ACCEPTED)
-def test_what_is_accepted_is_repeated(text: str, version: str) -> None:
+def test_accepted_commands_are_printed_as_code(text: str, version: str) -> None:
     assert parse(version, text) == ACCEPTED[text]
 
 
 @for_each_row("version", VERSIONS)
 @for_each_row("text", NO_COMMAND)
-def test_commands_that_are_not_there(text: str, version: str) -> None:
+def test_unknown_commands_are_reported(text: str, version: str) -> None:
     assert parse(version, text) == NO_COMMAND[text]
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("text", NO_ARGUMENT)
-def test_arguments_that_are_not_there(text: str, version: str) -> None:
+def test_unknown_arguments_are_reported(text: str, version: str) -> None:
     newer, column = NO_ARGUMENT[text]
     older = f"expected end of command (line 1 column {column})"
     assert parse(version, text) == (newer if version in ("7.23.3", "7.24") else older)
 
 
-def test_nothing_of_it_is_executed() -> None:
+def test_parse_executes_nothing() -> None:
     router = make()
     before = router.text()
     assert router.script(r':put [:parse "/ip/pool/add name=p ranges=10.0.0.1"]').startswith("(evl /ip/pool/add")
@@ -67,12 +67,12 @@ def test_nothing_of_it_is_executed() -> None:
     assert router.text() != before
 
 
-def test_a_mistake_stands_where_the_code_of_its_command_would() -> None:
+def test_error_is_placed_where_its_command_would_be() -> None:
     text = "/ip/pool/print\n/lcd show"
     assert parse("7.23.3", text) == "(evl /ip/pool/print);(<%% bad command name lcd (line 2 column 2) lcd;show)"
 
 
-def test_a_loop_over_texts_and_what_a_script_prints() -> None:
+def test_foreach_loop_over_texts_prints_script_output() -> None:
     inner = '[:execute script=(":put \\"<".$s.">\\"") as-string]'
     loop = f':foreach n,s in={{"a";"bc"}} do={{:local v {inner};:put "$n $v"}}'
     assert make().script(loop) == "0 <a>\n1 <bc>"
@@ -87,11 +87,11 @@ def test_regular_expressions(condition: str, output: str) -> None:
 
 
 @pytest.mark.parametrize("script", [":foreach i in=[/ip/pool/find] do={}", ":local a 1", ":foreach a,b in={1;2} do={}"])
-def test_no_other_loops_and_variables_are_rehearsed(script: str) -> None:
+def test_other_loops_and_variables_are_not_emulated(script: str) -> None:
     assert make().script(script).startswith("syntax error")
 
 
-def test_what_is_below_a_path() -> None:
+def test_inspect_lists_children_of_a_path() -> None:
     router = make()
     children = router.say("/console/inspect", "=request=child", "=path=ip,address")
     assert "!re =name=add =node-type=cmd =type=child" in children
@@ -108,7 +108,7 @@ def test_what_is_below_a_path() -> None:
         ("=input=/ip/firewall/filter/add action=",),
     ],
 )
-def test_what_is_offered(where: tuple[str, ...]) -> None:
+def test_inspect_lists_completions(where: tuple[str, ...]) -> None:
     router = make()
     offered = router.say("/console/inspect", "=request=completion", *where, "=.proplist=completion")
     assert "!re =completion=accept" in offered
@@ -119,7 +119,7 @@ def test_what_is_offered(where: tuple[str, ...]) -> None:
     assert some == ["!done"]
 
 
-def test_nothing_is_offered_for_what_is_not_there() -> None:
+def test_inspect_offers_nothing_for_unknown_paths() -> None:
     ask = ("/console/inspect", "=request=completion", "=path=ip,firewall,filter,add,acton")
     assert make().say(*ask) == ["!done"]
     assert make().say("/console/inspect", "=request=highlight", "=input=/ip") == [

@@ -74,7 +74,7 @@ OPEN = {
 
 
 @for_each_row("script", SHUT.values(), ids=SHUT.keys())
-def test_shut_out(script: str) -> None:
+def test_access_is_blocked(script: str) -> None:
     router = make()
     assert router.reaches()
     assert router.script(script) == ""
@@ -82,27 +82,27 @@ def test_shut_out(script: str) -> None:
 
 
 @pytest.mark.parametrize("script", OPEN.values(), ids=OPEN.keys())
-def test_let_in(script: str) -> None:
+def test_access_is_allowed(script: str) -> None:
     router = make()
     assert router.script(script) == ""
     assert router.reaches()
 
 
 @pytest.mark.parametrize("name", ["new ones dropped", "service off", "service for others", "redirected"])
-def test_a_tracked_session_lives_on(name: str) -> None:
+def test_tracked_session_stays_open(name: str) -> None:
     router = make()
     router.script(SHUT[name])
     assert router.reaches(established=True)
 
 
 @pytest.mark.parametrize("name", ["port disabled", "address removed", "input dropped", "answers dropped"])
-def test_a_tracked_session_is_cut_too(name: str) -> None:
+def test_tracked_session_is_cut(name: str) -> None:
     router = make()
     router.script(SHUT[name])
     assert not router.reaches(established=True)
 
 
-def test_services_as_the_wire_sees_them() -> None:
+def test_services_have_the_configured_port_and_state() -> None:
     router = make()
     router.script("/ip service set api-ssl port=18729 tls-version=only-1.2\n/ip service disable api")
     services = router.device.services()

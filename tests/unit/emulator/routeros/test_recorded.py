@@ -121,7 +121,7 @@ def test_recorded_listening() -> None:
     assert " ".join(" ".join((answer.kind, *answer.words)) for _, answer in pending) == ended
 
 
-def test_the_table_has_every_door_and_says_where_each_case_is_from() -> None:
+def test_recordings_cover_every_access_method_and_name_their_source() -> None:
     assert {case["door"] for case in ALL} == DOORS | {"ssh"}
     assert all(case["source"] and case["version"] for case in ALL)
     assert len(ALL) >= 150

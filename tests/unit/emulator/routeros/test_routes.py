@@ -18,7 +18,7 @@ def active(router: Bench, comment: str) -> str | None:
     return router.value("/ip/route", "active", f"?comment={comment}")
 
 
-def test_recursion_through_the_canary() -> None:
+def test_recursive_route_through_the_probe_target() -> None:
     router = make()
     router.script(LINKS)
     assert active(router, "canary") == "true"
@@ -28,7 +28,7 @@ def test_recursion_through_the_canary() -> None:
     assert router.value("/ip/route", "immediate-gw", "?comment=first") == "10.10.0.1%ether1"
 
 
-def test_a_dead_link_hands_over() -> None:
+def test_dead_link_fails_over_to_the_second_link() -> None:
     router = make()
     router.script(LINKS + "/interface ethernet disable ether1")
     assert active(router, "canary") == "false"
@@ -37,7 +37,7 @@ def test_a_dead_link_hands_over() -> None:
     assert active(router, "second") == "true"
 
 
-def test_scopes_decide_what_a_gateway_may_be() -> None:
+def test_scopes_decide_which_gateways_are_valid() -> None:
     router = make()
     router.script(LINKS + "/ip route\nset [find comment=first] target-scope=10\nset [find comment=canary] scope=30")
     assert active(router, "first") == "false"
@@ -51,7 +51,7 @@ def test_equal_distance_is_ecmp() -> None:
     assert active(router, "second") == "true"
 
 
-def test_tables_and_vrf_of_a_gateway() -> None:
+def test_gateway_with_routing_table_and_vrf() -> None:
     router = make()
     router.script(
         LINKS + "/routing table add fib name=via-2\n"
@@ -92,7 +92,7 @@ def test_connected_routes_follow_their_address() -> None:
     assert router.value("/ip/route", ".id", query) == number
 
 
-def test_a_reference_to_nobody_is_spelt_by_its_id() -> None:
+def test_dangling_reference_is_printed_as_id() -> None:
     class Nobody:
         def id_of(self, space: str, name: str) -> int | None:
             return None if (space, name) else 0

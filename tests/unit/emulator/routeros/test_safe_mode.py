@@ -10,7 +10,7 @@ def pool(bench: Bench, number: int) -> list[str]:
     return bench.say("/ip/pool/add", f"=name=p{number}", f"=ranges=10.0.{number // 250}.{number % 250 + 1}")
 
 
-def test_release_keeps() -> None:
+def test_release_keeps_changes() -> None:
     router = make()
     assert router.say("/safe-mode/take") == ["!done"]
     pool(router, 1)
@@ -20,7 +20,7 @@ def test_release_keeps() -> None:
     assert router.count("/ip/pool") == 1
 
 
-def test_unroll_undoes_everything_and_the_session_stays() -> None:
+def test_unroll_undoes_all_changes_and_keeps_the_session() -> None:
     router = make()
     before = router.text()
     pool(router, 1)
@@ -56,7 +56,7 @@ def test_changes_of_other_sessions_are_undone_too() -> None:
     assert router.count("/ip/pool") == 0
 
 
-def test_one_owner_and_a_release_from_anywhere() -> None:
+def test_safe_mode_has_one_owner_and_any_session_can_release_it() -> None:
     router = make()
     other = router.session("edit", "write")
     router.say("/safe-mode/take")
@@ -78,12 +78,12 @@ def test_taking_twice_is_fine() -> None:
     assert router.count("/ip/pool") == 0
 
 
-def test_unknown_argument_of_take() -> None:
+def test_take_rejects_unknown_arguments() -> None:
     router = make()
     assert router.say("/safe-mode/take", "=force=yes") == ["!trap =message=unknown parameter force", "!done"]
 
 
-def test_action_101_leaves_safe_mode_without_a_word() -> None:
+def test_action_101_leaves_safe_mode_silently() -> None:
     router = make()
     router.say("/safe-mode/take")
     for number in range(100):
@@ -96,7 +96,7 @@ def test_action_101_leaves_safe_mode_without_a_word() -> None:
     assert router.count("/system/history") == 100
 
 
-def test_one_action_a_row_also_within_a_script() -> None:
+def test_each_row_changed_by_a_script_is_one_action() -> None:
     router = make(history_limit=5)
     router.say("/safe-mode/take")
     router.script("/interface ethernet set [find] comment=x")
@@ -105,7 +105,7 @@ def test_one_action_a_row_also_within_a_script() -> None:
     assert router.count("/system/history") == 5
 
 
-def test_what_changes_nothing_is_no_action() -> None:
+def test_set_without_a_change_is_no_action() -> None:
     router = make()
     router.say("/interface/ethernet/set", "=.id=ether1", "=disabled=no", "=mtu=1500")
     first = router.count("/system/history")
@@ -113,7 +113,7 @@ def test_what_changes_nothing_is_no_action() -> None:
     assert router.count("/system/history") == first
 
 
-def test_a_clean_close_undoes_a_little_later() -> None:
+def test_changes_are_undone_shortly_after_a_clean_close() -> None:
     router = make()
     other = router.session()
     router.say("/safe-mode/take")
@@ -142,7 +142,7 @@ def test_a_release_in_time_saves_the_changes_of_a_closed_session() -> None:
     assert len(router.say("/ip/pool/print", by=other)) == 2
 
 
-def test_silence_is_noticed_after_nine_minutes() -> None:
+def test_silent_session_is_undone_after_nine_minutes() -> None:
     router = make()
     other = router.session()
     router.say("/safe-mode/take")
@@ -167,7 +167,7 @@ def test_a_closed_session_without_safe_mode_undoes_nothing() -> None:
     assert len(router.say("/ip/pool/print", by=other)) == 2
 
 
-def test_reboot_in_safe_mode_undoes() -> None:
+def test_reboot_undoes_safe_mode() -> None:
     router = make()
     before = router.text()
     router.say("/safe-mode/take")
@@ -202,7 +202,7 @@ def test_undo_and_redo() -> None:
     assert router.say("/undo") == ["!trap =message=failure: nothing to undo", "!done"]  # ours
 
 
-def test_history_holds_the_inverse_in_the_console_s_language() -> None:
+def test_history_holds_inverse_commands_in_console_syntax() -> None:
     router = make()
     router.script(
         "/routing table add fib name=via-sat\n"
@@ -230,7 +230,7 @@ def test_history_holds_the_inverse_in_the_console_s_language() -> None:
     ("deviations", "clean", "kept"),
     [((), False, 1), ((), True, 1), ((Deviation.POWER_LOSS,), False, 2), ((Deviation.POWER_LOSS,), True, 1)],
 )
-def test_what_a_power_cut_leaves_of_safe_mode(deviations: tuple[Deviation, ...], clean: bool, kept: int) -> None:  # noqa: FBT001
+def test_reboot_or_power_cut_in_safe_mode(deviations: tuple[Deviation, ...], clean: bool, kept: int) -> None:  # noqa: FBT001
     """A reboot in good order undoes it on every device; of a power cut nobody has published what it does."""
     router = make(deviations=deviations)
     pool(router, 1)

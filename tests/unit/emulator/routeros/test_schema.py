@@ -15,7 +15,7 @@ EVERYTHING = frozenset({"poe", "routerboard"})
 DATA = resources.files("atlantis_netcfg.emulator.routeros").joinpath("data")
 
 
-def test_the_data_is_what_the_readme_says() -> None:
+def test_data_files_match_checksums_and_readme() -> None:
     sums = DATA.joinpath("SHA256SUMS").read_text(encoding="utf-8")
     listed = {name: digest for digest, name in (line.split() for line in sums.splitlines())}
     assert len(listed) == 5
@@ -45,11 +45,11 @@ def test_the_data_is_what_the_readme_says() -> None:
         ("7.25", "7.24"),
     ],
 )
-def test_the_newest_tree_that_is_not_newer(version: str, tree: str) -> None:
+def test_newest_schema_not_newer_than_the_version_is_used(version: str, tree: str) -> None:
     assert Schema(version).tree == tree
 
 
-def test_versions_in_order() -> None:
+def test_versions_are_ordered() -> None:
     versions = ["7.9", "7.16", "7.18beta2", "7.18rc1", "7.18", "7.18.2", "7.20"]
     assert sorted(versions, key=version_key) == versions
     with pytest.raises(ValueError, match="not a RouterOS version: latest"):
@@ -76,7 +76,7 @@ def test_versions_in_order() -> None:
         ("7.20.8", "/ip/ssh", "set", "password-authentication"),
     ],
 )
-def test_what_came_later(version: str, menu: str, command: str, argument: str | None) -> None:
+def test_commands_and_arguments_added_later(version: str, menu: str, command: str, argument: str | None) -> None:
     old, new = Schema(version), Schema("7.21.5")
     assert new.has_command(menu, command)
     if argument is None:
@@ -94,7 +94,9 @@ def test_what_came_later(version: str, menu: str, command: str, argument: str | 
         ("7.22", "7.23", "/", "ping", None),
     ],
 )
-def test_what_went(last: str, first: str, menu: str, command: str, argument: str | None) -> None:
+def test_commands_and_arguments_that_were_removed(
+    last: str, first: str, menu: str, command: str, argument: str | None
+) -> None:
     old, new = Schema(last), Schema(first)
     assert old.has_command(menu, command)
     if argument is None:
@@ -141,7 +143,7 @@ def test_version_boundaries(last_without: str, first_with: str, menu: str, comma
         assert argument not in old.arguments(menu, command)
 
 
-def test_a_menu_that_a_router_lacks_lacks_all_below() -> None:
+def test_missing_menu_has_no_submenus_or_commands() -> None:
     old = Schema("6.49.18")
     assert not old.has_menu("/interface/wifi/security")
     assert "wifi" not in old.submenus("/interface")
@@ -150,12 +152,12 @@ def test_a_menu_that_a_router_lacks_lacks_all_below() -> None:
     assert old.commands("/routing/table") == frozenset()
 
 
-def test_wireless_was_part_of_routeros() -> None:
+def test_wireless_is_built_in_up_to_7_12() -> None:
     assert Schema("7.12").has_menu("/interface/wireless")
     assert not Schema("7.13").has_menu("/interface/wireless")
 
 
-def test_boards_and_packages() -> None:
+def test_menus_depend_on_board_and_packages() -> None:
     plain, board = Schema("7.18.2"), Schema("7.18.2", features=EVERYTHING)
     assert not plain.has_menu("/interface/ethernet/poe")
     assert board.has_menu("/interface/ethernet/poe")
@@ -170,7 +172,7 @@ def test_boards_and_packages() -> None:
 
 
 @for_each_row("menu", MODELLED_MENUS.values(), ids=MODELLED_MENUS.keys())
-def test_every_row_of_the_table_is_in_a_tree(menu: object) -> None:
+def test_modelled_menus_and_arguments_exist_in_the_schema(menu: object) -> None:
     known: set[str] = {"name"} if menu.path == "/ip/service" else set()  # type: ignore[attr-defined]
     for version in TREES:
         schema = Schema(version, ("routeros", "wireless"), EVERYTHING)
@@ -182,7 +184,7 @@ def test_every_row_of_the_table_is_in_a_tree(menu: object) -> None:
 
 
 @for_each_row("path", MODELLED_MENUS)
-def test_shapes_are_those_of_the_tree(path: str) -> None:
+def test_menu_shapes_match_the_schema(path: str) -> None:
     schema = Schema("7.21.5", ("routeros", "wireless"), EVERYTHING)
     if "add" in schema.commands(path):
         expected = Shape.LIST
@@ -191,11 +193,11 @@ def test_shapes_are_those_of_the_tree(path: str) -> None:
     assert MODELLED_MENUS[path].shape is expected
 
 
-def test_every_exported_menu_has_its_place() -> None:
+def test_export_order_covers_every_exported_menu() -> None:
     assert {path for path, menu in MODELLED_MENUS.items() if menu.is_exported} == set(EXPORT_ORDER)
 
 
-def test_arguments_that_name_rows_are_told_by_what_was_offered() -> None:
+def test_reference_arguments_are_derived_from_offered_values() -> None:
     named = {
         ("/queue/tree", "queue"): ("/queue/type",),
         ("/ip/hotspot", "profile"): ("/ip/hotspot/profile",),

@@ -57,7 +57,7 @@ def _filled(tables: dict[str, list[object]]) -> dict[str, list[object]]:
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(ACTIONS, max_size=25))
-def test_unroll_gives_back_the_router(actions: list[list[str]]) -> None:
+def test_unroll_restores_the_router(actions: list[list[str]]) -> None:
     device, caller = _router()
     export, rows, flash = device.export(), _look(device, caller), device.snapshot()["configuration"]["tables"]
     device.run(caller, ["/safe-mode/take"])
@@ -110,7 +110,7 @@ FOLDERS = count()
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(st.lists(KEPT, max_size=25))
-def test_the_flash_holds_at_any_time_what_a_power_cut_leaves(tmp_path: Path, actions: list[list[str]]) -> None:
+def test_flash_matches_the_snapshot_after_every_action(tmp_path: Path, actions: list[list[str]]) -> None:
     """Line by line, and also where it is replaced."""
     device, caller = _router()
     folder = tmp_path / str(next(FOLDERS))

@@ -86,7 +86,7 @@ GOOD: list[tuple[values.ValueType, str, str]] = [
 
 
 @for_each_row(("kind", "text", "printed"), GOOD)
-def test_normalised(kind: values.ValueType, text: str, printed: str) -> None:
+def test_values_are_normalised(kind: values.ValueType, text: str, printed: str) -> None:
     stored = kind.parse(text, NAMES)
     assert values.spell(stored, NAMES) == printed
     assert kind.parse(values.spell(stored, NAMES), NAMES) == stored
@@ -147,18 +147,18 @@ BAD: list[tuple[values.ValueType, str, str]] = [
 
 
 @for_each_row(("kind", "text", "words"), BAD)
-def test_refused(kind: values.ValueType, text: str, words: str) -> None:
+def test_invalid_values_are_refused(kind: values.ValueType, text: str, words: str) -> None:
     with pytest.raises(values.BadValue) as refusal:
         kind.parse(text, NAMES)
     assert refusal.value.words == words
 
 
-def test_the_api_spells_some_values_otherwise() -> None:
+def test_api_formats_some_values_differently() -> None:
     assert values.Bool().show("yes") == "true"
     assert values.Size().show("2048KiB") == "2048"
     assert values.Choice(("yes",)).show("yes") == "yes"
 
 
 @given(st.integers(0, 10**7))
-def test_intervals_read_back(value: int) -> None:
+def test_intervals_round_trip(value: int) -> None:
     assert values.seconds(values.interval(value)) == value

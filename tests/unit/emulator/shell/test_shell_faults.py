@@ -90,7 +90,7 @@ async def held(twin: EmulatedRouter) -> tuple[str, asyncssh.SSHClientConnection,
 
 
 @pytest.mark.parametrize("how", ["close", "abort", "drop", "channel"])
-async def test_an_end_that_the_router_sees_undoes(tmp_path: Path, how: str) -> None:
+async def test_visible_disconnect_undoes_safe_mode(tmp_path: Path, how: str) -> None:
     async with router(tmp_path, version="7.16") as twin:
         before, connection, console = await held(twin)
         if how == "close":
@@ -106,7 +106,7 @@ async def test_an_end_that_the_router_sees_undoes(tmp_path: Path, how: str) -> N
         await connection.wait_closed()
 
 
-async def test_silence_undoes_after_the_time_out(tmp_path: Path) -> None:
+async def test_silent_connection_is_undone_after_the_timeout(tmp_path: Path) -> None:
     async with router(tmp_path, version="7.16", silent_timeout_s=0.3) as twin:
         before, connection, _ = await held(twin)
         twin.vanish()
@@ -117,7 +117,7 @@ async def test_silence_undoes_after_the_time_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("clean", [True, False])
-async def test_a_reboot_undoes_and_comes_back(tmp_path: Path, clean: bool) -> None:  # noqa: FBT001
+async def test_reboot_undoes_safe_mode_and_router_comes_back(tmp_path: Path, clean: bool) -> None:  # noqa: FBT001
     async with router(tmp_path, version="7.16") as twin:
         before, connection, _ = await held(twin)
         twin.reboot(clean=clean)
@@ -141,7 +141,7 @@ async def test_a_reboot_by_the_console(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("when", ["before", "after"])
-async def test_a_fault_at_a_line(tmp_path: Path, when: str) -> None:
+async def test_connection_drop_at_a_command(tmp_path: Path, when: str) -> None:
     async with router(tmp_path) as twin, await connect(twin) as connection:
         twin.arm(LinkFault.model_validate({"do": FaultKind.DROP, "match": "/ip pool*", "when": when}))
         assert (await connection.run(':put "fine"')).stdout == "fine\r\n"
@@ -151,7 +151,7 @@ async def test_a_fault_at_a_line(tmp_path: Path, when: str) -> None:
 
 
 @pytest.mark.parametrize("when", ["before", "after"])
-async def test_a_fault_at_an_upload(tmp_path: Path, when: str) -> None:
+async def test_power_cut_at_an_upload(tmp_path: Path, when: str) -> None:
     async with router(tmp_path / "state") as twin, await connect(twin) as connection:
         (tmp_path / "package").write_bytes(bytes(range(256)) * 1000)
         twin.arm(LinkFault.model_validate({"do": FaultKind.POWER, "match": "sftp put package", "when": when}))
@@ -164,14 +164,14 @@ async def test_a_fault_at_an_upload(tmp_path: Path, when: str) -> None:
         assert ("package" in there) is (when == "after")
 
 
-async def test_an_answer_that_stops_in_the_middle(tmp_path: Path) -> None:
+async def test_truncated_output(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, await connect(twin) as connection:
         twin.arm(LinkFault(do=FaultKind.TRUNCATE, offset=4))
         assert (await connection.run(':put "0123456789"')).stdout == "0123\r\n"
         assert (await connection.run(':put "0123456789"')).stdout == "0123456789\r\n"
 
 
-async def test_a_router_that_hangs(tmp_path: Path) -> None:
+async def test_hanging_router(tmp_path: Path) -> None:
     async with router(tmp_path) as twin:
         twin.arm(LinkFault(do=FaultKind.HANG))
         connection = await connect(twin)
@@ -189,7 +189,7 @@ async def test_a_gap_only_delays(tmp_path: Path) -> None:
         assert asyncio.get_running_loop().time() - start >= 0.2
 
 
-async def test_a_disabled_service_ends_nothing_but_lets_nobody_in(tmp_path: Path) -> None:
+async def test_disabled_service_keeps_sessions_but_accepts_no_new_ones(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, await connect(twin) as connection:
         port = twin.ports["ssh"]
         await connection.run("/ip service disable ssh")
@@ -201,7 +201,7 @@ async def test_a_disabled_service_ends_nothing_but_lets_nobody_in(tmp_path: Path
 
 
 @pytest.mark.parametrize("service", ["api", "api-ssl", "ssh"])
-async def test_a_service_for_others_accepts_and_closes(tmp_path: Path, service: str) -> None:
+async def test_service_for_other_addresses_accepts_then_closes(tmp_path: Path, service: str) -> None:
     """Manual, Services: `address` refuses only after the packet has arrived."""
     async with router(tmp_path) as twin:
         await twin.console(["/ip/service/set", f"=numbers={service}", "=address=192.0.2.0/24"])
@@ -212,7 +212,7 @@ async def test_a_service_for_others_accepts_and_closes(tmp_path: Path, service: 
         assert twin.counters().logins == 0
 
 
-async def test_the_firewall_is_silent(tmp_path: Path) -> None:
+async def test_firewall_drops_silently(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, await connect(twin) as connection:
         rule = ["/ip/firewall/filter/add", "=chain=input", "=protocol=tcp", "=dst-port=22", "=action=drop"]
         await twin.console(rule)
@@ -234,7 +234,7 @@ async def test_a_session_that_is_logged_out_closes(tmp_path: Path) -> None:
         await connection.wait_closed()
 
 
-async def test_round_trips_of_a_slow_link(tmp_path: Path) -> None:
+async def test_slow_link_costs_few_round_trips(tmp_path: Path) -> None:
     async with router(tmp_path, link=RouterLink(delay_s=0.02)) as twin:
         start = asyncio.get_running_loop().time()
         async with await connect(twin) as connection:
@@ -244,7 +244,7 @@ async def test_round_trips_of_a_slow_link(tmp_path: Path) -> None:
         assert 5 <= turns <= 12
 
 
-async def test_a_policy_and_a_setting_keep_people_out(tmp_path: Path) -> None:
+async def test_policy_and_settings_can_deny_login(tmp_path: Path) -> None:
     async with router(tmp_path, version="7.21.5") as twin:
         await twin.console(["/ip/ssh/set", "=password-authentication=no"])
         with pytest.raises(asyncssh.PermissionDenied):
@@ -257,7 +257,7 @@ async def test_a_policy_and_a_setting_keep_people_out(tmp_path: Path) -> None:
         (await connect(twin)).abort()
 
 
-async def test_many_connections_leave_nothing_behind(tmp_path: Path) -> None:
+async def test_closed_connections_leave_no_sessions(tmp_path: Path) -> None:
     async with router(tmp_path) as twin:
         for _ in range(3):
             connections = [await connect(twin) for _ in range(4)]

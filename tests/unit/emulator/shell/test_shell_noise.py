@@ -31,7 +31,7 @@ def shown(login: str, text: str, *, cut: bool) -> tuple[str, str]:
 
 @settings(max_examples=60)
 @given(login=LOGINS, text=TYPED)
-def test_the_same_whole_and_byte_by_byte(login: str, text: str) -> None:
+def test_output_is_the_same_whole_or_byte_by_byte(login: str, text: str) -> None:
     assert shown(login, text, cut=False) == shown(login, text, cut=True)
 
 
@@ -57,7 +57,7 @@ def menus(schema: Schema, menu: str = "/") -> Iterator[str]:
 
 
 @pytest.mark.parametrize("version", ["6.49.10", "7.16", "7.21.5"])
-def test_every_menu(version: str) -> None:
+def test_every_menu_prints_the_same_twice_and_changes_nothing(version: str) -> None:
     bench = Bench(version=version)
     caller = bench.device.login("admin", PASSWORD, via="ssh", address=TECHNICIAN)
     before, found = bench.text(), list(menus(bench.device.core.schema))

@@ -9,7 +9,7 @@ ADD = "/ip pool add name=s ranges=10.0.0.1\r"
 
 
 @pytest.mark.parametrize("version", ["6.49.10", "7.16", "7.18.2"])
-def test_a_clean_end_undoes_a_little_later(version: str) -> None:
+def test_changes_are_undone_shortly_after_a_clean_disconnect(version: str) -> None:
     bench = Bench(version=version)
     before, terminal = bench.text(), bench.terminal()
     assert terminal.type(CTRL_X).endswith("<SAFE> ")
@@ -24,7 +24,7 @@ def test_a_clean_end_undoes_a_little_later(version: str) -> None:
     assert bench.text() == before
 
 
-def test_quit_keeps() -> None:
+def test_quit_keeps_changes() -> None:
     bench = Bench()
     terminal = bench.terminal()
     terminal.type(CTRL_X + ADD)
@@ -36,7 +36,7 @@ def test_quit_keeps() -> None:
     assert bench.text() == after
 
 
-def test_end_of_file_undoes() -> None:
+def test_end_of_file_undoes_changes() -> None:
     bench = Bench()
     before, terminal = bench.text(), bench.terminal()
     terminal.type(CTRL_X + ADD + "\x04")
@@ -46,7 +46,7 @@ def test_end_of_file_undoes() -> None:
     assert bench.text() == before
 
 
-def test_a_session_that_goes_silent_is_undone_after_nine_minutes() -> None:
+def test_silent_session_is_undone_after_nine_minutes() -> None:
     bench = Bench()
     before, terminal = bench.text(), bench.terminal()
     terminal.type(CTRL_X + ADD)
@@ -96,7 +96,7 @@ def test_hijack_declined(key: str) -> None:
     assert "<SAFE>" not in second.type("\r")
 
 
-def test_the_api_sees_the_console_s_safe_mode_and_the_other_way_round() -> None:
+def test_safe_mode_is_shared_between_console_and_api() -> None:
     bench = Bench()
     terminal = bench.terminal()
     terminal.type(CTRL_X)
@@ -109,7 +109,7 @@ def test_the_api_sees_the_console_s_safe_mode_and_the_other_way_round() -> None:
     assert HIJACK in terminal.type(CTRL_X)
 
 
-def test_more_actions_than_the_history_keeps_leave_safe_mode_without_a_word() -> None:
+def test_exceeding_the_history_leaves_safe_mode_silently() -> None:
     bench = Bench(history_limit=3)
     terminal = bench.terminal()
     terminal.type(CTRL_X)
@@ -121,7 +121,7 @@ def test_more_actions_than_the_history_keeps_leave_safe_mode_without_a_word() ->
 
 
 @pytest.mark.parametrize("command", ["release", "unroll"])
-def test_a_console_whose_hold_the_api_ends_is_told(command: str) -> None:
+def test_console_is_notified_when_the_api_ends_its_safe_mode(command: str) -> None:
     bench = Bench()
     terminal = bench.terminal()
     terminal.type(CTRL_X)

@@ -19,7 +19,7 @@ def renamed(twin: EmulatedRouter) -> bool:
 
 
 @pytest.mark.parametrize("when", ["before", "after"])
-async def test_a_cut_at_the_nth_sentence(tmp_path: Path, when: Literal["before", "after"]) -> None:
+async def test_connection_drop_at_the_nth_sentence(tmp_path: Path, when: Literal["before", "after"]) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         twin.arm(LinkFault(do=FaultKind.DROP, sentence=3, when=when))
         await client.login()
@@ -31,7 +31,7 @@ async def test_a_cut_at_the_nth_sentence(tmp_path: Path, when: Literal["before",
         assert [command[0] for command in twin.connections()[0].sentences] == ["/login", PRINT, RENAME[0]]
 
 
-async def test_a_cut_at_a_sentence_of_a_menu(tmp_path: Path) -> None:
+async def test_connection_drop_at_a_command_of_a_menu(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         twin.arm(LinkFault(do=FaultKind.DROP, match="/system/identity/*"))
         await client.login()
@@ -52,7 +52,7 @@ async def test_a_clean_drop_undoes_safe_mode_two_seconds_later(tmp_path: Path) -
         assert not renamed(twin)
 
 
-async def test_a_pulled_cable_undoes_safe_mode_only_after_the_time_out(tmp_path: Path) -> None:
+async def test_pulled_cable_undoes_safe_mode_only_after_the_timeout(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         await client.talk("/safe-mode/take")
@@ -67,7 +67,7 @@ async def test_a_pulled_cable_undoes_safe_mode_only_after_the_time_out(tmp_path:
         assert client.silent
 
 
-async def test_an_answer_that_stops_midway(tmp_path: Path) -> None:
+async def test_truncated_reply(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         twin.arm(LinkFault(do=FaultKind.TRUNCATE, offset=10))
@@ -75,7 +75,7 @@ async def test_an_answer_that_stops_midway(tmp_path: Path) -> None:
         assert len(await client.transport.reader.read()) == 10
 
 
-async def test_garbage_in_an_answer(tmp_path: Path) -> None:
+async def test_garbage_in_a_reply(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         twin.arm(LinkFault(do=FaultKind.GARBAGE, data="ff00"))
@@ -83,7 +83,7 @@ async def test_garbage_in_an_answer(tmp_path: Path) -> None:
         assert await client.transport.reader.readexactly(6) == b"\xff\x00\x03!re"
 
 
-async def test_a_router_that_hangs(tmp_path: Path) -> None:
+async def test_hanging_router(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client, Client(twin) as other:
         await client.login()
         twin.arm(LinkFault(do=FaultKind.HANG))
@@ -93,7 +93,7 @@ async def test_a_router_that_hangs(tmp_path: Path) -> None:
         assert await other.login()
 
 
-async def test_a_gap_after_the_nth_sentence_delays_its_answer(tmp_path: Path) -> None:
+async def test_gap_after_nth_sentence_delays_its_reply(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         twin.arm(LinkFault(do=FaultKind.GAP, seconds=70, when="after"))
@@ -116,7 +116,7 @@ async def test_gaps_that_overlap_end_with_the_last(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("asked", [True, False])
-async def test_a_reboot_is_eof_and_the_router_comes_back(tmp_path: Path, *, asked: bool) -> None:
+async def test_reboot_closes_the_connection_and_router_comes_back(tmp_path: Path, *, asked: bool) -> None:
     async with router(tmp_path, knobs=WireBehaviour(boot_s=40)) as twin, Client(twin) as client:
         await client.login()
         await client.talk(*RENAME)
@@ -132,7 +132,7 @@ async def test_a_reboot_is_eof_and_the_router_comes_back(tmp_path: Path, *, aske
         assert renamed(twin)
 
 
-async def test_after_a_power_cut_the_old_connection_is_reset_when_it_speaks(tmp_path: Path) -> None:
+async def test_old_connection_is_reset_after_a_power_cut(tmp_path: Path) -> None:
     async with router(tmp_path, knobs=WireBehaviour(boot_s=40)) as twin, Client(twin) as client:
         await client.login()
         await client.talk("/safe-mode/take")
@@ -145,7 +145,7 @@ async def test_after_a_power_cut_the_old_connection_is_reset_when_it_speaks(tmp_
         assert not renamed(twin)
 
 
-async def test_another_certificate(tmp_path: Path) -> None:
+async def test_certificate_can_be_replaced(tmp_path: Path) -> None:
     async with router(tmp_path) as twin:
         before = twin.pin
         twin.recertify()
@@ -160,7 +160,7 @@ SCRIPT = (
 
 
 @pytest.mark.parametrize(("lines", "pools"), [(0, []), (1, ["a"]), (2, ["a"]), (3, ["a", "b"]), (None, ["a", "b"])])
-async def test_a_cut_within_a_script(tmp_path: Path, lines: int | None, pools: list[str]) -> None:
+async def test_connection_drop_within_a_script(tmp_path: Path, lines: int | None, pools: list[str]) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         twin.arm(LinkFault(do=FaultKind.DROP, match="/execute", when="after", lines=lines))

@@ -58,7 +58,7 @@ def test_rawcmd_quit_is_fatal(site: RunningSite) -> None:
         tuple(connect(site).rawCmd("/quit"))
 
 
-def test_commands_reach_the_twin_in_its_thread(site: RunningSite) -> None:
+def test_control_commands_reach_the_emulator(site: RunningSite) -> None:
     assert site.ready["router"] == site.do("router", "info")
     assert site.do("router", "console", words=["/ip/pool/add", "=name=c", "=ranges=10.0.0.2-10.0.0.9"])[0][0] == "!done"
     assert "name=c" in site.do("router", "export", menu="/ip/pool")
@@ -79,7 +79,7 @@ def test_commands_reach_the_twin_in_its_thread(site: RunningSite) -> None:
         ("router", "arm", {"fault": {"do": "sulk"}}, "Input should be"),
     ],
 )
-def test_what_twins_do_not_understand(
+def test_unknown_control_commands_are_refused(
     site: RunningSite, twin: str, do: str, arguments: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(ControlError, match=words):

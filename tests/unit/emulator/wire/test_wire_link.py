@@ -12,7 +12,7 @@ def test_delay_is_one_way_and_does_not_add_up() -> None:
     assert [bearer.arrival(Direction.UP, 500, 10.0) for _ in range(16)] == [pytest.approx(10.35)] * 16
 
 
-def test_rate_spreads_bytes_and_idle_time_is_not_saved_up() -> None:
+def test_rate_limits_bytes_and_idle_time_gives_no_credit() -> None:
     bearer = WireLink(RouterLink(rate_up_bps=8000))
     assert bearer.arrival(Direction.UP, 1000, 0.0) == pytest.approx(1.0)
     assert bearer.arrival(Direction.UP, 1000, 0.0) == pytest.approx(2.0)
@@ -30,7 +30,7 @@ def test_every_nth_segment_is_lost_once() -> None:
     assert [bearer.arrival(Direction.UP, 10, 0.0) for _ in range(6)] == [0, 0, 2, 0, 0, 2]
 
 
-def test_a_long_write_comes_in_segments() -> None:
+def test_long_write_is_split_into_segments() -> None:
     pieces = list(Chunk(b"x" * (SEGMENT * 2 + 1), heard_count=3, answer_count=2).segments())
     assert [len(piece.data) for piece in pieces] == [SEGMENT, SEGMENT, 1]
     assert {(piece.heard_count, piece.answer_count) for piece in pieces} == {(3, 2)}
@@ -53,15 +53,15 @@ async def _arrivals(link: RouterLink, chunks: list[bytes], *, gap: tuple[float, 
     return seen
 
 
-def test_what_is_put_together_arrives_together() -> None:
+def test_data_sent_together_arrives_together() -> None:
     assert run(_arrivals(RouterLink(delay_s=0.7), [b"a", b"b", b"c"])) == [0.7, 0.7, 0.7]
 
 
-def test_what_waits_behind_a_lost_segment_comes_after_it() -> None:
+def test_data_behind_a_lost_segment_arrives_after_it() -> None:
     assert run(_arrivals(RouterLink(stall_every=2, stall_s=5), [b"a", b"b", b"c"])) == [0, 5, 5]
 
 
-def test_a_shape_takes_the_place_of_delay_and_rate() -> None:
+def test_shape_overrides_delay_and_rate() -> None:
     bearer = WireLink(RouterLink(delay_s=9, up=LinkShape(rate_bps=8000, delay_s=0.3), down=LinkShape(delay_s=0.2)))
     assert bearer.arrival(Direction.UP, 1000, 5.0) == pytest.approx(6.3)
     assert bearer.arrival(Direction.DOWN, 1000, 5.0) == pytest.approx(5.2)
@@ -71,11 +71,11 @@ def test_a_shape_takes_the_place_of_delay_and_rate() -> None:
     assert bearer.connect_s == 0
 
 
-def test_a_gap_of_a_shape_is_a_stall() -> None:
+def test_gap_in_a_shape_stalls_the_link() -> None:
     gapped = RouterLink(up=LinkShape(delay_s=0.5, gaps_s=((0.0, 30.0),)), down=LinkShape(delay_s=0.5))
     assert run(_arrivals(gapped, [b"a", b"b"])) == [30.5, 30.5], "sent again after 2, 4, 8 and 16 s"
 
 
-def test_a_gap_holds_what_would_arrive_in_it() -> None:
+def test_gap_delays_data_that_would_arrive_in_it() -> None:
     assert run(_arrivals(RouterLink(delay_s=1), [b"a"], gap=(0.5, 70))) == [70]
     assert run(_arrivals(RouterLink(delay_s=1), [b"a"], gap=(2, 70))) == [1]

@@ -19,7 +19,7 @@ PRINT = "/system/identity/print"
 DROP = ("/ip/firewall/filter/add", "=chain=input", "=action=drop", "=in-interface=ether8")
 
 
-async def test_who_shuts_himself_out_hears_nothing_and_is_saved_by_safe_mode(tmp_path: Path) -> None:
+async def test_lockout_is_silent_and_undone_by_safe_mode(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         before = twin.export()
         await client.login()
@@ -37,7 +37,7 @@ async def test_who_shuts_himself_out_hears_nothing_and_is_saved_by_safe_mode(tmp
         assert twin.export().splitlines()[1:] == before.splitlines()[1:]
 
 
-async def test_who_shuts_himself_out_without_safe_mode_stays_outside(tmp_path: Path) -> None:
+async def test_lockout_without_safe_mode_is_permanent(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         client.write(DROP)
@@ -49,7 +49,7 @@ async def test_who_shuts_himself_out_without_safe_mode_stays_outside(tmp_path: P
         assert "chain=input" in twin.export()
 
 
-async def test_a_client_that_leaves_behind_a_closed_path_is_not_missed(tmp_path: Path) -> None:
+async def test_disconnect_over_a_blocked_path_is_noticed_only_by_timeout(tmp_path: Path) -> None:
     async with router(tmp_path) as twin:
         async with Client(twin) as client:
             await client.login()
@@ -62,7 +62,7 @@ async def test_a_client_that_leaves_behind_a_closed_path_is_not_missed(tmp_path:
         assert "action=drop" not in twin.export()
 
 
-async def test_traffic_flows_again_when_somebody_opens_the_path(tmp_path: Path) -> None:
+async def test_traffic_resumes_when_the_path_is_opened(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         client.write((*DROP, ".tag=1"), (PRINT, ".tag=2"))
@@ -73,7 +73,7 @@ async def test_traffic_flows_again_when_somebody_opens_the_path(tmp_path: Path) 
         assert (await client.talk(PRINT))[-1] == ("!done", ())
 
 
-async def test_the_service_moves_with_its_port(tmp_path: Path) -> None:
+async def test_service_follows_its_configured_port(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         before = dict(twin.port_map)
         await client.login()
@@ -88,7 +88,7 @@ async def test_the_service_moves_with_its_port(tmp_path: Path) -> None:
         assert twin.port_map == before
 
 
-async def test_a_disabled_service_refuses(tmp_path: Path) -> None:
+async def test_disabled_service_refuses_connections(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin, "api-ssl") as client:
         port = twin.ports["api"]
         await client.login()
@@ -108,7 +108,7 @@ async def test_a_service_for_other_addresses_does_not_answer(tmp_path: Path) -> 
             assert other.transport.reader._buffer == b""
 
 
-async def test_only_so_many_sessions(tmp_path: Path) -> None:
+async def test_session_limit_is_enforced(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         await client.talk("/ip/service/set", "=numbers=api", "=max-sessions=1")
@@ -133,7 +133,7 @@ async def test_tls_version_and_certificate_of_the_service(tmp_path: Path) -> Non
             await Client(twin, "api-ssl").__aenter__()
 
 
-async def test_a_restart_keeps_what_was_saved_and_nothing_else(tmp_path: Path) -> None:
+async def test_restart_keeps_only_saved_changes(tmp_path: Path) -> None:
     async with router(tmp_path) as twin:
         pin, ports = twin.pin, twin.ports
         async with Client(twin) as client:
@@ -160,7 +160,7 @@ async def test_flash_is_written_while_it_runs_and_is_private(tmp_path: Path) -> 
         assert {path.stat().st_mode & 0o777 for path in files} == {0o600}
 
 
-async def test_a_loopback_port_that_is_taken(tmp_path: Path) -> None:
+async def test_occupied_port_is_an_error(tmp_path: Path) -> None:
     async with router(tmp_path) as twin:
         taken = twin.ports["api-ssl"]
         other = EmulatedRouter(router_spec(), state_dir=tmp_path / "other", ports={8729: taken})
@@ -171,14 +171,14 @@ async def test_a_loopback_port_that_is_taken(tmp_path: Path) -> None:
         assert other.port_map[8729] == taken
 
 
-def test_the_knee_comes_after_a_burst_and_goes_when_idle() -> None:
+def test_slowdown_starts_after_a_burst_and_ends_when_idle() -> None:
     knobs, pace = WireBehaviour(knee_after=2), WirePace()
     assert [pace.wait_s(knobs, 5.0) for _ in range(4)] == pytest.approx([0, 0, 0.02, 0.04])
     assert pace.wait_s(knobs, 5.1) == pytest.approx(0.02)
     assert pace.wait_s(knobs, 7.0) == 0
 
 
-def test_every_nth_sentence_stalls_and_holds_up_the_rest() -> None:
+def test_stalled_nth_sentence_delays_the_rest() -> None:
     knobs, pace = WireBehaviour(stall_every=2, stall_s=7), WirePace()
     assert [pace.wait_s(knobs, 5.0) for _ in range(3)] == [0, 7, 7]
 
@@ -214,7 +214,7 @@ def test_disarmed_faults_do_not_strike() -> None:
         ),
     ],
 )
-def test_secrets_do_not_reach_the_log(word: str, shown: str) -> None:
+def test_secrets_are_masked_in_the_log(word: str, shown: str) -> None:
     assert mask_words(["/x", word]) == ("/x", shown)
 
 
@@ -224,7 +224,7 @@ def test_counters_add_up() -> None:
     )
 
 
-async def test_a_row_costs_as_much_beside_hundreds_as_alone(tmp_path: Path) -> None:
+async def test_cost_of_a_row_does_not_grow_with_table_size(tmp_path: Path) -> None:
     """Steps of the interpreter and bytes to the flash, of which each row once took more than the one before."""
     steps = 0
 

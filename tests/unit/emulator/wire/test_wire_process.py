@@ -57,7 +57,7 @@ def test_the_protocol_and_sigterm(tmp_path: Path) -> None:
         assert twins.returncode == 0
 
 
-def test_a_killed_process_has_saved_what_it_confirmed(tmp_path: Path) -> None:
+def test_killed_process_has_saved_confirmed_changes(tmp_path: Path) -> None:
     with process(tmp_path) as twins:
         ask(twins, "")
         assert ask(twins, json.dumps({"twin": "router", "do": "console", "words": RENAME}))["ok"] is True
@@ -65,7 +65,7 @@ def test_a_killed_process_has_saved_what_it_confirmed(tmp_path: Path) -> None:
     assert "renamed" in (tmp_path / "state" / "router" / "flash.json").read_text()
 
 
-def test_a_specification_with_an_error_ends_with_three(tmp_path: Path) -> None:
+def test_invalid_specification_exits_with_code_3(tmp_path: Path) -> None:
     (tmp_path / "site.json").write_text('{"name": "x", "emulators": [{"rooter": {}}]}')
     ended = subprocess.run(
         [sys.executable, "-m", "atlantis_netcfg.emulator.routeros", "site.json", "--state", "state"],
@@ -79,18 +79,18 @@ def test_a_specification_with_an_error_ends_with_three(tmp_path: Path) -> None:
     assert ended.stdout == ""
 
 
-def test_twins_that_cannot_start_say_why(tmp_path: Path) -> None:
+def test_start_failure_of_emulators_is_explained(tmp_path: Path) -> None:
     spec = SiteSpec(name="coastal", emulators=(EmulatorSpec(router=router_spec(seed="/ip nonsense\nadd x=y")),))
     with pytest.raises(EmulatorError, match="twins of coastal do not start: SeedError: "):
         spawn(spec, tmp_path)
 
 
-def test_two_twins_with_one_name_are_refused() -> None:
+def test_duplicate_emulator_names_are_refused() -> None:
     with pytest.raises(ValidationError, match="two twins are called router"):
         SiteSpec(name="x", emulators=SITE.emulators * 2)
 
 
-def test_spawned_twins_serve_and_obey(tmp_path: Path) -> None:
+def test_spawned_emulators_serve_and_accept_commands(tmp_path: Path) -> None:
     with spawn(SITE, tmp_path) as twins:
         where = twins.ready["router"]
         librouteros.connect(where["host"], "provision", PASSWORD, port=where["api"]).close()
@@ -101,7 +101,7 @@ def test_spawned_twins_serve_and_obey(tmp_path: Path) -> None:
     assert (tmp_path / "site.json").stat().st_mode & 0o777 == 0o600
 
 
-def test_twins_that_died_are_reported(tmp_path: Path) -> None:
+def test_dead_emulators_are_reported_with_their_log(tmp_path: Path) -> None:
     twins = spawn(SITE, tmp_path)
     twins._process.kill()
     twins._process.wait()
@@ -127,7 +127,7 @@ with spawn(SiteSpec.model_validate_json(sys.argv[1]), Path(sys.argv[2])) as site
 """
 
 
-def test_the_twins_end_with_a_killed_owner_whose_fork_lives_on(tmp_path: Path) -> None:
+def test_emulators_end_when_the_owner_is_killed_despite_a_live_fork(tmp_path: Path) -> None:
     words = [sys.executable, "-c", OWNER, SITE.model_dump_json(), str(tmp_path)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as owner:
         assert owner.stdout is not None

@@ -136,7 +136,7 @@ def twin_hears(chunks: Iterator[bytes]) -> list[tuple[str, ...]]:
 
 
 @pytest.mark.parametrize("cut", CUTS)
-def test_a_conversation_is_heard_the_same_however_it_is_cut(
+def test_recorded_conversation_is_decoded_alike_however_split(
     recorded: tuple[bytes, bytes, list[Reply]], cut: Callable[[bytes], Iterator[bytes]]
 ) -> None:
     up, down, _ = recorded
@@ -150,7 +150,7 @@ def test_a_conversation_is_heard_the_same_however_it_is_cut(
 
 
 @pytest.mark.parametrize("cut", CUTS)
-def test_a_client_makes_the_same_of_the_answers_however_they_come(
+def test_client_result_does_not_depend_on_how_replies_are_split(
     recorded: tuple[bytes, bytes, list[Reply]], cut: Callable[[bytes], Iterator[bytes]]
 ) -> None:
     _, down, replies = recorded
@@ -177,7 +177,7 @@ def test_a_client_makes_the_same_of_the_answers_however_they_come(
 
 @given(sentences, st.lists(st.integers(1, 5000), max_size=30))
 @settings(max_examples=60)
-def test_both_ends_write_and_read_the_same(said: list[tuple[str, ...]], sizes: Sequence[int]) -> None:
+def test_client_and_emulator_encode_and_decode_alike(said: list[tuple[str, ...]], sizes: Sequence[int]) -> None:
     stream = b"".join(map(client_encode, said))
     assert stream == b"".join(map(twin_encode, said))
     chunks: list[bytes] = []
@@ -189,7 +189,7 @@ def test_both_ends_write_and_read_the_same(said: list[tuple[str, ...]], sizes: S
 
 
 @pytest.mark.parametrize("length", [0x7F, 0x80, 0x3FFF, 0x4000, 0x1F_FFFF, 0x20_0000])
-def test_a_word_at_the_edge_of_a_length_form_survives_both_ways(length: int) -> None:
+def test_words_at_length_boundaries_survive_both_ways(length: int) -> None:
     said = ("!re", "=" + "x" * (length - 1))
     assert client_encode(said) == twin_encode(said)
     for cut in (whole, by_primes):
@@ -197,6 +197,6 @@ def test_a_word_at_the_edge_of_a_length_form_survives_both_ways(length: int) -> 
 
 
 @pytest.mark.parametrize("cut", [whole, bytewise])
-def test_five_bytes_of_length_are_read_by_both(cut: Callable[[bytes], Iterator[bytes]]) -> None:
+def test_five_byte_lengths_are_read_by_both_ends(cut: Callable[[bytes], Iterator[bytes]]) -> None:
     stream = b"\xf0\x00\x00\x00\x03!re\xf0\x00\x00\x00\x04=a=b\x00"
     assert client_hears(cut(stream)) == twin_hears(cut(stream)) == [("!re", "=a=b")]

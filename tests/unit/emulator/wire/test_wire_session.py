@@ -14,13 +14,13 @@ PRINT = "/system/identity/print"
 DONE = ("!done", ())
 
 
-async def test_nothing_before_login(tmp_path: Path) -> None:
+async def test_commands_before_login_are_refused(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         client.write((PRINT,))
         assert await client.transport.reader.read() == b"\x06!fatal\x0dnot logged in\x00"
 
 
-async def test_wrong_password_and_then_the_right_one(tmp_path: Path) -> None:
+async def test_login_succeeds_after_a_wrong_password(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         assert await client.login(password="guess") == [
             ("!trap", ("=message=invalid user name or password (6)",)),
@@ -33,7 +33,7 @@ async def test_wrong_password_and_then_the_right_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("knobs", [WireBehaviour(), WireBehaviour(old_login=True)])
-async def test_login_of_before_6_43(tmp_path: Path, knobs: WireBehaviour) -> None:
+async def test_login_before_6_43(tmp_path: Path, knobs: WireBehaviour) -> None:
     async with router(tmp_path, knobs=knobs) as twin, Client(twin) as client:
         first = ("/login", "=name=provision", f"=password={PASSWORD}") if knobs.old_login else ("/login",)
         ((_, (ret,)),) = await client.talk(*first)
@@ -49,7 +49,7 @@ async def test_a_response_without_challenge_is_refused(tmp_path: Path) -> None:
         assert answer == [("!trap", ("=message=cannot log in",)), DONE]
 
 
-async def test_a_guesser_is_shown_the_door(tmp_path: Path) -> None:
+async def test_repeated_login_failures_close_the_connection(tmp_path: Path) -> None:
     async with router(tmp_path, knobs=WireBehaviour(sentences_before_login=2)) as twin, Client(twin) as client:
         await client.login(password="a")
         await client.login(password="b")
@@ -57,7 +57,7 @@ async def test_a_guesser_is_shown_the_door(tmp_path: Path) -> None:
         assert b"too many commands before login" in await client.transport.reader.read()
 
 
-async def test_long_words_before_login_end_the_connection_and_are_fine_later(tmp_path: Path) -> None:
+async def test_long_words_are_accepted_only_after_login(tmp_path: Path) -> None:
     long = "=comment=" + "x" * 5000
     async with router(tmp_path) as twin:
         async with Client(twin) as client:
@@ -69,7 +69,7 @@ async def test_long_words_before_login_end_the_connection_and_are_fine_later(tmp
 
 
 @pytest.mark.parametrize("accepted", [False, True])
-async def test_sentences_in_one_write_with_the_login(tmp_path: Path, *, accepted: bool) -> None:
+async def test_commands_pipelined_with_the_login(tmp_path: Path, *, accepted: bool) -> None:
     async with router(tmp_path, knobs=WireBehaviour(pipelined_login=accepted)) as twin, Client(twin) as client:
         client.write(("/login", "=name=provision", f"=password={PASSWORD}"), (PRINT,))
         assert await client.answer() == [DONE]
@@ -92,14 +92,14 @@ async def test_every_reply_carries_its_tag(tmp_path: Path) -> None:
         assert all(words[0] == ".tag=2" for _, words in refusal)
 
 
-async def test_quit_is_answered_by_a_bare_word_and_eof(tmp_path: Path) -> None:
+async def test_quit_is_answered_without_tag_and_closed(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         client.write(("/quit", ".tag=1"))
         assert await client.transport.reader.read() == b"\x06!fatal\x1dsession terminated on request\x00"
 
 
-async def test_words_come_in_pieces_and_empty_sentences_do_not_matter(tmp_path: Path) -> None:
+async def test_split_words_and_empty_sentences_are_accepted(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         client.raw(b"\0\0")
@@ -110,7 +110,7 @@ async def test_words_come_in_pieces_and_empty_sentences_do_not_matter(tmp_path: 
         assert (await client.answer())[-1] == DONE
 
 
-async def test_a_reserved_control_byte_ends_it_after_what_came_before(tmp_path: Path) -> None:
+async def test_reserved_control_byte_closes_connection_after_earlier_reply(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client:
         await client.login()
         client.raw(encode_word(PRINT, "utf-8") + b"\0\xf8")
@@ -125,7 +125,7 @@ async def test_a_print_without_rows(tmp_path: Path, version: str, kinds: list[st
         assert [kind for kind, _ in await client.talk("/ip/pool/print", "?name=none")] == kinds
 
 
-async def test_listen_goes_on_until_it_is_cancelled(tmp_path: Path) -> None:
+async def test_listen_continues_until_cancelled(tmp_path: Path) -> None:
     async with router(tmp_path) as twin, Client(twin) as client, Client(twin) as other:
         await client.login()
         await other.login()
@@ -154,7 +154,7 @@ def _pools(count: int) -> list[tuple[str, ...]]:
 
 
 @pytest.mark.parametrize("seed", [None, 1])
-def test_tagged_sentences_of_a_burst_have_no_order_of_their_own(tmp_path: Path, seed: int | None) -> None:
+def test_tagged_burst_is_executed_in_any_order(tmp_path: Path, seed: int | None) -> None:
     async def main() -> list[str]:
         async with router(tmp_path, knobs=WireBehaviour(shuffle=seed)) as twin, Client(twin) as client:
             await client.login()
@@ -168,7 +168,7 @@ def test_tagged_sentences_of_a_burst_have_no_order_of_their_own(tmp_path: Path, 
     assert (names == [f"p{number}" for number in range(12)]) is (seed is None)
 
 
-async def test_answers_of_a_shuffled_burst_interleave(tmp_path: Path) -> None:
+async def test_replies_to_a_shuffled_burst_interleave(tmp_path: Path) -> None:
     async with router(tmp_path, knobs=WireBehaviour(shuffle=2)) as twin, Client(twin) as client:
         await client.login()
         client.write(*(("/ip/service/print", f".tag={number}") for number in range(3)))
@@ -182,7 +182,7 @@ async def test_answers_of_a_shuffled_burst_interleave(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("sentences", "hangs"), [(16, False), (24, False), (25, True)])
-async def test_too_many_in_flight_hang_the_connection(tmp_path: Path, sentences: int, *, hangs: bool) -> None:
+async def test_too_many_requests_in_flight_hang_the_connection(tmp_path: Path, sentences: int, *, hangs: bool) -> None:
     async with router(tmp_path, knobs=WireBehaviour(hang_at=25)) as twin, Client(twin) as client, Client(twin) as other:
         await client.login()
         await other.login()
@@ -195,7 +195,7 @@ async def test_too_many_in_flight_hang_the_connection(tmp_path: Path, sentences:
                 assert (await client.answer())[-1][0] == "!done"
 
 
-async def test_two_flights_of_sixteen_stay_below_the_limit(tmp_path: Path) -> None:
+async def test_two_batches_of_sixteen_stay_below_the_limit(tmp_path: Path) -> None:
     async with router(tmp_path, knobs=WireBehaviour(hang_at=25)) as twin, Client(twin) as client:
         await client.login()
         for _ in range(2):
@@ -205,7 +205,7 @@ async def test_two_flights_of_sixteen_stay_below_the_limit(tmp_path: Path) -> No
         assert twin.counters().turns == 3
 
 
-def test_the_public_surface_is_what_it_says() -> None:
+def test_public_names_of_the_package() -> None:
     assert set(package.__all__) == {
         *("COMMANDS", "NOT_REHEARSED", "Air", "DiscoveryNeighbour", "CellSpec", "WireCounters", "Deviation", "Device"),
         *("DeviceMode", "Environment", "Execute", "LinkFault", "FaultKind", "RouterLink", "Load"),

@@ -11,7 +11,7 @@ PRINT = "/system/identity/print"
 RTT = 0.7
 
 
-async def test_a_flight_of_sixteen_takes_one_round_trip(tmp_path: Path) -> None:
+async def test_batch_of_sixteen_takes_one_round_trip(tmp_path: Path) -> None:
     async with router(tmp_path, link=RouterLink(delay_s=RTT / 2)) as twin, Client(twin) as client:
         await client.login()
         twin.reset_counters()
@@ -24,7 +24,7 @@ async def test_a_flight_of_sixteen_takes_one_round_trip(tmp_path: Path) -> None:
         assert twin.counters().sentences == 16
 
 
-async def test_one_after_the_other_takes_a_round_trip_each(tmp_path: Path) -> None:
+async def test_sequential_requests_take_a_round_trip_each(tmp_path: Path) -> None:
     async with router(tmp_path, link=RouterLink(delay_s=RTT / 2)) as twin, Client(twin) as client:
         await client.login()
         start = now()
@@ -37,7 +37,7 @@ async def test_one_after_the_other_takes_a_round_trip_each(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("service", "tls", "round_trips"), [("api", "1.2", 2), ("api-ssl", "1.3", 3), ("api-ssl", "1.2", 4)]
 )
-async def test_connecting_costs_what_it_costs(
+async def test_round_trips_to_connect(
     tmp_path: Path, service: str, tls: Literal["1.2", "1.3"], round_trips: int
 ) -> None:
     async with router(tmp_path, link=RouterLink(delay_s=RTT / 2), knobs=WireBehaviour(tls=tls)) as twin:
@@ -57,7 +57,7 @@ async def test_bytes_are_counted_above_and_below_tls(tmp_path: Path) -> None:
         assert seen.wire_out > 500
 
 
-async def test_a_narrow_bearer_takes_its_time(tmp_path: Path) -> None:
+async def test_narrow_link_limits_the_rate(tmp_path: Path) -> None:
     async with router(tmp_path, link=RouterLink(rate_up_bps=8000)) as twin, Client(twin) as client:
         await client.login()
         start = now()
@@ -74,7 +74,7 @@ async def test_a_gap_of_seventy_seconds_is_only_a_delay(tmp_path: Path) -> None:
         assert now() - start == pytest.approx(70)
 
 
-async def test_after_a_burst_the_router_takes_twenty_milliseconds_each(tmp_path: Path) -> None:
+async def test_requests_after_a_burst_take_twenty_milliseconds_each(tmp_path: Path) -> None:
     async with router(tmp_path, knobs=WireBehaviour(knee_after=10)) as twin, Client(twin) as client:
         await client.login()
         start = now()

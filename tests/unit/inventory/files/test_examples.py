@@ -44,7 +44,7 @@ def keys(text: str) -> list[str]:
         ("a: 192.0.2.7\nb: EXAMPLE-key\nc: vpn.example.org\nd: 10.0.0.1\n", ["a", "b", "c"]),
     ],
 )
-def test_what_is_marked(text: str, expected: list[str]) -> None:
+def test_example_markers_are_recognised(text: str, expected: list[str]) -> None:
     assert keys(text) == expected
 
 
@@ -55,7 +55,7 @@ def inventory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return Path("inventory")
 
 
-def test_who_replaces_the_texts_alone_keeps_no_number_silently(inventory: Path) -> None:
+def test_remaining_example_values_are_reported_with_their_line(inventory: Path) -> None:
     """The 8 EUR/MB, the bands and the modems' addresses of the shipped inventory are named, each with its line."""
     path = inventory / "group_vars/all/pilot.yml"
     path.write_text(path.read_text(encoding="utf-8").replace("example_values: true", "example_values: false"), "utf-8")
@@ -69,7 +69,7 @@ def test_who_replaces_the_texts_alone_keeps_no_number_silently(inventory: Path) 
         assert [line for line in told if line.startswith(f"inventory/{place} ") and f"`{key}`" in line], place
 
 
-def test_a_refused_run_names_how_many_and_the_first_lines(inventory: Path) -> None:
+def test_refused_run_names_count_and_first_examples(inventory: Path) -> None:
     declaration = load(inventory)
     with pytest.raises(UsageError) as caught:
         refuse_examples(declaration, is_rehearsal=False)

@@ -31,7 +31,7 @@ def seen(case: str, folder: Path) -> str:
     return "schema" if rejected else "beyond"
 
 
-def test_the_shipped_schemas_are_those_of_the_model() -> None:
+def test_shipped_schemas_match_the_model() -> None:
     shipped = {path.name: path.read_text(encoding="utf-8") for path in (SHIPPED / json_schema.FOLDER).iterdir()}
     assert shipped == json_schema.texts(), "write them: python -m atlantis_netcfg.inventory.json_schema"
 
@@ -45,12 +45,12 @@ def test_a_shipped_file_names_its_schema_and_is_accepted(path: Path) -> None:
 
 
 @pytest.mark.parametrize("sort", ["schema", "yaml", "beyond"])
-def test_who_sees_a_broken_inventory(sort: str, tmp_path: Path) -> None:
+def test_broken_inventory_is_detected_by_the_expected_checker(sort: str, tmp_path: Path) -> None:
     found = {case: seen(case, tmp_path / case) for case in CASES[sort]}
     assert found == dict.fromkeys(CASES[sort], sort)
 
 
-def test_the_lists_are_all_cases() -> None:
+def test_lists_cover_all_cases() -> None:
     listed = [case for cases in CASES.values() for case in cases]
     every = [path.stem for path in inventory_cases.cases()]
     assert sorted(listed) == sorted(case for case in every if not case.startswith("bounds-"))  # no editor opens a pipe

@@ -13,7 +13,7 @@ PAGE = (CHECKOUT / "docs/inventory.md").read_text(encoding="utf-8")
 ROWS = [[cell.strip() for cell in line.split(" | ")] for line in PAGE.splitlines() if line.startswith("| `")]
 
 
-def test_the_page_is_what_the_model_makes() -> None:
+def test_page_matches_the_model() -> None:
     assert text(CHECKOUT / "inventory") == PAGE, "write it: python -m atlantis_netcfg.inventory.key_reference"
 
 
@@ -29,7 +29,7 @@ def test_every_key_of_every_file_has_a_row() -> None:
     assert [key for model in models for key in model.model_fields if key not in named] == []
 
 
-def test_units_come_from_the_names() -> None:
+def test_units_are_derived_from_key_names() -> None:
     units = {row[0].strip("|` "): row[2] for row in ROWS if len(row) == 6}
     expected = {
         "rtt_ms": "ms",
@@ -48,7 +48,7 @@ def test_units_come_from_the_names() -> None:
     assert {key: units[key] for key in expected} == expected
 
 
-def test_bounds_are_those_of_the_model() -> None:
+def test_bounds_match_the_model() -> None:
     row = next(row for row in ROWS if "hold_down_s" in row[0])
     assert row[1] == "whole number (20 or more, at most 600)"
     assert row[3] == "`20`"

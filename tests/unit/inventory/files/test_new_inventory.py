@@ -39,7 +39,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("answers.yml").write_text(LEAST, encoding="utf-8")
 
 
-def test_what_is_not_answered_is_left_out_or_a_marked_example(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unanswered_values_are_omitted_or_marked_as_examples(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
     said = capsys.readouterr().out.splitlines()
     assert advised(said[2]) == [["validate", "inventory=douro", "--examples"]]
@@ -57,7 +57,7 @@ def test_what_is_not_answered_is_left_out_or_a_marked_example(capsys: pytest.Cap
     assert keys >= {"frequency_mhz", "rtt_ms", "network", "canaries", "password", "endpoint"}
 
 
-def test_the_schema_accepts_every_file(capsys: pytest.CaptureFixture[str]) -> None:
+def test_generated_files_match_the_schema(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["init", "folder=douro", "--answers", "answers.yml", "--json"]) == ExitCode.DONE
     assert len(json.loads(capsys.readouterr().out)["hosts"]) == 12
     for path in files(Path("douro").absolute()):
@@ -86,13 +86,13 @@ def test_the_example_is_copied_whole(capsys: pytest.CaptureFixture[str]) -> None
         (["douro"], "nobody is here to answer questions, so nothing was written"),
     ],
 )
-def test_what_is_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_arguments_are_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["init", *words]) == ExitCode.USAGE
     assert message in capsys.readouterr().err
     assert [path.name for path in Path().iterdir()] == ["answers.yml"]
 
 
-def test_a_folder_with_something_in_it_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_non_empty_folder_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
     Path("douro").mkdir()
     Path("douro/letter.txt").write_text("mine", encoding="utf-8")
     assert main(["init", "douro", "--from", "example"]) == ExitCode.USAGE
@@ -100,12 +100,12 @@ def test_a_folder_with_something_in_it_is_left_alone(capsys: pytest.CaptureFixtu
     assert [path.name for path in Path("douro").iterdir()] == ["letter.txt"]
 
 
-def test_an_empty_folder_is_taken() -> None:
+def test_empty_folder_is_accepted() -> None:
     Path("douro").mkdir()
     assert main(["init", "douro", "--from", "example"]) == ExitCode.DONE
 
 
-def test_wrong_answers_are_told_with_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_answers_are_reported_with_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
     Path("answers.yml").write_text(
         "pilot: {name: Douro, country: spain}\nsites:\n  pier:\n    lan: 10.0.0.0/30\n    lte: {}\n", encoding="utf-8"
     )
@@ -117,13 +117,13 @@ def test_wrong_answers_are_told_with_their_lines(capsys: pytest.CaptureFixture[s
     assert not Path("douro").exists()
 
 
-def test_a_site_is_not_called_like_the_control_centre(capsys: pytest.CaptureFixture[str]) -> None:
+def test_site_cannot_have_the_name_of_the_control_centre(capsys: pytest.CaptureFixture[str]) -> None:
     Path("answers.yml").write_text(LEAST.replace("pier:", "scc:"), encoding="utf-8")
     assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
     assert "`scc` is the name of the control centre and of a site" in capsys.readouterr().err
 
 
-def test_answers_that_contradict_each_other_leave_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_contradictory_answers_write_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     Path("answers.yml").write_text(
         "pilot: {name: Douro, country: portugal}\nsites:\n  pier: {lan: 10.80.0.0/24, lte: {}}\n", encoding="utf-8"
     )
@@ -134,7 +134,7 @@ def test_answers_that_contradict_each_other_leave_nothing(capsys: pytest.Capture
     assert [path.name for path in Path().iterdir()] == ["answers.yml"]
 
 
-def test_passwords_are_made_new_and_encrypted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_passwords_are_generated_and_encrypted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     password = tmp_path / "password"
     password.write_text("of a test\n", encoding="utf-8")
     monkeypatch.setenv("ANSIBLE_VAULT_PASSWORD_FILE", str(password))
@@ -192,12 +192,12 @@ class TestInterview:
         ]
         assert asked == ["Local network [an EXAMPLE value]: "] * 3
 
-    def test_enter_leaves_it_out_where_that_is_allowed(self) -> None:
+    def test_enter_skips_an_optional_answer(self) -> None:
         interview, _, _ = self.interview(["", "", "Douro"])
         assert interview.answer(LteAnswers, Question("apn", "APN", "none")) is None
         assert interview.answer(PilotAnswers, Question("name", "Name", "")) == "Douro"
 
-    def test_every_question_fits_a_line(self) -> None:
+    def test_every_prompt_fits_a_line(self) -> None:
         asked: list[str] = []
         needed = {"Name of the pilot": "Douro", "Country": "portugal", "Short names": "pier"}
 
@@ -218,7 +218,7 @@ class TestInterview:
         assert interview.site() == {"satellite": {}}
         assert told == ["A site needs a link: a bridge, a cable, 4G or a satellite.", "Type yes or no."]
 
-    def test_names_are_names_and_stand_once(self) -> None:
+    def test_names_must_be_valid_and_unique(self) -> None:
         interview, _, told = self.interview(["", "pier,pier", "scc", "The Pier", "pier, boat"])
         assert interview.names("Sites", "", other="scc") == ["pier", "boat"]
         assert len(told) == 4
@@ -230,7 +230,7 @@ class TestInterview:
         assert validation_error(LteAnswers, "rate", "60 fast") is not None
 
 
-def test_what_was_typed_is_kept_when_it_is_no_valid_inventory(
+def test_typed_answers_are_saved_when_the_inventory_is_invalid(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The command that is advised then reads the kept answers, once they are corrected."""
@@ -274,7 +274,7 @@ def test_what_was_typed_is_kept_when_it_is_no_valid_inventory(
         None,
     ],
 )
-def test_yaml_text_is_read_back_as_it_was(value: str | float | None) -> None:
+def test_yaml_values_survive_a_round_trip(value: str | float | None) -> None:
     tree: dict[str, Tree] = {
         "a": {"b": [{"c": Value(value, is_example=True, comment="why")}, value]},
         "s": VaultSecret("x\ny"),

@@ -12,17 +12,17 @@ from atlantis_netcfg.inventory.channels import BANDS, RANGES, WIDTHS, is_channel
         (80, (5500, 5520, 5540, 5560, 5580, 5600, 5620, 5640)),
     ],
 )
-def test_outdoors_at_5_ghz(country: str, width: int, channels: tuple[int, ...]) -> None:
+def test_outdoor_channels_at_5_ghz(country: str, width: int, channels: tuple[int, ...]) -> None:
     assert legal(country, "5ghz", width, outdoors=True) == channels
 
 
-def test_indoors_at_5_ghz() -> None:
+def test_indoor_channels_at_5_ghz() -> None:
     indoors = legal("portugal", "5ghz", 80, outdoors=False)
     assert indoors[:8] == (5180, 5200, 5220, 5240, 5260, 5280, 5300, 5320)
     assert indoors[8:] == legal("portugal", "5ghz", 80, outdoors=True)
 
 
-def test_at_2_ghz() -> None:
+def test_channels_at_2_4_ghz() -> None:
     assert legal("portugal", "2ghz", 20, outdoors=True) == tuple(range(2412, 2473, 5))
     assert legal("portugal", "2ghz", 40, outdoors=True) == tuple(range(2412, 2473, 5))
 
@@ -39,11 +39,11 @@ def test_at_2_ghz() -> None:
         (5640, 80, None),
     ],
 )
-def test_the_rule_is_named(frequency: int, width: int, rule: str | None) -> None:
+def test_violated_rule_is_named(frequency: int, width: int, rule: str | None) -> None:
     assert why_illegal("portugal", "5ghz", frequency, width, outdoors=True) == rule
 
 
-def test_beyond_the_end_of_the_band() -> None:
+def test_channel_beyond_the_end_of_the_band() -> None:
     said = why_illegal("belgium", "2ghz", 2472, 100, outdoors=True)
     assert said == "the channel reaches from 2462 to 2562 MHz, beyond the band's end"
 
@@ -59,7 +59,7 @@ def test_a_is_5_ghz_and_g_is_2_4_ghz() -> None:
     assert (BANDS["802.11a"], BANDS["802.11g"]) == (("5ghz",), ("2ghz",))
 
 
-def test_tables_cover_the_models_words() -> None:
+def test_tables_cover_the_model_values() -> None:
     assert BANDS.keys() == WIDTHS.keys()
     assert {country: set(bands) for country, bands in RANGES.items()} == {
         "portugal": {"2ghz", "5ghz"},

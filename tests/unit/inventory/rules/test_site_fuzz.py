@@ -72,7 +72,7 @@ def check(inventory: Path) -> int:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_changed_data(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_randomly_changed_data_is_handled(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = random.Random(seed)  # noqa: S311 - a test
     monkeypatch.chdir(tmp_path)
     found = 0
@@ -91,7 +91,7 @@ def test_changed_data(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_changed_text(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_randomly_changed_text_is_handled(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = random.Random(1000 + seed)  # noqa: S311 - a test
     monkeypatch.chdir(tmp_path)
     found = 0

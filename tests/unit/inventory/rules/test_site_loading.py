@@ -55,7 +55,7 @@ def told(inventory: Path) -> list[str]:
     return [f"{finding} -> {finding.hint}" for finding in validate(inventory)]
 
 
-def test_the_shipped_pilot() -> None:
+def test_shipped_pilot_has_the_expected_sites_and_hosts() -> None:
     pilot = load(SHIPPED)
     assert list(pilot.sites) == ["scc", "coastal", "te4sea"]
     assert list(pilot.vehicles) == ["girona500", "sparus", "zarco", "stork", "mares", "eca-rov"]
@@ -68,21 +68,21 @@ def test_the_shipped_pilot() -> None:
     assert {host.site for host in pilot.hosts.values()} == set(pilot.sites)
 
 
-def test_revision_tells_contents_apart_and_not_places(inventory: Path) -> None:
+def test_revision_depends_on_contents_not_location(inventory: Path) -> None:
     before = load(inventory).revision
     assert load(inventory.absolute()).revision == before == load(SHIPPED).revision
     edit(inventory / ROUTER, "# Router", "# The router")
     assert load(inventory).revision != before
 
 
-def test_files_are_named_as_a_person_here_would_type_them(inventory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_names_are_relative_to_the_working_directory(inventory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     edit(inventory / "hosts.yml", "            scc-cpe:\n", "            scc_cpe:\n")
     assert {finding.file for finding in validate(inventory.absolute())} >= {"inventory/hosts.yml"}
     monkeypatch.chdir("/")
     assert validate(Path(os.path.relpath(SHIPPED))) == []
 
 
-def test_variables_of_a_site_in_a_folder(inventory: Path) -> None:
+def test_host_variables_can_be_a_folder(inventory: Path) -> None:
     before = load(inventory)
     (inventory / "host_vars/coastal-router").mkdir()
     (inventory / ROUTER).rename(inventory / "host_vars/coastal-router/device.yml")
@@ -91,7 +91,7 @@ def test_variables_of_a_site_in_a_folder(inventory: Path) -> None:
     assert (after.hosts, after.revision) == (before.hosts, after.revision)
 
 
-def test_hidden_files_and_documents_are_passed_by(inventory: Path) -> None:
+def test_hidden_files_and_documents_are_ignored(inventory: Path) -> None:
     (inventory / ".gitkeep").touch()
     (inventory / "README.md").write_text("How the address plan came about", encoding="utf-8")
     (inventory / "host_vars/.coastal-router.yml.swp").write_bytes(b"\0")
@@ -99,13 +99,13 @@ def test_hidden_files_and_documents_are_passed_by(inventory: Path) -> None:
     assert told(inventory) == []
 
 
-def test_byte_order_mark_and_windows_line_ends(inventory: Path) -> None:
+def test_byte_order_mark_and_windows_line_ends_are_accepted(inventory: Path) -> None:
     path = inventory / ROUTER
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
     assert told(inventory) == []
 
 
-def test_not_utf_8(inventory: Path) -> None:
+def test_non_utf_8_file_is_reported(inventory: Path) -> None:
     path = inventory / "group_vars/coastal.yml"
     path.write_bytes(path.read_bytes().replace(b"Coastal testbed", b"Viana \xe0 beira-mar"))
     assert told(inventory) == [
@@ -113,13 +113,13 @@ def test_not_utf_8(inventory: Path) -> None:
     ]
 
 
-def test_control_character(inventory: Path) -> None:
+def test_control_character_is_reported(inventory: Path) -> None:
     path = inventory / "group_vars/coastal.yml"
     path.write_bytes(path.read_bytes().replace(b"Coastal testbed", b"Coastal\0testbed"))
     assert told(inventory) == ["inventory/group_vars/coastal.yml:5:17: a control character stands here -> delete it"]
 
 
-def test_file_that_cannot_be_read(inventory: Path) -> None:
+def test_unreadable_file_is_reported(inventory: Path) -> None:
     (inventory / ROUTER).unlink()
     (inventory / ROUTER).symlink_to("nowhere.yml")
     (finding,) = validate(inventory)
@@ -132,26 +132,26 @@ def test_hosts_file_with_a_syntax_error_stops_there(inventory: Path) -> None:
     assert finding.file == "inventory/hosts.yml"
 
 
-def test_deep_nesting(inventory: Path) -> None:
+def test_deep_nesting_is_reported(inventory: Path) -> None:
     (inventory / "host_vars/coastal-gateway.yml").write_text("device: " + "[" * 900 + "]" * 900, encoding="utf-8")
     findings = validate(inventory)
     assert [finding.file for finding in findings] == ["inventory/host_vars/coastal-gateway.yml"]
 
 
 class TestVault:
-    def test_sealed_without_password(self, inventory: Path) -> None:
+    def test_encrypted_secret_cannot_be_revealed(self, inventory: Path) -> None:
         vault_password(inventory)
         secret = vpn_password(load(inventory))
         with pytest.raises(UsageError, match="still encrypted"):
             secret.reveal()
         assert "3063" not in repr(secret)
 
-    def test_opened(self, inventory: Path) -> None:
+    def test_decrypted_secret_is_revealed(self, inventory: Path) -> None:
         vault_password(inventory)
         declaration = load(inventory, decrypt=lambda text: text.splitlines()[1] + " opened by the vault\n")
         assert vpn_password(declaration).reveal() == "3063 opened by the vault"
 
-    def test_wrong_password(self, inventory: Path) -> None:
+    def test_wrong_vault_password_is_reported(self, inventory: Path) -> None:
         def refuse(text: str) -> str:
             raise RuntimeError("Decryption failed on " + text)
 
@@ -163,7 +163,7 @@ class TestVault:
             "  -> check the vault's password: it is not the one of this value",
         ]
 
-    def test_opened_secrets_are_checked_without_being_told(self, inventory: Path) -> None:
+    def test_decrypted_secrets_are_checked_but_not_shown(self, inventory: Path) -> None:
         for host in ("coastal-cpe", "scc-cpe"):
             vaulted = "key: " + VAULT.format(digits=host.encode().hex()).rstrip()
             edit(inventory / f"host_vars/{host}.yml", "key: EXAMPLE-ptp-key # EXAMPLE", vaulted)
@@ -174,38 +174,38 @@ class TestVault:
         ) == 2
         assert "toos" not in report(findings)
 
-    def test_control_characters_in_an_opened_secret(self, inventory: Path) -> None:
+    def test_control_characters_in_a_decrypted_secret_are_reported(self, inventory: Path) -> None:
         vault_password(inventory)
         (finding,) = validate(inventory, decrypt=lambda _: "two\nlines")
         assert finding.message == "`password` is empty, or has a line break or another control character"
 
 
 class TestNothing:
-    def test_no_directory(self, inventory: Path) -> None:
+    def test_missing_directory_is_reported(self, inventory: Path) -> None:
         with pytest.raises(NoMatchError, match="the inventory directory inventroy does not exist") as caught:
             validate(inventory.with_name("inventroy"))
         assert caught.value.hint == "inventories here: inventory"
         assert caught.value.exit is ExitCode.NOTHING
 
-    def test_a_file(self, inventory: Path) -> None:
+    def test_file_instead_of_directory_is_reported(self, inventory: Path) -> None:
         with pytest.raises(NoMatchError, match=r"hosts.yml is a file") as caught:
             validate(inventory / "hosts.yml")
         assert caught.value.hint == "an inventory is a directory with hosts.yml in it"
 
-    def test_empty_directory(self, tmp_path: Path) -> None:
+    def test_empty_directory_is_reported(self, tmp_path: Path) -> None:
         with pytest.raises(NoMatchError, match=r"there is no hosts\.yml") as caught:
             load(tmp_path)
         assert caught.value.hint == "it is empty"
 
     @pytest.mark.parametrize("text", ["", "---\n", "all:\n", "all: {children: {sites: {children: {}}}}\n"])
-    def test_no_site(self, inventory: Path, text: str) -> None:
+    def test_inventory_without_site_is_reported(self, inventory: Path, text: str) -> None:
         (inventory / "hosts.yml").write_text(text, encoding="utf-8")
         with pytest.raises(NoMatchError, match="declares no site"):
             validate(inventory)
 
 
 class TestChoose:
-    def test_a_site(self) -> None:
+    def test_site_name_selects_its_hosts(self) -> None:
         assert [host.name for host in choose(load(SHIPPED), "scc")] == [
             "scc-router",
             "scc-cpe",
@@ -213,11 +213,11 @@ class TestChoose:
             "scc-control",
         ]
 
-    def test_every_site(self) -> None:
+    def test_all_selects_every_host(self) -> None:
         pilot = load(SHIPPED)
         assert choose(pilot, "all") == tuple(pilot.hosts.values())
 
-    def test_only_some_in_the_inventorys_order(self) -> None:
+    def test_only_selects_hosts_in_inventory_order(self) -> None:
         chosen = choose(load(SHIPPED), "coastal", ["coastal-cpe", "coastal-router", "coastal-cpe"])
         assert [host.name for host in chosen] == ["coastal-router", "coastal-cpe"]
         assert isinstance(chosen[1].device, Cpe)
@@ -246,22 +246,20 @@ class TestChoose:
             ),
         ],
     )
-    def test_nothing_matched(self, site: str, only: tuple[str, ...], message: str, hint: str) -> None:
+    def test_no_match_is_reported_with_a_hint(self, site: str, only: tuple[str, ...], message: str, hint: str) -> None:
         with pytest.raises(NoMatchError) as caught:
             choose(load(SHIPPED), site, only)
         assert (str(caught.value), caught.value.hint) == (message, hint)
 
 
-def test_a_machine_without_time_zones_cannot_tell(inventory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_time_zone_is_not_checked_without_zone_data(inventory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     edit(inventory / "group_vars/all/pilot.yml", "Europe/Lisbon", "Europe/Viana")
     assert len(validate(inventory)) == 1
     monkeypatch.setattr(management, "available_timezones", set)
     assert validate(inventory) == []
 
 
-def test_a_folder_that_may_not_be_looked_at_is_no_fault_of_ours(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unreadable_inventory_folder_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A name that no file system takes stands for a folder of another account, which `root` would read."""
     with pytest.raises(NoMatchError, match="cannot be read: File name too long"):
         load(tmp_path / ("x" * 300))
@@ -275,9 +273,7 @@ def test_a_folder_that_may_not_be_looked_at_is_no_fault_of_ours(
         load(tmp_path / "nowhere")
 
 
-def test_a_folder_whose_files_may_not_be_looked_at_is_no_fault_of_ours(
-    inventory: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unreadable_inventory_files_are_reported(inventory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(_path: Path) -> bool:
         raise PermissionError(errno.EACCES, "Permission denied")
 
@@ -302,12 +298,12 @@ def work(folder: Path, number: int) -> int:
     return int(pstats.Stats(profile).total_calls)  # type: ignore[attr-defined]
 
 
-def test_the_work_grows_with_the_sites_and_not_with_their_square(tmp_path: Path) -> None:
+def test_work_grows_linearly_with_the_sites(tmp_path: Path) -> None:
     few, some, more = (work(tmp_path, number) for number in (10, 40, 80))
     assert more - some < 2.0 * 40 / 30 * (some - few)
 
 
-def test_public_surface() -> None:
+def test_public_names() -> None:
     assert sorted(atlantis_netcfg.inventory.__all__) == [
         *("ALL", "Finding", "Host", "Inventory", "InventoryInvalid", "Mark", "choose", "load"),
         *("report", "validate"),
@@ -315,12 +311,12 @@ def test_public_surface() -> None:
     assert all(hasattr(atlantis_netcfg.inventory, name) for name in atlantis_netcfg.inventory.__all__)
 
 
-def test_unknown_name() -> None:
+def test_unknown_attribute_is_an_error() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'lode'"):
         getattr(atlantis_netcfg.inventory, "lode")  # noqa: B009 - mypy knows that it is not there
 
 
-def test_importing_it_imports_nothing_heavy() -> None:
+def test_import_loads_no_heavy_module() -> None:
     heavy = "('pydantic', 'yaml', 'jinja2')"
     program = f"import sys, atlantis_netcfg.inventory; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
@@ -344,5 +340,5 @@ def test_every_rule_is_in_use() -> None:
     assert len(in_use) == len(written)
 
 
-def test_every_rule_says_what_must_hold() -> None:
+def test_every_rule_has_a_docstring() -> None:
     assert [rule.__name__ for rule in (*rules.RULES, *rules.WARNINGS) if not (rule.__doc__ or "").strip()] == []

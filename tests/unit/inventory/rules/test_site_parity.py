@@ -36,20 +36,20 @@ def ansibles(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return told
 
 
-def test_hosts_of_sites(ours: Inventory, ansibles: dict[str, Any]) -> None:
+def test_site_hosts_match_ansible(ours: Inventory, ansibles: dict[str, Any]) -> None:
     assert {site: ansibles[site]["hosts"] for site in ansibles["sites"]["children"]} == {
         site: [host.name for host in ours.site_hosts(site)] for site in ours.sites
     }
 
 
-def test_hosts_of_kinds(ours: Inventory, ansibles: dict[str, Any]) -> None:
+def test_hosts_by_kind_match_ansible(ours: Inventory, ansibles: dict[str, Any]) -> None:
     assert {kind: sorted(ansibles.get(group, {}).get("hosts", ())) for group, kind in KIND_GROUPS.items()} == {
         kind: sorted(host.name for host in ours.hosts.values() if host.device.kind == kind)
         for kind in KIND_GROUPS.values()
     }
 
 
-def test_values(ours: Inventory, ansibles: dict[str, Any]) -> None:
+def test_ansible_host_values_match_the_files(ours: Inventory, ansibles: dict[str, Any]) -> None:
     for host in ours.hosts.values():
         files = [*sorted((SHIPPED / "group_vars/all").iterdir()), SHIPPED / f"group_vars/{host.site}.yml"]
         files.append(SHIPPED / f"host_vars/{host.name}.yml")

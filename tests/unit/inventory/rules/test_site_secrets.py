@@ -106,7 +106,9 @@ def vault(mark: Mark, secret: str) -> None:
         ("kX9#mQ2vLp7wRt4z", ""),
     ],
 )
-def test_a_secret_is_judged_where_it_stands(field: str, secret: str, problem: str, places: dict[str, Mark]) -> None:
+def test_secret_is_checked_and_reported_at_its_line(
+    field: str, secret: str, problem: str, places: dict[str, Mark]
+) -> None:
     mark = places[field]
     vault(mark, secret)
     ours = {
@@ -118,7 +120,7 @@ def test_a_secret_is_judged_where_it_stands(field: str, secret: str, problem: st
     assert ours == ({f"{mark.file}:{mark.line}"} if judged else set())
 
 
-def test_it_is_an_error_of_the_inventory_that_does_not_tell_the_secret(places: dict[str, Mark]) -> None:
+def test_weak_secret_is_an_inventory_error_and_is_not_shown(places: dict[str, Mark]) -> None:
     vault(places["router vpn_client password"], "password12345678")
     with pytest.raises(InventoryInvalid) as caught:
         load(Path("inventory"), decrypt=inventory_cases.opened)
@@ -127,7 +129,7 @@ def test_it_is_an_error_of_the_inventory_that_does_not_tell_the_secret(places: d
     assert "password12345678" not in report(caught.value.findings)
 
 
-def test_a_sealed_secret_is_not_judged(places: dict[str, Mark]) -> None:
+def test_encrypted_secret_is_not_checked(places: dict[str, Mark]) -> None:
     before = validate(Path("inventory"))
     vault(places["router vpn_client password"], "a" * 24)
     assert [finding.message for finding in validate(Path("inventory"))] == [finding.message for finding in before]
@@ -137,7 +139,7 @@ def test_a_sealed_secret_is_not_judged(places: dict[str, Mark]) -> None:
     "secret",
     ["f" * 31 + "8", "A" * 43 + "=", "bU0pG1zQmXwqv0c4T8n1R2y6JkLh3sDfAeWtYuIoPzM=", "glpat-8sJq2Vx_7Rk-LmT4wZ9p"],
 )
-def test_keys_and_tokens_pass_if_they_are_random(secret: str, places: dict[str, Mark]) -> None:
+def test_random_keys_and_tokens_are_accepted(secret: str, places: dict[str, Mark]) -> None:
     vault(places["pilot qualify key"], secret)
     messages = {finding.message for finding in validate(Path("inventory"), decrypt=inventory_cases.opened)}
     assert ("`key` is easy to guess" in messages) == secret.startswith(("f", "A"))

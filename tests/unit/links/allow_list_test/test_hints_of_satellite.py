@@ -233,7 +233,7 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
 
 
 @pytest.mark.parametrize("name", SITUATIONS)
-def test_what_is_advised_is_typed(name: str, laptop: Laptop, reached: list[str]) -> None:
+def test_advised_commands_can_be_typed(name: str, laptop: Laptop, reached: list[str]) -> None:
     brings, hint, code, devices = SITUATIONS[name]
     commands = advised(said(brings(laptop), hint))
     assert commands

@@ -60,7 +60,7 @@ def told(proof: Proof) -> dict[str, tuple[str, str]]:
     }
 
 
-def test_an_allowed_host_is_reached_after_a_gap_and_a_stranger_refused_by_the_router() -> None:
+def test_allowed_host_answers_after_a_gap_and_other_host_is_refused() -> None:
     router = Fake(beyond={ADDED: 14})
     proof = prove(router)
     found = told(proof)
@@ -73,14 +73,14 @@ def test_an_allowed_host_is_reached_after_a_gap_and_a_stranger_refused_by_the_ro
     assert proof.bytes_counted == 15 * 84 + 84
 
 
-def test_what_cannot_be_tried_is_told_as_that() -> None:
+def test_untestable_targets_are_reported_as_not_tried() -> None:
     found = told(prove(Fake(beyond={ADDED: 0})))
     assert found["203.0.113.2 udp 1194"] == ("not tried", "INCONCLUSIVE")
     assert found["203.0.113.2 tcp 1195"] == ("not tried", "INCONCLUSIVE")
     assert len(found) == 6
 
 
-def test_a_proof_of_every_target_is_done() -> None:
+def test_proof_of_every_target_exits_with_done() -> None:
     only = SATELLITE.link.model_copy(update={"refused_probes": ()})
     router = Fake(active=True, counts_after=3, tells_time=True, tells_both=True)
     proof = prove(router, proving(try_all=True, link=only))
@@ -91,31 +91,31 @@ def test_a_proof_of_every_target_is_done() -> None:
 @pytest.mark.parametrize(
     ("verdict", "code"), [(Verdict.WARN, 0), (Verdict.INCONCLUSIVE, 6), (Verdict.FAIL, 6), (Verdict.ERROR, 6)]
 )
-def test_what_is_found_beside_the_targets_counts_as_well(verdict: Verdict, code: int) -> None:
+def test_additional_findings_count_towards_the_exit_code(verdict: Verdict, code: int) -> None:
     only = SATELLITE.link.model_copy(update={"refused_probes": ()})
     router = Fake(active=True, counts_after=3, tells_time=True, tells_both=True)
     proof = prove(router, proving(try_all=True, link=only))
     assert replace(proof, findings=(LinkFinding(verdict, "allow-list-name", "it has moved"),)).exit == code
 
 
-def test_an_allowed_host_that_stays_silent_for_the_window_fails() -> None:
+def test_allowed_host_silent_for_the_whole_window_fails() -> None:
     proof = prove(Fake())
     assert told(proof)[ADDED] == ("silent", "FAIL")
     assert proof.exit is ExitCode.CHECKS_FAILED
 
 
-def test_a_short_window_proves_nothing_about_silence() -> None:
+def test_silence_in_a_short_window_is_inconclusive() -> None:
     assert told(prove(Fake(), proving(window_s=45.0)))[ADDED] == ("silent", "INCONCLUSIVE")
 
 
-def test_a_filter_that_somebody_has_opened_is_a_leak() -> None:
+def test_open_filter_is_a_failure() -> None:
     proof = prove(Fake(beyond={ADDED: 0, STRANGER: 0}, open=True))
     assert told(proof)[STRANGER] == ("answered", "FAIL")
     assert proof.exit is ExitCode.CHECKS_FAILED
 
 
 @pytest.mark.parametrize(("answers", "outcome", "verdict"), [(True, "answered", "WARN"), (False, "silent", "PASS")])
-def test_with_the_filter_open_for_one_host_the_terminal_decides(answers: bool, outcome: str, verdict: str) -> None:  # noqa: FBT001 - a case
+def test_with_filter_opened_for_one_host_the_terminal_decides(answers: bool, outcome: str, verdict: str) -> None:  # noqa: FBT001 - a case
     router = Fake(beyond={ADDED: 0, **({STRANGER: 0} if answers else {})})
     proof = prove(router, proving(open_filter=True))
     assert told(proof)[f"{STRANGER} open"] == (outcome, verdict)
@@ -133,14 +133,14 @@ def test_with_the_filter_open_for_one_host_the_terminal_decides(answers: bool, o
     assert proof.exit is ExitCode.CHECKS_FAILED, "the VPN and the time could not be tried"
 
 
-def test_the_filter_stays_closed_where_nothing_takes_the_opening_back() -> None:
+def test_filter_is_not_opened_without_safe_mode() -> None:
     router = Fake(beyond={ADDED: 0}, safe_mode=False)
     with pytest.raises(DeviceError, match="nothing was changed for the proof: no such command prefix"):
         prove(router, proving(open_filter=True))
     assert not any(command.path == "/ip/firewall/filter/add" for command in router.sent)
 
 
-def test_safe_mode_is_looked_at_again_where_the_first_look_was_answered_before_it_was_taken() -> None:
+def test_safe_mode_is_read_again_after_reordered_replies() -> None:
     class Shuffled(Fake):
         async def flight(self, commands: "Sequence[Command]", *, silence_s: float | None = None) -> "list[Reply]":
             takes = [command.path for command in commands] == ["/safe-mode/take", "/safe-mode/print"]
@@ -152,23 +152,23 @@ def test_safe_mode_is_looked_at_again_where_the_first_look_was_answered_before_i
     assert (router.rows, router.held) == ([], False)
 
 
-def test_a_filter_that_may_still_be_open_is_never_called_closed() -> None:
+def test_filter_that_may_still_be_open_is_outcome_unknown() -> None:
     with pytest.raises(OutcomeUnknown, match="does not say that the rows of the proof are gone"):
         prove(Fake(beyond={ADDED: 0}, stuck=True), proving(open_filter=True))
 
 
-def test_over_a_link_that_answers_nowhere_nothing_is_called_refused_beyond() -> None:
+def test_silent_link_is_inconclusive_about_refusal() -> None:
     plain = proving(open_filter=True, link=SATELLITE.link)
     assert told(prove(Fake(), plain))[f"{STRANGER} open"] == ("silent", "INCONCLUSIVE")
 
 
-def test_the_budget_stops_it() -> None:
+def test_byte_budget_stops_the_test() -> None:
     router = Fake(burst_bytes=BUDGET_BYTES)
     assert told(prove(router))[ADDED] == ("silent", "INCONCLUSIVE")
     assert len([command for command in router.sent if ("address", ADDED) in command.arguments]) == 1
 
 
-def test_a_session_over_the_satellite_itself_is_expected_and_paid() -> None:
+def test_session_over_the_tested_satellite_is_included_in_the_bill() -> None:
     """The router of the vessel is reached over the satellite that is proved."""
     found = satellite_of(DECLARED, "te4sea", None)
     what = found.proving(DECLARED, is_rehearsal=True)
@@ -182,7 +182,7 @@ def test_a_session_over_the_satellite_itself_is_expected_and_paid() -> None:
     assert expected.bill.payload_bytes >= bill.payload_bytes > 3_000
 
 
-def test_a_session_over_another_link_is_told_beside_the_satellite() -> None:
+def test_session_over_another_link_is_billed_separately() -> None:
     what = SATELLITE.proving(DECLARED, is_rehearsal=True, via="4g")
     session, pings = previews(DECLARED, what)
     assert [one.link.name for one in (session, pings)] == ["4g", "satellite"]
@@ -197,12 +197,12 @@ def test_a_session_over_another_link_is_told_beside_the_satellite() -> None:
         SATELLITE.proving(DECLARED, is_rehearsal=True, via="4h")
 
 
-def test_pings_alone_keep_far_below_the_budget() -> None:
+def test_pings_use_less_than_half_the_budget() -> None:
     assert proving(open_filter=True).expected_bytes <= BUDGET_BYTES / 2
     assert prove(Fake()).bytes_counted < BUDGET_BYTES / 2
 
 
-def test_while_the_satellite_carries_the_traffic_the_tunnels_answers_are_counted() -> None:
+def test_tunnel_replies_count_while_satellite_is_active() -> None:
     proof = prove(Fake(beyond={ADDED: 0}, active=True, counts_after=3))
     assert proof.active
     assert told(proof)["203.0.113.2 udp 1194"] == ("answered", "PASS")
@@ -210,7 +210,7 @@ def test_while_the_satellite_carries_the_traffic_the_tunnels_answers_are_counted
 
 
 @pytest.mark.parametrize(("tunnel", "verdict"), [("false", "FAIL"), ("true", "INCONCLUSIVE"), (None, "INCONCLUSIVE")])
-def test_silence_counts_only_while_the_tunnel_is_down_and_asks(tunnel: str | None, verdict: str) -> None:
+def test_vpn_silence_counts_only_while_the_tunnel_is_connecting(tunnel: str | None, verdict: str) -> None:
     proof = prove(Fake(beyond={ADDED: 0}, active=True, tunnel=tunnel))
     assert told(proof)["203.0.113.2 udp 1194"] == ("silent", verdict)
 
@@ -219,17 +219,17 @@ def test_silence_counts_only_while_the_tunnel_is_down_and_asks(tunnel: str | Non
     ("terminal", "factory", "code"),
     [(True, False, None), (False, True, "box-in-wrong-subnet"), (False, False, "box-silent")],
 )
-def test_a_terminal_in_the_wrong_subnet_is_found_by_arp(terminal: bool, factory: bool, code: str | None) -> None:  # noqa: FBT001 - a case
+def test_terminal_in_the_wrong_subnet_is_detected_by_arp(terminal: bool, factory: bool, code: str | None) -> None:  # noqa: FBT001 - a case
     proof = prove(Fake(beyond={ADDED: 0}, terminal=terminal, at_factory=factory))
     assert [finding.code for finding in proof.findings] == ([] if code is None else [code])
 
 
-def test_a_port_that_somebody_has_renamed_is_asked_by_the_name_that_it_has() -> None:
+def test_renamed_port_is_probed_by_its_current_name() -> None:
     proof = prove(Fake(beyond={ADDED: 0}, terminal=True, at_factory=True, port_name="starlink"))
     assert [finding.code for finding in proof.findings] == ["factory-address-answers"]
 
 
-def test_a_port_that_the_router_does_not_ask_on_is_not_called_free(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unprobed_port_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
     router = Fake(beyond={ADDED: 0}, terminal=True, port_name="starlink")
     monkeypatch.setattr(router, "_port", lambda: replace(Fake()._port()))
     proof = prove(router)
@@ -245,7 +245,7 @@ def over_tcp() -> Link:
 
 
 @pytest.mark.parametrize(("connects", "seen"), [(True, ("answered", "PASS")), (False, ("silent", "FAIL"))])
-def test_a_tcp_target_is_tried_by_a_row_that_is_gone_afterwards(connects: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
+def test_tcp_target_is_tested_by_a_temporary_netwatch_row(connects: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
     router = Fake(connects=connects)
     assert told(prove(router, proving(try_all=True, link=over_tcp())))[f"{ADDED} tcp 443"] == seen
     assert (router.rows, router.held) == ([], False)
@@ -258,7 +258,7 @@ def test_a_tcp_target_is_tried_by_a_row_that_is_gone_afterwards(connects: bool, 
 
 
 @pytest.mark.parametrize("connects", [True, False])
-def test_what_did_not_go_out_over_the_satellite_proves_nothing(connects: bool) -> None:  # noqa: FBT001 - a case
+def test_packets_not_sent_over_the_satellite_prove_nothing(connects: bool) -> None:  # noqa: FBT001 - a case
     rule = {"chain": "to-satellite", "action": "return", "dst-address": ADDED, "dst-port": "443", "protocol": "tcp"}
     router = Fake(connects=connects, more_rules=({**rule, "packets": "3"},))
     proof = prove(router, proving(try_all=True, link=over_tcp()))
@@ -274,7 +274,7 @@ def test_what_did_not_go_out_over_the_satellite_proves_nothing(connects: bool) -
         (False, True, ("not tried", "INCONCLUSIVE")),
     ],
 )
-def test_the_time_client_is_led_over_the_satellite_and_back(asks: bool, tells: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
+def test_time_client_is_routed_over_the_satellite_and_back(asks: bool, tells: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
     router = Fake(beyond={ADDED: 0}, asks_time=asks, tells_time=tells)
     assert told(prove(router, proving(try_all=True)))["192.0.2.123 udp 123"] == seen
     assert (router.clock, router.rows, router.held) == (["no", "yes"], [], False)
@@ -287,27 +287,27 @@ def test_the_time_client_is_led_over_the_satellite_and_back(asks: bool, tells: b
     ]
 
 
-def test_while_the_satellite_carries_the_traffic_the_time_needs_no_way_of_its_own() -> None:
+def test_time_needs_no_route_while_satellite_is_active() -> None:
     router = Fake(beyond={ADDED: 0}, active=True, tells_time=True)
     assert told(prove(router, proving(try_all=True)))["192.0.2.123 udp 123"] == ("answered", "PASS")
     assert not any(command.path == "/routing/rule/add" for command in router.sent)
 
 
-def test_without_a_word_no_row_is_added() -> None:
+def test_no_row_is_added_by_default() -> None:
     router = Fake(beyond={ADDED: 0})
     prove(router, proving(link=over_tcp()))
     reading = ("/print", "/tool/ping")
     assert [command.path for command in router.sent if not command.path.endswith(reading)] == []
 
 
-def test_nothing_is_concluded_from_nothing() -> None:
+def test_no_tested_target_gives_exit_code_nothing() -> None:
     alone = SATELLITE.link.model_copy(update={"refused_probes": ()})
     proof = prove(Fake(), proving(link=alone))
     assert {finding.verdict for _, finding in proof.results} == {Verdict.INCONCLUSIVE}
     assert proof.exit is ExitCode.NOTHING
 
 
-def test_the_vpns_address_is_not_pinged_over_a_link_that_it_does_not_take() -> None:
+def test_vpn_address_is_pinged_only_over_the_active_link() -> None:
     whole = AllowedTarget.model_validate({"name": "VPN host", "address": "203.0.113.2"})
     link = SATELLITE.link.model_copy(update={"allow": (whole,)})
     by_activity = {
@@ -328,18 +328,18 @@ def test_every_target_of_the_shipped_sites_is_planned_once() -> None:
 
 
 @pytest.mark.parametrize(("site", "name", "words"), [("scc", None, "no satellite link"), ("coastal", "4g", "`4g`")])
-def test_a_site_without_the_link_has_nothing_to_prove(site: str, name: str | None, words: str) -> None:
+def test_site_without_a_satellite_link_is_refused(site: str, name: str | None, words: str) -> None:
     with pytest.raises(NothingToProve, match=words):
         satellite_of(DECLARED, site, name)
 
 
-def test_names_are_asked_at_once_and_silence_is_told_from_absence() -> None:
+def test_resolver_distinguishes_no_reply_from_no_address() -> None:
     answers = {"a.example.org": frozenset({"192.0.2.1"}), "b.example.org": frozenset[str](), "c.example.org": None}
     assert asyncio.run(resolve([*answers, "a.example.org"], ask=answers.__getitem__)) == answers
     assert asyncio.run(resolve([])) == {}
 
 
-def test_json_holds_what_text_says() -> None:
+def test_json_matches_the_text() -> None:
     proof = prove(Fake(beyond={ADDED: 0}))
     data = proof.as_json()
     assert data["exit"] == 6

@@ -67,7 +67,7 @@ def asked(router: Fake, line: Line, packet: FirstPacket | None = None, window_s:
     return prove(router, what)
 
 
-def test_the_server_answers_over_the_satellite_and_no_row_is_left() -> None:
+def test_server_replies_over_the_satellite_and_no_row_remains() -> None:
     packet = FirstPacket(pki.client_key(pki.server_key(), b"cn=coastal-router"))
     router = Fake()
     proof = asked(router, Line(answer_to(packet)), packet)
@@ -88,7 +88,7 @@ def test_the_server_answers_over_the_satellite_and_no_row_is_left() -> None:
     assert (router.rows, router.held) == ([], False)
 
 
-def test_a_gap_of_the_link_is_outlasted() -> None:
+def test_probe_outlasts_a_gap_of_the_link() -> None:
     packet = FirstPacket(pki.shared_key())
     line = Line(answer_to(packet), after=6)
     proof = asked(Fake(), line, packet)
@@ -98,7 +98,7 @@ def test_a_gap_of_the_link_is_outlasted() -> None:
     assert attempt.after_s == pytest.approx(75.7)
 
 
-def test_silence_counts_after_six_questions() -> None:
+def test_silence_counts_after_six_requests() -> None:
     line = Line()
     proof = asked(Fake(vpn_counts=(True, False)), line)
     assert told(proof)[SERVER] == ("silent", "FAIL")
@@ -107,7 +107,7 @@ def test_silence_counts_after_six_questions() -> None:
 
 
 @pytest.mark.parametrize("counts", [(False, True), (True, False), (False, False)])
-def test_an_answer_that_the_router_has_not_counted_over_the_satellite_proves_nothing(counts: tuple[bool, bool]) -> None:
+def test_reply_not_counted_over_the_satellite_proves_nothing(counts: tuple[bool, bool]) -> None:
     packet = FirstPacket(pki.shared_key())
     proof = asked(Fake(vpn_counts=counts), Line(answer_to(packet)), packet)
     assert told(proof)[SERVER] == ("not tried", "INCONCLUSIVE")
@@ -115,14 +115,14 @@ def test_an_answer_that_the_router_has_not_counted_over_the_satellite_proves_not
     assert not proof.vpn_answered
 
 
-def test_a_stranger_who_answers_is_not_believed() -> None:
+def test_reply_with_another_key_is_rejected() -> None:
     packet = FirstPacket(pki.shared_key())
     proof = asked(Fake(), Line(answer_to(FirstPacket(pki.shared_key(), packet.session))), packet)
     assert told(proof)[SERVER] == ("silent", "FAIL")
     assert not proof.vpn_answered
 
 
-def test_while_the_satellite_carries_the_traffic_the_tunnel_is_the_proof() -> None:
+def test_no_probe_is_sent_while_satellite_carries_the_tunnel() -> None:
     line = Line()
     packet = FirstPacket(pki.shared_key())
     proof = asked(Fake(active=True, counts_after=3, tells_time=True), line, packet)
@@ -130,7 +130,7 @@ def test_while_the_satellite_carries_the_traffic_the_tunnel_is_the_proof() -> No
     assert (line.sent, proof.vpn_answered) == ([], False)
 
 
-def test_what_is_in_the_way_is_told_with_what_helps() -> None:
+def test_obstacle_is_reported_with_a_hint() -> None:
     what = proving(try_all=True)
     what.vpn = UsageError("this computer stands elsewhere", hint="plug it in")
     (found,) = [finding for attempt, finding in prove(Fake(), what).results if attempt.target == SERVER]
@@ -140,7 +140,7 @@ def test_what_is_in_the_way_is_told_with_what_helps() -> None:
     )
 
 
-def test_it_is_in_the_price_and_within_the_budget() -> None:
+def test_vpn_probe_is_priced_and_within_the_budget() -> None:
     without, asking = proving(), proving(try_all=True)
     assert asking.expected_bytes - without.expected_bytes > VPN_BYTES
     (_, satellite) = previews(DECLARED, asking)
@@ -152,13 +152,13 @@ def trial(folder: Path, twins: object = None) -> vpn.VpnQuestion | NetcfgError:
         return made
 
 
-def test_without_a_key_of_a_member_nobody_can_ask(tmp_path: Path) -> None:
+def test_missing_member_identity_is_reported(tmp_path: Path) -> None:
     made = trial(tmp_path)
     assert isinstance(made, UsageError)
     assert str(made) == "there is no identity of coastal-router on this computer"
 
 
-def test_who_stands_elsewhere_cannot_be_led(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_computer_outside_the_site_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hosts = tmp_path / "vpn" / "hosts"
     hosts.mkdir(parents=True)
     (hosts / "coastal-router.identity").write_text(identity_file(rehearsed_identity(DECLARED, ROUTER)).reveal())
@@ -169,7 +169,7 @@ def test_who_stands_elsewhere_cannot_be_led(tmp_path: Path, monkeypatch: pytest.
     assert "only packets from networks of `coastal` pass its router" in str(made)
 
 
-def test_a_rehearsal_without_openvpn_says_that_it_was_not_rehearsed(
+def test_rehearsal_without_openvpn_is_reported_as_not_rehearsed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("shutil.which", lambda *_, **__: None)
@@ -178,7 +178,7 @@ def test_a_rehearsal_without_openvpn_says_that_it_was_not_rehearsed(
     assert str(made) == "not rehearsed: this computer has no OpenVPN that could answer"
 
 
-def test_a_proof_is_remembered_for_the_link_and_a_damaged_note_is_none(tmp_path: Path) -> None:
+def test_proof_is_stored_per_link_and_damaged_file_is_ignored(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert store.proof("coastal", "satellite") is None
     store.keep_proof("coastal", "satellite")

@@ -32,7 +32,7 @@ WANTED = WifiSettings(peer="b", access_point=True, ssid="s", protocol="nv2", fre
 
 
 @given(st.sampled_from(Family), TABLES, st.none() | ROWS)
-def test_a_radio_may_say_anything(
+def test_any_radio_reply_is_handled(
     family: Family, table: list[dict[str, str]] | None, monitor: dict[str, str] | None
 ) -> None:
     found = read(family, table, monitor)
@@ -43,7 +43,7 @@ def test_a_radio_may_say_anything(
 
 
 @given(st.none() | ROWS, TABLES, TABLES, TABLES, TABLES)
-def test_a_modem_may_say_anything(
+def test_any_modem_reply_is_handled(
     monitor: dict[str, str] | None,
     interfaces: list[dict[str, str]] | None,
     profiles: list[dict[str, str]] | None,
@@ -89,7 +89,7 @@ def test_intervals(text: str | None, expected: float | None) -> None:
     assert seconds(text) == expected
 
 
-def test_counts_shares_and_truths() -> None:
+def test_counts_percentages_and_booleans() -> None:
     assert [percent(text) for text in ("90", "90%", "0", "101", "N/A", None)] == [90.0, 90.0, 0.0, None, None, None]
     assert [whole(text) for text in ("3", "0", "-1", "3.0", "³", None)] == [3, 0, None, None, None, None]
     assert [yes(text) for text in ("yes", "True", "no", "false", "", "N/A", None)] == [

@@ -39,13 +39,13 @@ SECONDS = st.floats(0, 10**6)
         (1, 86400.0, 25_920_000, Basis.FLOOR),
     ],
 )
-def test_the_published_rule_is_applied(nbytes: int, seconds: float, billed: int, basis: Basis) -> None:
+def test_published_billing_rule_is_applied(nbytes: int, seconds: float, billed: int, basis: Basis) -> None:
     found = bill(nbytes, seconds, CERTUS_100)
     assert (found.billed_bytes, found.basis) == (billed, basis)
     assert found.price == Decimal(8) * billed / 1_000_000
 
 
-def test_without_a_tariff_the_price_is_unknown_and_never_zero() -> None:
+def test_price_without_a_tariff_is_unknown() -> None:
     found = bill(60_000, 900.0, None)
     assert (found.billed_bytes, found.price, found.currency) == (60_000, None, None)
     assert found.words == "60 kB, price unknown"
@@ -59,13 +59,13 @@ def test_a_price_below_a_cent_is_not_shown_as_nothing() -> None:
 
 
 @pytest.mark.parametrize(("nbytes", "seconds"), [(-1, 0.0), (0, -0.1)])
-def test_what_cannot_be_is_not_priced(nbytes: int, seconds: float) -> None:
+def test_impossible_session_is_not_priced(nbytes: int, seconds: float) -> None:
     with pytest.raises(ValueError, match="no session carries"):
         bill(nbytes, seconds, CERTUS_100)
 
 
 @given(BYTES, SECONDS, TARIFFS)
-def test_nobody_is_billed_less_than_what_was_carried(nbytes: int, seconds: float, tariff: Tariff) -> None:
+def test_billed_bytes_are_never_below_the_payload(nbytes: int, seconds: float, tariff: Tariff) -> None:
     found = bill(nbytes, seconds, tariff)
     assert found.billed_bytes >= nbytes
     assert (found.billed_bytes == nbytes) == (found.basis is Basis.PAYLOAD)
@@ -97,7 +97,7 @@ def test_a_dearer_tariff_never_costs_less(nbytes: int, seconds: float, tariff: T
     assert higher >= lower
 
 
-def test_a_preview_names_the_bearer_the_price_and_what_is_not_declared() -> None:
+def test_preview_names_link_price_and_missing_billing() -> None:
     satellite = MeteredLink("satellite", "coastal", is_metered=True, tariff=CERTUS_100, cap_bytes=5_000_000)
     assert preview(60_000, 40.0, satellite).words == (
         "over satellite of coastal, which is paid by the byte: about 60 kB, 0.48 EUR"
@@ -111,7 +111,7 @@ def test_a_preview_names_the_bearer_the_price_and_what_is_not_declared() -> None
     assert preview(60_000, 2.0, cable).words == "over lan, which is not paid by the byte: about 60 kB"
 
 
-def test_the_cap_holds_on_metered_links_and_names_its_key() -> None:
+def test_cap_applies_to_metered_links_and_names_its_key() -> None:
     link = MeteredLink("satellite", "coastal", is_metered=True, cap_bytes=5_000_000)
     assert not preview(5_000_000, 1.0, link).over_cap
     beyond = preview(5_000_001, 1.0, link)
@@ -135,7 +135,7 @@ def test_the_cap_holds_on_metered_links_and_names_its_key() -> None:
         (12_400_000, "12.4 MB"),
     ],
 )
-def test_sizes_are_told_in_the_units_of_a_bill(nbytes: int, words: str) -> None:
+def test_sizes_use_the_units_of_a_bill(nbytes: int, words: str) -> None:
     assert size(nbytes) == words
 
 
@@ -157,7 +157,7 @@ MOBILE = LinkPace(rtt_s=0.06, up_bps=10e6)
         (SteadyTopic(5.0, 6000), (33_000 - 968) / 5, 0),
     ],
 )
-def test_the_measured_table_is_a_second_witness(topic: SteadyTopic, up: float, down: float) -> None:
+def test_model_agrees_with_measured_message_costs(topic: SteadyTopic, up: float, down: float) -> None:
     """facts/devices.md, section 9: Cyclone DDS 0.10.2 with its own fragments of 1344 bytes, by the cost of one more."""
     cost = DdsMessages(1344, 1344, CYCLONE, NO_VPN).cost(topic, CABLE)
     assert (cost.bytes_up, cost.bytes_down) == pytest.approx((up, down), rel=TOLERANCE)
@@ -183,13 +183,13 @@ COUNTED = {
 
 
 @pytest.mark.parametrize("name", COUNTED)
-def test_bytes_of_a_message_as_they_were_counted(name: str) -> None:
+def test_message_bytes_agree_with_counted_traffic(name: str) -> None:
     sizes, pace, topic, both = COUNTED[name]
     cost = DdsMessages(1200, 1100, sizes, NO_VPN).cost(topic, pace)
     assert cost.bytes_up + cost.bytes_down == pytest.approx(both, rel=TOLERANCE)
 
 
-def test_reliable_images_over_a_thin_link_go_several_times() -> None:
+def test_reliable_images_over_a_thin_link_are_sent_several_times() -> None:
     """The reason for the advice of the page: best effort for what goes in fragments."""
     images = SteadyTopic(0.2, 10_000), SteadyTopic(0.2, 10_000, reliable=True)
     once, again = (DdsMessages(1200, 1100, FAST, NO_VPN).cost(topic, SATELLITE) for topic in images)

@@ -25,14 +25,14 @@ def ident(case: dict[str, Any]) -> str:
 
 
 @for_each_row("case", CASES, ids=ident)
-def test_told(case: dict[str, Any]) -> None:
+def test_findings_and_state(case: dict[str, Any]) -> None:
     found = judge(reading(case), wanted(case))
     assert [f"{one.verdict} {one.code}: {one.message}" for one in found] == case["findings"]
     assert all(one.hint for one in found)
     assert link_state(reading(case)) == case["state"]
 
 
-def test_every_state_is_judged() -> None:
+def test_every_state_has_its_own_finding() -> None:
     registered = {Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING}
     told = {state: judge(LteReading(source="at", state=state), LteSubscription()) for state in Registration}
     assert all(len(found) == 1 for state, found in told.items() if state not in registered)
@@ -40,7 +40,7 @@ def test_every_state_is_judged() -> None:
     assert len({found[0].hint for state, found in told.items() if state not in registered}) == 7
 
 
-def test_a_secret_has_no_place_in_what_is_shown() -> None:
+def test_shown_values_contain_no_secrets() -> None:
     shown = quality(LteReading(source="routeros"))
     assert not {"imei", "imsi", "iccid", "pin"} & shown.keys()
     assert {value for name, value in shown.items() if name != "registration"} == {None}

@@ -21,7 +21,7 @@ def named(cell: str) -> set[str]:
     return set(re.findall(r"`([^`]+)`", cell))
 
 
-def test_the_drivers_and_their_fields() -> None:
+def test_page_lists_drivers_and_their_fields() -> None:
     told = {row[0].strip("`"): (named(row[2]), named(row[3])) for row in rows(4)}
     assert told.keys() == {driver.value for driver in LteDriver}
     for driver in LteDriver:

@@ -26,7 +26,7 @@ def test_read(case: dict[str, Any]) -> None:
 
 
 @for_each_row("case", CASES, ids=ident)
-def test_identities_go_nowhere(case: dict[str, Any]) -> None:
+def test_identities_are_redacted(case: dict[str, Any]) -> None:
     monitor = case["monitor"] or {}
     said = repr(read(monitor)) + repr(redact(monitor))
     assert [name for name in IDENTITIES & monitor.keys() if monitor[name] in said] == []
@@ -37,14 +37,14 @@ def test_identities_are_fields_of_the_device() -> None:
 
 
 @pytest.mark.parametrize("version", trees.VERSIONS)
-def test_the_device_has_the_words(version: str) -> None:
+def test_queries_exist_on_the_device(version: str) -> None:
     tree = trees.Tree(version)
     for query in (*queries("lte1"), log_query()):
         assert tree.has_command(query.menu, query.command)
         assert {name.lstrip(".") for name, _ in query.words} <= tree.arguments(query.menu, query.command)
 
 
-def test_no_secret_is_asked_for() -> None:
+def test_no_secret_is_queried() -> None:
     asked = {name for query in queries("lte1") for name in query.proplist}
     assert not asked & {"pin", "password", "user", *IDENTITIES}
 
@@ -52,7 +52,7 @@ def test_no_secret_is_asked_for() -> None:
 RENAMED = [{"name": "lte1", "default-name": "lte2", "disabled": "true"}, {"name": "starlink", "default-name": "lte1"}]
 
 
-def test_a_modem_is_known_by_its_default_name() -> None:
+def test_modem_is_identified_by_its_default_name() -> None:
     addresses = [
         {"address": "10.0.0.1/32", "interface": "lte1"},
         {"address": "100.72.9.14/32", "interface": "starlink"},
@@ -67,5 +67,5 @@ def test_a_modem_is_known_by_its_default_name() -> None:
     [(RENAMED, "starlink"), ([{"name": "lte1"}], "lte1"), ([], "lte1"), (None, "lte1")],
     ids=["renamed", "a RouterOS without default names", "no modem", "refused"],
 )
-def test_the_name_of_now(interfaces: list[dict[str, str]] | None, name: str) -> None:
+def test_current_modem_name(interfaces: list[dict[str, str]] | None, name: str) -> None:
     assert modem_name(interfaces) == name

@@ -47,19 +47,19 @@ CASES: dict[str, tuple[list[Row], str | None]] = {
 
 
 @for_each_row("case", CASES)
-def test_active(case: str) -> None:
+def test_active_link(case: str) -> None:
     rows, expected = CASES[case]
     assert active_link(rows, BEARERS) == expected
     assert active_link(rows[::-1], BEARERS) == expected
 
 
-def test_several_are_told_in_order_of_preference() -> None:
+def test_active_links_are_ordered_by_preference() -> None:
     rows = [route("10.10.2.1"), route("198.51.100.21"), route("198.51.100.11")]
     assert active_links(rows, BEARERS) == ("wifi-ptp", "4g", "satellite")
     assert active_links([route("192.0.2.77")], BEARERS) == ()
 
 
-def test_probes_leave_by_their_own_link_and_spare_the_satellite() -> None:
+def test_probes_use_their_own_link_and_skip_the_satellite() -> None:
     watched = LinkRoute(
         "satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.31",), "ether3", "satellite", is_metered=True
     )

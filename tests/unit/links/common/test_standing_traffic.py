@@ -17,7 +17,7 @@ CABLE = standing_traffic.LinkPace(rtt_s=0.0, up_bps=1e9)
 UDP = standing_traffic.VpnHeaders.of("udp")
 
 
-def test_canaries_answer() -> None:
+def test_probe_target_traffic() -> None:
     assert standing_traffic.probe_targets(2, 10) == standing_traffic.StandingFlow(
         standing_traffic.TrafficSource.CANARIES, 8640 * 2 * 84, 8640 * 2 * 84, always=True
     )
@@ -25,18 +25,18 @@ def test_canaries_answer() -> None:
     assert standing_traffic.probe_targets(2, 30).both * 3 == standing_traffic.probe_targets(2, 10).both
 
 
-def test_questions_for_the_time() -> None:
+def test_ntp_traffic() -> None:
     assert standing_traffic.ntp_traffic(2, 1024).both == pytest.approx(2 * 2 * 76 * standing_traffic.DAY_S / 1024)
 
 
 @pytest.mark.parametrize(("ping_s", "mb_a_day"), [(10, 1.17), (60, 0.20)])
-def test_keep_alives_as_they_were_counted_for_twenty_minutes(ping_s: float, mb_a_day: float) -> None:
+def test_keep_alive_agrees_with_measured_traffic(ping_s: float, mb_a_day: float) -> None:
     """facts/vpn.md, section 9: 1200 s at IP level, without a renegotiation."""
     assert standing_traffic.keep_alive(ping_s, 1e12, None, None).both / 1e6 == pytest.approx(mb_a_day, rel=0.03)
     assert standing_traffic.keep_alive(ping_s, 3600, None, None).both / 1e6 == pytest.approx(mb_a_day + 0.12, rel=0.03)
 
 
-def test_whoever_sends_often_sends_no_pings() -> None:
+def test_frequent_traffic_replaces_keep_alive_pings() -> None:
     quiet = standing_traffic.keep_alive(60, 3600, None, None)
     assert standing_traffic.keep_alive(60, 3600, 60, 90) == quiet
     one_way = standing_traffic.keep_alive(60, 3600, 20, None)
@@ -54,7 +54,7 @@ def test_whoever_sends_often_sends_no_pings() -> None:
         (CYCLONE, 10, 10 * 10 * 432, 0),
     ],
 )
-def test_announcements_and_what_closed_ports_answer(
+def test_dds_announcements_and_port_refusals(
     sizes: standing_traffic.DdsSizes, processes: int, sent: int, refused: int
 ) -> None:
     announcing = standing_traffic.DdsAnnouncements(processes, ports=10, every_s=20, sizes=sizes)
@@ -63,7 +63,7 @@ def test_announcements_and_what_closed_ports_answer(
     assert announcing.refusal_bytes(1, UDP) == pytest.approx(refused * 4320)
 
 
-def test_a_kernel_refuses_once_a_second_at_most() -> None:
+def test_kernel_sends_at_most_one_refusal_per_second() -> None:
     assert (
         standing_traffic.DdsAnnouncements(5, ports=50, every_s=5, sizes=CYCLONE).refusal_bytes(
             1, standing_traffic.NO_VPN
@@ -82,7 +82,7 @@ def test_a_kernel_refuses_once_a_second_at_most() -> None:
         (20_000, 19 * (84 + 12) + 20_000),
     ],
 )
-def test_a_message_that_does_not_fit_goes_in_fragments(size_bytes: int, on_the_link: int) -> None:
+def test_oversized_message_is_fragmented(size_bytes: int, on_the_link: int) -> None:
     cost = standing_traffic.DdsMessages(1200, 1100, CYCLONE, standing_traffic.NO_VPN).cost(
         standing_traffic.SteadyTopic(1.0, size_bytes), CABLE
     )
@@ -97,7 +97,7 @@ def test_telemetry_goes_to_each_subscriber() -> None:
     )
 
 
-def test_what_is_always_there_is_told_apart() -> None:
+def test_permanent_traffic_is_reported_separately() -> None:
     asked, said = (
         standing_traffic.probe_targets(2, 30),
         standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 1_000_000, 2_000_000),
@@ -113,7 +113,7 @@ def test_what_is_always_there_is_told_apart() -> None:
     assert traffic.only(standing_traffic.TrafficSource.DDS).flows == (said,)
 
 
-def test_the_floor_of_a_session_that_never_ends() -> None:
+def test_endless_session_is_billed_at_the_floor() -> None:
     tariff = Tariff(Decimal(8), min_session_bytes=5000, floor_bytes_per_s=300, floor_after_s=300)
     link = MeteredLink("satellite", "quay", is_metered=True, tariff=tariff)
     traffic = standing_traffic.StandingTraffic(
@@ -125,7 +125,7 @@ def test_the_floor_of_a_session_that_never_ends() -> None:
     assert traffic.as_dict()["bill_month"] == traffic.bill.as_dict()
 
 
-def test_a_free_link_has_no_price() -> None:
+def test_unmetered_link_has_no_price() -> None:
     traffic = standing_traffic.StandingTraffic(
         MeteredLink("wifi-ptp", "quay", is_metered=False),
         (standing_traffic.StandingFlow(standing_traffic.TrafficSource.VPN, 1000, 1000),),

@@ -48,7 +48,7 @@ def test_read(case: dict[str, Any]) -> None:
 
 
 @for_each_row("case", CASES, ids=ident)
-def test_judged(case: dict[str, Any]) -> None:
+def test_findings(case: dict[str, Any]) -> None:
     found = judge(reading(case), wanted(case))
     assert [f"{one.verdict} {one.code}: {one.message}" for one in found] == case["findings"]
     assert all(one.hint for one in found)
@@ -63,7 +63,7 @@ def test_state_and_quality(case: dict[str, Any]) -> None:
     assert 0 not in [value for name, value in shown.items() if name.endswith(("_dbm", "_mbps"))]
 
 
-def test_every_code_has_its_case() -> None:
+def test_every_finding_code_has_a_case() -> None:
     told = {line.split(" ")[1].rstrip(":") for case in CASES for line in case["findings"]}
     assert told == {
         *("ccq-low", "chain-imbalance", "not-associated", "not-authorised", "radar-wait", "radio-disabled"),
@@ -72,7 +72,7 @@ def test_every_code_has_its_case() -> None:
     }
 
 
-def test_a_station_and_an_access_point_get_hints_of_their_own() -> None:
+def test_station_and_access_point_have_different_hints() -> None:
     apart = [case for case in CASES if any("not-associated" in line for line in case["findings"])]
     hints = {judge(reading(case), wanted(case))[0].hint for case in apart}
     assert len(hints) == 2
@@ -81,7 +81,7 @@ def test_a_station_and_an_access_point_get_hints_of_their_own() -> None:
 
 @pytest.mark.parametrize("family", Family)
 @pytest.mark.parametrize("version", trees.VERSIONS)
-def test_the_device_has_the_words(family: Family, version: str) -> None:
+def test_queries_exist_on_the_device(family: Family, version: str) -> None:
     tree = trees.Tree(version)
     for query in queries(family, "radio1"):
         assert {name.lstrip(".") for name, _ in query.words} <= tree.arguments(query.menu, query.command)

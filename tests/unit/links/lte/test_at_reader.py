@@ -50,25 +50,25 @@ def test_readings(case: dict[str, Any]) -> None:
         assert look.commands == len(running.inputs)
 
 
-def test_read_twice_reads_the_same() -> None:
+def test_reading_twice_gives_the_same_result() -> None:
     with modem() as running:
         assert at.read(running.path) == at.read(running.path)
 
 
-def test_a_modem_that_falls_silent_is_told() -> None:
+def test_silent_modem_is_reported() -> None:
     with modem(mute_after=4) as running, pytest.raises(at.AtSilent) as caught:
         at.read(running.path, answer_s=0.2)
     assert "no answer to AT+CGREG? within 0.2 s" in str(caught.value)
 
 
-def test_a_modem_that_goes_away_is_told() -> None:
+def test_disappeared_modem_is_reported() -> None:
     with modem(mute_after=0) as running:
         path = running.path
     with pytest.raises(at.AtUnreachable):
         at.read(path)
 
 
-def test_a_port_that_somebody_has_is_left_alone() -> None:
+def test_port_in_use_is_left_alone() -> None:
     with modem() as running:
         holder = subprocess.Popen(
             [sys.executable, "-c", f"f = open({running.path!r}, 'rb', 0); print('open', flush=True); input()"],
@@ -96,7 +96,7 @@ def test_a_lock_file_of_a_living_process_counts(tmp_path: Path) -> None:
     at.require_free("/dev/ttyUSB2", proc=proc, locks=(tmp_path,))
 
 
-def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
+def test_running_modem_manager_blocks_every_port(tmp_path: Path) -> None:
     program = tmp_path / "ModemManager"
     shutil.copy(shutil.which("cat") or "", program)
     with subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0) as process:
@@ -119,7 +119,7 @@ def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
         *("AT+CPIN?\rAT+CFUN=0", "at+csq"),
     ],
 )
-def test_what_is_no_read_is_refused_before_the_wire(command: str) -> None:
+def test_non_read_command_is_refused_before_sending(command: str) -> None:
     with modem() as running:
         with at.AtModem(running.path) as opened, pytest.raises(at.CommandForbidden) as caught:
             opened.ask(command)
@@ -127,7 +127,7 @@ def test_what_is_no_read_is_refused_before_the_wire(command: str) -> None:
         assert running.inputs == []
 
 
-def test_every_command_in_the_product_is_allowed() -> None:
+def test_allow_list_equals_the_commands_in_the_source() -> None:
     """Static: each text that looks like a command to a 4G modem, acoustic modems and emulators excluded."""
     package = Path(atlantis_netcfg.__file__).parent
     found: set[str] = set()
@@ -145,7 +145,7 @@ def test_every_command_in_the_product_is_allowed() -> None:
     assert found == at.ALLOW_LIST
 
 
-def test_one_place_writes_to_the_port_and_it_checks() -> None:
+def test_only_place_that_writes_to_the_port_checks_the_command() -> None:
     driver_file = Path(driver.__file__)
     writes = [
         (path, node.lineno)
@@ -159,13 +159,13 @@ def test_one_place_writes_to_the_port_and_it_checks() -> None:
     assert before.index("data = require_allowed(command)") < before.index("port.write(data)")
 
 
-def test_the_allow_list_holds_reads_only() -> None:
+def test_allow_list_contains_only_reads() -> None:
     documented = {'AT+QENG="servingcell"'}
     assert {command for command in at.ALLOW_LIST if "=" in command} <= documented
     assert not [command for command in at.ALLOW_LIST if re.match(r"AT\+(CGSN|CIMI|CCID|ICCID|QCCID)", command)]
 
 
-def test_zz_all_that_was_heard_is_allowed() -> None:
+def test_all_recorded_commands_are_allowed() -> None:
     """Dynamic: the recorder at the port during all tests of this file that ran in this process."""
     with modem() as running:
         at.read(running.path)
@@ -173,7 +173,7 @@ def test_zz_all_that_was_heard_is_allowed() -> None:
     assert set(at.READS) <= set(HEARD)
 
 
-def test_a_terminal_of_a_container_is_another_one() -> None:
+def test_terminal_of_another_container_does_not_block_ours() -> None:
     """Each has its own numbering: what holds `/dev/pts/0` in there does not hold ours."""
     if os.geteuid() != 0:
         pytest.skip("making a mount namespace needs root")

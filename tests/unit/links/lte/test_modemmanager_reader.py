@@ -102,7 +102,7 @@ def test_readings(case: dict[str, Any], tmp_path: Path) -> None:
     assert "356938035643809" not in repr(look)
 
 
-def test_two_modems_cannot_be_told_apart(tmp_path: Path) -> None:
+def test_two_modems_are_refused_as_ambiguous(tmp_path: Path) -> None:
     modem = {f"{MM}.Modem": {"State": 8, "Bearers": []}}
     with (
         manager(tmp_path, {MODEM_PATH: modem, MODEM_PATH[:-1] + "1": modem}) as (address, _),
@@ -111,17 +111,17 @@ def test_two_modems_cannot_be_told_apart(tmp_path: Path) -> None:
         read(address)
 
 
-def test_no_modem(tmp_path: Path) -> None:
+def test_missing_modem_is_reported(tmp_path: Path) -> None:
     with manager(tmp_path, {}) as (address, _), pytest.raises(MmUnreachable, match="no modem"):
         read(address)
 
 
-def test_a_manager_that_does_not_run_is_not_started(tmp_path: Path) -> None:
+def test_stopped_modem_manager_is_not_started(tmp_path: Path) -> None:
     with bus(tmp_path) as address, pytest.raises(MmUnreachable) as caught:
         read(address)
     assert str(caught.value) == "ModemManager does not run on this computer"
 
 
-def test_no_bus_at_all(tmp_path: Path) -> None:
+def test_missing_dbus_is_reported(tmp_path: Path) -> None:
     with pytest.raises(MmUnreachable, match="no D-Bus"):
         read(f"unix:path={tmp_path}/nowhere")

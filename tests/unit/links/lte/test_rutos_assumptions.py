@@ -35,7 +35,7 @@ def sources() -> dict[str, str]:
     return {file.relative_to(PACKAGE).as_posix(): file.read_text(encoding="utf-8") for file in files}
 
 
-def test_the_rows_say_everything_once() -> None:
+def test_rows_are_unique_and_complete() -> None:
     assert len(set(IDS)) == len(IDS)
     for each in ASSUMPTIONS:
         assert each.id.startswith("rutos-")
@@ -44,12 +44,12 @@ def test_the_rows_say_everything_once() -> None:
         assert each.proof == READS or each.proof.startswith("needs a person: ")
 
 
-def test_the_code_names_every_row_and_no_other() -> None:
+def test_source_references_exactly_the_listed_assumptions() -> None:
     named = {name for text in sources().values() for name in re.findall(r"Assumption: ([a-z0-9-]+)", text)}
     assert named == set(IDS)
 
 
-def test_no_inference_is_left_beside_the_rows() -> None:
+def test_source_contains_no_unlisted_inference() -> None:
     words = re.compile(r"infer(?:red|ence)|\[memory\]|not documented", re.IGNORECASE)
     assert [name for name, text in sources().items() if words.search(text)] == []
 
@@ -71,25 +71,25 @@ def with_verdict(found: Mapping[str, Verdict], verdict: Verdict) -> set[str]:
 
 @pytest.mark.parametrize("old_names", [True, False])
 @pytest.mark.parametrize("numbers_as_text", [True, False])
-def test_all_hold(tmp_path: Path, *, old_names: bool, numbers_as_text: bool) -> None:
+def test_all_assumptions_hold(tmp_path: Path, *, old_names: bool, numbers_as_text: bool) -> None:
     found = verdicts(tmp_path, old_names=old_names, numbers_as_text=numbers_as_text)
     assert with_verdict(found, Verdict.PASS) == BY_READING
     assert with_verdict(found, Verdict.SKIP) == set(IDS) - BY_READING
 
 
-def test_older_firmware_shows_what_it_tells(tmp_path: Path) -> None:
+def test_older_firmware_proves_fewer_assumptions(tmp_path: Path) -> None:
     found = verdicts(tmp_path, api=False)
     assert with_verdict(found, Verdict.PASS) == BY_READING - BY_PAGES
     assert with_verdict(found, Verdict.FAIL) == set()
 
 
-def test_what_a_user_may_not_read_is_not_shown(tmp_path: Path) -> None:
+def test_assumptions_on_unreadable_pages_neither_pass_nor_fail(tmp_path: Path) -> None:
     found = verdicts(tmp_path, hidden_pages=("/api/interfaces/basic/status",), missing=("/api/system/device/status",))
     assert with_verdict(found, Verdict.PASS) == BY_READING - BY_PAGES
     assert with_verdict(found, Verdict.FAIL) == set()
 
 
-def test_without_a_card_there_are_no_levels_to_judge(tmp_path: Path) -> None:
+def test_signal_levels_are_not_judged_without_a_sim(tmp_path: Path) -> None:
     found = verdicts(tmp_path, sim=None)
     assert with_verdict(found, Verdict.PASS) == {"rutos-state-words", "rutos-serial"}
     assert with_verdict(found, Verdict.FAIL) == set()
@@ -108,7 +108,7 @@ def test_without_a_card_there_are_no_levels_to_judge(tmp_path: Path) -> None:
         ("rutos-cell", {"cell_info": None}),
     ],
 )
-def test_a_modem_that_answers_otherwise_fails_its_row_alone(
+def test_unexpected_modem_reply_fails_only_its_assumption(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, row: dict[str, object]
 ) -> None:
     def twist(emulated: Rutos) -> None:
@@ -121,7 +121,7 @@ def test_a_modem_that_answers_otherwise_fails_its_row_alone(
 @pytest.mark.parametrize(
     "row", [{"id": "wwan0", "ipaddrs": ["100.64.12.34/32"]}, {"id": "mob1s1a1", "v4": "100.64.1.2"}]
 )
-def test_an_interface_that_answers_otherwise_fails_its_row_alone(
+def test_unexpected_interface_reply_fails_only_its_assumption(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, row: dict[str, object]
 ) -> None:
     def twist(emulated: Rutos) -> None:
@@ -130,7 +130,7 @@ def test_an_interface_that_answers_otherwise_fails_its_row_alone(
     assert with_verdict(verdicts(tmp_path, twist=twist), Verdict.FAIL) == {"rutos-address"}
 
 
-def test_a_unit_without_its_serial_number_there_fails_its_row_alone(tmp_path: Path) -> None:
+def test_missing_serial_number_fails_only_its_assumption(tmp_path: Path) -> None:
     assert with_verdict(verdicts(tmp_path, serial_number=" "), Verdict.FAIL) == {"rutos-serial"}
 
 
@@ -147,7 +147,7 @@ def verifying(running: dict[str, Any], state: Path, **access: object) -> Verifyi
     return Verifying(declaration, replace(host, device=device), Request(state=state), ignore)
 
 
-def test_a_unit_at_its_address_is_told_no_password_before_it_is_known(tmp_path: Path) -> None:
+def test_unknown_unit_gets_no_password_and_report_has_no_secrets(tmp_path: Path) -> None:
     with unit(tmp_path / "unit") as (emulated, endpoint):
         running = {"host": endpoint.host, "https": endpoint.port}
         with pytest.raises(CertificateUnknown) as caught:

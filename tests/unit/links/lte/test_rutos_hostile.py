@@ -46,7 +46,7 @@ def body_slowly(tls: ssl.SSLSocket) -> None:
 
 
 @pytest.mark.parametrize("answer", [goes_on, head_slowly, body_slowly])
-def test_an_answer_without_end_is_left(tmp_path: Path, answer: Callable[[ssl.SSLSocket], None]) -> None:
+def test_endless_reply_is_abandoned(tmp_path: Path, answer: Callable[[ssl.SSLSocket], None]) -> None:
     def serve(tls: ssl.SSLSocket) -> None:
         tls.recv(65536)
         answer(tls)
@@ -57,7 +57,7 @@ def test_an_answer_without_end_is_left(tmp_path: Path, answer: Callable[[ssl.SSL
             read(at)
 
 
-def test_a_new_connection_that_closes_without_an_answer_is_not_tried_again(tmp_path: Path) -> None:
+def test_connection_closed_without_reply_is_not_retried(tmp_path: Path) -> None:
     def hangs_up(tls: ssl.SSLSocket) -> None:
         tls.recv(65536)
 
@@ -68,7 +68,7 @@ def test_a_new_connection_that_closes_without_an_answer_is_not_tried_again(tmp_p
         assert unit.handshakes == 1
 
 
-def test_a_handshake_without_end_is_left() -> None:
+def test_endless_handshake_is_abandoned() -> None:
     with raw(lambda line: slowly(line, b"\x16\x03\x03\x40\x00" + bytes(10_000))) as port:
         at = RutosEndpoint("127.0.0.1", port, "reader", Secret("x"), "00" * 32, timeout_s=0.5)
         with pytest.raises(RutosUnreachable, match="does not answer"):
@@ -104,7 +104,7 @@ def raw(serve: Callable[[socket.socket], None]) -> Iterator[int]:
     ],
     ids=["deep", "deeper", "long", "error", "shape"],
 )
-def test_an_answer_that_is_none_of_rutos_is_told_as_that(tmp_path: Path, body: bytes) -> None:
+def test_reply_not_from_rutos_is_reported(tmp_path: Path, body: bytes) -> None:
     """Also on older firmware, which has the other interface."""
 
     def serve(tls: ssl.SSLSocket) -> None:
@@ -118,7 +118,7 @@ def test_an_answer_that_is_none_of_rutos_is_told_as_that(tmp_path: Path, body: b
                 read(at)
 
 
-def test_a_unit_that_closes_is_looked_at_again_before_the_next_word(tmp_path: Path) -> None:
+def test_certificate_is_checked_again_on_reconnect(tmp_path: Path) -> None:
     """Whoever answers the second connection has to show the certificate as well."""
     told: list[bytes] = []
 

@@ -29,14 +29,14 @@ def unit(folder: Path, **said: Any) -> Iterator[tuple[Rutos, rutos_client.RutosE
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["why"])[:60])
-def test_words(case: dict[str, Any]) -> None:
+def test_modem_data_is_read(case: dict[str, Any]) -> None:
     expected = {field.name: None for field in dataclasses.fields(LteReading)} | {"source": "rutos"} | case["reading"]
     found = dataclasses.asdict(reading_of(case["modem"], case.get("interfaces")))
     state = Registration(case["reading"]["state"])
     assert found == expected | {"state": state, "is_connected": case.get("connected")}
 
 
-def test_nothing_that_identifies_a_person_is_kept() -> None:
+def test_personal_identifiers_are_not_kept() -> None:
     modem = {
         "imei": "356938035643809",
         "imsi": "268031234567890",
@@ -47,7 +47,7 @@ def test_nothing_that_identifies_a_person_is_kept() -> None:
     assert not [number for name, number in modem.items() if name != "netstate" and number in told]
 
 
-def test_the_primary_modem_is_the_one() -> None:
+def test_primary_modem_is_used() -> None:
     rows = [{"id": "3-1", "primary": "0"}, {"id": "2-1", "primary": "1"}]
     assert modem_of(rows) == rows[1]
     assert modem_of([{"id": "3-1"}]) == {"id": "3-1"}
@@ -56,7 +56,7 @@ def test_the_primary_modem_is_the_one() -> None:
 
 @pytest.mark.parametrize("old_names", [True, False])
 @pytest.mark.parametrize("numbers_as_text", [True, False])
-def test_five_requests_are_all(tmp_path: Path, *, old_names: bool, numbers_as_text: bool) -> None:
+def test_reading_takes_five_requests(tmp_path: Path, *, old_names: bool, numbers_as_text: bool) -> None:
     with unit(tmp_path, serial_number="1234567890", old_names=old_names, numbers_as_text=numbers_as_text) as (twin, at):
         look = read(at)
         assert twin.web.requests == [
@@ -69,7 +69,7 @@ def test_five_requests_are_all(tmp_path: Path, *, old_names: bool, numbers_as_te
     assert (reading.rsrp_dbm, reading.band, reading.access_tech) == (-94, "B3", "lte")
 
 
-def test_older_firmware_answers_by_ubus(tmp_path: Path) -> None:
+def test_older_firmware_is_read_by_ubus(tmp_path: Path) -> None:
     with unit(tmp_path, api=False) as (twin, at):
         look = read(at)
         assert twin.web.requests == ["POST /api/login", "POST /ubus", "POST /ubus", "POST /ubus"]
@@ -95,7 +95,7 @@ def test_a_foreign_network_with_roaming_denied_has_no_address(tmp_path: Path) ->
     assert look.reading.is_connected is False
 
 
-def test_pages_that_are_not_there_are_done_without(tmp_path: Path) -> None:
+def test_missing_pages_are_tolerated(tmp_path: Path) -> None:
     missing = ("/api/interfaces/basic/status", "/api/sim_cards/status")
     with unit(tmp_path, missing=missing, hidden_pages=("/api/system/device/status",)) as (_, at):
         look = read(at)
@@ -110,7 +110,7 @@ def test_a_token_that_has_run_out_is_renewed_once(tmp_path: Path) -> None:
         assert twin.web.requests.count("POST /api/login") == 2
 
 
-def test_a_user_without_the_right_is_told_which(tmp_path: Path) -> None:
+def test_missing_permission_is_named(tmp_path: Path) -> None:
     with (
         unit(tmp_path, hidden_pages=("/api/modems/status",)) as (_, at),
         pytest.raises(rutos_client.RutosError) as caught,
@@ -127,7 +127,7 @@ def test_a_wrong_password_is_tried_once(tmp_path: Path, *, api: bool) -> None:
     assert "hunter2" not in f"{caught.value}{caught.value.hint}"
 
 
-def test_no_password_is_sent_to_a_stranger(tmp_path: Path) -> None:
+def test_no_password_is_sent_to_an_unknown_certificate(tmp_path: Path) -> None:
     with unit(tmp_path) as (twin, at):
         with pytest.raises(rutos_client.CertificateUnknown) as unknown:
             read(dataclasses.replace(at, pin=None))
@@ -137,14 +137,14 @@ def test_no_password_is_sent_to_a_stranger(tmp_path: Path) -> None:
         assert twin.web.requests == []
 
 
-def test_nobody_there(tmp_path: Path) -> None:
+def test_unreachable_unit_is_reported(tmp_path: Path) -> None:
     with unit(tmp_path) as (_, at):
         pass
     with pytest.raises(rutos_client.RutosUnreachable):
         read(at)
 
 
-def test_a_locked_card(tmp_path: Path) -> None:
+def test_locked_sim_is_reported(tmp_path: Path) -> None:
     with unit(tmp_path, sim=RutosSim(pin="1234", tries=2)) as (_, at):
         reading = read(at).reading
     assert (reading.state, reading.pin_tries_left) == (Registration.SIM_PIN_REQUIRED, 2)

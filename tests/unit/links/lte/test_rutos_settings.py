@@ -51,12 +51,12 @@ def lines(reading: LteReading, **wanted: Any) -> list[str]:  # noqa: ANN401 (fie
     return [one.line for one in changes(reading, LteSettings(**wanted), parse_show(SHOWN))]
 
 
-def test_sections_are_read_with_their_lists() -> None:
+def test_sections_are_parsed_with_their_lists() -> None:
     sections = parse_show(SHOWN)
     assert sections["simcard", "@sim[1]"] == {"": "sim", "position": "2", "deny_roaming": "1", "note": "it's a list"}
 
 
-def test_what_differs_is_set_and_nothing_else() -> None:
+def test_only_differences_are_set() -> None:
     assert lines(HOME, roaming=True) == []
     assert lines(HOME) == ["set simcard.@sim[0].deny_roaming='1'"]
     assert lines(dataclasses.replace(HOME, sim_slot=2)) == []
@@ -66,7 +66,7 @@ def test_what_differs_is_set_and_nothing_else() -> None:
     ]
 
 
-def test_a_user_needs_a_way_to_prove_itself_and_secrets_are_masked() -> None:
+def test_user_gets_an_auth_method_and_secrets_are_masked() -> None:
     told = lines(HOME, apn="internet", user="one", password=Secret("hunter2"), roaming=True)
     assert told[2:] == [
         "set network.mob1s1a1.auth='pap'",
@@ -75,7 +75,7 @@ def test_a_user_needs_a_way_to_prove_itself_and_secrets_are_masked() -> None:
     ]
 
 
-def test_a_pin_is_set_only_while_the_card_asks_for_one() -> None:
+def test_pin_is_set_only_while_the_sim_requires_it() -> None:
     assert lines(HOME, pin=PIN, roaming=True) == []
     assert lines(LOCKED, pin=PIN, roaming=True) == ["set simcard.@sim[0].pincode='********'"]
 
@@ -92,12 +92,12 @@ def test_a_pin_is_set_only_while_the_card_asks_for_one() -> None:
         (dataclasses.replace(LOCKED, state=Registration.SIM_PUK_REQUIRED), PIN, "", "asks for its PUK"),
     ],
 )
-def test_when_nothing_may_be_set(reading: LteReading, pin: Secret | None, tried: str, why: str | None) -> None:
+def test_reasons_not_to_set_a_pin(reading: LteReading, pin: Secret | None, tried: str, why: str | None) -> None:
     held = why_pin_blocks(reading, LteSettings(pin=pin), parse_show(SHOWN), pin_refusal=tried)
     assert held is None if why is None else why in str(held)
 
 
-def test_a_saved_pin_that_did_not_help_is_wrong() -> None:
+def test_saved_pin_that_did_not_unlock_is_wrong() -> None:
     sections = parse_show(SHOWN + "simcard.@sim[0].pincode='1234'\n")
     assert "has the declared PIN saved" in str(why_pin_blocks(LOCKED, LteSettings(pin=PIN), sections, pin_refusal=""))
 
@@ -113,13 +113,13 @@ def test_an_unexpected_configuration_is_refused(shown: str, words: str) -> None:
 
 
 @pytest.mark.parametrize("bad", ["it's", "a\\b", "a\nset network.lan.proto='x"])
-def test_nothing_can_break_out_of_its_quotes(bad: str) -> None:
+def test_values_cannot_escape_their_quotes(bad: str) -> None:
     with pytest.raises(SettingError) as caught:
         changes(HOME, LteSettings(apn="internet", password=Secret(bad)), parse_show(SHOWN))
     assert bad not in str(caught.value)
 
 
-def test_set_over_ssh_and_read_back(tmp_path: Path) -> None:
+def test_settings_are_written_over_ssh_and_read_back(tmp_path: Path) -> None:
     wanted = LteSettings(apn="internet", user="one", password=Secret("hunter2"))
     spec = RutosSpec(name="te4sea-4g", admin_password="an-admin's")
     with RunningRutos(spec, tmp_path) as running:
@@ -147,7 +147,7 @@ def test_set_over_ssh_and_read_back(tmp_path: Path) -> None:
             open_commands(*door, Secret("wrong"), pin=at["host_key"])
 
 
-def test_the_twin_refuses_what_uci_refuses(tmp_path: Path) -> None:
+def test_emulator_refuses_what_uci_refuses(tmp_path: Path) -> None:
     with RunningRutos(RutosSpec(name="te4sea-4g", admin_password="x"), tmp_path) as running:
         at = running.ready
         with open_commands(at["host"], at["ssh"], "root", Secret("x"), pin=at["host_key"]) as ssh:

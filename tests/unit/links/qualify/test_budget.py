@@ -60,7 +60,7 @@ def _largest() -> int:
 
 
 @pytest.mark.parametrize("block", range(10))
-def test_a_thousand_random_budgets(block: int) -> None:
+def test_random_budgets_are_respected(block: int) -> None:
     limits = []
     for seed in range(block * 100, block * 100 + 100):
         draw = random.Random(seed)  # noqa: S311 - a test
@@ -93,7 +93,7 @@ def test_a_thousand_random_budgets(block: int) -> None:
 
 
 @pytest.mark.parametrize("max_bytes", [0, 139, 279])
-def test_what_is_less_than_a_packet_and_its_answer_sends_nothing(max_bytes: int) -> None:
+def test_budget_below_one_packet_and_reply_sends_nothing(max_bytes: int) -> None:
     net = network()
     peer = ReflectorPeer(KEY)
     train = Train("t", TrainPlan(112, 0.1, 5), peer, net, Recording().write)
@@ -101,7 +101,7 @@ def test_what_is_less_than_a_packet_and_its_answer_sends_nothing(max_bytes: int)
     assert net.up.sent_count == 0
 
 
-def test_a_budget_is_used_as_far_as_it_goes() -> None:
+def test_budget_is_used_except_room_for_duplicates() -> None:
     net = network()
     peer = ReflectorPeer(KEY)
     train = Train("t", TrainPlan(112, 0.1, 5), peer, net, Recording().write)
@@ -110,7 +110,7 @@ def test_a_budget_is_used_as_far_as_it_goes() -> None:
     assert net.up.sent_count == (20 * 280 + 100 - 9 * 140) // 280 == 15
 
 
-def test_lost_answers_are_not_refunded() -> None:
+def test_lost_replies_are_not_refunded() -> None:
     net = network(down=LinkShape(loss=1.0))
     peer = ReflectorPeer(KEY)
     train = Train("t", TrainPlan(112, 1.1, 50), peer, net, Recording().write)
@@ -119,7 +119,7 @@ def test_lost_answers_are_not_refunded() -> None:
 
 
 @pytest.mark.parametrize("delay_s", [0.01, 2.0])
-def test_copies_of_all_answers_do_not_exceed_it(delay_s: float) -> None:
+def test_duplicated_replies_do_not_exceed_the_budget(delay_s: float) -> None:
     net = network(down=LinkShape(delay_s=delay_s, duplicates=1.0))
     peer = ReflectorPeer(KEY)
     train = Train("t", TrainPlan(112, 0.01, 5), peer, net, Recording().write)
@@ -132,7 +132,7 @@ def test_copies_of_all_answers_do_not_exceed_it(delay_s: float) -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [2, 0.4])
-def test_a_message_that_is_requested_is_charged_with_its_copies(rate_hz: float) -> None:
+def test_requested_message_is_charged_with_its_duplicates(rate_hz: float) -> None:
     net = network(down=LinkShape(duplicates=1.0))
     peer = ReflectorPeer(KEY)
     stream = DownMessageStream("d", MessagePlan(10_000, rate_hz, 60), peer, net, Recording().write)
@@ -142,7 +142,7 @@ def test_a_message_that_is_requested_is_charged_with_its_copies(rate_hz: float) 
     assert 70_000 < _counted(net) <= 100_000 + 1228
 
 
-def test_seconds_in_which_the_far_end_sends_are_charged_beforehand() -> None:
+def test_sending_time_of_the_far_end_is_charged_in_advance() -> None:
     net = network()
     peer = ReflectorPeer(KEY)
     plan = MessagePlan(50_000, 1, 60, pace_bps=100_000)
@@ -154,7 +154,7 @@ def test_seconds_in_which_the_far_end_sends_are_charged_beforehand() -> None:
     assert net.reflector.statistics.requested == 48
 
 
-def test_the_search_for_the_mtu_asks_as_well() -> None:
+def test_mtu_search_respects_the_budget() -> None:
     net = network(LinkShape(mtu=1320))
     guard = BudgetGuard(Budget(9000), lambda: net.now / SECOND)
     found = path_mtu(net, ReflectorPeer(KEY), guard)
@@ -163,12 +163,12 @@ def test_the_search_for_the_mtu_asks_as_well() -> None:
     assert found.why == "the budget ended: bytes"
 
 
-def test_money_needs_a_tariff() -> None:
+def test_price_limit_needs_a_tariff() -> None:
     with pytest.raises(BudgetError, match="needs the tariff of the link"):
         Budget(max_price=Decimal(5))
 
 
-def test_the_floor_of_a_long_session_is_money_too() -> None:
+def test_floor_of_a_long_session_counts_towards_the_price() -> None:
     budget = Budget(max_price=Decimal("0.80"), tariff=TARIFF, closing_s=10)
     assert budget.limit(1000, 100) is None
     assert budget.limit(1000, 400) is BudgetLimit.MONEY, "300 bytes a second for 410 s are 0.98"

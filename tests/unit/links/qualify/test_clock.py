@@ -26,13 +26,13 @@ from atlantis_netcfg.links.qualify.reflector.stamp import error_estimate, error_
         (-1, 0, 0, UNKNOWN),
     ],
 )
-def test_a_clock_is_synchronised_where_the_kernel_says_so(
+def test_clock_state_follows_the_kernel_status(
     returned: int, status: int, maxerror_us: int, expected: ClockState
 ) -> None:
     assert state_of(returned, Timex(status=status, maxerror=maxerror_us)) == expected
 
 
-def test_the_kernel_is_read_where_it_writes() -> None:
+def test_kernel_clock_structure_is_read_correctly() -> None:
     timex = Timex()
     assert ctypes.CDLL(None).adjtimex(ctypes.byref(timex)) >= 0
     assert abs(timex.time.seconds - time.time()) < 60
@@ -40,7 +40,7 @@ def test_the_kernel_is_read_where_it_writes() -> None:
     assert kernel_clock().error_s >= LEAST_ERROR_S
 
 
-def test_it_stands_in_the_estimate() -> None:
+def test_clock_error_is_encoded_in_the_estimate() -> None:
     state = ClockState(is_synchronised=True, error_s=0.48)
     estimate = error_estimate(state.error_s, is_synced=state.is_synchronised)
     assert is_synchronised(estimate)

@@ -29,7 +29,7 @@ SHIPPED = load(Path(__file__).parents[4] / "inventory").sites["coastal"].bearers
 SATELLITE = LinkShape(rate_bps=352_000, delay_s=0.28)
 
 
-def test_a_train_that_was_cut_off_makes_no_whole_run() -> None:
+def test_truncated_train_makes_the_run_inconclusive() -> None:
     """Though `run.json` says that all was done."""
     kept = [line for line in samples_text().splitlines(keepends=True) if '"kind":"end","stream":"idle"' not in line]
     assert len(kept) == len(samples_text().splitlines()) - 1
@@ -37,7 +37,7 @@ def test_a_train_that_was_cut_off_makes_no_whole_run() -> None:
     assert make_record(measured_run(), read(kept)).verdict is Verdict.INCONCLUSIVE
 
 
-def test_a_link_that_is_too_thin_for_every_size_was_not_measured_with_them() -> None:
+def test_link_too_thin_for_every_size_measures_nothing() -> None:
     thin = SHIPPED.model_copy(update={"rate": SHIPPED.rate.model_copy(update={"up_kbps": 1, "down_kbps": 1})})
     plan = build_plan(thin, Selection.IMAGES, is_rehearsal=True)
     assert not plan.cells
@@ -46,7 +46,7 @@ def test_a_link_that_is_too_thin_for_every_size_was_not_measured_with_them() -> 
     assert measured.measure() == "nothing to try"
 
 
-def test_the_train_without_load_outlasts_the_longest_gap_that_is_allowed() -> None:
+def test_idle_train_outlasts_the_longest_allowed_gap() -> None:
     own = SHIPPED.model_copy(update={"qualify": LinkThresholds(gap_s=120.0)})
     assert build_plan(SHIPPED, Selection.TELEMETRY).idle.duration_s == pytest.approx(120)
     assert build_plan(own, Selection.TELEMETRY).idle.duration_s == pytest.approx(144)
@@ -54,7 +54,7 @@ def test_the_train_without_load_outlasts_the_longest_gap_that_is_allowed() -> No
     assert build_plan(many, Selection.TELEMETRY, is_rehearsal=True).idle.packets == 1000
 
 
-def test_the_tail_of_few_answers_is_no_figure_of_the_link() -> None:
+def test_tail_percentiles_of_few_replies_are_inconclusive() -> None:
     """600 packets were sent, and some tens answered: the loss fails, and their delay proves nothing."""
     loss = LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.9)
     _, samples = run_train(network(loss, SATELLITE), TrainPlan(112, 0.2, 120))
@@ -68,7 +68,7 @@ def test_the_tail_of_few_answers_is_no_figure_of_the_link() -> None:
 @pytest.mark.parametrize(
     ("gap_s", "verdict"), [(90.0, Verdict.PASS), (120.0, Verdict.INCONCLUSIVE), (0.1, Verdict.FAIL)]
 )
-def test_a_gap_that_a_train_is_too_short_for_is_not_ruled_out(gap_s: float, verdict: Verdict) -> None:
+def test_gap_longer_than_the_train_can_show_is_inconclusive(gap_s: float, verdict: Verdict) -> None:
     _, samples = run_train(network(SATELLITE, SATELLITE), TrainPlan(112, 0.2, 120))
     limits = profile("satellite").model_copy(update={"gap_s": gap_s})
     judged = {item.criterion: item for item in judge(train_figures(samples, "train"), limits)}
@@ -88,9 +88,7 @@ def test_a_gap_that_a_train_is_too_short_for_is_not_ruled_out(gap_s: float, verd
         (((20.0, 120.0),), Verdict.FAIL),  # longer than allowed, whatever its end
     ],
 )
-def test_a_gap_that_an_end_of_the_train_cut_off_is_not_within_the_limit(
-    gaps: tuple[tuple[float, float], ...], verdict: Verdict
-) -> None:
+def test_gap_cut_off_by_the_train_is_inconclusive(gaps: tuple[tuple[float, float], ...], verdict: Verdict) -> None:
     _, samples = run_train(network(replace(SATELLITE, gaps_s=gaps), SATELLITE), TrainPlan(112, 0.2, 120))
     judged = {item.criterion: item for item in judge(train_figures(samples, "train"), profile("satellite"))}
     assert judged["longest gap"].verdict is verdict
@@ -98,7 +96,7 @@ def test_a_gap_that_an_end_of_the_train_cut_off_is_not_within_the_limit(
         assert judged["longest gap"].reason == "a gap at the beginning or the end of the train may have been longer"
 
 
-def test_a_gap_at_the_end_is_not_seen_to_end_by_a_far_end_that_tells_no_count() -> None:
+def test_gap_at_the_end_is_inconclusive_without_counters() -> None:
     gap = replace(SATELLITE, gaps_s=((60.0, 122.0),))
     _, samples = run_train(network(gap, SATELLITE), TrainPlan(112, 0.2, 120), ReflectorPeer(KEY, counts=False))
     judged = {item.criterion: item for item in judge(train_figures(samples, "train"), profile("satellite"))}
@@ -108,13 +106,13 @@ def test_a_gap_at_the_end_is_not_seen_to_end_by_a_far_end_that_tells_no_count() 
 @pytest.mark.parametrize(
     ("seconds", "verdict"), [(4, Verdict.INCONCLUSIVE), (9, Verdict.INCONCLUSIVE), (10, Verdict.PASS)]
 )
-def test_a_rate_is_not_sustained_by_a_handful_of_packets(seconds: int, verdict: Verdict) -> None:
+def test_few_packets_do_not_prove_a_rate(seconds: int, verdict: Verdict) -> None:
     _, samples = run_train(network(SATELLITE, SATELLITE), telemetry_plan(32, 1, seconds))
     row = telemetry_row(32, 1, train_figures(samples, "train"), 0.6)
     assert (row.verdict, row.reason) == (verdict, "sustained" if verdict is Verdict.PASS else FEW)
 
 
-def test_a_link_whose_rows_were_not_read_is_not_ruled_out() -> None:
+def test_links_without_counters_are_inconclusive() -> None:
     meant = LinkCount(
         link="4g", test_packets_up=100, test_bytes_up=14_000, test_packets_down=100, test_bytes_down=14_000
     )
@@ -125,7 +123,7 @@ def test_a_link_whose_rows_were_not_read_is_not_ruled_out() -> None:
 
 
 @pytest.mark.parametrize("first_hz", [7.76836158, 1.9421, 0.5, 3.3333333])
-def test_the_highest_rate_is_found_again_though_its_name_is_rounded(first_hz: float) -> None:
+def test_highest_rate_survives_rounded_stream_names(first_hz: float) -> None:
     """Streams are named `%g`, with six digits: twice a rounded rate is no name of a stream."""
     net, peer, recording = network(SATELLITE, replace(SATELLITE, rate_bps=704_000)), ReflectorPeer(KEY), Recording()
 

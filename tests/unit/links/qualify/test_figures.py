@@ -46,7 +46,7 @@ def test_round_trips_without_a_common_clock() -> None:
     assert figures.rtt.n == PLAN.packets == 2400
 
 
-def test_variation_each_way_without_a_common_clock() -> None:
+def test_one_way_variation_without_a_common_clock() -> None:
     net = network(UP, LinkShape(delay_s=0.1, jitter_s=0.08), skew_ns=11 * SECOND)
     figures = _measured(net)
     for variation, truth in ((figures.up, net.truth_up_ns[:-1]), (figures.down, net.truth_down_ns[:-1])):
@@ -70,7 +70,7 @@ def test_variation_each_way_without_a_common_clock() -> None:
     assert figures.down.ipdv_p95_s > 3 * figures.up.ipdv_p95_s, "the ways differ, and are told apart"
 
 
-def test_the_delay_itself_needs_two_synchronised_clocks() -> None:
+def test_one_way_delay_needs_two_synchronised_clocks() -> None:
     net = network(UP, DOWN)
     net.reflector = type(net.reflector)(KEY, clock=lambda: ClockState(is_synchronised=True, error_s=0.001))
     figures = _measured(net, peer=ReflectorPeer(KEY, is_synchronised=True))
@@ -83,7 +83,7 @@ def test_the_delay_itself_needs_two_synchronised_clocks() -> None:
     assert alone.up.delay is None, "only ours is"
 
 
-def test_a_far_end_whose_clock_is_synchronised_in_the_midst_of_a_train_tells_no_delay() -> None:
+def test_far_clock_synchronised_mid_train_gives_no_delay() -> None:
     net, asked = network(UP, DOWN), count()
     net.reflector = type(net.reflector)(KEY, clock=lambda: UNKNOWN if next(asked) < 9 else ClockState(True, 0.1))
     figures = _measured(net, peer=ReflectorPeer(KEY, is_synchronised=True))
@@ -92,7 +92,7 @@ def test_a_far_end_whose_clock_is_synchronised_in_the_midst_of_a_train_tells_no_
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_loss_each_way(seed: int) -> None:
+def test_loss_per_direction(seed: int) -> None:
     net = network(LinkShape(delay_s=0.28, loss=0.03), LinkShape(delay_s=0.28, loss=0.01), seed, skew_ns=SECOND)
     loss = _measured(net).loss
     assert loss.sent == 2400
@@ -111,14 +111,14 @@ def _questions(net: SimulatedNetwork) -> int:
     return net.reflector.statistics.answered - next(iter(net.reflector._sessions.values())).answered_count
 
 
-def test_loss_by_sequence_numbers_where_the_reflector_tells_no_counters() -> None:
+def test_loss_by_sequence_numbers_without_reflector_counters() -> None:
     net = network(LinkShape(delay_s=0.2, loss=0.03), LinkShape(delay_s=0.2, loss=0.01), 3)
     loss = _measured(net, peer=ReflectorPeer(KEY, counts=False)).loss
     assert loss.why == "by the reflector's sequence numbers"
     assert (loss.up, loss.down) == (2400 - len(net.truth_up_ns), len(net.truth_up_ns) - len(net.truth_down_ns))
 
 
-def test_copies_each_way() -> None:
+def test_duplicates_per_direction() -> None:
     net = network(LinkShape(duplicates=0.02), LinkShape(duplicates=0.05))
     loss = _measured(net).loss
     assert loss.copies_up == net.up.copies > 10
@@ -126,7 +126,7 @@ def test_copies_each_way() -> None:
     assert (loss.lost, loss.up, loss.down) == (0, 0, 0)
 
 
-def test_reordering_each_way() -> None:
+def test_reordering_per_direction() -> None:
     net = network(
         LinkShape(delay_s=0.1, reordering=0.04, reorder_s=0.6), LinkShape(delay_s=0.1, reordering=0.01, reorder_s=0.6)
     )
@@ -155,7 +155,7 @@ def _overtaken(arrivals: list[int]) -> float:
 
 
 @pytest.mark.parametrize("gap_s", [3, 12, 30, 70])
-def test_the_longest_gap_and_how_many_there_were(gap_s: int) -> None:
+def test_longest_gap_and_gap_counts(gap_s: int) -> None:
     gaps = ((100.0, 100.0 + gap_s), (300.0, 302.0))
     net = network(LinkShape(delay_s=0.28, jitter_s=0.02, gaps_s=gaps), DOWN)
     figures = _measured(net)
@@ -174,10 +174,10 @@ def test_percentiles_are_samples() -> None:
     assert hundred == Percentiles(100, 1.0, 50.0, 90.0, 95.0, 99.0, 100.0)
 
 
-def test_samples_without_a_train_have_no_figures() -> None:
+def test_samples_without_a_train_are_an_error() -> None:
     with pytest.raises(NoTrain):
         train_figures([], "train")
 
 
-def test_the_page_of_tolerances_is_read_whole() -> None:
+def test_all_tolerances_are_read() -> None:
     assert len(tolerances()) == 14

@@ -39,7 +39,7 @@ def shipped() -> Inventory:
     return replace(declaration, vehicles=silent, sites=sites)
 
 
-def test_a_link_that_dds_may_not_cross_is_told(tmp_path: Path) -> None:
+def test_link_closed_to_dds_is_reported(tmp_path: Path) -> None:
     """It is said what would go over it; that it fits there is no reason to leave a warning out."""
     declaration = load(SHIPPED)
     links = fit(declaration, tmp_path, POSE).links
@@ -74,7 +74,7 @@ def kept(state: Path, *, text: str | None = None, rehearsed: bool = False, **cha
     return run.id
 
 
-def test_a_declared_rate_proves_nothing(shipped: Inventory, tmp_path: Path) -> None:
+def test_declared_rate_is_inconclusive(shipped: Inventory, tmp_path: Path) -> None:
     found = fit(shipped, tmp_path, POSE)
     assert [link.link.name for link in found.links] == ["wifi-ptp", "4g", "satellite"]
     assert {(link.verdict, link.word) for link in found.links} == {(Verdict.INCONCLUSIVE, "fits")}
@@ -82,7 +82,7 @@ def test_a_declared_rate_proves_nothing(shipped: Inventory, tmp_path: Path) -> N
     assert found.exit is ExitCode.CHECKS_FAILED
 
 
-def test_the_bytes_are_those_of_the_standing_traffic(shipped: Inventory, tmp_path: Path) -> None:
+def test_bytes_equal_those_of_the_standing_traffic(shipped: Inventory, tmp_path: Path) -> None:
     """One arithmetic for both: `provision links` and `provision fit` agree to the byte."""
     topics = (POSE, CAMERA, {**SONAR, "reliable": True})
     (traffic,) = (each for each in standing_traffic(publishing(shipped, *topics), "coastal") if each.link.name == "4g")
@@ -92,7 +92,7 @@ def test_the_bytes_are_those_of_the_standing_traffic(shipped: Inventory, tmp_pat
     assert link.costs(86_400).payload_bytes == pytest.approx(traffic.day_bytes, abs=2)
 
 
-def test_a_way_that_was_not_measured_is_said(shipped: Inventory, tmp_path: Path) -> None:
+def test_unmeasured_direction_is_reported(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path)
     link = satellite(shipped, tmp_path, POSE)
     assert link.capacity.source == "measured up, declared down"
@@ -114,7 +114,7 @@ def both_ways() -> str:
     return "".join([*lines, *(line.replace('"load up"', '"load down"') for line in lines if '"load up"' in line)])
 
 
-def test_all_that_a_word_of_success_needs(shipped: Inventory, tmp_path: Path) -> None:
+def test_measured_run_in_both_directions_passes(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path, text=both_ways())
     found = fit(shipped, tmp_path, POSE, link="satellite")
     (link,) = found.links
@@ -135,13 +135,13 @@ def test_all_that_a_word_of_success_needs(shipped: Inventory, tmp_path: Path) ->
         ),
     ],
 )
-def test_a_doubtful_run_proves_nothing(shipped: Inventory, tmp_path: Path, changes: dict[str, Any], doubt: str) -> None:
+def test_doubtful_run_is_inconclusive(shipped: Inventory, tmp_path: Path, changes: dict[str, Any], doubt: str) -> None:
     kept(tmp_path, text=both_ways(), **changes)
     link = satellite(shipped, tmp_path, POSE)
     assert (link.verdict, link.reason) == (Verdict.INCONCLUSIVE, doubt)
 
 
-def test_an_emulated_run_counts_only_by_its_name(shipped: Inventory, tmp_path: Path) -> None:
+def test_emulated_run_is_used_only_by_name(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path, text=both_ways(), rehearsed=True, emulated=True)
     assert satellite(shipped, tmp_path, POSE).capacity.run is None
     named = satellite(shipped, tmp_path, POSE, run=run)
@@ -152,7 +152,7 @@ def test_an_emulated_run_counts_only_by_its_name(shipped: Inventory, tmp_path: P
     )
 
 
-def test_the_newest_run_that_has_filled_the_link_is_taken(shipped: Inventory, tmp_path: Path) -> None:
+def test_newest_run_that_filled_the_link_is_used(shipped: Inventory, tmp_path: Path) -> None:
     full = kept(tmp_path, text=both_ways())
     kept(tmp_path, text=idle_text(loss=0.02), id="satellite-20261120T110000Z", begun=BEGUN + timedelta(hours=2))
     assert satellite(shipped, tmp_path, POSE).capacity.run == full
@@ -160,7 +160,7 @@ def test_the_newest_run_that_has_filled_the_link_is_taken(shipped: Inventory, tm
     assert satellite(shipped, tmp_path, POSE).capacity.run == "satellite-20261120T120000Z"
 
 
-def test_loss_counts_for_each_fragment(shipped: Inventory, tmp_path: Path) -> None:
+def test_loss_applies_to_each_fragment(shipped: Inventory, tmp_path: Path) -> None:
     """1 - (1 - p)^n; a reliable topic is not warned of: it goes again."""
     kept(tmp_path, text=idle_text(loss=0.04))
     small = {**CAMERA, "size_bytes": 6000, "rate_hz": 0.5}
@@ -177,7 +177,7 @@ def test_loss_counts_for_each_fragment(shipped: Inventory, tmp_path: Path) -> No
     assert any("/again takes 22 packets, because it is reliable" in words for words in link.warnings)
 
 
-def test_clouds_are_thinned_before_images_and_these_before_numbers(shipped: Inventory, tmp_path: Path) -> None:
+def test_point_clouds_are_thinned_before_images_and_numbers(shipped: Inventory, tmp_path: Path) -> None:
     """To rates that fit, as high as they may be."""
     link = satellite(shipped, tmp_path, POSE, CAMERA, SONAR)
     assert (link.verdict, link.word) == (Verdict.FAIL, "fits when thinned")
@@ -190,7 +190,7 @@ def test_clouds_are_thinned_before_images_and_these_before_numbers(shipped: Inve
     assert f"{CAMERA['topic']} at {camera.rate_hz:g} Hz is below the report's guideline" in link.warnings[0]
 
 
-def test_only_clouds_are_thinned_where_that_is_enough(shipped: Inventory, tmp_path: Path) -> None:
+def test_only_point_clouds_are_thinned_when_that_is_enough(shipped: Inventory, tmp_path: Path) -> None:
     link = satellite(shipped, tmp_path, POSE, {**CAMERA, "rate_hz": 0.5}, {**SONAR, "rate_hz": 0.9})
     rates = [topic.rate_hz for topic in link.topics]
     assert rates[:2] == [2.0, 0.5]
@@ -198,7 +198,7 @@ def test_only_clouds_are_thinned_where_that_is_enough(shipped: Inventory, tmp_pa
     assert rates[2] == float(f"{rates[2]:.2g}")
 
 
-def test_what_is_of_no_use_below_a_rate_does_not_fit(shipped: Inventory, tmp_path: Path) -> None:
+def test_topic_with_too_high_minimum_rate_does_not_fit(shipped: Inventory, tmp_path: Path) -> None:
     link = satellite(shipped, tmp_path, POSE, {**CAMERA, "least_hz": 3.0})
     assert (link.verdict, link.word) == (Verdict.FAIL, "does not fit")
     camera = link.topics[1]
@@ -208,7 +208,7 @@ def test_what_is_of_no_use_below_a_rate_does_not_fit(shipped: Inventory, tmp_pat
     assert camera.most_hz < 3.0
 
 
-def test_reliable_topics_that_fit_nowhere_else_are_thinned_too(shipped: Inventory, tmp_path: Path) -> None:
+def test_reliable_topics_are_thinned_when_necessary(shipped: Inventory, tmp_path: Path) -> None:
     """Their cost depends on the rate: what comes out still fits."""
     image = {**CAMERA, "size_bytes": 3000, "rate_hz": 5.0, "reliable": True}
     link = satellite(shipped, tmp_path, POSE, image)
@@ -217,7 +217,7 @@ def test_reliable_topics_that_fit_nowhere_else_are_thinned_too(shipped: Inventor
     assert link.down_bps > link.other_down_bps
 
 
-def test_what_a_link_carried_through_the_vpn_counts_with_its_octets(shipped: Inventory, tmp_path: Path) -> None:
+def test_capacity_through_the_vpn_includes_its_overhead(shipped: Inventory, tmp_path: Path) -> None:
     kept(tmp_path / "beside", text=both_ways())
     kept(tmp_path / "vpn", text=both_ways(), far_end=measured_run().far_end.model_copy(update={"over_vpn": True}))
     beside, through = (satellite(shipped, tmp_path / name, POSE).capacity for name in ("beside", "vpn"))
@@ -225,21 +225,21 @@ def test_what_a_link_carried_through_the_vpn_counts_with_its_octets(shipped: Inv
     assert 1.04 < through.down_bps / beside.down_bps < 1.07
 
 
-def test_guidelines_are_warnings(shipped: Inventory, tmp_path: Path) -> None:
+def test_exceeded_guideline_is_a_warning(shipped: Inventory, tmp_path: Path) -> None:
     kept(tmp_path, text=both_ways())
     link = satellite(shipped, tmp_path, {**POSE, "rate_hz": 5.0})
     assert link.verdict is Verdict.WARN
     assert link.warnings == ("/pose at 5 Hz is above the report's guideline (numbers and poses: 1 to 4 Hz)",)
 
 
-def test_a_message_that_holds_up_the_others(shipped: Inventory, tmp_path: Path) -> None:
+def test_long_message_that_delays_others_is_a_warning(shipped: Inventory, tmp_path: Path) -> None:
     (link,) = fit(shipped, tmp_path, {**SONAR, "rate_hz": 0.1, "size_bytes": 100_000}, link="satellite").links
     assert link.fits
     assert link.topics[0].seconds == pytest.approx(100_000 * 8 / 352_000, rel=0.25)
     assert "what comes behind it waits" in link.warnings[-1]
 
 
-def test_money_by_the_hour_and_by_the_day(shipped: Inventory, tmp_path: Path) -> None:
+def test_cost_per_hour_and_per_day(shipped: Inventory, tmp_path: Path) -> None:
     link = satellite(shipped, tmp_path, POSE)
     hour, day = link.costs(3600), link.costs(86_400)
     assert hour.payload_bytes == round((link.up_bps + link.down_bps) * 3600 / 8)
@@ -257,21 +257,21 @@ def test_money_by_the_hour_and_by_the_day(shipped: Inventory, tmp_path: Path) ->
         ({"run": "satellite-20200101T000000Z"}, NoSuchRun, "coastal has no measurement"),
     ],
 )
-def test_what_is_not_there_is_named(
+def test_unknown_names_are_reported(
     shipped: Inventory, tmp_path: Path, more: dict[str, str], error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=words):
         fit(shipped, tmp_path, POSE, **more)
 
 
-def test_a_run_is_of_one_link(shipped: Inventory, tmp_path: Path) -> None:
+def test_run_applies_to_its_link_only(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path)
     with pytest.raises(UsageError, match="has measured satellite, not 4g"):
         fit(shipped, tmp_path, POSE, run=run, link="4g")
     assert [link.link.name for link in fit(shipped, tmp_path, POSE, run=run).links] == ["satellite"]
 
 
-def test_a_vehicle_without_telemetry_is_no_green_nothing(shipped: Inventory, tmp_path: Path) -> None:
+def test_vehicle_without_telemetry_is_an_error(shipped: Inventory, tmp_path: Path) -> None:
     with pytest.raises(NoMatchError, match="has no `telemetry:`"):
         fit(shipped, tmp_path)
 
@@ -279,11 +279,11 @@ def test_a_vehicle_without_telemetry_is_no_green_nothing(shipped: Inventory, tmp
 # What the declaration says of measured links, beside what is shipped for them.
 
 
-def test_the_declaration_names_the_thresholds_that_are_shipped() -> None:
+def test_inventory_accepts_the_shipped_threshold_names() -> None:
     assert [name.value for name in ThresholdsName] == list(profiles())
 
 
-def test_each_threshold_can_be_declared() -> None:
+def test_every_threshold_can_be_set_in_the_inventory() -> None:
     assert LinkThresholds.model_fields.keys() == {"profile", *QualifyProfile.model_fields}
 
 

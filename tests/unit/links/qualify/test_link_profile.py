@@ -129,7 +129,7 @@ def test_one_way_gaps_stay_one_way() -> None:
     agree(train_figures(recording.samples, "idle"), train_figures(measure(replay(profile)).samples, "idle"))
 
 
-def test_the_round_trip_is_split_in_half_and_drift_is_taken_out() -> None:
+def test_round_trip_is_halved_and_clock_drift_removed() -> None:
     up, down = LinkShape(delay_s=0.5, jitter_s=0.02), LinkShape(delay_s=0.1)
     recording = measure(network(up, down, skew_ns=40 * SECOND, drift=50e-6))
     profile = profile_of(measured_run(), recording.samples)
@@ -140,7 +140,7 @@ def test_the_round_trip_is_split_in_half_and_drift_is_taken_out() -> None:
     assert profile.down.delays_s[-1] - profile.down.delays_s[0] < 0.004, "15 ms of drift in five minutes"
 
 
-def test_rates_are_those_of_the_messages_and_the_mtu_is_the_run_s() -> None:
+def test_profile_has_measured_rates_and_mtu_of_the_run() -> None:
     net, peer, recording = network(CERTUS_UP, CERTUS_DOWN), ReflectorPeer(KEY), Recording()
     run(net, peer, [Train("idle", TrainPlan(172, 0.25, 60), peer, net, recording.write)], unlimited(net))
     load = MessageStream("load up", MessagePlan(30_000, 0.5, 20), peer, net, recording.write)
@@ -153,7 +153,7 @@ def test_rates_are_those_of_the_messages_and_the_mtu_is_the_run_s() -> None:
     assert (down.rate_bps, up.mtu, down.mtu) == (704_000.0, 1400, 1380)
 
 
-def test_a_run_that_holds_too_little_is_no_profile(tmp_path: Path) -> None:
+def test_run_with_too_few_samples_gives_no_profile(tmp_path: Path) -> None:
     with pytest.raises(NoProfile, match="0 packets of its train `idle` were answered"):
         profile_of(measured_run(), measure(network(LinkShape(loss=1.0)), TrainPlan(172, 0.25, 60)).samples)
     with pytest.raises(NoProfile, match="holds no measured run"):
@@ -163,7 +163,7 @@ def test_a_run_that_holds_too_little_is_no_profile(tmp_path: Path) -> None:
         read_profile(tmp_path / "profile.json")
 
 
-def test_a_profile_is_kept_in_the_runs_folder(tmp_path: Path) -> None:
+def test_profile_is_stored_in_the_run_folder(tmp_path: Path) -> None:
     recording = measure(network(CERTUS_UP, CERTUS_DOWN), TrainPlan(172, 0.25, 60))
     write_run(tmp_path, measured_run())
     (tmp_path / SAMPLES_FILE).write_text(recording.text.getvalue())

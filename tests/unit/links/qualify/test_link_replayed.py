@@ -28,7 +28,7 @@ def test_a_delay_holds_for_what_is_sent_meanwhile() -> None:
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3])
-def test_even_shares_are_kept_in_every_stretch(share: float) -> None:
+def test_even_loss_is_constant_in_every_interval(share: float) -> None:
     model = _model(LinkShape(loss=share, even=True))
     lost = [not model.offer(100, n / 10) for n in range(3000)]
     per_stretch = [sum(lost[begin : begin + 300]) for begin in range(0, 3000, 300)]
@@ -37,7 +37,7 @@ def test_even_shares_are_kept_in_every_stretch(share: float) -> None:
     assert len({later - earlier for earlier, later in pairwise(places)}) > 1, "at random places"
 
 
-def test_gaps_come_once_a_cycle_apart_and_at_the_same_moments_both_ways() -> None:
+def test_gaps_occur_once_per_cycle_and_together_in_both_directions() -> None:
     gaps = (DrawnGap(70.0), DrawnGap(5.0), DrawnGap(1.5))
     up = LinkShape(gaps=gaps, gap_cycle_s=300.0, gap_seed=4)
     down = LinkShape(gaps=(DrawnGap(70.0), DrawnGap(5.0, carries=True), DrawnGap(1.5)), gap_cycle_s=300.0, gap_seed=4)
@@ -54,7 +54,7 @@ def test_gaps_come_once_a_cycle_apart_and_at_the_same_moments_both_ways() -> Non
     assert lost == pytest.approx(10 * 10 * 76.5, abs=60)
 
 
-def test_more_gaps_than_time_leave_no_time_between_them() -> None:
+def test_gaps_longer_than_the_cycle_leave_no_time_between() -> None:
     drawn = gaps_of_cycle(LinkShape(gaps=(DrawnGap(40.0), DrawnGap(40.0)), gap_cycle_s=60.0), 0)
     assert [round(end - begin, 6) for begin, end in drawn] == [40.0, 40.0]
 

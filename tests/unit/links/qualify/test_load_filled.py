@@ -75,7 +75,7 @@ def rows(record: QualifyRecord) -> dict[str, LoadRow]:
     return {row.way: row for row in record.load}
 
 
-def test_a_load_that_fills_the_link_is_a_figure_of_it() -> None:
+def test_load_that_fills_the_link_is_conclusive() -> None:
     record = record_of_load(network(LINK, LINK))
     assert buffer_delay(record).verdict is Verdict.PASS
     assert buffer_delay(record).measured == pytest.approx(2.3, abs=0.2), "64 kB of queue in front of 55 ms"
@@ -86,7 +86,7 @@ def test_a_load_that_fills_the_link_is_a_figure_of_it() -> None:
     assert record.verdict is Verdict.PASS
 
 
-def test_a_sender_that_was_stopped_measures_itself_and_not_the_link() -> None:
+def test_paused_sender_is_inconclusive() -> None:
     record = record_of_load(paused(network(LINK, LINK), 100, 60))
     row = rows(record)["up"]
     assert row.goodput_bps is not None
@@ -101,7 +101,7 @@ def test_a_sender_that_was_stopped_measures_itself_and_not_the_link() -> None:
 
 
 @pytest.mark.parametrize("begins_ms", [72_800, 73_200, 73_500])
-def test_a_computer_that_stops_at_the_end_of_a_load_is_told_or_does_no_harm(begins_ms: int) -> None:
+def test_pause_at_the_end_of_a_load_is_detected_or_harmless(begins_ms: int) -> None:
     """The last message up begins 73.15 s after the first packet: it takes longer, and none after it begins late."""
     row = rows(record_of_load(paused(network(LINK, LINK), begins_ms + 3_000, 3_000)))["up"]
     if row.verdict is Verdict.PASS:
@@ -111,7 +111,7 @@ def test_a_computer_that_stops_at_the_end_of_a_load_is_told_or_does_no_harm(begi
 
 
 @pytest.mark.parametrize("stopped_ms", [45, 60, 100, 200])
-def test_a_busy_computer_is_told_from_a_slow_link(stopped_ms: int) -> None:
+def test_busy_computer_is_distinguished_from_a_slow_link(stopped_ms: int) -> None:
     """Pauses within each half second: where the queue ran empty, the goodput is too low, and never passes."""
     row = rows(record_of_load(paused(network(LINK, LINK), 500, stopped_ms)))["up"]
     assert row.goodput_bps is not None
@@ -121,7 +121,7 @@ def test_a_busy_computer_is_told_from_a_slow_link(stopped_ms: int) -> None:
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.03])
-def test_a_load_that_the_link_carries_whole_is_no_limit_of_the_link(loss: float) -> None:
+def test_fully_carried_load_is_inconclusive(loss: float) -> None:
     faster = replace(LINK, rate_bps=2 * RATE, loss=loss)
     record = record_of_load(network(faster, faster))
     for way, row in rows(record).items():
@@ -131,7 +131,7 @@ def test_a_load_that_the_link_carries_whole_is_no_limit_of_the_link(loss: float)
     assert record.verdict is (Verdict.FAIL if loss else Verdict.INCONCLUSIVE), "1 % may be lost"
 
 
-def test_a_far_end_that_fell_behind_is_no_limit_of_the_link() -> None:
+def test_far_end_that_fell_behind_is_inconclusive() -> None:
     """Requests of a computer that was stopped came late, and the far end had nothing to send meanwhile."""
     row = rows(record_of_load(paused(network(LINK, LINK), 3000, 1500)))["down"]
     assert row.goodput_bps is not None
@@ -139,14 +139,14 @@ def test_a_far_end_that_fell_behind_is_no_limit_of_the_link() -> None:
     assert (row.verdict, row.doubt[:22]) == (Verdict.INCONCLUSIVE, "the sender fell behind")
 
 
-def test_goodput_in_doubt_is_compared_with_nothing() -> None:
+def test_doubtful_goodput_is_not_compared() -> None:
     good, slow = record_of_load(network(LINK, LINK)), record_of_load(paused(network(LINK, LINK), 100, 60))
     changes = {item.key: item for item in compare_runs(good, slow).figures}
     assert changes["goodput_up"].first == pytest.approx(GOODPUT, rel=0.05)
     assert changes["goodput_up"].second is None
 
 
-def test_a_run_of_an_earlier_version_says_nothing_of_what_was_offered() -> None:
+def test_run_of_an_earlier_version_has_unknown_offered_load() -> None:
     net, peer, recording = network(LINK, LINK), ReflectorPeer(KEY), Recording()
     load = MessagePlan(300_000, 2.0, 5, pace_bps=1.2 * RATE)
     for streams in (

@@ -40,14 +40,14 @@ def test_a_message_of_any_size_arrives(size: int) -> None:
     assert figures.chunks == -(-size // 1048)
 
 
-def test_a_message_has_an_octet_and_a_packet_carries_some() -> None:
+def test_empty_message_and_too_small_packet_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one octet"):
         MessagePlan(0, 1, 1)
     with pytest.raises(ValueError, match="packets of 140 octets carry nothing"):
         _sent(network(), MessagePlan(10, 1, 1, packet=140))
 
 
-def test_what_a_reflector_did_not_recognise_is_not_read() -> None:
+def test_unrecognised_reflector_data_is_ignored() -> None:
     net = network()
     stream = MessageStream("m", MessagePlan(10, 1, 1), ReflectorPeer(KEY), net, Recording().write)
     tlvs = (Tlv(CHUNK, b"?"), Tlv(CHUNK + 1, b"?", 0))
@@ -55,7 +55,7 @@ def test_what_a_reflector_did_not_recognise_is_not_read() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_is_lost_is_sent_again_until_all_of_it_is_there(seed: int) -> None:
+def test_lost_chunks_are_resent_until_all_arrive(seed: int) -> None:
     shape = replace(UP, loss=0.1, gaps_s=((3.0, 40.0),))
     net = network(shape, replace(DOWN, loss=0.1), seed)
     figures = _sent(net, MessagePlan(40_000, 0.1, 20, resend=True, pace_bps=300_000, give_up_s=300))
@@ -73,14 +73,14 @@ def test_best_effort_loses_a_message_with_each_chunk() -> None:
     assert figures.loss == pytest.approx(1 - (1 - 0.01) ** 6, abs=4 * (0.0585 * 0.94 / 1000) ** 0.5)
 
 
-def test_a_receiver_that_says_nothing_leaves_the_message_unknown() -> None:
+def test_silent_receiver_leaves_the_message_unknown() -> None:
     net = network(UP, LinkShape(loss=1.0))
     figures = _sent(net, MessagePlan(5_000, 1, 2, timeout_s=1))
     assert figures is not None
     assert (figures.received_count, figures.lost_count, figures.unknown) == (0, 0, 2)
 
 
-def test_a_message_that_lacks_packets_is_over_when_the_receiver_has_said_so() -> None:
+def test_incomplete_message_ends_when_the_receiver_reports_it() -> None:
     """The question leaves after all packets: nothing of the message is awaited once it is answered."""
     net = network(replace(UP, mtu=1_000), DOWN)
     figures = _sent(net, MessagePlan(5_000, 1, 2, timeout_s=5))
@@ -119,7 +119,7 @@ def test_a_short_queue_limits_by_loss() -> None:
     assert found.is_proved
 
 
-def test_random_loss_of_the_link_is_no_limit() -> None:
+def test_random_loss_does_not_limit_the_rate() -> None:
     net = network(replace(UP, loss=0.01), DOWN, 2)
     found = _search(net, 6_000, idle_loss=0.01)
     assert found.rate_hz is not None
@@ -145,7 +145,7 @@ def test_a_link_that_sustains_nothing_has_no_rate() -> None:
     assert found.limited_by is RateLimit.LOSS
 
 
-def test_a_link_faster_than_what_was_tried_is_not_called_limited() -> None:
+def test_link_faster_than_the_tried_rates_is_not_called_limited() -> None:
     found = _search(network(), 1_000, highest_hz=4)
     assert (found.rate_hz, found.limited_by, found.is_proved) == (4, RateLimit.HIGHEST, False)
 
@@ -159,7 +159,7 @@ def test_a_link_faster_than_what_was_tried_is_not_called_limited() -> None:
         (577, 576, (577, 576, 576)),
     ],
 )
-def test_the_path_mtu_each_way(up: int, down: int, expected: tuple[int, int, int | None]) -> None:
+def test_path_mtu_per_direction(up: int, down: int, expected: tuple[int, int, int | None]) -> None:
     net = network(LinkShape(delay_s=0.3, mtu=up, loss=0.05), LinkShape(delay_s=0.3, mtu=down, loss=0.05))
     found = path_mtu(net, ReflectorPeer(KEY), unlimited(net), timeout_s=1)
     assert found.up is not None
@@ -168,7 +168,7 @@ def test_the_path_mtu_each_way(up: int, down: int, expected: tuple[int, int, int
 
 
 @pytest.mark.parametrize(("delay_s", "mtu", "most_s"), [(0.0275, 1400, 20), (0.0275, 1380, 20), (0.35, 1400, 80)])
-def test_waits_of_the_path_mtu_follow_the_round_trip(delay_s: float, mtu: int, most_s: float) -> None:
+def test_path_mtu_timeouts_follow_the_round_trip(delay_s: float, mtu: int, most_s: float) -> None:
     """It waited 3 s six or seven times for each size that is too long: 210 of 377 s on a link of 55 ms."""
     net = network(LinkShape(delay_s=delay_s, mtu=mtu, jitter_s=0.005), LinkShape(delay_s=delay_s, mtu=mtu))
     found = path_mtu(net, ReflectorPeer(KEY), unlimited(net))
@@ -177,7 +177,7 @@ def test_waits_of_the_path_mtu_follow_the_round_trip(delay_s: float, mtu: int, m
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_answers_that_jitter_by_more_than_the_round_trip_are_not_lost(seed: int) -> None:
+def test_path_mtu_tolerates_jitter_and_slow_links(seed: int) -> None:
     """A link of 700 ms whose packets take up to a second more, and 20 kbit/s, which long packets take seconds for."""
     slow = LinkShape(delay_s=0.35, jitter_s=0.4, mtu=1412, rate_bps=352_000, loss=0.02)
     net = network(slow, slow, seed)
@@ -187,7 +187,7 @@ def test_answers_that_jitter_by_more_than_the_round_trip_are_not_lost(seed: int)
     assert path_mtu(net, ReflectorPeer(KEY), unlimited(net)).both == 1412
 
 
-def test_a_gap_costs_the_path_mtu_no_more_than_short_packets() -> None:
+def test_gap_costs_the_path_mtu_search_few_bytes() -> None:
     """A gap of 70 s in which waits are short would cost hundreds of long packets."""
     down = LinkShape(delay_s=0.0275)
     plain, broken = (
@@ -199,7 +199,7 @@ def test_a_gap_costs_the_path_mtu_no_more_than_short_packets() -> None:
     assert broken.up.sent_bytes - plain.up.sent_bytes < 15_000
 
 
-def test_a_gap_is_no_mtu() -> None:
+def test_gap_does_not_reduce_the_path_mtu() -> None:
     net = network(LinkShape(delay_s=0.3, mtu=1400, gaps_s=((4.0, 74.0),)), LinkShape(delay_s=0.3))
     assert path_mtu(net, ReflectorPeer(KEY), unlimited(net), timeout_s=1).up == 1400
 
@@ -210,7 +210,7 @@ def test_a_far_end_that_is_silent_has_no_mtu() -> None:
     assert (found.up, found.both, found.why) == (None, None, "nothing was answered for 90 s")
 
 
-def test_the_grids_say_that_their_shape_is_unknown() -> None:
+def test_grids_pass_sustained_rates_and_state_the_unknown_shape() -> None:
     idle = 0.57
     rows = []
     for octets in grids.TELEMETRY_SIZES:
@@ -232,19 +232,19 @@ def test_the_grids_say_that_their_shape_is_unknown() -> None:
     assert {row.reason for row in rows if row.verdict is Verdict.PASS} == {"sustained"}
 
 
-def test_a_grid_beyond_the_link_fails() -> None:
+def test_grid_cell_beyond_the_link_fails() -> None:
     _, samples = run_train(network(replace(UP, rate_bps=30_000), DOWN), grids.telemetry_plan(512, 10, 30))
     row = grids.telemetry_row(512, 10, train_figures(samples, "train"), 0.6)
     assert row.verdict is Verdict.FAIL
 
 
-def test_a_gap_of_the_link_is_no_limit_of_a_size_at_a_rate() -> None:
+def test_gap_makes_a_grid_cell_inconclusive() -> None:
     _, samples = run_train(network(replace(UP, gaps_s=((5.0, 10.0),)), DOWN), grids.telemetry_plan(32, 4, 20))
     row = grids.telemetry_row(32, 4, train_figures(samples, "train"), 0.6)
     assert (row.sent - row.received, row.verdict, row.reason) == (20, Verdict.INCONCLUSIVE, "a gap of the link")
 
 
-def test_one_that_is_lost_of_a_few_is_neither_a_failure_nor_proof() -> None:
+def test_one_loss_among_few_packets_is_inconclusive() -> None:
     early = network(replace(UP, gaps_s=((0.0, 0.1),)), DOWN)
     _, samples = run_train(early, grids.telemetry_plan(32, 1, 20))
     row = grids.telemetry_row(32, 1, train_figures(samples, "train"), 0.6)
@@ -255,7 +255,7 @@ def test_one_that_is_lost_of_a_few_is_neither_a_failure_nor_proof() -> None:
     assert (row.sent - row.received, row.verdict, row.reason) == (1, Verdict.INCONCLUSIVE, grids.FEW)
 
 
-def test_bytes_are_known_before_they_are_sent() -> None:
+def test_byte_count_is_known_before_sending() -> None:
     net = network(UP, DOWN)
     plan = TrainPlan(172, 0.25, 20)
     run_train(net, plan, ReflectorPeer(KEY, counts=False))
@@ -267,7 +267,7 @@ def test_bytes_are_known_before_they_are_sent() -> None:
     assert grids.message_bytes(images, HEADERS) == pytest.approx(counted, rel=0.01)
 
 
-def test_verdicts_in_the_words_of_the_recommendations() -> None:
+def test_criteria_are_named_after_the_recommendations() -> None:
     good = LinkShape(delay_s=0.02)
     _, samples = run_train(network(good, good), TrainPlan(172, 0.1, 100))
     judged = judge(train_figures(samples, "train"), profile("lte"))
@@ -286,13 +286,13 @@ def test_verdicts_in_the_words_of_the_recommendations() -> None:
     assert {j.verdict for j in judge(train_figures(samples, "train"), profile("lte"))[:-1]} == {Verdict.FAIL}
 
 
-def test_packets_that_are_far_apart_show_no_availability() -> None:
+def test_sparse_packets_cannot_show_availability() -> None:
     _, samples = run_train(network(), TrainPlan(172, 2, 1400))
     judged = {j.criterion: j for j in judge(train_figures(samples, "train"), profile("satellite"))}
     assert (judged["AVAIL"].measured, judged["AVAIL"].verdict) == (None, Verdict.INCONCLUSIVE)
 
 
-def test_an_unknown_profile_is_named_with_those_that_there_are() -> None:
+def test_unknown_profile_is_reported_with_the_known_ones() -> None:
     with pytest.raises(NoSuchProfile, match="no profile of thresholds is named `5g`") as error:
         profile("5g")
     assert error.value.hint == "take one of: satellite, lte, wifi"

@@ -37,7 +37,7 @@ def _figures(net: SimulatedNetwork, plan: MessagePlan) -> MessageFigures:
 
 
 @pytest.mark.parametrize("size", [1, ROOM, ROOM + 1, 6200, 100_000])
-def test_a_message_of_any_size_comes(size: int) -> None:
+def test_message_of_any_size_arrives(size: int) -> None:
     net = network(UP, DOWN, skew_ns=-50 * SECOND)
     ended = _requested(net, MessagePlan(size, 0.1, 20, pace_bps=700_000))
     assert [(m.received_size, m.chunks, m.direction) for m in ended] == [(size, -(-size // ROOM), "down")] * 2
@@ -63,7 +63,7 @@ def test_goodput_of_a_link_that_is_never_idle() -> None:
     assert figures.receiver_bps == pytest.approx(carries, rel=tolerances()["goodput_share"])
 
 
-def test_each_way_has_its_own_goodput() -> None:
+def test_goodput_per_direction() -> None:
     """Both loads in one run, on one socket: the ways differ by two, and are told apart."""
     net = network(UP, DOWN)
     recording, peer = Recording(), ReflectorPeer(KEY)
@@ -80,13 +80,13 @@ def test_each_way_has_its_own_goodput() -> None:
         assert figures.busy_bps == pytest.approx(carries, rel=tolerances()["goodput_share"]), name
 
 
-def test_a_pace_is_kept_by_the_far_end() -> None:
+def test_far_end_keeps_the_pace() -> None:
     net = network(UP, LinkShape(delay_s=0.28))
     figures = _figures(net, MessagePlan(60_000, 0.2, 20, pace_bps=200_000))
     assert figures.busy_bps == pytest.approx(200_000 * ROOM / (DEFAULT_PACKET + HEADERS), rel=0.02)
 
 
-def test_messages_leave_one_after_the_other() -> None:
+def test_messages_are_sent_one_after_another() -> None:
     """Each takes 0.6 s at its pace and the next is requested after 0.5 s: together they would be twice as fast."""
     net = network(UP, LinkShape(delay_s=0.28))
     figures = _figures(net, MessagePlan(30_000, 2, 10, pace_bps=500_000))
@@ -103,14 +103,14 @@ def test_the_latency_is_from_the_request_to_the_last_octet() -> None:
     assert figures.latency.p50 == pytest.approx(wire * 8 / 704_000 + 0.56, rel=tolerances()["goodput_share"])
 
 
-def test_a_request_that_is_lost_is_no_loss_of_the_way_down() -> None:
+def test_lost_request_is_not_downward_loss() -> None:
     net = network(replace(UP, loss=0.2), DOWN, 3)
     figures = _figures(net, MessagePlan(3_000, 0.5, 100, timeout_s=2))
     assert net.up.loss_count > 5
     assert (figures.received_count, figures.lost_count, figures.unknown) == (50, 0, 0)
 
 
-def test_a_message_of_one_packet_that_is_lost_on_the_way_is_lost() -> None:
+def test_lost_single_packet_message_counts_as_lost() -> None:
     """It is not simply requested again, which would hide the loss."""
     net = network(UP, replace(DOWN, loss=0.1), 4)
     figures = _figures(net, MessagePlan(500, 1, 300, timeout_s=2))
@@ -121,14 +121,14 @@ def test_a_message_of_one_packet_that_is_lost_on_the_way_is_lost() -> None:
     assert 0 <= net.down.loss_count - figures.lost_count <= 10
 
 
-def test_what_is_missing_is_requested_again_where_that_is_the_plan() -> None:
+def test_missing_parts_are_requested_again_with_resend() -> None:
     shape = replace(DOWN, loss=0.1, gaps_s=((3.0, 40.0),))
     net = network(replace(UP, loss=0.1), shape, 5)
     figures = _figures(net, MessagePlan(40_000, 0.1, 20, resend=True, pace_bps=300_000, give_up_s=300))
     assert (figures.sent_count, figures.received_count) == (2, 2)
 
 
-def test_copies_are_no_octets_of_a_message() -> None:
+def test_duplicates_do_not_count_towards_the_message() -> None:
     net = network(UP, replace(DOWN, duplicates=1.0))
     ended = _requested(net, MessagePlan(5_000, 0.5, 20))
     assert {message.received_size for message in ended} == {5_000}
@@ -140,14 +140,14 @@ def test_silence_is_unknown_and_not_lost() -> None:
     assert figures.latency is None
 
 
-def test_a_gap_at_the_beginning_is_outlived() -> None:
+def test_gap_at_the_beginning_is_survived() -> None:
     gap = ((0.0, 70.0),)
     net = network(replace(UP, gaps_s=gap), replace(DOWN, gaps_s=gap))
     figures = _figures(net, MessagePlan(5_000, 1, 20))
     assert (figures.sent_count, figures.received_count) == (20, 20)
 
 
-def test_a_reflector_that_was_started_again_gives_another_token() -> None:
+def test_restarted_reflector_gives_a_new_token() -> None:
     net = network(UP, DOWN)
     plan = MessagePlan(5_000, 0.5, 40)
     recording, peer = Recording(), ReflectorPeer(KEY)
@@ -166,7 +166,7 @@ def test_a_reflector_that_was_started_again_gives_another_token() -> None:
     assert figures.received_count >= 19
 
 
-def test_stopping_leaves_what_is_under_way_in_flight() -> None:
+def test_messages_under_way_at_a_stop_count_as_in_flight() -> None:
     net = network(UP, DOWN)
     net.interrupt_at_ns = 10 * SECOND
     ended = _requested(net, MessagePlan(50_000, 1, 100))
@@ -190,7 +190,7 @@ def test_the_highest_rate_down() -> None:
     assert found.limited_by in {RateLimit.LATENCY, RateLimit.QUEUE, RateLimit.LOSS}
 
 
-def test_the_far_end_says_what_it_sends_at_most() -> None:
+def test_far_end_reports_its_maximum_rate() -> None:
     net = network()
     net.reflector = Reflector(KEY, rate_bps=1e6)
     figures = _figures(net, MessagePlan(200_000, 0.1, 60))
@@ -201,7 +201,7 @@ def test_the_far_end_says_what_it_sends_at_most() -> None:
     assert (figures.received_count, figures.lost_count) == (6, 0), "it waits, and drops nothing"
 
 
-def test_a_request_is_charged_with_all_that_it_may_bring() -> None:
+def test_request_is_charged_with_the_whole_reply() -> None:
     size = 50_000
     chunks = -(-size // ROOM)
     brings = size + chunks * (DEFAULT_PACKET - ROOM + HEADERS)
@@ -214,7 +214,7 @@ def test_a_request_is_charged_with_all_that_it_may_bring() -> None:
         assert guard.limited_by == (None if expected else "bytes")
 
 
-def test_bytes_are_known_before_they_are_requested() -> None:
+def test_byte_count_is_known_before_requesting() -> None:
     net = network(UP, DOWN)
     plan = MessagePlan(6_000, 1, 10)
     _requested(net, plan)
@@ -222,7 +222,7 @@ def test_bytes_are_known_before_they_are_requested() -> None:
 
 
 @pytest.mark.parametrize(("key", "packet"), [(None, 1200), (KEY, 140)])
-def test_what_cannot_be_requested_is_refused_here(key: bytes | None, packet: int) -> None:
+def test_invalid_request_is_refused_locally(key: bytes | None, packet: int) -> None:
     with pytest.raises(ValueError, match=r"our own reflector, with its key|packets of 140 octets carry nothing"):
         DownMessageStream("d", MessagePlan(10, 1, 1, packet=packet), ReflectorPeer(key), network(), Recording().write)
 
@@ -279,7 +279,7 @@ def test_every_chunk_is_authenticated_and_answers_its_request() -> None:
     assert len({chunk.data for chunk in chunks}) == 9, "nothing compresses them"
 
 
-def test_a_part_is_sent_and_its_status_told() -> None:
+def test_partial_request_and_its_status() -> None:
     far = FarEnd()
     token = far.token()
     chunks = [far.packet(answer) for answer in far.raw(far.request(1001, token, first=7, count=2))]
@@ -288,7 +288,7 @@ def test_a_part_is_sent_and_its_status_told() -> None:
     assert far.status(answer) == stamp.RequestStatus(0, 2, 50_000, token)
 
 
-def test_without_the_key_nothing_longer_than_the_request_is_sent() -> None:
+def test_unauthenticated_request_gets_no_longer_reply() -> None:
     far, stranger = FarEnd(), FarEnd(b"another key, also 32 octets long")
     token = far.token()
     assert far.raw(stranger.request(1, token)) == []
@@ -300,7 +300,7 @@ def test_without_the_key_nothing_longer_than_the_request_is_sent() -> None:
     assert anybody.packet(answer).tlvs[0].flags == 0x80
 
 
-def test_a_recorded_request_brings_nothing() -> None:
+def test_replayed_request_is_ignored() -> None:
     far = FarEnd()
     recorded = far.request(1001, far.token())
     assert len(far.raw(recorded)) == 9
@@ -310,7 +310,7 @@ def test_a_recorded_request_brings_nothing() -> None:
     assert far.raw(recorded) == [], "nor when its session is forgotten"
 
 
-def test_a_recorded_request_brings_nothing_after_a_restart() -> None:
+def test_replayed_request_after_a_restart_brings_no_data() -> None:
     far = FarEnd()
     recorded = far.request(1001, far.token())
     far.raw(recorded)
@@ -321,7 +321,7 @@ def test_a_recorded_request_brings_nothing_after_a_restart() -> None:
     assert again.reflector.statistics.requested == 0
 
 
-def test_a_request_from_another_address_brings_nothing() -> None:
+def test_request_from_another_address_brings_no_data() -> None:
     """Whoever is on the way and changes the address of a fresh request: the victim gets no more than was sent."""
     far = FarEnd()
     request = far.request(1001, far.token())
@@ -336,7 +336,7 @@ def test_another_port_of_the_address_is_served() -> None:
     assert len(far.raw(request, (SOURCE[0], SOURCE[1] + 1))) == 9, "a provider's NAT gives another port after a gap"
 
 
-def test_an_address_gets_its_rate_and_no_more() -> None:
+def test_rate_per_address_is_limited() -> None:
     far = FarEnd(rate_bps=800_000)
     token = far.token()
     begin = far.now
@@ -356,7 +356,7 @@ def test_a_request_that_contradicts_itself_is_refused(changes: dict[str, int]) -
     assert far.reflector.statistics.refused == 1
 
 
-def test_no_more_messages_are_under_way_than_there_is_room_for() -> None:
+def test_number_of_concurrent_messages_is_limited() -> None:
     far = FarEnd()
     token = far.token()
     for number in range(100):
@@ -364,6 +364,6 @@ def test_no_more_messages_are_under_way_than_there_is_room_for() -> None:
         assert (reply is None) is (number < 64)
 
 
-def test_old_samples_without_a_direction_went_up() -> None:
+def test_old_samples_without_direction_count_as_up() -> None:
     old = MessageResult("m", 0, 5, 1, 1, 0, 9, 5, 1, 2, in_flight=False)
     assert old.direction == MessageDirection.UP

@@ -27,32 +27,32 @@ BEARERS = {bearer.name: bearer for bearer in DECLARED.sites["coastal"].bearers}
 @pytest.mark.parametrize(
     ("text", "port"), [("192.0.2.7", 862), ("192.0.2.7:862", 862), ("192.0.2.7:8620", 8620)], ids=str
 )
-def test_it_is_named_by_its_address(text: str, port: int) -> None:
+def test_far_end_is_given_by_its_address(text: str, port: int) -> None:
     found = far_end_of(DECLARED, over_vpn=False, other=text)
     assert found == MeasuredFarEnd(text, "192.0.2.7", port, None)
     assert not found.is_ours
 
 
 @pytest.mark.parametrize("text", ["", "router.example.net", "192.0.2", "192.0.2.7:", "192.0.2.7:65536", "224.0.0.1"])
-def test_what_is_no_address_is_refused(text: str) -> None:
+def test_invalid_address_is_refused(text: str) -> None:
     with pytest.raises(UsageError, match="no IPv4 address"):
         far_end_of(DECLARED, over_vpn=False, other=text)
 
 
-def test_through_the_vpn_it_is_one_in_the_vpn() -> None:
+def test_vpn_measurement_needs_a_vpn_address() -> None:
     assert far_end_of(DECLARED, over_vpn=True, other="10.80.0.77").address == "10.80.0.77"
     with pytest.raises(UsageError, match="no address in the VPN"):
         far_end_of(DECLARED, over_vpn=True, other="192.0.2.7")
 
 
 @pytest.mark.parametrize("selection", [Selection.IMAGES, Selection.THROUGHPUT, Selection.ALL])
-def test_messages_are_left_to_our_own(selection: Selection) -> None:
+def test_messages_need_our_own_far_end(selection: Selection) -> None:
     with pytest.raises(UsageError, match="needs a far end of ours"):
         far_end_of(DECLARED, over_vpn=False, other="192.0.2.7").refuse(selection, [], DECLARED)
     far_end_of(DECLARED, over_vpn=False).refuse(selection, BEARERS.values(), DECLARED)
 
 
-def test_over_a_satellite_it_has_to_be_allowed() -> None:
+def test_satellite_must_allow_the_far_end() -> None:
     far, satellite = far_end_of(DECLARED, over_vpn=False, other="192.0.2.7"), BEARERS["satellite"]
     far.refuse(Selection.TELEMETRY, [BEARERS["4g"]], DECLARED)
     with pytest.raises(NoMatchError, match=r"`satellite` lets nothing pass to 192\.0\.2\.7, UDP port 862"):
@@ -70,7 +70,7 @@ def measured(net: SimulatedNetwork) -> Measurement:
     return found
 
 
-def test_packets_of_every_size_are_measured_and_no_message_is_sent() -> None:
+def test_packets_of_every_size_are_measured_without_messages() -> None:
     net = network(*link_shapes(BEARERS["4g"]), key=None)
     found = measured(net)
     figures = train_figures(found.samples, "idle")
@@ -82,7 +82,7 @@ def test_packets_of_every_size_are_measured_and_no_message_is_sent() -> None:
     assert found.transport.sent_bytes + found.transport.received_bytes <= found.plan.bytes
 
 
-def test_where_packets_were_lost_is_not_guessed() -> None:
+def test_direction_of_loss_is_not_guessed() -> None:
     """It tells no counters; its numbers alone say where, and of the last ones they do not."""
     up, down = link_shapes(BEARERS["4g"])
     net = network(replace(up, loss=0.05), down, key=None)

@@ -55,7 +55,7 @@ def test_a_screen_shows_every_section_within_eighty_columns() -> None:
 
 
 @pytest.mark.usefixtures("portuguese")
-def test_a_screen_in_portuguese_fits_as_well() -> None:
+def test_portuguese_screen_fits_80_columns() -> None:
     assert [line for line in screen(drawn(samples_text())[0]) if len(line.rstrip()) > 80] == []
 
 
@@ -66,14 +66,14 @@ def test_a_screen_in_portuguese_fits_as_well() -> None:
         (Verdict.INCONCLUSIVE, "that it left by this link is not proved"),
     ],
 )
-def test_a_way_that_is_not_proved_is_said_and_is_not_green(way: Verdict, words: str) -> None:
+def test_unproved_route_is_shown(way: Verdict, words: str) -> None:
     record, _ = drawn(idle_text(), measured_run(way=way, way_reason="EXAMPLE"))
     last = re.sub(r"\s+", " ", " ".join(screen(record)[-3:]))
     assert f"{way.value}: 7 of 8 criteria" in last
     assert words in last
 
 
-def test_a_run_without_round_trips_says_so() -> None:
+def test_run_without_round_trips_is_inconclusive() -> None:
     record, shown = drawn("", measured_run(ended=None, reason="stopped"))
     text = "\n".join(screen(record))
     assert shown == []
@@ -99,7 +99,7 @@ class _Page(HTMLParser):
             self.headings.append(data.strip())
 
 
-def test_a_page_holds_all_and_needs_nothing_else() -> None:
+def test_page_is_complete_and_self_contained() -> None:
     record, shown = drawn(samples_text())
     text = html(record, shown).decode()
     page = _Page()
@@ -121,7 +121,7 @@ def test_a_real_run_is_not_called_emulated() -> None:
     assert not any("emulated" in line.lower() for line in screen(record))
 
 
-def test_what_others_have_said_cannot_speak_for_itself() -> None:
+def test_external_text_is_escaped() -> None:
     run = measured_run(remarks=(HOSTILE,), facts={HOSTILE: HOSTILE}, way_reason=HOSTILE)
     record, shown = drawn(idle_text(), run)
     text = html(record, shown).decode()
@@ -159,7 +159,7 @@ def test_each_plot_has_a_title_a_description_and_units() -> None:
             assert 0 <= float(text.get("y", "-1")) <= plot.height
 
 
-def test_round_trips_stand_where_the_axes_say() -> None:
+def test_round_trips_are_plotted_at_the_right_position() -> None:
     record, shown = drawn(idle_text(gap_at_s=40.0))
     assert record.idle is not None
     plot = next(plot for plot in shown if plot.name == "idle-time")
@@ -178,7 +178,7 @@ def test_round_trips_stand_where_the_axes_say() -> None:
     assert zero > half, "more stands above"
 
 
-def test_bars_say_their_numbers() -> None:
+def test_bars_show_their_numbers() -> None:
     record, shown = drawn(idle_text(loss=0.03, gap_at_s=40.0))
     assert record.idle is not None
     by_name = {plot.name: plot.words for plot in shown}
@@ -190,7 +190,7 @@ def test_bars_say_their_numbers() -> None:
     assert "down, without load: 0.00 %." in by_name["loss"]
 
 
-def test_a_cell_of_a_grid_says_its_verdict_in_words_and_what_was_not_measured() -> None:
+def test_grid_cells_show_verdict_or_not_measured() -> None:
     _, shown = drawn(samples_text())
     plot = next(plot for plot in shown if plot.name == "images")
     assert "640x480 q60 at 2 Hz: FAIL, loss." in plot.words
@@ -199,7 +199,7 @@ def test_a_cell_of_a_grid_says_its_verdict_in_words_and_what_was_not_measured() 
     assert [text for text in texts if text.endswith("FAIL")] == ["✗ FAIL"]
 
 
-def test_paper_holds_the_same_as_the_page(tmp_path: Path) -> None:
+def test_pdf_has_the_same_content_as_the_page(tmp_path: Path) -> None:
     place = put_run(tmp_path)
     record = write_pages(place)
     assert {path.name for path in place.iterdir()} == {
@@ -242,7 +242,7 @@ def test_two_runs_are_compared() -> None:
     assert facts["this computer's clock"] == ("not known to be synchronised", "not known to be synchronised")
 
 
-def test_what_the_boxes_said_stands_beside_each_other() -> None:
+def test_device_facts_are_compared_side_by_side() -> None:
     first, _ = drawn(idle_text(), measured_run(facts={"RSRP": "-90 dBm", "router": "example, RouterOS 7.18.2"}))
     second, _ = drawn(idle_text(), measured_run(facts={"RSRP": "-101 dBm"}, clock_synchronised=True))
     lines = "\n".join(printable.plain(row) for row in comparison_rows(first, second, compare_runs(first, second)))
@@ -269,7 +269,7 @@ def two_runs(state: Path) -> None:
     put_run(folder, measured_run(id=NEW, emulated=False, begun=later), idle_text(loss=0.05))
 
 
-def test_show_is_green_only_where_all_of_it_is(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_passes_only_when_every_criterion_does(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     two_runs(state)
     assert main(["qualify", "show", "site=coastal", f"run={OLD}"]) == 0
     assert "PASS: 8 of 8 criteria of `satellite` hold" in capsys.readouterr().out
@@ -310,7 +310,7 @@ def test_compare_and_history(state: Path, capsys: pytest.CaptureFixture[str]) ->
         ("show site=coastal --thresholds EXAMPLE", 3, "no profile of thresholds is named `EXAMPLE`"),
     ],
 )
-def test_what_is_said_about_a_mistake(
+def test_mistakes_are_reported(
     line: str, code: int, words: str, state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["qualify", *line.split()]) == code
@@ -324,7 +324,7 @@ def test_what_is_said_about_a_mistake(
 @pytest.mark.parametrize(
     "line", ["show site=coastal run=EXAMPLE", f"show site=coastal run={OLD}X", "compare site=coastal runs=EXAMPLE"]
 )
-def test_what_is_advised_is_typed(
+def test_advised_commands_work(
     line: str, more: tuple[str, ...], state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put_run(state / ("rehearsal" if more else "real") / "coastal" / "qualify", measured_run(id=OLD), "")
@@ -334,9 +334,7 @@ def test_what_is_advised_is_typed(
     assert OLD in capsys.readouterr().out
 
 
-def test_nothing_is_said_of_the_other_kind_of_runs_but_that_they_are_there(
-    state: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_kind_of_runs_is_only_mentioned(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put_run(state / "rehearsal" / "coastal" / "qualify", None, "")
     assert main(["qualify", "show", "site=coastal"]) == 7
     assert "`--rehearsed` shows those of rehearsals" in capsys.readouterr().err
@@ -347,5 +345,5 @@ def test_nothing_is_said_of_the_other_kind_of_runs_but_that_they_are_there(
 @pytest.mark.parametrize(
     ("value", "words"), [(0.0008, "0.8 ms"), (0.0104, "10 ms"), (0.596, "596 ms"), (9.0, "9000 ms"), (70.1, "70.1 s")]
 )
-def test_times_in_words(value: float, words: str) -> None:
+def test_seconds_are_formatted(value: float, words: str) -> None:
     assert format_seconds(value) == words

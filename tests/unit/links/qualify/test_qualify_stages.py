@@ -89,7 +89,7 @@ def described(measured: Measurement, selection: Selection, **changes: object) ->
 
 @pytest.mark.parametrize("name", list(BEARERS))
 @pytest.mark.parametrize("selection", list(Selection))
-def test_a_plan_has_no_more_than_the_link_carries(name: str, selection: Selection) -> None:
+def test_plan_stays_within_the_link_rate(name: str, selection: Selection) -> None:
     plan = build_plan(BEARERS[name], selection)
     whole = {Selection.TELEMETRY: 12, Selection.IMAGES: 24, Selection.THROUGHPUT: 0, Selection.ALL: 36}[selection]
     assert len(plan.cells) + plan.left_out == whole
@@ -101,7 +101,7 @@ def test_a_plan_has_no_more_than_the_link_carries(name: str, selection: Selectio
 
 
 @pytest.mark.parametrize("selection", [Selection.TELEMETRY, Selection.IMAGES, Selection.THROUGHPUT])
-def test_what_is_sent_is_within_what_was_said_before(selection: Selection) -> None:
+def test_bytes_sent_stay_within_the_announced_amount(selection: Selection) -> None:
     measured, net = measurement(BEARERS["satellite"], selection)
     assert measured.measure() == "done"
     counted = measured.transport
@@ -118,7 +118,7 @@ def test_what_is_sent_is_within_what_was_said_before(selection: Selection) -> No
 
 
 @pytest.mark.parametrize("name", ["satellite", "4g"])
-def test_a_rehearsal_ends_within_a_minute_and_is_green_where_the_link_is_good(name: str) -> None:
+def test_rehearsal_takes_under_a_minute_and_passes_on_good_links(name: str) -> None:
     """It took 67 s over the satellite, and could not pass: no train of 6 s shows a gap of 90 s."""
     measured, net = measurement(BEARERS[name], Selection.TELEMETRY)
     assert measured.measure() == "done"
@@ -129,7 +129,7 @@ def test_a_rehearsal_ends_within_a_minute_and_is_green_where_the_link_is_good(na
     assert found.exit is ExitCode.DONE
 
 
-def test_a_rehearsal_says_which_gaps_it_could_see() -> None:
+def test_rehearsal_states_which_gaps_it_can_detect() -> None:
     assert thresholds_of(BEARERS["satellite"], is_rehearsal=True) == (
         "satellite, gaps up to 5 s in a rehearsal",
         profile("satellite").model_copy(update={"gap_s": 5.0}),
@@ -142,7 +142,7 @@ def test_a_rehearsal_says_which_gaps_it_could_see() -> None:
     assert described(measured, Selection.TELEMETRY, reason="done").record.verdict is not Verdict.PASS
 
 
-def test_a_train_whose_packets_are_all_answered_awaits_nothing() -> None:
+def test_fully_answered_train_ends_without_waiting() -> None:
     _, samples = run_train(network(LinkShape(delay_s=0.3), LinkShape(delay_s=0.3)), TrainPlan(112, 0.2, 10))
     (end,) = (each for each in samples if isinstance(each, StreamEnd))
     assert end.ended_at_ns / SECOND == pytest.approx(9.8 + 2 * 0.6, abs=0.01), (
@@ -150,7 +150,7 @@ def test_a_train_whose_packets_are_all_answered_awaits_nothing() -> None:
     )
 
 
-def test_goodput_is_measured_each_way() -> None:
+def test_goodput_is_measured_in_both_directions() -> None:
     bearer = BEARERS["satellite"]
     measured, _ = measurement(bearer, Selection.THROUGHPUT)
     # The round trips beside the load take a part of the link: in a rehearsal, which hurries, a large one.
@@ -174,7 +174,7 @@ def test_a_rehearsed_satellite_is_measured_within_54_seconds(selection: Selectio
     assert net.now < 54 * SECOND
 
 
-def test_every_criterion_of_a_good_link_passes_and_the_tables_are_told() -> None:
+def test_good_link_passes_every_criterion_and_tables_are_printed() -> None:
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY)
     measured.measure()
     found = described(measured, Selection.TELEMETRY)
@@ -197,14 +197,14 @@ def test_every_criterion_of_a_good_link_passes_and_the_tables_are_told() -> None
         ({"sent_bytes": 0}, ExitCode.NOTHING),
     ],
 )
-def test_nothing_but_a_whole_run_by_the_right_way_is_done(changes: dict[str, object], code: ExitCode) -> None:
+def test_only_a_complete_run_over_the_right_route_is_done(changes: dict[str, object], code: ExitCode) -> None:
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY, Budget(max_bytes=200_000))
     measured.measure()
     assert described(measured, Selection.TELEMETRY, reason="done").exit is ExitCode.DONE
     assert described(measured, Selection.TELEMETRY, **{"reason": "done", **changes}).exit is code
 
 
-def test_a_link_that_answers_nothing_is_never_green() -> None:
+def test_silent_link_never_passes() -> None:
     dead = network(LinkShape(loss=1.0), LinkShape())
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY, net=dead)
     assert measured.measure() == "no answer"
@@ -219,7 +219,7 @@ def test_a_link_that_answers_nothing_is_never_green() -> None:
     assert [(rate.rate_hz, rate.limited_by) for rate in measured.rates] == [(None, RateLimit.SILENCE)]
 
 
-def test_the_budget_ends_the_run_and_what_was_measured_is_kept() -> None:
+def test_budget_ends_the_run_and_keeps_the_results() -> None:
     measured, _ = measurement(BEARERS["satellite"], Selection.ALL, Budget(max_bytes=250_000))
     assert measured.measure() == "bytes"
     assert measured.transport.sent_bytes + measured.transport.received_bytes <= 250_000
@@ -229,7 +229,7 @@ def test_the_budget_ends_the_run_and_what_was_measured_is_kept() -> None:
     assert [each.criterion for each in found.record.judgements if each.verdict is Verdict.PASS]
 
 
-def test_a_stop_ends_the_run_and_what_was_measured_is_kept() -> None:
+def test_stop_ends_the_run_and_keeps_the_results() -> None:
     stop = threading.Event()
     measured, net = measurement(BEARERS["satellite"], Selection.ALL)
     measured.transport = CountedTransport(net, stop)
@@ -247,7 +247,7 @@ def test_a_stop_ends_the_run_and_what_was_measured_is_kept() -> None:
     assert described(measured, Selection.ALL).exit is ExitCode.CHECKS_FAILED
 
 
-def test_thresholds_are_those_of_the_kind_but_for_what_is_declared() -> None:
+def test_thresholds_come_from_the_link_kind_and_the_inventory() -> None:
     plain = BEARERS["4g"]
     assert thresholds_of(plain) == ("lte", profile("lte"))
     own = plain.model_copy(update={"qualify": LinkThresholds.model_validate({"profile": "wifi", "flr": 0.25})})
@@ -256,7 +256,7 @@ def test_thresholds_are_those_of_the_kind_but_for_what_is_declared() -> None:
     assert limits == profile("wifi").model_copy(update={"flr": 0.25})
 
 
-def test_the_links_that_a_person_means() -> None:
+def test_links_are_selected_by_site_and_name() -> None:
     assert [each.name for each in links_of_site(DECLARED, "coastal", "all")] == ["wifi-ptp", "4g", "satellite"]
     assert [each.name for each in links_of_site(DECLARED, "coastal", "4g")] == ["4g"]
     assert [each.name for each in links_of_site(DECLARED, "scc", None)] == ["uplink"]
@@ -293,7 +293,7 @@ def test_a_measurement_starts_the_program_at_the_far_end(ssh: Path) -> None:
     assert "HostKeyAlias=scc-control" in asked
 
 
-def test_a_far_end_with_another_key_is_told_as_such(ssh: Path) -> None:
+def test_far_end_with_another_host_key_is_reported(ssh: Path) -> None:
     (ssh / "says").write_text("echo '@ REMOTE HOST IDENTIFICATION HAS CHANGED! @' >&2; exit 255")
     with pytest.raises(
         FarEndUnavailable, match=r"scc-control at 10\.64\.0\.11: it shows another SSH host key"
@@ -302,7 +302,7 @@ def test_a_far_end_with_another_key_is_told_as_such(ssh: Path) -> None:
     assert "`ssh-keygen -R scc-control`" in str(closed.value.hint)
 
 
-def test_nothing_is_measured_where_the_far_end_stays_closed(ssh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_measured_when_the_far_end_cannot_be_opened(ssh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (ssh / "says").write_text("echo 'Unit atlantis-qualify.service not found.' >&2; exit 5")
     words = "scc-control did not open the far end of measurements: Unit atlantis-qualify.service not found."
     with pytest.raises(FarEndUnavailable, match=words) as closed:
@@ -320,7 +320,7 @@ def test_nothing_is_measured_where_the_far_end_stays_closed(ssh: Path, monkeypat
     assert typed == [("scc", "scc-control")]
 
 
-def test_a_tunnel_over_tcp_is_not_led() -> None:
+def test_tunnel_over_tcp_cannot_be_rerouted() -> None:
     vpn = DECLARED.pilot.vpn.model_copy(update={"transport": Transport.TCP})
     over_tcp = replace(DECLARED, pilot=DECLARED.pilot.model_copy(update={"vpn": vpn}))
     with pytest.raises(NoMatchError, match="without breaking"):
@@ -333,7 +333,7 @@ def test_a_computer_without_a_tunnel_measures_nothing_in_the_vpn() -> None:
 
 
 @pytest.mark.parametrize("selection", [Selection.TELEMETRY, Selection.THROUGHPUT])
-def test_through_the_vpn_its_octets_are_charged_and_within_what_was_said_before(selection: Selection) -> None:
+def test_vpn_overhead_is_charged_and_within_the_announced_bytes(selection: Selection) -> None:
     bearer = BEARERS["satellite"]
     net = network(*link_shapes(bearer))
     plan = build_plan(bearer, selection, is_rehearsal=True, over_vpn=True)
@@ -356,12 +356,12 @@ def test_through_the_vpn_its_octets_are_charged_and_within_what_was_said_before(
     assert hour == [pytest.approx(octets / 1e6) for octets in beside]
 
 
-def test_a_computer_that_stands_elsewhere_is_refused_in_words() -> None:
+def test_computer_outside_the_site_is_refused_with_a_reason() -> None:
     with pytest.raises(UsageError, match=r"would send from 127\.0\.0\.1, and only packets from networks of `coastal`"):
         source_of(DECLARED, "coastal", "127.0.0.1", 862)
 
 
-def test_a_run_that_has_not_begun_is_not_called_done() -> None:
+def test_unstarted_run_is_not_done() -> None:
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY)
     assert measured.reason == "cut off"
     found = described(measured, Selection.TELEMETRY)

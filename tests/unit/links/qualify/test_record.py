@@ -45,7 +45,7 @@ def lines(text: str, *, without: str) -> Iterator[str]:
             yield line
 
 
-def test_the_figures_are_those_of_the_link() -> None:
+def test_figures_match_the_link() -> None:
     record = made(samples_text())
     assert record.idle is not None
     assert record.idle.rtt is not None
@@ -67,7 +67,7 @@ def test_the_figures_are_those_of_the_link() -> None:
     assert record.mb_per_hour == pytest.approx(2.0 * 6), "2 MB in ten minutes"
 
 
-def test_a_size_at_a_rate_says_what_it_costs_an_hour() -> None:
+def test_grid_rows_state_the_cost_per_hour() -> None:
     rows = {(row.octets, row.rate_hz): row for row in made(samples_text()).telemetry}
     # An authenticated packet of at least 112 octets and 28 of headers, both ways, 4 a second.
     assert rows[32, 4.0].mb_per_hour == pytest.approx(2 * (112 + 28) * 4 * 3600 / 1e6)
@@ -82,7 +82,7 @@ def test_images_are_sustained_up_to_what_the_link_carries() -> None:
     assert rows[LARGE.label, 2.0] is Verdict.FAIL, "614 kbit/s of payload over 352"
 
 
-def test_the_highest_rate_is_what_the_search_has_found_when_it_is_gone_through_again() -> None:
+def test_highest_rate_is_reproduced_from_the_samples() -> None:
     (found,) = made(samples_text()).highest_rates
     wire_bits = 8 * (1440 + 2 * (84 + 28 + 60))
     can_carry = 352_000 / wire_bits
@@ -96,7 +96,7 @@ def test_the_highest_rate_is_what_the_search_has_found_when_it_is_gone_through_a
     assert next(step.rate_hz for step in found.steps if step.failed) == 32
 
 
-def test_a_search_that_the_budget_ended_proves_nothing() -> None:
+def test_search_ended_by_the_budget_proves_nothing() -> None:
     text = "".join(
         line for line in samples_text().splitlines(keepends=True) if '"rate 1440 ' not in line or " 0.5" in line
     )
@@ -106,7 +106,7 @@ def test_a_search_that_the_budget_ended_proves_nothing() -> None:
     assert (found.limited_by, found.proved) == (RateLimit.HIGHEST, False), "the run went to its end"
 
 
-def test_nothing_passes_that_is_compared_with_nothing() -> None:
+def test_nothing_passes_without_an_idle_train() -> None:
     record = made("".join(lines(samples_text(), without="idle")))
     assert record.idle is None
     assert record.verdict is Verdict.INCONCLUSIVE
@@ -115,7 +115,7 @@ def test_nothing_passes_that_is_compared_with_nothing() -> None:
     assert all("nothing without load" in row.reason for row in record.telemetry)
 
 
-def test_a_stream_that_was_cut_off_does_not_pass() -> None:
+def test_truncated_stream_does_not_pass() -> None:
     kept = [
         line
         for line in samples_text().splitlines(keepends=True)
@@ -126,11 +126,11 @@ def test_a_stream_that_was_cut_off_does_not_pass() -> None:
     assert rows[4.0].verdict is Verdict.PASS
 
 
-def test_a_run_that_was_cut_short_does_not_pass() -> None:
+def test_stopped_run_does_not_pass() -> None:
     assert made(samples_text(), reason="stopped").verdict is Verdict.INCONCLUSIVE
 
 
-def test_a_load_is_judged_where_it_was_to_be_measured() -> None:
+def test_load_is_judged_only_when_it_was_selected() -> None:
     names = [item.criterion for item in made(idle_text(), selection=Selection.TELEMETRY).judgements]
     assert not [name for name in names if name.startswith("buffer delay")]
     record = made(idle_text())
@@ -139,7 +139,7 @@ def test_a_load_is_judged_where_it_was_to_be_measured() -> None:
 
 
 @pytest.mark.parametrize("way", [Verdict.FAIL, Verdict.INCONCLUSIVE])
-def test_a_run_whose_way_is_not_proved_does_not_pass(way: Verdict) -> None:
+def test_run_over_an_unproved_route_does_not_pass(way: Verdict) -> None:
     assert made(samples_text(), way=way, way_reason="3 packets left by 4g").verdict is way
 
 
@@ -163,7 +163,7 @@ def test_the_gap_of_a_satellite_is_counted() -> None:
     assert record.verdict is Verdict.FAIL
 
 
-def test_an_empty_run_has_a_record() -> None:
+def test_empty_run_has_an_inconclusive_record() -> None:
     record = made("", ended=None, reason="stopped")
     assert record.verdict is Verdict.INCONCLUSIVE
     assert record.mb_per_hour is None
@@ -188,7 +188,7 @@ def test_the_json_is_stable_and_as_its_schema_says() -> None:
     ]
 
 
-def test_the_result_of_a_priced_link_is_json() -> None:
+def test_result_with_prices_is_valid_json() -> None:
     record = made(samples_text())
     found = json.loads(json_text(QualifyResult(record, Path("kept")).as_json()))
     prices = [row["price_per_hour"] for row in found["rows"]]
@@ -198,7 +198,7 @@ def test_the_result_of_a_priced_link_is_json() -> None:
         json_text({"folder": Path("kept")})
 
 
-def test_runs_are_found_where_they_are_kept(tmp_path: Path) -> None:
+def test_stored_runs_are_found(tmp_path: Path) -> None:
     store = Store(tmp_path)
     folder = folder_of(store, "coastal")
     assert folder == tmp_path / "real" / "coastal" / "qualify"
@@ -218,7 +218,7 @@ def test_runs_are_found_where_they_are_kept(tmp_path: Path) -> None:
         stored_runs(store, "coastal")
 
 
-def test_kept_figures_are_believed_only_where_they_are_of_these_samples(tmp_path: Path) -> None:
+def test_stored_figures_are_used_only_for_their_own_samples(tmp_path: Path) -> None:
     place = put_run(tmp_path / "real" / "coastal" / "qualify")
     kept = find_run(Store(tmp_path), "coastal", place.name)
     record = record_of(kept)
@@ -232,7 +232,7 @@ def test_kept_figures_are_believed_only_where_they_are_of_these_samples(tmp_path
     assert record_of(kept, ("lte", profile("lte"))).verdict is Verdict.FAIL
 
 
-def test_a_run_without_samples_and_one_with_others(tmp_path: Path) -> None:
+def test_missing_and_damaged_samples(tmp_path: Path) -> None:
     place = put_run(tmp_path)
     (place / SAMPLES_FILE).write_text('{"kind":"sent"}\n')
     with pytest.raises(SamplesUnreadable, match=r"samples\.jsonl:1"):

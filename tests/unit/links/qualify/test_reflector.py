@@ -51,7 +51,7 @@ SYNCHRONISED = ClockState(True, 0.01)
 
 @pytest.mark.parametrize("key", [KEY, None])
 @pytest.mark.parametrize("port", [862, 40862])
-def test_a_forged_source_lets_no_two_reflectors_answer_each_other(key: bytes | None, port: int) -> None:
+def test_forged_source_creates_no_loop_between_reflectors(key: bytes | None, port: int) -> None:
     """Whatever port they listen at: at most two packets follow the forged one."""
     first, second = FarEnd(key, port=port), FarEnd(key, port=port + 1)
     forged = stamp.SenderPacket(1, stamp.ntp(START), 1, 5).encode(key)
@@ -63,7 +63,7 @@ def test_a_forged_source_lets_no_two_reflectors_answer_each_other(key: bytes | N
     assert replies <= 2
 
 
-def test_what_comes_from_the_port_of_a_reflector_is_not_answered(far: FarEnd) -> None:
+def test_packets_from_a_reflector_port_are_not_answered(far: FarEnd) -> None:
     own = FarEnd(port=8862)
     assert far.ask(0, source=("198.51.100.2", 862)) is None
     assert own.ask(0, source=("198.51.100.2", 8862)) is None
@@ -71,7 +71,7 @@ def test_what_comes_from_the_port_of_a_reflector_is_not_answered(far: FarEnd) ->
     assert own.ask(0, source=("198.51.100.2", 8863)) is not None
 
 
-def test_a_packet_for_one_reflector_is_no_request_to_another() -> None:
+def test_packet_for_one_reflector_is_rejected_by_another() -> None:
     centre, vessel = (FarEnd(stamp.reflector_key(KEY, name)) for name in ("scc-control", "te4sea-gateway"))
     recorded = stamp.SenderPacket(1, stamp.ntp(START), 1, 5).encode(centre.key)
     assert centre.raw(recorded) is not None
@@ -92,7 +92,7 @@ def test_a_packet_for_one_reflector_is_no_request_to_another() -> None:
         (2 * 86400, False, False),
     ],
 )
-def test_what_was_sent_too_long_ago_is_not_answered(age_s: int, *, synchronised: bool, answered: bool) -> None:
+def test_stale_packet_is_not_answered(age_s: int, *, synchronised: bool, answered: bool) -> None:
     far, unknown = FarEnd(clock=lambda: SYNCHRONISED), FarEnd()
     error = stamp.error_estimate(0.1, is_synced=synchronised)
     recorded = stamp.SenderPacket(1, stamp.ntp(START - age_s * SECOND), error, 5).encode(KEY)
@@ -101,7 +101,7 @@ def test_what_was_sent_too_long_ago_is_not_answered(age_s: int, *, synchronised:
     assert unknown.raw(recorded) is not None, "a clock that is not synchronised cannot judge"
 
 
-def test_a_session_is_limited_from_however_many_addresses_it_comes() -> None:
+def test_session_rate_is_limited_across_addresses() -> None:
     far = FarEnd(None, rate_bps=8000)
     size = stamp.padding(1000, is_authenticated=False)
     sent = [far.ask(n, tlvs=size, source=(f"198.51.100.{n}", 4000)) is not None for n in range(100)]
@@ -109,7 +109,7 @@ def test_a_session_is_limited_from_however_many_addresses_it_comes() -> None:
     assert far.reflector.statistics.limited == 35
 
 
-def test_the_largest_message_costs_little_time_and_memory() -> None:
+def test_largest_message_costs_little_work_and_memory() -> None:
     """As a count of work and not of time: 65,535 chunks were looked at one by one, and kept for each of 16,384."""
     far = FarEnd()
     tracemalloc.start()
@@ -131,7 +131,7 @@ def test_a_packet_of_many_extensions_is_refused(far: FarEnd) -> None:
     assert far.ask(1, tlvs=many) is None
 
 
-async def test_the_program_goes_on_as_long_as_somebody_measures(monkeypatch: pytest.MonkeyPatch, far: FarEnd) -> None:
+async def test_program_runs_until_idle(monkeypatch: pytest.MonkeyPatch, far: FarEnd) -> None:
     waits: list[float] = []
 
     async def sleep(seconds: float) -> None:
@@ -145,7 +145,7 @@ async def test_the_program_goes_on_as_long_as_somebody_measures(monkeypatch: pyt
     assert waits == [900] * 5
 
 
-def test_an_answer_says_when_it_was_asked_and_numbers_itself(far: FarEnd) -> None:
+def test_reply_echoes_the_request_and_is_numbered(far: FarEnd) -> None:
     answers = [far.ask(sequence) for sequence in (0, 3, 9)]
     assert [(a.sequence, a.sender_sequence, a.sender_ttl) for a in answers if a] == [(0, 0, 61), (1, 3, 61), (2, 9, 61)]
     last = answers[-1]
@@ -154,7 +154,7 @@ def test_an_answer_says_when_it_was_asked_and_numbers_itself(far: FarEnd) -> Non
     assert abs(stamp.unix_ns(last.timestamp) - stamp.unix_ns(last.receive_timestamp) - 500) <= 2
 
 
-def test_an_answer_is_as_long_as_its_request(far: FarEnd) -> None:
+def test_reply_is_as_long_as_its_request(far: FarEnd) -> None:
     for number, size in enumerate((112, 116, 584, 1200)):
         request = stamp.SenderPacket(number, stamp.ntp(START), 1, 5, stamp.padding(size, is_authenticated=True)).encode(
             KEY
@@ -164,7 +164,7 @@ def test_an_answer_is_as_long_as_its_request(far: FarEnd) -> None:
         assert len(reply) == len(request) == size
 
 
-def test_who_has_no_key_hears_nothing(far: FarEnd) -> None:
+def test_unauthenticated_packets_get_no_reply(far: FarEnd) -> None:
     strangers = [
         stamp.SenderPacket(0, stamp.ntp(START), 1, 5).encode(),
         stamp.SenderPacket(0, stamp.ntp(START), 1, 5, stamp.padding(500, is_authenticated=False)).encode(),
@@ -176,7 +176,7 @@ def test_who_has_no_key_hears_nothing(far: FarEnd) -> None:
     assert far.reflector.statistics.refused == 5
 
 
-def test_garbage_is_never_answered_with_a_key_and_never_longer_without() -> None:
+def test_garbage_gets_no_reply_from_a_keyed_reflector() -> None:
     draw = random.Random(8)  # noqa: S311 - a test
     for key in (KEY, None):
         far = FarEnd(key)
@@ -185,7 +185,7 @@ def test_garbage_is_never_answered_with_a_key_and_never_longer_without() -> None
             assert key is None or reply is None
 
 
-def test_a_recorded_packet_is_answered_once(far: FarEnd) -> None:
+def test_replayed_packet_is_answered_once(far: FarEnd) -> None:
     recorded = stamp.SenderPacket(1, stamp.ntp(START), 1, 5).encode(KEY)
     assert far.raw(recorded) is not None
     assert far.raw(recorded) is None
@@ -193,7 +193,7 @@ def test_a_recorded_packet_is_answered_once(far: FarEnd) -> None:
     assert far.reflector.statistics.replayed == 2
 
 
-def test_a_recorded_session_is_not_played_again_when_it_is_forgotten(far: FarEnd) -> None:
+def test_replay_of_a_forgotten_session_is_rejected(far: FarEnd) -> None:
     recorded = [stamp.SenderPacket(n, stamp.ntp(START + n), 1, 5).encode(KEY) for n in range(3)]
     assert all(far.raw(packet) for packet in recorded)
     far.now += LAST + SECOND
@@ -213,7 +213,7 @@ def test_another_session_may_draw_the_same_identifier(far: FarEnd) -> None:
     assert [far.raw(packet) for packet in recorded] == [None] * 9, "what was answered before is not once more"
 
 
-def test_a_recording_does_not_slip_into_the_next_session_of_its_identifier(far: FarEnd) -> None:
+def test_replay_into_a_new_session_with_the_same_id_is_rejected(far: FarEnd) -> None:
     recorded = [stamp.SenderPacket(n, stamp.ntp(START + n), 1, 5).encode(KEY) for n in range(9)]
     assert all(far.raw(packet) for packet in recorded)
     far.now += LAST + SECOND
@@ -226,14 +226,14 @@ def test_reordered_packets_are_answered(far: FarEnd) -> None:
     assert all(far.ask(sequence) for sequence in (0, 5, 3, 1, 4, 2))
 
 
-def test_a_session_goes_on_from_another_port(far: FarEnd) -> None:
+def test_session_continues_from_another_port(far: FarEnd) -> None:
     first, second = far.ask(0), far.ask(1, source=("192.0.2.1", 50000))
     assert first is not None
     assert second is not None
     assert second.sequence == 1, "a provider's NAT gave it another port after a gap"
 
 
-def test_its_counters_tell_copies_and_refusals(far: FarEnd) -> None:
+def test_counters_include_duplicates(far: FarEnd) -> None:
     far.ask(0)
     far.ask(1)
     far.ask(1)
@@ -241,7 +241,7 @@ def test_its_counters_tell_copies_and_refusals(far: FarEnd) -> None:
     assert far.counters(3).received_count == 3, "questions for counters do not count"
 
 
-def test_a_source_gets_its_rate_and_no_more() -> None:
+def test_rate_per_source_is_limited() -> None:
     far = FarEnd(rate_bps=80_000)
     size, burst = 1000, 65536
     sent = 0
@@ -256,7 +256,7 @@ def test_a_source_gets_its_rate_and_no_more() -> None:
     assert far.raw(other, ("198.51.100.7", 1)) is not None, "another source has its own"
 
 
-def test_unknown_extensions_come_back_marked() -> None:
+def test_unknown_extensions_are_returned_marked() -> None:
     far = FarEnd(None)
     reply = far.ask(0, tlvs=(stamp.Tlv(stamp.PADDING, bytes(8)), stamp.Tlv(77, b"what?")))
     assert reply is not None
@@ -266,13 +266,13 @@ def test_unknown_extensions_come_back_marked() -> None:
     ]
 
 
-def test_without_a_key_every_copy_is_answered() -> None:
+def test_without_a_key_duplicates_are_answered() -> None:
     far = FarEnd(None)
     assert far.ask(1) is not None
     assert far.ask(1) is not None, "RFC 8762 has no memory of packets"
 
 
-def test_no_more_sessions_are_kept_than_there_is_room_for(far: FarEnd) -> None:
+def test_number_of_sessions_is_limited(far: FarEnd) -> None:
     for session in range(1, 2000):
         assert far.ask(0, session=session) is not None
     assert len(far.reflector._sessions) <= 257
@@ -282,7 +282,7 @@ def _chunk(index: int, data: bytes, *, asks: bool, count: int = 3) -> stamp.Tlvs
     return (stamp.Tlv(stamp.CHUNK, stamp.MessageChunk(4, 30, index, count, asks, data).encode().ljust(80, b"\0")),)
 
 
-def test_a_message_is_acknowledged_when_it_is_asked_for(far: FarEnd) -> None:
+def test_message_is_acknowledged_on_request(far: FarEnd) -> None:
     assert far.ask(0, tlvs=_chunk(0, b"0123456789", asks=False)) is None
     far.now += SECOND
     reply = far.ask(1, tlvs=_chunk(2, b"0123456789", asks=True))
@@ -302,6 +302,6 @@ def test_a_chunk_counts_once(far: FarEnd) -> None:
     assert stamp.Acknowledgement.decode(reply.tlvs[0].value).size == 10
 
 
-def test_a_question_that_is_shorter_than_its_answer_gets_none(far: FarEnd) -> None:
+def test_request_shorter_than_its_reply_is_not_answered(far: FarEnd) -> None:
     tlvs = (stamp.Tlv(stamp.CHUNK, stamp.MessageChunk(4, 30, 0, 200, acknowledge=True).encode()),)
     assert far.ask(0, tlvs=tlvs) is None

@@ -96,14 +96,14 @@ def together(stand: Stand, links: Sequence[Link] = BEARERS, **limits: object) ->
     return measure_each(links, BudgetLimits.model_validate(limits), stand.measure)
 
 
-def test_all_that_pass_are_done() -> None:
+def test_all_links_pass() -> None:
     found = together(Stand())
     assert [each.run.link for each in found.results] == ["wifi-ptp", "4g", "satellite"]
     assert {each.run.reason for each in found.results} == {"done"}
     assert (found.not_measured, found.exit) == ((), ExitCode.DONE)
 
 
-def test_a_link_that_is_down_ends_early_and_the_others_are_measured() -> None:
+def test_dead_link_ends_early_and_the_others_are_measured() -> None:
     stand = Stand(dead=("4g",))
     found = together(stand)
     assert [(each.run.link, each.run.reason) for each in found.results] == [
@@ -119,34 +119,34 @@ def test_a_link_that_is_down_ends_early_and_the_others_are_measured() -> None:
     assert down.record.telemetry == ()
 
 
-def test_a_router_that_was_lost_on_one_link_is_told_and_the_others_are_measured() -> None:
+def test_lost_router_session_is_reported_and_others_are_measured() -> None:
     found = together(Stand(failures={"wifi-ptp": DeviceError("the session is lost")}))
     assert [each.run.link for each in found.results] == ["wifi-ptp", "4g", "satellite"]
     assert found.exit is ExitCode.FAILED
     assert found.results[0].as_json()["error"] == "the session is lost"
 
 
-def test_a_router_in_a_state_that_nobody_knows_ends_all() -> None:
+def test_unknown_router_state_stops_all_measurements() -> None:
     found = together(Stand(failures={"wifi-ptp": OutcomeUnknown("the rows are not seen to be gone")}))
     assert [each.link for each in found.not_measured] == ["4g", "satellite"]
     assert found.exit is ExitCode.UNKNOWN
 
 
-def test_a_person_ends_all_and_what_was_not_measured_is_named() -> None:
+def test_user_stop_ends_all_and_lists_unmeasured_links() -> None:
     found = together(Stand(stopped="4g"))
     assert [each.run.link for each in found.results] == ["wifi-ptp", "4g"]
     assert [each.line() for each in found.not_measured] == ["satellite: not measured: the measurement was stopped"]
     assert found.exit is not ExitCode.DONE
 
 
-def test_nothing_over_one_link_is_no_green_of_another() -> None:
+def test_unmeasured_link_makes_the_whole_run_fail() -> None:
     """NOTHING is no bad code where codes are compared: beside a link that passes it would be lost."""
     found = together(Stand(caps={"4g": 0}))
     assert [each.exit for each in found.results] == [ExitCode.DONE, ExitCode.NOTHING, ExitCode.DONE]
     assert found.exit is ExitCode.CHECKS_FAILED
 
 
-def test_the_cap_of_a_link_is_no_limit_of_the_next_and_a_limit_of_all_is() -> None:
+def test_link_cap_applies_to_its_link_and_total_limit_to_all() -> None:
     capped = together(Stand(caps={"4g": 100_000}), max_bytes=5_000_000)
     assert [(each.run.link, each.run.reason) for each in capped.results][1:] == [("4g", "bytes"), ("satellite", "done")]
     limited = together(Stand(), max_bytes=400_000)
@@ -157,7 +157,7 @@ def test_the_cap_of_a_link_is_no_limit_of_the_next_and_a_limit_of_all_is() -> No
     assert limited.exit is ExitCode.CHECKS_FAILED
 
 
-def test_a_limit_in_money_is_one_of_the_links_that_cost_money() -> None:
+def test_price_limit_applies_to_metered_links_only() -> None:
     found = together(Stand(), (SATELLITE, WIFI, MOBILE), max_price=Decimal("0.40"))
     assert [(each.run.link, each.run.reason) for each in found.results] == [
         ("satellite", "money"),
@@ -166,7 +166,7 @@ def test_a_limit_in_money_is_one_of_the_links_that_cost_money() -> None:
     assert [(each.link, each.why) for each in found.not_measured] == [("4g", "the limit of money was used up before")]
 
 
-def test_answers_that_never_came_are_paid_all_the_same() -> None:
+def test_lost_replies_are_billed() -> None:
     (found,) = together(Stand(dead=("satellite",)), (SATELLITE,)).results
     run = found.run
     assert run.received_bytes == 0
@@ -181,7 +181,7 @@ def test_answers_that_never_came_are_paid_all_the_same() -> None:
     )
 
 
-def test_a_limit_in_eur_needs_a_tariff_in_eur_of_each_link_that_costs_money() -> None:
+def test_price_limit_needs_a_tariff_in_the_same_currency() -> None:
     limits = BudgetLimits(max_price=Decimal(1))
     assert preview(SATELLITE, limits, DECLARED)
     assert preview(WIFI, limits, DECLARED)
@@ -196,7 +196,7 @@ def test_a_limit_in_eur_needs_a_tariff_in_eur_of_each_link_that_costs_money() ->
         preview(dollars, limits, replace(DECLARED, sites={**DECLARED.sites, "coastal": site}))
 
 
-def test_a_limit_in_eur_is_none_of_a_link_that_costs_nothing_and_the_cap_holds_beside_it() -> None:
+def test_price_limit_skips_free_links_and_cap_still_applies() -> None:
     limits = BudgetLimits(max_price=Decimal(1), max_bytes=9_000_000)
     opened = cast("CommandSession", SimpleNamespace(inventory=DECLARED, site="coastal"))
     assert _cap_limits(opened, WIFI, limits) == BudgetLimits(max_bytes=9_000_000)
@@ -214,7 +214,7 @@ def preview(bearer: Link, limits: BudgetLimits, declaration: Inventory) -> str:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_no_limit_is_exceeded_by_more_than_a_packet_for_all_links_together(seed: int) -> None:
+def test_total_limits_are_exceeded_by_at_most_one_packet(seed: int) -> None:
     draw = random.Random(seed)  # noqa: S311 - a test
     max_price = Decimal(draw.randrange(20, 6000)) / 1000
     max_bytes = draw.choice([None, draw.randrange(20_000, 900_000)])

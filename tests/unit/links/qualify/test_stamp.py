@@ -48,7 +48,7 @@ def _sealed(data: bytes, direction: bytes) -> bytes:
     return data + _hmac(data, _hmac(b"STAMP " + direction, KEY))[:16]
 
 
-def test_a_request_as_rfc_8762_has_it() -> None:
+def test_request_has_the_rfc_8762_format() -> None:
     packet = SenderPacket(7, TIME, 0x8A05, 0x1234)
     assert packet.encode() == bytes.fromhex("00000007 eb1f2a3b80000000 8a05 1234") + bytes(28)
     sealed = packet.encode(KEY)
@@ -60,7 +60,7 @@ def test_a_request_as_rfc_8762_has_it() -> None:
     assert sealed == _sealed(sealed[:96], b"request")
 
 
-def test_an_answer_as_rfc_8762_has_it() -> None:
+def test_reply_has_the_rfc_8762_format() -> None:
     packet = ReflectorPacket(3, TIME, 0x8A05, 0x1234, TIME + 1, 7, TIME + 2, 0x0101, 61)
     plain = "00000003 eb1f2a3b80000000 8a05 1234 eb1f2a3b80000001 00000007 eb1f2a3b80000002 0101 0000 3d 000000"
     assert packet.encode() == bytes.fromhex(plain)
@@ -83,7 +83,7 @@ def test_an_answer_as_rfc_8762_has_it() -> None:
     st.lists(st.tuples(st.sampled_from([PADDING, COUNTERS, CHUNK, 77]), st.binary(max_size=40)), max_size=3),
     st.sampled_from([None, KEY]),
 )
-def test_what_is_written_is_read(
+def test_packets_survive_encoding_and_decoding(
     number: int, stamp: int, short: int, tlvs: list[tuple[int, bytes]], key: bytes | None
 ) -> None:
     extensions = tuple(Tlv(kind, value) for kind, value in tlvs)
@@ -105,14 +105,14 @@ def test_a_size_that_no_packet_can_have_is_refused(size: int) -> None:
 
 
 @pytest.mark.parametrize("octet", [0, 20, 60, 95, 96, 111, 113, 130, -1])
-def test_one_wrong_bit_is_noticed(octet: int) -> None:
+def test_single_wrong_bit_is_detected(octet: int) -> None:
     whole = bytearray(SenderPacket(1, TIME, 1, 9, (Tlv(COUNTERS, bytes(16)),)).encode(KEY))
     whole[octet] ^= 1
     with pytest.raises(BadPacket):
         decode_sender(bytes(whole), KEY)
 
 
-def test_extensions_that_the_key_did_not_make_are_refused() -> None:
+def test_unauthenticated_extensions_are_refused() -> None:
     bare = SenderPacket(1, TIME, 1, 9).encode(KEY)
     with pytest.raises(BadPacket, match="extensions are not authenticated"):
         decode_sender(bare + Tlv(COUNTERS, bytes(16)).encode(), KEY)
@@ -128,7 +128,7 @@ def test_a_message_moved_to_another_packet_is_refused() -> None:
 
 
 @for_each_row("length", range(AUTHENTICATED_SIZE))
-def test_a_packet_that_is_cut_off_is_no_packet(length: int) -> None:
+def test_truncated_packet_is_refused(length: int) -> None:
     with pytest.raises(BadPacket):
         decode_sender(SenderPacket(1, TIME, 1).encode(KEY)[:length], KEY)
 
@@ -172,7 +172,7 @@ def test_a_chunk_that_contradicts_itself_is_refused(value: bytes) -> None:
         MessageChunk.decode(value)
 
 
-def test_the_far_end_is_python_3_8_and_the_standard_library() -> None:
+def test_far_end_uses_only_python_3_8_and_the_standard_library() -> None:
     files = sorted(Path(package.__file__).parent.glob("*.py"))
     assert [file.name for file in files] == ["__init__.py", "__main__.py", "answering.py", "clock.py", "stamp.py"]
     allowed = {

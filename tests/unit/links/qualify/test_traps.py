@@ -35,7 +35,7 @@ def _messages(net: SimulatedNetwork, plan: MessagePlan) -> MessageFigures:
     return figures
 
 
-def test_percentiles_are_those_of_raw_samples_not_of_a_summary() -> None:
+def test_percentiles_come_from_raw_samples() -> None:
     """irtt gives min, mean and max: one packet in twenty that takes 3 s hides in them."""
     net = network(LinkShape(delay_s=0.3, reordering=0.06, reorder_s=2.0), LinkShape(delay_s=0.3))
     _, samples = run_train(net, TrainPlan(172, 0.25, 200))
@@ -56,7 +56,7 @@ def test_a_train_outlives_a_gap_at_its_very_beginning() -> None:
     assert figures.loss.received == 120
 
 
-def test_a_gap_that_has_not_ended_counts() -> None:
+def test_unfinished_gap_counts() -> None:
     net = network(LinkShape(delay_s=0.3, gaps_s=((50.0, 1000.0),)), LinkShape(delay_s=0.3))
     _, samples = run_train(net, TrainPlan(172, 0.25, 100))
     gaps = train_figures(samples, "train").gaps
@@ -65,7 +65,7 @@ def test_a_gap_that_has_not_ended_counts() -> None:
 
 
 @pytest.mark.parametrize("counts", [True, False])
-def test_packets_lost_in_a_gap_are_unavailability_and_no_frame_loss(counts: bool) -> None:  # noqa: FBT001
+def test_loss_in_gaps_is_unavailability_not_frame_loss(counts: bool) -> None:  # noqa: FBT001
     """ITU-T Y.1563: severely errored blocks leave the loss ratio. A gap of 70 s in 120 would be 58 % loss."""
     net = network(LinkShape(delay_s=0.3, gaps_s=((20.0, 90.0),)), LinkShape(delay_s=0.3))
     _, samples = run_train(net, TrainPlan(172, 0.2, 120), ReflectorPeer(KEY, counts=counts))
@@ -81,7 +81,7 @@ def test_packets_lost_in_a_gap_are_unavailability_and_no_frame_loss(counts: bool
     assert judged["AVAIL"].verdict is Verdict.FAIL
 
 
-def test_loss_outside_of_gaps_is_that_of_the_link() -> None:
+def test_loss_outside_gaps_is_attributed_to_the_link() -> None:
     up = LinkShape(delay_s=0.3, loss=0.05, gaps_s=((100.0, 170.0),))
     net = network(up, LinkShape(delay_s=0.3, loss=0.02), 4)
     _, samples = run_train(net, TrainPlan(172, 0.25, 600))
@@ -104,7 +104,7 @@ def test_few_packets_outside_of_gaps_do_not_pass() -> None:
     assert judged["FLR up"].reason == "only 250 packets outside of gaps, 300 are needed"
 
 
-def test_goodput_is_the_receivers() -> None:
+def test_goodput_is_measured_at_the_receiver() -> None:
     """iperf3 (a): the sender of a TCP stream says 449 kbit/s of a link of 352."""
     net = network(SLOW_UP, DOWN)
     plan = MessagePlan(size=60_000, rate_hz=0.5, duration_s=40, pace_bps=1e6, packet=1200, give_up_s=200)
@@ -113,7 +113,7 @@ def test_goodput_is_the_receivers() -> None:
     assert figures.busy_bps == pytest.approx(carries, rel=tolerances()["goodput_share"])
 
 
-def test_a_transfer_is_not_timed_by_its_last_send() -> None:
+def test_transfer_time_ends_at_reception() -> None:
     """iperf3 (b): 200 kB `sent` in 2.27 s, of which the receiver had 75 kB."""
     net = network(SLOW_UP, DOWN)
     plan = MessagePlan(size=50_000, rate_hz=1, duration_s=1)
@@ -126,7 +126,7 @@ def test_a_transfer_is_not_timed_by_its_last_send() -> None:
     assert (figures.received_count, figures.lost_count, figures.latency) == (0, 1, None), "a part is no message"
 
 
-def test_what_is_under_way_at_the_end_is_not_lost() -> None:
+def test_packets_in_flight_at_the_end_are_not_lost() -> None:
     """iperf3 (c): 7.6 % reported where 1 % was lost: the rest was in flight, or in the queue."""
     net = network(LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.01), DOWN, 5)
     recording = Recording()
@@ -142,7 +142,7 @@ def test_what_is_under_way_at_the_end_is_not_lost() -> None:
     assert loss.lost <= net.up.loss_count
 
 
-def test_what_a_full_queue_drops_is_no_loss_of_the_link() -> None:
+def test_queue_drops_are_distinguished_from_link_loss() -> None:
     """iperf3 (c): 600 kbit/s into 352 lose 38 %, of which 1 % is the link's. The idle train tells that one."""
     up = LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.01, queue_bytes=16_000)
     idle, full = network(up, DOWN, 6), network(up, DOWN, 7)
@@ -155,7 +155,7 @@ def test_what_a_full_queue_drops_is_no_loss_of_the_link() -> None:
     assert full.up.loss_count < crowded.lost / 20
 
 
-def test_goodput_is_not_a_congestion_controls() -> None:
+def test_goodput_is_independent_of_congestion_control() -> None:
     """iperf3 (e): what a TCP reports depends on its algorithm, and on what loss means to it. Messages have none."""
     for loss in (0.0, 0.1):
         net = network(LinkShape(rate_bps=352_000, delay_s=0.28, loss=loss), DOWN, 8)
@@ -173,7 +173,7 @@ def test_late_is_not_lost() -> None:
     assert loss.received + loss.lost == loss.sent
 
 
-def test_latency_under_load_is_another_figure() -> None:
+def test_latency_under_load_is_reported_separately() -> None:
     """iperf3 (d): the mean round trip rose from 0.63 to 0.98 s under load."""
     net = network(LinkShape(rate_bps=352_000, delay_s=0.28, queue_bytes=16_000), DOWN)
     peer, recording = ReflectorPeer(KEY), Recording()
@@ -204,7 +204,7 @@ def _copying(datagram: bytes, received_ns: int) -> bytes:
     ).encode(KEY)
 
 
-def test_a_reflector_that_copies_numbers_tells_no_loss_each_way() -> None:
+def test_reflector_copying_sequence_numbers_gives_no_one_way_loss() -> None:
     net = network(LinkShape(delay_s=0.1, loss=0.05), LinkShape(delay_s=0.1), answers=_copying)
     _, samples = run_train(net, TrainPlan(172, 0.25, 100), ReflectorPeer(KEY, counts=False))
     loss = train_figures(samples, "train").loss
@@ -213,7 +213,7 @@ def test_a_reflector_that_copies_numbers_tells_no_loss_each_way() -> None:
     assert loss.why == "the reflector may only copy the sender's numbers"
 
 
-def test_a_reflector_that_was_started_again_tells_no_loss_each_way() -> None:
+def test_restarted_reflector_gives_no_one_way_loss() -> None:
     net = network(LinkShape(delay_s=0.1, loss=0.05), LinkShape(delay_s=0.1))
     second = Reflector(KEY)
 
@@ -228,7 +228,7 @@ def test_a_reflector_that_was_started_again_tells_no_loss_each_way() -> None:
     assert loss.why == "the reflector began to count again in this train"
 
 
-def test_what_the_reflector_refuses_for_its_rate_is_no_loss_of_the_link() -> None:
+def test_rate_limited_replies_are_not_link_loss() -> None:
     net = network(LinkShape(delay_s=0.1), LinkShape(delay_s=0.1))
     net.reflector = Reflector(KEY, rate_bps=50_000)
     _, samples = run_train(net, TrainPlan(1200, 0.05, 60))
@@ -239,7 +239,7 @@ def test_what_the_reflector_refuses_for_its_rate_is_no_loss_of_the_link() -> Non
     assert "the reflector refused" in words["FLR up"].reason
 
 
-def test_identifiers_that_are_drawn_twice_mix_nothing() -> None:
+def test_duplicate_session_ids_are_not_mixed_up() -> None:
     net, recording, peer = network(LinkShape(delay_s=0.1), LinkShape(delay_s=0.1)), Recording(), ReflectorPeer(KEY)
     plan = TrainPlan(172, 0.25, 20)
     for names in (("a", "b"), ("c",)):
@@ -251,7 +251,7 @@ def test_identifiers_that_are_drawn_twice_mix_nothing() -> None:
     ] * 3
 
 
-def test_what_the_reflector_may_send_does_not_bound_what_it_takes() -> None:
+def test_reply_rate_limit_does_not_limit_reception() -> None:
     """Chunks that want no answer are not refused for a rate of answers: they would look like a slow link, and loss."""
     net = network(SLOW_UP, DOWN)
     net.reflector = Reflector(KEY, rate_bps=50_000)
@@ -261,7 +261,7 @@ def test_what_the_reflector_may_send_does_not_bound_what_it_takes() -> None:
 
 
 @pytest.mark.parametrize(("seconds", "verdict"), [(60, Verdict.INCONCLUSIVE), (120, Verdict.FAIL)])
-def test_silence_proves_nothing_before_a_gap_would_have_ended(seconds: int, verdict: Verdict) -> None:
+def test_silence_is_inconclusive_until_a_gap_would_have_ended(seconds: int, verdict: Verdict) -> None:
     net = network(LinkShape(loss=1.0))
     _, samples = run_train(net, TrainPlan(172, 0.25, seconds))
     figures = train_figures(samples, "train")
@@ -278,13 +278,13 @@ def test_too_few_packets_pass_nothing() -> None:
     assert {j.verdict for j in by_packets} == {Verdict.INCONCLUSIVE}
 
 
-def test_a_stranger_who_answers_is_not_believed() -> None:
+def test_echoed_request_is_not_accepted_as_a_reply() -> None:
     net = network(LinkShape(delay_s=0.1), answers=lambda datagram, _: datagram)
     _, samples = run_train(net, TrainPlan(172, 0.25, 10))
     assert train_figures(samples, "train").loss.received == 0
 
 
-def test_stopping_keeps_every_sample_and_a_cut_line_spoils_none() -> None:
+def test_stop_keeps_samples_and_truncated_line_is_skipped() -> None:
     net = network(LinkShape(delay_s=0.3), LinkShape(delay_s=0.3))
     recording = Recording()
     train = Train("train", TrainPlan(172, 0.25, 100), ReflectorPeer(KEY), net, recording.write)
@@ -297,7 +297,7 @@ def test_stopping_keeps_every_sample_and_a_cut_line_spoils_none() -> None:
     assert (figures.reason, figures.loss.received) == ("cut off", 117)
 
 
-def test_a_line_that_was_edited_is_named() -> None:
+def test_edited_line_is_reported() -> None:
     lines = ['{"kind":"end","stream":"a","ended_at_ns":5,"reason":"done"}\n', '{"kind":"end","stream":"a"}\n']
     with pytest.raises(SamplesUnreadable, match=r"run\.jsonl:2: this line is no sample of a measurement"):
         list(read(lines, "run.jsonl"))

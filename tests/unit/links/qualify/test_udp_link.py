@@ -13,14 +13,14 @@ def _model(shape: LinkShape, seed: int = 1) -> LinkModel:
     return LinkModel(shape, random.Random(seed))  # noqa: S311 - an emulation
 
 
-def test_the_same_seed_gives_the_same_fate() -> None:
+def test_same_seed_gives_the_same_result() -> None:
     shape = LinkShape(352_000, 0.28, 0.02, 0.1, 0.1, 0.1, 0.5)
     first, second, other = _model(shape), _model(shape), _model(shape, 2)
     fates = [[model.offer(200, n / 10) for n in range(200)] for model in (first, second, other)]
     assert fates[0] == fates[1] != fates[2]
 
 
-def test_another_loss_changes_no_other_packets_delay() -> None:
+def test_loss_setting_does_not_change_other_delays() -> None:
     kept = [_model(LinkShape(delay_s=0.1, jitter_s=0.05, loss=loss)) for loss in (0.0, 0.2)]
     fates = [[model.offer(200, n * 10.0) for n in range(100)] for model in kept]
     assert all(lossy in {(), whole} for whole, lossy in zip(*fates, strict=True))
@@ -36,13 +36,13 @@ def test_a_rate_is_kept_and_the_queue_is_bounded() -> None:
 
 
 @pytest.mark.parametrize("loss", [0.01, 0.2])
-def test_loss_is_random_and_as_much_as_it_says(loss: float) -> None:
+def test_loss_has_the_configured_share(loss: float) -> None:
     model = _model(LinkShape(loss=loss))
     assert sum(bool(model.offer(100, n / 100)) for n in range(20_000)) == 20_000 - model.loss_count
     assert model.loss_count / 20_000 == pytest.approx(loss, rel=0.2)
 
 
-def test_order_is_kept_but_for_those_that_are_reordered() -> None:
+def test_only_reordered_packets_change_order() -> None:
     kept = _model(LinkShape(delay_s=0.1, jitter_s=0.2))
     times = [kept.offer(100, n / 100)[0] for n in range(1000)]
     assert times == sorted(times)

@@ -35,7 +35,7 @@ def read(router: CountingRouter) -> routing.FlowCounts:
     return asyncio.run(routing.counters(cast("Session", router)))
 
 
-def test_the_flow_alone_is_led_over_the_link_and_counted_on_each_port_both_ways() -> None:
+def test_rule_routes_only_the_flow_and_counts_it_on_each_port() -> None:
     there = Reply(rows=({".id": "*9", "dynamic": "true"}, {".id": "*A"}, {".id": "*B"}))
     rule, *counting = routing.rows(FLOW, "4g", ["ether1", "ether2"], there, Reply())
     assert (rule.path, dict(rule.arguments)) == (
@@ -66,7 +66,7 @@ def test_the_flow_alone_is_led_over_the_link_and_counted_on_each_port_both_ways(
     ]
 
 
-def test_a_tunnel_is_led_and_counted_whatever_its_own_port_is() -> None:
+def test_tunnel_is_routed_and_counted_regardless_of_its_port() -> None:
     tunnel = routing.MeasuredFlow("10.64.101.10", None, "203.0.113.2", 1194)
     rule, up, down = routing.rows(tunnel, "4g", ["ether2"], Reply(), Reply())
     assert dict(rule.arguments)["dst-address"] == "203.0.113.2/32"
@@ -79,7 +79,7 @@ def test_a_tunnel_is_led_and_counted_whatever_its_own_port_is() -> None:
     ]
 
 
-def test_what_the_router_counted_is_told_by_link() -> None:
+def test_counts_are_reported_by_link() -> None:
     ports = [{"name": "radio", "default-name": "ether1", "rx-byte": "100", "tx-byte": "50"}]
     before = read(CountingRouter(ports=ports))
     counted = [
@@ -104,7 +104,7 @@ def test_what_the_router_counted_is_told_by_link() -> None:
     assert routing.link_counts(LINKS, after, before)[0].port_bytes_up is None, "a counter that began anew tells nothing"
 
 
-def test_a_row_without_a_count_is_told() -> None:
+def test_row_without_a_count_is_an_error() -> None:
     with pytest.raises(DeviceError, match="no count"):
         read(CountingRouter([{"out-interface": "ether1"}]))
 
@@ -136,7 +136,7 @@ def judged(
         ((None, None), (0, 0), 100, 100, 0, Verdict.INCONCLUSIVE),
     ],
 )
-def test_the_way_is_proved_by_the_routers_counts_alone(  # noqa: PLR0913, PLR0917 - a case
+def test_route_is_proved_by_router_counters(  # noqa: PLR0913, PLR0917 - a case
     wifi: tuple[int | None, int | None], mobile: tuple[int, int], sent: int, received: int, lost: int, verdict: Verdict
 ) -> None:
     assert judged(wifi, mobile, sent, received, lost)[0] is verdict
@@ -158,7 +158,7 @@ def test_the_way_is_proved_by_the_routers_counts_alone(  # noqa: PLR0913, PLR091
         ((None, None), (0, 0), 100, 100, Verdict.INCONCLUSIVE),
     ],
 )
-def test_a_tunnel_proves_the_way_where_all_of_it_went_there(
+def test_tunnel_proves_the_route_only_when_all_traffic_used_it(
     mobile: tuple[int | None, int | None], wifi: tuple[int, int], sent: int, received: int, verdict: Verdict
 ) -> None:
     counts = [tunnel_count("wifi", *wifi), tunnel_count("4g", *mobile)]
@@ -180,7 +180,7 @@ def tunnel_count(link: str, up: int | None, down: int | None, octets: int = 192)
     )
 
 
-def test_as_many_packets_that_are_shorter_are_not_those_of_the_run() -> None:
+def test_equally_many_shorter_packets_prove_nothing() -> None:
     """The tunnel's own pings are packets of it as well."""
     traffic = routing.TunnelTraffic(100, 19_200)
     assert routing.judge_tunnel("4g", [tunnel_count("4g", 100, 100, 80)], traffic, traffic)[0] is Verdict.INCONCLUSIVE

@@ -63,7 +63,7 @@ def link_run() -> LinkRun:
     return LinkRun(DECLARED, "coastal", bearer, Selection.ALL, BudgetLimits(), Path("/nowhere"), FAR)
 
 
-def test_nothing_is_sent_any_more_when_the_session_of_the_router_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lost_router_session_stops_the_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run, "_ALIVE_S", 0.01)
     made, session = link_run(), MortalSession(answers=3)
     measurement = Waiting(made.stop)
@@ -73,7 +73,7 @@ def test_nothing_is_sent_any_more_when_the_session_of_the_router_is_lost(monkeyp
     assert len(session.commands) == 4
 
 
-def test_ctrl_c_ends_a_measurement_in_order() -> None:
+def test_ctrl_c_stops_the_measurement_cleanly() -> None:
     made, before = link_run(), signal.getsignal(signal.SIGINT)
     measurement = Waiting(made.stop, begun=lambda: os.kill(os.getpid(), signal.SIGINT))
     asyncio.run(made._send(cast("Session", MortalSession(9)), cast("Measurement", measurement)))

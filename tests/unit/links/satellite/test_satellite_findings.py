@@ -45,7 +45,7 @@ VPN = NamedTarget("VPN server", "vpn.example.org", "203.0.113.2", "pilot.vpn in 
         (None, (Verdict.INCONCLUSIVE, "allow-list-name-not-asked", "could not ask for vpn.example.org (VPN server)")),
     ],
 )
-def test_a_name_that_moved_is_told_with_both(resolved: set[str] | None, told: tuple[Verdict, str, str] | None) -> None:
+def test_moved_name_is_reported(resolved: set[str] | None, told: tuple[Verdict, str, str] | None) -> None:
     answers = {"vpn.example.org": None if resolved is None else frozenset(resolved)}
     found = judge_names([VPN], answers, "this computer")
     if told is None:
@@ -57,7 +57,7 @@ def test_a_name_that_moved_is_told_with_both(resolved: set[str] | None, told: tu
     assert found[0].hint
 
 
-def test_a_name_that_nobody_asked_about_is_not_taken_for_good() -> None:
+def test_unresolved_name_is_inconclusive() -> None:
     assert [one.verdict for one in judge_names([VPN], {}, "the router")] == [Verdict.INCONCLUSIVE]
 
 
@@ -77,7 +77,7 @@ def test_a_name_that_nobody_asked_about_is_not_taken_for_good() -> None:
         ("", False),
     ],
 )
-def test_an_address_behind_the_carriers_nat_is_named(address: str | None, *, shared: bool) -> None:
+def test_address_behind_carrier_nat_is_reported(address: str | None, *, shared: bool) -> None:
     quiet = judge_carrier_nat("satellite", address, forwards=False)
     loud = judge_carrier_nat("satellite", address, forwards=True)
     assert [one.verdict for one in quiet] == ([Verdict.WARN] if shared else [])
@@ -94,12 +94,12 @@ def test_an_address_behind_the_carriers_nat_is_named(address: str | None, *, sha
         (False, None, "box-silent"),
     ],
 )
-def test_a_terminal_in_the_wrong_subnet_is_named(answers: bool, factory: str | None, code: str | None) -> None:  # noqa: FBT001 - a case
+def test_terminal_in_the_wrong_subnet_is_reported(answers: bool, factory: str | None, code: str | None) -> None:  # noqa: FBT001 - a case
     found = judge_factory_address("coastal-sat", "ether3", "10.10.2.1", answers=answers, answers_at_factory=factory)
     assert [one.code for one in found] == ([] if code is None else [code])
 
 
-def test_a_terminal_that_is_declared_at_the_factory_address_is_where_it_should_be() -> None:
+def test_declared_factory_address_is_accepted() -> None:
     here = "192.168.1.1"
     assert judge_factory_address("coastal-sat", "ether3", here, answers=True, answers_at_factory=here) == ()
 
@@ -143,13 +143,13 @@ FORBIDDEN = replace(ALLOWED, expected_outcome=ExpectedOutcome.REFUSED, outcome=P
         (replace(FORBIDDEN, filter_open=True, window_s=30.0), Verdict.INCONCLUSIVE, "too short to tell"),
     ],
 )
-def test_what_a_probe_proves(attempt: Attempt, verdict: Verdict, words: str) -> None:
+def test_probe_outcomes_are_judged(attempt: Attempt, verdict: Verdict, words: str) -> None:
     found = judge_attempt(attempt, link_seen=True)
     assert found.verdict is verdict
     assert words in found.message
 
 
-def test_over_a_dead_link_nothing_is_proved_to_be_refused() -> None:
+def test_refusal_over_a_dead_link_is_inconclusive() -> None:
     for attempt in (FORBIDDEN, replace(FORBIDDEN, filter_open=True)):
         assert judge_attempt(attempt, link_seen=False).verdict is Verdict.INCONCLUSIVE
     here = replace(FORBIDDEN, outcome=ProbeOutcome.REFUSED_HERE)

@@ -58,7 +58,7 @@ def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> S
 
 
 @for_each_row("name", CASES)
-def test_what_is_told(name: str) -> None:
+def test_state_and_findings(name: str) -> None:
     status = link_status(seen(CASES[name]))
     shown = {"state": status.state.value, "findings": [f"{one.verdict.value} {one.code}" for one in status.findings]}
     assert shown == CASES[name]["told"]
@@ -71,7 +71,7 @@ def test_quality_has_the_port_and_the_pings() -> None:
     assert silent == {"port": "ether3", "port_link": None, "rtt_ms": None, "loss_percent": None}
 
 
-def test_one_address_on_two_ports_is_named_on_both_links() -> None:
+def test_duplicate_address_is_reported_on_both_links() -> None:
     both = [seen({"neighbours": ["192.168.1.1"]}, name, port) for name, port in (("4g", "ether2"), ("sat", "ether3"))]
     found = twice(both)
     assert [name for name, _ in found] == ["4g", "sat"]
@@ -94,7 +94,7 @@ def status(name: str, state: str, *, active: bool | None) -> LinkStatus:
         (("up", "up", "unknown"), None, {"wifi": "no-way-out"}),
     ],
 )
-def test_what_follows_from_the_order(states: tuple[str, ...], active: str | None, codes: dict[str, str]) -> None:
+def test_findings_from_the_preference_order(states: tuple[str, ...], active: str | None, codes: dict[str, str]) -> None:
     names = ("wifi", "4g", "sat")
     given = [status(name, state, active=name == active) for name, state in zip(names, states, strict=True)]
     found = rank(given, 120)
@@ -103,6 +103,6 @@ def test_what_follows_from_the_order(states: tuple[str, ...], active: str | None
     assert len(paid) == (active == "4g")
 
 
-def test_nothing_follows_from_an_order_that_nobody_could_read() -> None:
+def test_unreadable_active_link_gives_no_findings() -> None:
     given = [status(name, "up", active=None) for name in ("wifi", "4g")]
     assert rank(given, 120) == tuple(given)

@@ -29,31 +29,31 @@ def codes(own: BoxesStatus) -> list[str]:
     return [f"{one.message.partition(':')[0]} {one.code}" for one in own.findings]
 
 
-def test_both_hear_each_other() -> None:
+def test_both_radios_are_registered_with_each_other() -> None:
     own = of_bridge((NEAR, radio("near", "far", -50)), (FAR, radio("far", "near", -52)))
     assert (own.state, codes(own), own.silent) == (LinkState.UP, [], ())
     assert (own.quality["signal_dbm"], own.quality["far_signal_dbm"]) == (-50.0, -52.0)
 
 
-def test_what_the_far_end_hears_too_loudly_is_told_of_it() -> None:
+def test_strong_signal_at_the_far_end_is_reported_there() -> None:
     own = of_bridge((NEAR, radio("near", "far", -50)), (FAR, radio("far", "near", -20)))
     assert codes(own) == ["scc-cpe signal-strong"]
 
 
-def test_somebody_else_is_registered() -> None:
+def test_wrong_peer_is_reported() -> None:
     own = of_bridge((NEAR, radio("near", "other")), (FAR, radio("far", None)))
     assert codes(own) == ["coastal-cpe wrong-peer", "scc-cpe not-associated"]
     assert own.state is LinkState.SEARCHING
 
 
-def test_who_is_registered_is_not_judged_while_the_other_end_is_silent() -> None:
+def test_peer_is_not_judged_while_the_far_end_is_silent() -> None:
     silent = Silent("scc-cpe", "nobody answers")
     own = of_bridge((NEAR, radio("near", "other")), (FAR, silent))
     assert (own.state, codes(own), own.silent) == (LinkState.UP, [], (silent,))
     assert "far_signal_dbm" not in own.quality
 
 
-def test_that_the_far_end_is_silent_while_the_bridge_is_down_is_no_failure_of_its_own() -> None:
+def test_silent_far_end_of_a_down_bridge_is_inconclusive() -> None:
     own = of_bridge((NEAR, radio("near", None)), (FAR, Silent("scc-cpe", "nobody answers", "has it power?")))
     assert [f"{one.verdict.value} {one.code}" for one in own.findings] == [
         "FAIL not-associated",
@@ -62,7 +62,7 @@ def test_that_the_far_end_is_silent_while_the_bridge_is_down_is_no_failure_of_it
     assert own.silent == ()
 
 
-def test_of_a_silent_near_end_only_what_the_far_one_hears_is_told() -> None:
+def test_silent_near_end_shows_only_the_far_signal() -> None:
     own = of_bridge((NEAR, Silent("coastal-cpe", "nobody answers")), (FAR, radio("far", "near", -52)))
     assert own.quality == {"far_signal_dbm": -52.0}
     assert own.state is LinkState.UP
@@ -73,11 +73,11 @@ def test_a_device_without_a_radio_is_down() -> None:
     assert (own.state, codes(own)) == (LinkState.DOWN, ["coastal-cpe no-radio"])
 
 
-def test_nobody_was_asked() -> None:
+def test_unqueried_bridge_has_an_empty_status() -> None:
     assert of_bridge((NEAR, None), (FAR, None)) == BoxesStatus()
 
 
-def test_a_name_of_the_allow_list_that_has_moved_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_moved_allow_list_name_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     async def moved(names: Iterable[str]) -> Mapping[str, frozenset[str] | None]:
         return {name: frozenset({"203.0.113.99"}) for name in names}
 

@@ -36,14 +36,14 @@ def plain(value: object) -> object:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_the_answers_mean(name: str) -> None:
+def test_replies_are_interpreted(name: str) -> None:
     case = CASES[name]
     _, probes = questions(WAYS)
     reading = read(replies(case), probes)
     assert {each: plain(getattr(reading, each)) for each in case["read"]} == case["read"]
 
 
-def test_a_satellite_is_sent_nothing() -> None:
+def test_no_probe_is_sent_over_the_satellite() -> None:
     asked, probes = questions(WAYS)
     assert [probe.target for probe in probes] == ["198.51.100.11", "198.51.100.12"]
     words = " ".join(word for command in asked for word in command.words())
@@ -51,6 +51,6 @@ def test_a_satellite_is_sent_nothing() -> None:
     assert "10.10.2" not in words
 
 
-def test_every_question_only_reads() -> None:
+def test_every_request_is_read_only() -> None:
     asked, _ = questions(WAYS)
     assert {command.path.rpartition("/")[2] for command in asked} == {"print", "ping"}

@@ -43,16 +43,14 @@ def metadata(tmp_path_factory: pytest.TempPathFactory) -> object:
     return started(PLAIN, tmp_path_factory.mktemp("plain"))
 
 
-def test_the_kept_metadata_is_what_ansible_reads_and_paramiko_is_there_for_others(
-    tmp_path: Path, metadata: object
-) -> None:
+def test_cached_metadata_equals_what_ansible_reads(tmp_path: Path, metadata: object) -> None:
     for _ in range(2):
         assert started(PROGRAM, tmp_path) == [True, True, metadata]
         assert len(list((tmp_path / "atlantis" / "ansible").iterdir())) == 1
 
 
 @pytest.mark.parametrize("damaged", [b"", b"{", b"[]", b"\xff\xfe"])
-def test_a_damaged_file_is_as_none(damaged: bytes, tmp_path: Path, metadata: object) -> None:
+def test_damaged_cache_file_is_rewritten(damaged: bytes, tmp_path: Path, metadata: object) -> None:
     started(PROGRAM, tmp_path)
     (file,) = (tmp_path / "atlantis" / "ansible").iterdir()
     whole = file.read_bytes()
@@ -61,7 +59,7 @@ def test_a_damaged_file_is_as_none(damaged: bytes, tmp_path: Path, metadata: obj
     assert file.read_bytes() == whole
 
 
-def test_where_others_can_write_nothing_is_kept(tmp_path: Path, metadata: object) -> None:
+def test_no_cache_where_others_can_write(tmp_path: Path, metadata: object) -> None:
     (tmp_path / "atlantis").mkdir()
     (tmp_path / "atlantis").chmod(0o777)
     assert started(PROGRAM, tmp_path)[2] == metadata

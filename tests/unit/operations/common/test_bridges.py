@@ -17,7 +17,7 @@ def ptp(declaration: Inventory) -> str:
 
 
 @pytest.mark.parametrize(("far", "near"), [("scc-cpe", "coastal-cpe"), ("coastal-cpe", "scc-cpe")])
-def test_the_end_that_is_reached_over_the_bridge_is_far(declaration: Inventory, far: str, near: str) -> None:
+def test_end_reached_over_the_bridge_is_far(declaration: Inventory, far: str, near: str) -> None:
     (bridge,) = bridges(declaration, BOTH, via={far: ptp(declaration)})
     assert (bridge.near.name, bridge.far.name) == (near, far)
 
@@ -30,7 +30,7 @@ def test_where_both_are_on_cables_the_site_decides(declaration: Inventory, name:
     assert {bridge.near.name, bridge.far.name} == set(BOTH)
 
 
-def test_who_stands_nowhere_is_asked(declaration: Inventory) -> None:
+def test_ambiguous_location_is_refused(declaration: Inventory) -> None:
     with pytest.raises(UsageError, match="either may be the near one") as refused:
         bridges(declaration, BOTH)
     assert "coastal" in (refused.value.hint or "")
@@ -38,7 +38,7 @@ def test_who_stands_nowhere_is_asked(declaration: Inventory) -> None:
         bridges(declaration, BOTH, via=dict.fromkeys(BOTH, ptp(declaration)))
 
 
-def test_hosts_that_are_no_ends_have_no_bridge(declaration: Inventory) -> None:
+def test_hosts_that_are_no_bridge_ends_have_no_bridge(declaration: Inventory) -> None:
     assert bridges(declaration, ["coastal-router"]) == ()
     alone = replace(declaration, hosts={"coastal-cpe": declaration.hosts["coastal-cpe"]})
     assert bridges(alone, ["coastal-cpe"]) == ()

@@ -47,7 +47,7 @@ def roles_of(name: str) -> set[str]:
     return {each["ansible.builtin.import_role"]["name"] for each in tasks if "ansible.builtin.import_role" in each}
 
 
-def test_every_computer_that_can_be_declared_has_its_row() -> None:
+def test_every_computer_model_has_a_row() -> None:
     assert set(KINDS) == {model for model in DEVICES.values() if issubclass(model, SshHost)}
 
 
@@ -64,11 +64,11 @@ def test_the_playbook_has_its_group_and_its_roles(model: type[Model]) -> None:
 @pytest.mark.parametrize(
     ("host", "model"), [("coastal-gateway", Gateway), ("scc-control", ControlCentre), ("scc-vpn", VpnServer)]
 )
-def test_a_part_concerns_the_kinds_of_its_rows(host: str, model: type[Model]) -> None:
+def test_parts_apply_to_the_kinds_of_their_rows(host: str, model: type[Model]) -> None:
     assert {part for part in PARTS if concerns(part, SHIPPED.hosts[host])} == {ACCESS, *KINDS[model]}
 
 
-def test_of_a_router_no_part_is() -> None:
+def test_no_part_applies_to_a_router() -> None:
     router = SHIPPED.hosts["coastal-router"]
     assert not is_computer(router)
     assert not any(concerns(part, router) for part in PARTS)
@@ -80,19 +80,19 @@ def told(tmp_path: Path, part: str, host: str = "scc-control") -> Any:  # noqa: 
     ][host]
 
 
-def test_a_control_centre_has_a_profile_of_dds_and_no_ros_unless_it_is_chosen(tmp_path: Path) -> None:
+def test_control_centre_has_a_dds_profile_but_no_ros_by_default(tmp_path: Path) -> None:
     assert told(tmp_path, "gateway_ros2") == {"packages": None, "configure": None}
     assert told(tmp_path, "gateway_interop")["build"] is None
     profile = told(tmp_path, "gateway_dds")["configure"]["files"]
     assert "/etc/atlantis/ros.env" in {file["path"] for file in profile}
 
 
-def test_a_control_centre_is_a_member_by_the_server_beside_it(tmp_path: Path) -> None:
+def test_control_centre_connects_to_the_local_vpn_server(tmp_path: Path) -> None:
     (conf, _) = told(tmp_path, "openvpn_client")["configure"]["files"]
     assert "remote 10.64.0.10 1194" in conf["content"]
 
 
-def test_of_an_operator_station_network_and_membership_are_ours() -> None:
+def test_operator_station_gets_only_network_and_vpn_membership() -> None:
     station = replace(SHIPPED.hosts["scc-control"], device=STATION)
     base = gateway_base(SHIPPED, station).as_dict()
     assert base.keys() == {"packages", "network"}

@@ -82,9 +82,7 @@ def routes(*bearers: str) -> Observation:
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(
-    declaration: Inventory, tmp_path: Path, mode: Mode
-) -> None:
+def test_metered_link_needs_consent(declaration: Inventory, tmp_path: Path, mode: Mode) -> None:
     with pytest.raises(CostRefusal, match=r"nothing was sent: over satellite of coastal, .* [0-9.]+ EUR$") as refused:
         require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode))
     assert refused.value.exit is ExitCode.FAILED
@@ -92,7 +90,7 @@ def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(
     require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode, accept_cost=True))
 
 
-def test_a_gateway_spends_nothing_unasked_either(declaration: Inventory, tmp_path: Path) -> None:
+def test_gateway_over_a_metered_link_needs_consent(declaration: Inventory, tmp_path: Path) -> None:
     gateway = declaration.hosts["coastal-gateway"]
     over = {"via": {gateway.name: "satellite"}, "command": "provision site=coastal"}
     for mode in (Mode.PLAN, Mode.APPLY, Mode.DRIFT):
@@ -112,14 +110,14 @@ def test_a_gateway_spends_nothing_unasked_either(declaration: Inventory, tmp_pat
         require_consent(capped(declaration, 0.05), [gateway], Request(state=tmp_path, accept_cost=True, **over))
 
 
-def test_a_playbook_is_told_its_own_word(declaration: Inventory, tmp_path: Path) -> None:
+def test_playbook_refusal_names_the_ansible_variable(declaration: Inventory, tmp_path: Path) -> None:
     plain = Request(state=tmp_path, via={ROUTER: "satellite"})
     with pytest.raises(CostRefusal) as refused:
         require_consent(declaration, [declaration.hosts[ROUTER]], plain)
     assert "`-e atlantis_accept_cost=true`" in (refused.value.hint or "")
 
 
-def test_a_link_that_costs_nothing_asks_nothing(declaration: Inventory, tmp_path: Path) -> None:
+def test_unmetered_link_needs_no_consent(declaration: Inventory, tmp_path: Path) -> None:
     for via in (None, "lan", "wifi-ptp"):
         require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, via))
 
@@ -128,25 +126,25 @@ def test_a_rehearsal_costs_nothing(declaration: Inventory, tmp_path: Path) -> No
     require_consent(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, rehearsed=True))
 
 
-def test_a_link_that_the_site_lacks_is_refused_everywhere(declaration: Inventory, tmp_path: Path) -> None:
+def test_unknown_link_is_always_refused(declaration: Inventory, tmp_path: Path) -> None:
     for more in ({"rehearsed": True}, {"accept_cost": True}, {}):
         with pytest.raises(UsageError, match="coastal has no such bearer"):
             require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, "uplink", **more))
 
 
-def test_no_consent_lifts_the_cap(declaration: Inventory, tmp_path: Path) -> None:
+def test_consent_does_not_lift_the_cap(declaration: Inventory, tmp_path: Path) -> None:
     with pytest.raises(CostRefusal, match=r"no action may send more than 1\.0 kB there") as refused:
         require_consent(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, accept_cost=True))
     assert "`cap_mb` of bearer `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
 
 
-def test_the_declared_link_is_asked_for_without_any_word(declaration: Inventory, tmp_path: Path) -> None:
+def test_declared_metered_link_is_priced_by_default(declaration: Inventory, tmp_path: Path) -> None:
     asked = Request(state=tmp_path, mode=Mode.PLAN)
     (found,) = preview_costs(declaration, [declaration.hosts["te4sea-router"], declaration.hosts[ROUTER]], asked)
     assert (found.link.site, found.link.name) == ("te4sea", "satellite")
 
 
-def test_a_unit_without_a_way_of_its_own_is_reached_as_its_router_is(declaration: Inventory, tmp_path: Path) -> None:
+def test_unit_without_its_own_link_is_reached_like_its_router(declaration: Inventory, tmp_path: Path) -> None:
     unit = declaration.hosts["te4sea-4g"]
     assert isinstance(unit.device, LteRouter)
     assert unit.device.driver is LteDriver.RUTOS
@@ -163,20 +161,20 @@ def test_a_unit_without_a_way_of_its_own_is_reached_as_its_router_is(declaration
 @pytest.mark.parametrize(
     ("said", "meant"), [(True, True), ("true", True), ("Yes", True), (False, False), ("no", False), ("False", False)]
 )
-def test_what_ansible_is_told_of_costs_is_taken_as_it_is_meant(said: object, *, meant: bool) -> None:
+def test_ansible_booleans_are_parsed(said: object, *, meant: bool) -> None:
     assert of_variables({ACCEPT: said}) == {"accept_cost": meant}
     assert of_variables({REMOVE_FOREIGN: said}) == {"remove_foreign": meant}
     assert of_variables({}) == {}
 
 
 @pytest.mark.parametrize("said", ["perhaps", "", 1, None])
-def test_what_ansible_is_told_of_costs_is_never_guessed(said: object) -> None:
+def test_ambiguous_ansible_values_are_refused(said: object) -> None:
     for name in (ACCEPT, REMOVE_FOREIGN):
         with pytest.raises(UsageError, match=f"{name} is neither true nor false"):
             of_variables({name: said})
 
 
-def test_devices_on_one_link_are_added_up_and_reading_costs_less(declaration: Inventory, tmp_path: Path) -> None:
+def test_device_costs_are_summed_and_reading_costs_less(declaration: Inventory, tmp_path: Path) -> None:
     router = declaration.hosts[ROUTER]
     (one,) = preview_costs(declaration, [router], request(tmp_path, mode=Mode.DRIFT))
     (two,) = preview_costs(declaration, [router, router], request(tmp_path, mode=Mode.DRIFT))
@@ -189,7 +187,7 @@ def test_devices_on_one_link_are_added_up_and_reading_costs_less(declaration: In
     assert ": up to " in planned.words, "its parser may have to be shown a whole text"
 
 
-def test_the_bound_before_reading_is_above_every_text_of_the_pilot(declaration: Inventory, tmp_path: Path) -> None:
+def test_upper_bound_covers_every_text_of_the_pilot(declaration: Inventory, tmp_path: Path) -> None:
     texts = [
         text
         for host in declaration.hosts.values()
@@ -210,7 +208,9 @@ def test_the_bound_before_reading_is_above_every_text_of_the_pilot(declaration: 
     )
 
 
-def test_the_plain_door_is_guarded(declaration: Inventory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_direct_apply_call_needs_consent(
+    declaration: Inventory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     real = replace(declaration, pilot=declaration.pilot.model_copy(update={"example_values": False}))
     monkeypatch.setattr(apply, "open_inventory", lambda *_, **__: real)
     for plan_only in (True, False):
@@ -233,7 +233,7 @@ def source_of(function: Callable[..., object]) -> str:
     return "\n".join(ast.unparse(functions[name]) for name in sorted(reached))
 
 
-def test_every_command_whose_session_may_go_over_a_link_can_be_told_to_pay() -> None:
+def test_every_command_over_a_link_accepts_the_cost_flag() -> None:
     """First contact goes over the technician's cable or a serial line only: there is nothing to pay."""
     opening = [name for name in COMMANDS if "cli.base.session import session" in source_of(load(name, COMMANDS).run)]
     assert len(opening) > 5
@@ -245,16 +245,14 @@ def test_every_command_whose_session_may_go_over_a_link_can_be_told_to_pay() -> 
 # --- beside the run ----------------------------------------------------------------------------------------------
 
 
-def test_without_a_route_the_declared_link_is_what_carries_it(declaration: Inventory, tmp_path: Path) -> None:
+def test_without_a_route_the_declared_link_is_assumed(declaration: Inventory, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
     admission = meter.judge(routes(), SMALL, spends=True, is_plan=False)
     assert (admission.notes, admission.refusal) == ((), None)
     assert (meter.active, meter.link.name) == (None, "satellite")
 
 
-def test_a_run_that_goes_over_a_dear_link_because_the_better_one_is_down_says_so_and_stops(
-    declaration: Inventory, tmp_path: Path
-) -> None:
+def test_run_stops_when_traffic_falls_back_to_a_metered_link(declaration: Inventory, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, "wifi-ptp"))
     refused = meter.judge(routes("4g"), SMALL, spends=True, is_plan=False)
     (note,) = refused.notes
@@ -272,9 +270,7 @@ def test_a_run_that_goes_over_a_dear_link_because_the_better_one_is_down_says_so
     assert accepted.judge(routes("4g"), SMALL, spends=True, is_plan=False).refusal is None
 
 
-def test_a_better_link_than_the_declared_one_is_said_without_calling_anything_down(
-    declaration: Inventory, tmp_path: Path
-) -> None:
+def test_better_link_than_declared_is_noted_without_a_refusal(declaration: Inventory, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
     admission = meter.judge(routes("wifi-ptp"), SMALL, spends=True, is_plan=False)
     assert admission.notes[0].endswith("but its traffic goes over wifi-ptp now")
@@ -282,14 +278,14 @@ def test_a_better_link_than_the_declared_one_is_said_without_calling_anything_do
     assert not meter.link.is_metered
 
 
-def test_over_the_cable_no_bearer_carries_the_session(declaration: Inventory, tmp_path: Path) -> None:
+def test_session_over_the_cable_uses_no_link(declaration: Inventory, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, None))
     admission = meter.judge(routes("satellite"), HUGE, spends=True, is_plan=False)
     assert (admission.notes, admission.refusal, meter.link.name) == ((), None, "lan")
 
 
 @pytest.mark.parametrize("planned", [True, False])
-def test_a_plan_beyond_the_cap_is_refused_whatever_anybody_accepts(
+def test_plan_beyond_the_cap_is_refused_despite_consent(
     declaration: Inventory, tmp_path: Path, *, planned: bool
 ) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
@@ -298,7 +294,7 @@ def test_a_plan_beyond_the_cap_is_refused_whatever_anybody_accepts(
     assert meter.judge(routes(), HUGE, spends=False, is_plan=planned).refusal is None
 
 
-def test_a_rehearsal_goes_on_and_says_what_a_real_run_would_be_told(declaration: Inventory, tmp_path: Path) -> None:
+def test_rehearsal_continues_and_reports_what_would_be_refused(declaration: Inventory, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, rehearsed=True))
     admission = meter.judge(routes("wifi-ptp"), HUGE, spends=True, is_plan=False)
     assert admission.refusal is None
@@ -331,7 +327,7 @@ def ended(**more: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceResult
     )
 
 
-def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Inventory, tmp_path: Path) -> None:
+def test_bill_is_reported_recorded_and_added_to_the_month(declaration: Inventory, tmp_path: Path) -> None:
     costs, journal, store = Costs(declaration, request(tmp_path, accept_cost=True)), Journal(), Store(tmp_path)
     costs._meter(ROUTER).judge(routes(), SMALL, spends=True, is_plan=False)
     told = costs.report(ended(counts=(counts(1000, 1000), counts(41_000, 31_000))), journal, store)
@@ -372,7 +368,7 @@ def test_a_run_over_the_cable_is_not_billed_and_still_counts_for_the_month(
     assert store.usage("coastal").month("satellite", later).bytes == 498
 
 
-def test_what_the_router_did_not_count_is_not_called_nothing(declaration: Inventory, tmp_path: Path) -> None:
+def test_missing_router_counters_are_not_reported_as_zero(declaration: Inventory, tmp_path: Path) -> None:
     for looks in ((), (counts(9000, 9000), counts(10, 10))):
         costs = Costs(declaration, request(tmp_path, accept_cost=True))
         cost = costs.report(ended(counts=looks), Journal(), Store(tmp_path))["cost"]
@@ -380,7 +376,7 @@ def test_what_the_router_did_not_count_is_not_called_nothing(declaration: Invent
         assert cost["bill_words"].endswith("; not counted by the router")
 
 
-def test_a_month_that_cannot_be_written_is_said_and_nothing_is_lost(declaration: Inventory, tmp_path: Path) -> None:
+def test_unreadable_monthly_usage_is_reported_and_results_are_kept(declaration: Inventory, tmp_path: Path) -> None:
     path = tmp_path / "real" / "coastal" / "usage.json"
     path.parent.mkdir(parents=True)
     path.write_text("torn")
@@ -406,7 +402,7 @@ def test_the_declared_links_and_ports_of_a_router(declaration: Inventory) -> Non
     assert links["satellite"].tariff is not None
 
 
-def test_a_job_is_given_its_ports_and_its_toll(declaration: Inventory, tmp_path: Path) -> None:
+def test_job_gets_its_counted_ports_and_meter(declaration: Inventory, tmp_path: Path) -> None:
     target = Target(host="127.0.0.1", port=1, pin="00")
     asked = request(tmp_path, rehearsed=True, targets={ROUTER: target})
     job = Costs(declaration, asked).with_meter(

@@ -69,7 +69,7 @@ def ask(tmp_path: Path, part: str, inventory: Path = SHIPPED, **asked: Any) -> A
     return perform(inventory, [HOST, "coastal-router"], request, part, plan_only=False)["per_host"]
 
 
-def test_a_rehearsed_gateway_is_reached_where_it_really_is(tmp_path: Path) -> None:
+def test_rehearsed_gateway_is_reached_at_its_target(tmp_path: Path) -> None:
     target = Target(host="127.0.0.1", port=2222, known_hosts="/k", identity="/i")
     told = ask(tmp_path, "computer_access", rehearsed=True, targets={HOST: target})
     assert set(told) == {HOST}
@@ -79,7 +79,7 @@ def test_a_rehearsed_gateway_is_reached_where_it_really_is(tmp_path: Path) -> No
         assert f"-o {option}" in reached["ssh_args"]
 
 
-def test_a_real_gateway_is_pinned_under_its_own_name(tmp_path: Path) -> None:
+def test_gateway_is_reached_as_declared_and_pinned_by_name(tmp_path: Path) -> None:
     inventory = tmp_path / "inventory"
     shutil.copytree(SHIPPED, inventory)
     host = inventory / "host_vars" / f"{HOST}.yml"
@@ -93,12 +93,12 @@ def test_a_real_gateway_is_pinned_under_its_own_name(tmp_path: Path) -> None:
     assert f"HostKeyAlias={HOST}" in reached["ssh_args"]
 
 
-def test_example_values_lead_to_no_gateway(tmp_path: Path) -> None:
+def test_gateway_with_example_values_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="example values"):
         ask(tmp_path, "computer_access")
 
 
-def test_a_part_that_is_none_is_told(tmp_path: Path) -> None:
+def test_unknown_part_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no part of a computer"):
         ask(tmp_path, "gateway_misspelt", rehearsed=True)
 
@@ -130,7 +130,7 @@ def test_nothing_to_change(watch: Watch, listener: Listener) -> None:
     assert outcome(listener)["message"] == "as declared, nothing to change"
 
 
-def test_a_failure_names_task_reason_and_way_out(watch: Watch, listener: Listener, tmp_path: Path) -> None:
+def test_failure_names_task_reason_and_hint(watch: Watch, listener: Listener, tmp_path: Path) -> None:
     watch.begin([HOST])
     watch.start_task(HOST, "Install")
     watch.ok(HOST, "Configure", FILE)
@@ -143,7 +143,7 @@ def test_a_failure_names_task_reason_and_way_out(watch: Watch, listener: Listene
     assert Store(tmp_path, is_rehearsal=True).runs("coastal")[0].exit == int(ExitCode.FAILED)
 
 
-def test_what_was_taken_back_is_told_as_such(watch: Watch, listener: Listener) -> None:
+def test_rolled_back_failure_is_reported_as_rolled_back(watch: Watch, listener: Listener) -> None:
     watch.begin([HOST])
     watch.start_task(HOST, "Network")
     watch.fail_task(HOST, "Network", {"msg": "nothing answered at the new address", "rolled_back": True})
@@ -151,7 +151,7 @@ def test_what_was_taken_back_is_told_as_such(watch: Watch, listener: Listener) -
     assert outcome(listener)["status"] == "rolled-back"
 
 
-def test_a_rescued_failure_is_none(watch: Watch, listener: Listener) -> None:
+def test_rescued_failure_is_not_a_failure(watch: Watch, listener: Listener) -> None:
     watch.begin([HOST])
     watch.start_task(HOST, "Try")
     watch.fail_task(HOST, "Try", {"msg": "not yet"})
@@ -162,7 +162,7 @@ def test_a_rescued_failure_is_none(watch: Watch, listener: Listener) -> None:
 
 
 @pytest.mark.parametrize(("answered", "status"), [(False, "left-as-found"), (True, "unknown")])
-def test_who_fell_silent_is_known_only_who_never_answered(
+def test_host_is_unreached_only_if_it_never_responded(
     watch: Watch, listener: Listener, *, answered: bool, status: str
 ) -> None:
     watch.begin([HOST])
@@ -178,7 +178,7 @@ def test_who_fell_silent_is_known_only_who_never_answered(
     assert result["hint"] == "look at its power and its cable, then type the same again"
 
 
-def test_a_plan_locks_and_journals_nothing(tmp_path: Path, listener: Listener) -> None:
+def test_plan_takes_no_lock_and_writes_no_journal(tmp_path: Path, listener: Listener) -> None:
     watch = Watch(SHIPPED, Request(state=tmp_path, events_fd=listener.writer), plan_only=True)
     store = Store(tmp_path)
     with store.lock("coastal", "somebody else"):
@@ -196,7 +196,7 @@ def test_a_plan_locks_and_journals_nothing(tmp_path: Path, listener: Listener) -
     assert store.runs("coastal") == ()
 
 
-def test_a_site_on_which_somebody_works_is_refused_by_the_next_task(
+def test_busy_site_is_refused_by_the_next_task(
     real_watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("atlantis_netcfg.operations.computers.desired_state.refuse_examples", lambda *_, **_named: None)
@@ -206,7 +206,7 @@ def test_a_site_on_which_somebody_works_is_refused_by_the_next_task(
         ask(tmp_path, "computer_access")
 
 
-def test_a_run_is_recorded_with_the_code_that_needs_somebody_most(tmp_path: Path) -> None:
+def test_run_is_recorded_with_the_most_serious_exit_code(tmp_path: Path) -> None:
     declaration = load(SHIPPED)
     hosts = list(declaration.site_hosts("coastal"))[:3]
     turn = SiteRun(declaration, "coastal", hosts, Request(state=tmp_path, rehearsed=True), RunName())
@@ -217,7 +217,7 @@ def test_a_run_is_recorded_with_the_code_that_needs_somebody_most(tmp_path: Path
     assert run.exit == ExitCode.UNKNOWN
 
 
-def test_the_site_is_held_until_the_end(real_watch: Watch, tmp_path: Path) -> None:
+def test_site_lock_is_held_until_the_end(real_watch: Watch, tmp_path: Path) -> None:
     real_watch.begin([HOST])
     lock = Store(tmp_path).lock("coastal", "another")
     with pytest.raises(SiteBusy):
@@ -227,7 +227,7 @@ def test_the_site_is_held_until_the_end(real_watch: Watch, tmp_path: Path) -> No
         assert True
 
 
-def test_drift_is_what_a_run_would_change(tmp_path: Path, listener: Listener) -> None:
+def test_drift_reports_what_a_run_would_change(tmp_path: Path, listener: Listener) -> None:
     request = Request(state=tmp_path, rehearsed=True, mode=Mode.DRIFT, events_fd=listener.writer)
     watch = Watch(SHIPPED, request, plan_only=True)
     watch.begin([HOST])
@@ -242,7 +242,7 @@ def test_drift_is_what_a_run_would_change(tmp_path: Path, listener: Listener) ->
     ]
 
 
-def test_over_a_link_that_is_paid_by_the_byte_nothing_is_fetched_unasked(tmp_path: Path) -> None:
+def test_no_package_is_fetched_over_a_metered_link_without_consent(tmp_path: Path) -> None:
     declaration = load(SHIPPED)
     vessel, testbed = declaration.hosts["te4sea-gateway"], declaration.hosts[HOST]
     asked = Request(state=tmp_path)
@@ -254,7 +254,7 @@ def test_over_a_link_that_is_paid_by_the_byte_nothing_is_fetched_unasked(tmp_pat
     assert package_sources(declaration, vessel, asked.model_copy(update={"rehearsed": True}), None) == {}
 
 
-def test_with_a_bundle_everything_comes_from_it(tmp_path: Path) -> None:
+def test_everything_is_installed_from_the_bundle(tmp_path: Path) -> None:
     declaration = load(SHIPPED)
     asked = Request(state=tmp_path)
     how = package_sources(declaration, declaration.hosts["te4sea-gateway"], asked, "b1")
@@ -264,7 +264,7 @@ def test_with_a_bundle_everything_comes_from_it(tmp_path: Path) -> None:
     assert narrow({"packages": None, "build": None}, how, "b1") == {"packages": None, "build": None}
 
 
-def test_stand_ins_take_the_place_of_servers_in_a_rehearsal_only(tmp_path: Path) -> None:
+def test_stand_in_servers_are_used_in_a_rehearsal(tmp_path: Path) -> None:
     served = StandIns(
         archive="http://10.64.1.1:1",
         key="AA==",
@@ -282,7 +282,7 @@ def test_stand_ins_take_the_place_of_servers_in_a_rehearsal_only(tmp_path: Path)
     assert "token" not in str(built)
 
 
-def test_a_machine_keeps_its_own_network(tmp_path: Path) -> None:
+def test_rehearsal_keeps_the_network_of_the_machine(tmp_path: Path) -> None:
     inventory = tmp_path / "inventory"
     shutil.copytree(SHIPPED, inventory)
     host = inventory / "host_vars" / f"{HOST}.yml"

@@ -54,7 +54,7 @@ def test_a_declared_link_has_its_jitter_loss_and_gaps() -> None:
     assert up.gaps == (DrawnGap(70.0), DrawnGap(70.0))
 
 
-def test_a_replayed_link_is_as_it_was_measured() -> None:
+def test_replayed_link_has_the_measured_shape() -> None:
     up, down = link_shapes(_bearer(), Replay(_profile(), "it"))
     assert (up.rate_bps, down.rate_bps) == (200_000, 704_000), "what was not measured is as declared"
     assert up.delays_s == pytest.approx((0.292, 0.312, 0.392)), "sending 200 octets takes 8 ms"
@@ -63,13 +63,13 @@ def test_a_replayed_link_is_as_it_was_measured() -> None:
     assert down.gaps == (DrawnGap(70.0), DrawnGap(3.0))
 
 
-def test_a_replay_is_of_its_link_alone() -> None:
+def test_replay_affects_only_its_link() -> None:
     replay = Replay(_profile(), "it")
     assert link_shapes(_bearer("4g"), replay) == link_shapes(_bearer("4g"))
     assert shapes_to(DECLARED, "coastal", "lan", replay)[0] == LinkShape(rate_bps=100e6, delay_s=0.0005)
 
 
-def test_twins_hang_on_the_replayed_link() -> None:
+def test_emulators_use_the_replayed_link() -> None:
     replay = Replay(_profile(), "it")
     up, down = link_shapes(_bearer(), replay)
     spec = site_spec(DECLARED, [ROUTER], "satellite", replay=replay)
@@ -95,14 +95,14 @@ def test_a_run_is_found_by_its_name_or_by_its_path(tmp_path: Path) -> None:
     assert none.value.hint == "measure the link first; the path of a run's folder is taken, too"
 
 
-def test_a_run_of_a_link_that_the_site_has_not_is_refused() -> None:
+def test_replay_of_an_unknown_link_is_refused() -> None:
     with pytest.raises(UsageError, match="the run is of link `mesh`, which coastal has not") as refused:
         Replay(_profile("mesh"), "it").refuse_elsewhere(DECLARED, ["coastal"])
     assert refused.value.hint == "its links are: wifi-ptp, 4g, satellite"
     Replay(_profile(), "it").refuse_elsewhere(DECLARED, ["scc", "coastal"])
 
 
-def test_the_words_say_that_it_is_a_replay_and_of_what() -> None:
+def test_replay_text_names_the_run_and_its_figures() -> None:
     words = Replay(_profile(), "it").words
     assert words == (
         "Replay: link satellite is as run satellite-20261126T022248Z at coastal measured it: 620 ms, "

@@ -26,14 +26,14 @@ def box(**changes: object) -> Host:
     return replace(BOX, device=BOX.device.model_copy(update=changes))
 
 
-def test_where_and_as_whom_it_is_managed() -> None:
+def test_management_address_port_and_user() -> None:
     known = get_managed_device(DECLARATION, BOX)
     assert (str(known.access.address), known.access.port, known.access.user) == ("10.10.1.1", 8729, "provision")
     assert (known.place.address, known.place.port, known.place.technician) == ("10.10.1.1/29", "ether1", "10.10.1.2")
     assert known.certificates == ("atlantis-api",)
 
 
-def test_a_port_of_its_own() -> None:
+def test_custom_management_port() -> None:
     assert isinstance(BOX.device, LteRouter)
     assert BOX.device.access is not None
     assert (
@@ -43,7 +43,7 @@ def test_a_port_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("driver", [driver for driver in LteDriver if driver is not LteDriver.ROUTEROS])
-def test_units_of_other_makes_are_not_the_engine_s(driver: LteDriver) -> None:
+def test_units_with_other_drivers_are_not_supported(driver: LteDriver) -> None:
     other = box(driver=driver)
     assert is_supported(BOX)
     assert not is_supported(other)
@@ -51,7 +51,7 @@ def test_units_of_other_makes_are_not_the_engine_s(driver: LteDriver) -> None:
         get_managed_device(DECLARATION, other)
 
 
-def test_its_twin_has_the_declared_sim() -> None:
+def test_emulator_has_the_declared_sim() -> None:
     sim = Sim.model_validate({"apn": "umts", "pin": "4321", "bands": [20, 31]})
     (twin,) = site_spec(DECLARATION, [box(sim=sim)]).emulators
     modem = twin.router.modem
@@ -63,13 +63,13 @@ def test_its_twin_has_the_declared_sim() -> None:
     assert twin.router.ports == ("ether1",)
 
 
-def test_its_adoption_cannot_be_rehearsed_and_that_is_said() -> None:
+def test_adoption_cannot_be_rehearsed() -> None:
     with pytest.raises(UsageError, match="coastal-4g has one port, by which the laptop would cut itself off") as caught:
         factory_spec(DECLARATION, BOX)
     assert caught.value.hint is not None
 
 
-def test_a_pin_that_was_tried_stays_tried(tmp_path: Path) -> None:
+def test_tried_pin_is_remembered(tmp_path: Path) -> None:
     tried = TriedPin(Store(tmp_path).root, "coastal", "coastal-4g")
     request = Request(state=tmp_path)
     host = box(sim=Sim(pin=Secret("73951846")))
@@ -84,7 +84,7 @@ def test_a_pin_that_was_tried_stays_tried(tmp_path: Path) -> None:
     assert device_job(DECLARATION, host, request, NoJournal(), ignore).desired_state.pin_refusal == ""
 
 
-def test_a_rehearsal_has_a_new_sim_every_time(tmp_path: Path) -> None:
+def test_rehearsal_ignores_tried_pins(tmp_path: Path) -> None:
     TriedPin(Store(tmp_path, is_rehearsal=True).root, "coastal", "coastal-4g").remember()
     target = Target(host="127.0.0.1", port=1, pin="00")
     request = Request(state=tmp_path, rehearsed=True, targets={"coastal-4g": target})
@@ -92,7 +92,7 @@ def test_a_rehearsal_has_a_new_sim_every_time(tmp_path: Path) -> None:
     assert (job.desired_state.pin_refusal, type(job.journal)) == ("", NoJournal)
 
 
-def test_a_memory_that_cannot_be_read_is_a_refusal(tmp_path: Path) -> None:
+def test_unreadable_pin_record_blocks_the_pin(tmp_path: Path) -> None:
     tried = TriedPin(tmp_path, "coastal", "coastal-4g")
     tried.path.mkdir(parents=True)
     assert tried.why_not.startswith("the PIN was sent at an earlier time")

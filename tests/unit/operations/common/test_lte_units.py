@@ -100,7 +100,7 @@ def ends(result: dict[str, Any]) -> tuple[str, int, int]:
     return result["status"], result["exit"], result["planned"]
 
 
-def test_set_read_back_and_the_second_time_nothing(deck: Deck) -> None:
+def test_settings_are_applied_once_and_second_run_changes_nothing(deck: Deck) -> None:
     deck.rutos("apn: internet, user: one, password: EXAMPLE-apn-password")
     twin = deck.unit(sim=RutosSim(apn="internet", is_listed=False))
     first = deck.run()
@@ -119,7 +119,7 @@ def test_set_read_back_and_the_second_time_nothing(deck: Deck) -> None:
     assert (twin.export(), twin.shell.reloads) == (after, 1)
 
 
-def test_the_journal_tells_what_was_about_to_be_set(deck: Deck) -> None:
+def test_journal_records_settings_before_they_are_sent(deck: Deck) -> None:
     deck.rutos()
     deck.unit()
     deck.run()
@@ -134,7 +134,7 @@ def test_the_journal_tells_what_was_about_to_be_set(deck: Deck) -> None:
     assert "network.mob1s1a1.auto_apn='1'" in before.text()
 
 
-def test_a_plan_changes_nothing_and_only_what_was_agreed_to_is_set(deck: Deck) -> None:
+def test_plan_changes_nothing_and_only_the_approved_plan_is_applied(deck: Deck) -> None:
     deck.rutos()
     twin = deck.unit()
     before = twin.export()
@@ -148,7 +148,7 @@ def test_a_plan_changes_nothing_and_only_what_was_agreed_to_is_set(deck: Deck) -
     assert ends(deck.run(plans={NAME: planned["plan_hash"]})) == ("changed", 0, 3)
 
 
-def test_without_an_admin_it_is_checked_only(deck: Deck) -> None:
+def test_without_an_admin_user_settings_are_only_checked(deck: Deck) -> None:
     deck.rutos(admin=False)
     twin = deck.unit()
     result = deck.run()
@@ -158,7 +158,7 @@ def test_without_an_admin_it_is_checked_only(deck: Deck) -> None:
     assert twin.shell.commands == []
 
 
-def test_the_right_pin_is_tried_once(deck: Deck) -> None:
+def test_correct_pin_is_tried_once(deck: Deck) -> None:
     deck.rutos(f"pin: {RIGHT}")
     twin = deck.unit(sim=RutosSim(pin="98979695"))
     assert ends(deck.run()) == ("changed", 0, 2)
@@ -167,7 +167,7 @@ def test_the_right_pin_is_tried_once(deck: Deck) -> None:
     assert twin.modem.attempts == 1
 
 
-def test_a_wrong_pin_reaches_the_sim_once_whatever_is_declared_afterwards(deck: Deck) -> None:
+def test_wrong_pin_is_tried_only_once_even_if_the_inventory_changes(deck: Deck) -> None:
     deck.rutos(f"pin: {WRONG}, roaming: true")
     twin = deck.unit(sim=RutosSim(pin="98979695"))
     first = deck.run()
@@ -189,7 +189,7 @@ def test_a_wrong_pin_reaches_the_sim_once_whatever_is_declared_afterwards(deck: 
     assert ends(deck.run()) == ("unchanged", 0, 0)
 
 
-def test_once_the_sim_was_seen_unlocked_another_pin_may_be_tried(deck: Deck) -> None:
+def test_another_pin_may_be_tried_after_the_sim_was_unlocked(deck: Deck) -> None:
     deck.rutos(f"pin: {WRONG}, roaming: true")
     deck.unit("locked", sim=RutosSim(pin="98979695"))
     assert deck.run()["exit"] == 6
@@ -209,7 +209,7 @@ def test_once_the_sim_was_seen_unlocked_another_pin_may_be_tried(deck: Deck) -> 
         (f"pin: {RIGHT}", {"sim": RutosSim(pin="98979695", tries=1)}, "the SIM has one try left, which is a person's"),
     ],
 )
-def test_a_locked_card_is_left_alone(deck: Deck, sim: str, said: dict[str, Any], words: str) -> None:
+def test_locked_sim_is_left_alone(deck: Deck, sim: str, said: dict[str, Any], words: str) -> None:
     deck.rutos(sim)
     twin = deck.unit(**said)
     before = twin.export()
@@ -244,7 +244,7 @@ def test_each_fault_has_its_message(deck: Deck, sim: str, said: dict[str, Any], 
     assert (ends(again), again["findings"]) == (("unchanged", 6, 0), result["findings"])
 
 
-def test_roaming_that_is_declared_is_a_warning(deck: Deck) -> None:
+def test_declared_roaming_is_a_warning(deck: Deck) -> None:
     deck.rutos("apn: internet, roaming: true")
     deck.unit(network=RutosNetwork(plmn="20601"))
     result = deck.run()
@@ -252,7 +252,7 @@ def test_roaming_that_is_declared_is_a_warning(deck: Deck) -> None:
     assert result["notes"][0].startswith("WARN: the SIM roams in EXAMPLE-OPERATOR")
 
 
-def test_a_unit_that_does_not_keep_what_it_is_told(deck: Deck) -> None:
+def test_unsaved_settings_are_reported(deck: Deck) -> None:
     deck.rutos()
     deck.unit().shell.mute = True
     result = deck.run()
@@ -260,7 +260,7 @@ def test_a_unit_that_does_not_keep_what_it_is_told(deck: Deck) -> None:
     assert "0 of 3 settings were kept; not kept: network.mob1s1a1.auto_apn" in result["message"]
 
 
-def test_a_session_that_is_lost_while_the_network_reloads_is_opened_again(deck: Deck) -> None:
+def test_session_lost_during_a_network_reload_is_reopened(deck: Deck) -> None:
     deck.rutos()
     twin = deck.unit()
     twin.shell.drops_on_reload = True
@@ -269,7 +269,7 @@ def test_a_session_that_is_lost_while_the_network_reloads_is_opened_again(deck: 
     assert ends(deck.run()) == ("unchanged", 0, 0)
 
 
-def test_another_firmware_is_refused(deck: Deck) -> None:
+def test_unsupported_firmware_is_refused(deck: Deck) -> None:
     deck.rutos()
     twin = deck.unit(mobile_section=False)
     before = twin.export()
@@ -279,7 +279,7 @@ def test_another_firmware_is_refused(deck: Deck) -> None:
     assert twin.export() == before
 
 
-def test_another_unit_is_noticed_by_its_serial_number(deck: Deck) -> None:
+def test_replaced_unit_is_detected_by_its_serial_number(deck: Deck) -> None:
     deck.rutos()
     deck.unit("one")
     deck.run()
@@ -299,7 +299,7 @@ def test_another_unit_is_noticed_by_its_serial_number(deck: Deck) -> None:
         ({"ssh": 1}, "no SSH session came about"),
     ],
 )
-def test_who_does_not_prove_to_be_the_unit_is_told_nothing(deck: Deck, changed: dict[str, Any], words: str) -> None:
+def test_unverified_unit_receives_no_commands(deck: Deck, changed: dict[str, Any], words: str) -> None:
     deck.rutos()
     twin = deck.unit()
     assert deck.target is not None
@@ -310,7 +310,7 @@ def test_who_does_not_prove_to_be_the_unit_is_told_nothing(deck: Deck, changed: 
     assert twin.shell.commands == []
 
 
-def test_a_modem_by_at_is_compared_only(deck: Deck) -> None:
+def test_at_modem_settings_are_compared_but_not_set(deck: Deck) -> None:
     deck.declare("  driver: at\n  serial: /dev/ttyUSB2\n  sim: {apn: other}\n")
     running = deck.stack.enter_context(RunningModem(AtModemSpec()))
     deck.target = {"host": "", "port": 0, "pin": "", "serial": running.path}
@@ -330,7 +330,7 @@ def test_a_modem_by_at_is_compared_only(deck: Deck) -> None:
         ("manual", "not checked: only a person can look at this 4G unit"),
     ],
 )
-def test_what_was_not_checked_is_not_green(deck: Deck, driver: str, message: str) -> None:
+def test_unchecked_unit_exits_with_nothing(deck: Deck, driver: str, message: str) -> None:
     deck.declare(f"  driver: {driver}\n")
     result = deck.run()
     assert (ends(result), result["message"]) == (("unchanged", 7, 0), message)
@@ -339,7 +339,7 @@ def test_what_was_not_checked_is_not_green(deck: Deck, driver: str, message: str
         assert "http://10.10.9.1/" in result["notes"][0]
 
 
-def test_what_cannot_be_noted_is_not_done(deck: Deck, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_changed_when_the_journal_cannot_be_written(deck: Deck, monkeypatch: pytest.MonkeyPatch) -> None:
     deck.rutos()
     twin = deck.unit()
     before = twin.export()
@@ -358,7 +358,7 @@ def test_what_cannot_be_noted_is_not_done(deck: Deck, monkeypatch: pytest.Monkey
     assert (twin.export(), twin.shell.reloads) == (before, 0)
 
 
-def test_a_fault_of_ours_is_told_with_its_log(deck: Deck, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_internal_error_is_reported_with_its_log(deck: Deck, monkeypatch: pytest.MonkeyPatch) -> None:
     deck.rutos()
     deck.unit()
     monkeypatch.setattr(rutos_read, "read", lambda _endpoint: 1 // 0)
@@ -369,7 +369,7 @@ def test_a_fault_of_ours_is_told_with_its_log(deck: Deck, monkeypatch: pytest.Mo
     assert deck.store.runs("te4sea")[0].exit == 1
 
 
-def test_other_kinds_of_runs_are_none_of_ours(deck: Deck) -> None:
+def test_other_run_modes_skip_the_unit(deck: Deck) -> None:
     deck.rutos()
     twin = deck.unit()
     for asked in ({"mode": "drift"}, {"mode": "backup"}, {"back_to": "20260101T000000Z"}):

@@ -27,7 +27,7 @@ def named(declaration: Inventory, *names: str, **said: object) -> dict[tuple[str
     return {tuple(host.name for host in member.hosts): member.after for member in found}
 
 
-def test_the_other_end_comes_along_and_both_wait_for_the_routers_of_the_run(declaration: Inventory) -> None:
+def test_other_bridge_end_is_added_and_both_wait_for_the_routers(declaration: Inventory) -> None:
     assert named(declaration, "coastal-cpe", "coastal-router") == {BOTH: ("coastal-router",), ("coastal-router",): ()}
     assert named(declaration, "scc-cpe") == {BOTH[::-1]: ()}
     every = named(declaration, *declaration.hosts)
@@ -35,17 +35,15 @@ def test_the_other_end_comes_along_and_both_wait_for_the_routers_of_the_run(decl
 
 
 @pytest.mark.parametrize("mode", [Mode.PLAN, Mode.DRIFT])
-def test_who_only_reads_waits_for_nobody(declaration: Inventory, mode: Mode) -> None:
+def test_read_only_runs_wait_for_no_other_device(declaration: Inventory, mode: Mode) -> None:
     assert named(declaration, "coastal-router", "coastal-cpe", mode=mode) == {("coastal-router",): (), BOTH: ()}
 
 
-def test_a_replacement_gets_its_state_alone(declaration: Inventory) -> None:
+def test_replacement_device_is_restored_alone(declaration: Inventory) -> None:
     assert named(declaration, "coastal-cpe", restore="20260101T000000Z") == {("coastal-cpe",): ()}
 
 
-def test_an_end_that_a_run_has_not_saved_is_not_taken_back_with_the_other(
-    declaration: Inventory, tmp_path: Path
-) -> None:
+def test_bridge_end_without_saved_state_is_not_rolled_back(declaration: Inventory, tmp_path: Path) -> None:
     assert named(declaration, "coastal-cpe", state=tmp_path, back_to="20260101T000000Z") == {("coastal-cpe",): ()}
 
 
@@ -56,7 +54,7 @@ def test_other_ends_are_added_once(declaration: Inventory) -> None:
     assert with_other_ends(declaration, hosts[:1]) == (hosts[0],)
 
 
-def test_bounds_and_patience_of_a_pair_are_the_stricter_of_both_ends(declaration: Inventory) -> None:
+def test_pair_uses_the_stricter_limits_of_both_ends(declaration: Inventory) -> None:
     (member,) = members_of(declaration, ["coastal-cpe"], Request(state=Path("/nowhere")))
     assert member.bridge is not None
     near, far = (end.device for end in member.bridge.ends)
@@ -72,9 +70,7 @@ def test_bounds_and_patience_of_a_pair_are_the_stricter_of_both_ends(declaration
 
 
 @pytest.mark.parametrize(("over", "name"), [("lan", "wifi-ptp"), ("satellite", "satellite")])
-def test_a_session_to_the_far_end_is_as_slow_as_the_slower_part_of_its_way(
-    declaration: Inventory, over: str, name: str
-) -> None:
+def test_far_end_session_is_as_slow_as_its_slowest_link(declaration: Inventory, over: str, name: str) -> None:
     (member,) = members_of(declaration, ["coastal-cpe"], Request(state=Path("/nowhere")))
     assert member.bridge is not None
     near = replace(job("near"), link=site_link_of(declaration, member.bridge.near, over))
@@ -92,7 +88,7 @@ def test_a_session_to_the_far_end_is_as_slow_as_the_slower_part_of_its_way(
         ("coastal-router", None, None),
     ],
 )
-def test_the_emulated_bridge_is_entered_where_the_run_enters_it(
+def test_emulated_bridge_has_the_same_near_end_as_the_run(
     declaration: Inventory, asked: str, via: str | None, near: str | None
 ) -> None:
     hosts = with_other_ends(declaration, [declaration.hosts[asked]])
@@ -109,7 +105,7 @@ def job(name: str) -> DeviceJob:
 
 
 @pytest.mark.parametrize("how", ["ends", "fails to be made"])
-def test_a_device_begins_when_the_one_before_it_has_ended(monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+def test_device_starts_after_the_one_it_waits_for(monkeypatch: pytest.MonkeyPatch, how: str) -> None:
     order: list[str] = []
 
     async def converge(job: DeviceJob, *, mode: object) -> DeviceResult:

@@ -17,7 +17,7 @@ GAP_S = 70
 
 
 @pytest.mark.parametrize("bearer", [LAN, BRIDGE], ids=lambda bearer: bearer.name)
-def test_what_has_no_gaps_is_given_up_in_seconds(bearer: LinkMetrics) -> None:
+def test_link_without_gaps_times_out_in_seconds(bearer: LinkMetrics) -> None:
     found = with_timeouts(ENDPOINT, bearer)
     assert found.connect_timeout_s <= 15
     assert found.reply_timeout_s <= 60
@@ -27,6 +27,6 @@ def test_what_has_no_gaps_is_given_up_in_seconds(bearer: LinkMetrics) -> None:
 @pytest.mark.parametrize(
     "bearer", [MOBILE, SATELLITE, replace(SATELLITE, is_metered=False)], ids=lambda bearer: bearer.name
 )
-def test_what_may_be_away_outlives_a_gap(bearer: LinkMetrics) -> None:
+def test_link_with_gaps_has_timeouts_longer_than_a_gap(bearer: LinkMetrics) -> None:
     found = with_timeouts(ENDPOINT, bearer)
     assert min(found.connect_timeout_s, found.reply_timeout_s) > GAP_S + 10 * bearer.rtt_s

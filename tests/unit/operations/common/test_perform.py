@@ -24,9 +24,7 @@ def told(reader: int) -> list[dict[str, Any]]:
         return [json.loads(line) for line in lines]
 
 
-def test_a_fault_of_ours_goes_to_a_log_file_and_to_whoever_listens(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_internal_error_is_logged_and_sent_to_the_listener(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object, **__: object) -> NoReturn:
         raise ZeroDivisionError("the password is swordfish")
 
@@ -43,7 +41,7 @@ def test_a_fault_of_ours_goes_to_a_log_file_and_to_whoever_listens(
     assert told(reader) == [{"error": {"message": str(caught.value), "hint": caught.value.hint, "exit": 1}}]
 
 
-def test_example_values_never_leave_the_laptop(tmp_path: Path) -> None:
+def test_example_values_are_refused_in_a_real_run(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="still holds example values"):
         apply.perform(INVENTORY, ["coastal-router"], {"state": str(tmp_path)}, plan_only=True, decrypt=str)
 
@@ -57,22 +55,20 @@ def test_example_values_never_leave_the_laptop(tmp_path: Path) -> None:
         ("te4sea-router", "lan", "lan", 0.001),
     ],
 )
-def test_the_bearer_in_use_is_the_declared_one_or_the_one_named(
-    host: str, via: str | None, name: str, rtt_s: float
-) -> None:
+def test_session_link_is_the_declared_or_the_named_one(host: str, via: str | None, name: str, rtt_s: float) -> None:
     declaration = load(INVENTORY)
     bearer = session_link.site_link_of(declaration, declaration.hosts[host], via)
     assert (bearer.name, bearer.rtt_s) == (name, rtt_s)
 
 
-def test_a_bearer_that_the_site_lacks_is_refused_with_those_it_has() -> None:
+def test_unknown_link_is_refused_with_the_known_ones() -> None:
     declaration = load(INVENTORY)
     with pytest.raises(UsageError, match="coastal has no such bearer") as caught:
         session_link.site_link_of(declaration, declaration.hosts["coastal-router"], "uplink")
     assert caught.value.hint == "it has: lan, wifi-ptp, 4g, satellite"
 
 
-def test_the_guard_is_told_the_declared_address_also_where_a_twin_listens_elsewhere(tmp_path: Path) -> None:
+def test_guard_gets_the_declared_address_for_an_emulated_device(tmp_path: Path) -> None:
     declaration = load(INVENTORY)
     target = Target(host="127.0.0.1", port=1, pin="00")
     request = Request(state=tmp_path, rehearsed=True, targets={"coastal-router": target})

@@ -57,7 +57,7 @@ def laptop(tmp_path: Path) -> Laptop:
     return Laptop(tmp_path)
 
 
-def test_latest_is_the_newest_run_that_has_saved_a_state_of_these_devices(laptop: Laptop) -> None:
+def test_latest_is_the_newest_run_with_a_saved_state(laptop: Laptop) -> None:
     laptop.run(saves="a")
     newer = laptop.run(saves="b")
     laptop.run()
@@ -66,7 +66,7 @@ def test_latest_is_the_newest_run_that_has_saved_a_state_of_these_devices(laptop
         saved_run(laptop.state, "coastal", "latest", ["coastal-cpe", "coastal-4g"])
 
 
-def test_what_prepared_emulated_devices_is_not_the_latest_run(laptop: Laptop) -> None:
+def test_preparation_of_emulated_devices_is_not_the_latest_run(laptop: Laptop) -> None:
     """Nobody asked for it: `use`, `links` and the checklist rehearse on configured devices."""
     run = laptop.run(saves="a", rehearsed=True)
     laptop.run(saves="b", rehearsed=True, prepares=True)
@@ -81,7 +81,7 @@ def test_a_rollback_is_not_the_latest_run(laptop: Laptop) -> None:
     assert saved_run(laptop.state, "coastal", rollback.id, [ROUTER]).id == rollback.id
 
 
-def test_a_real_rollback_never_takes_the_run_of_a_rehearsal(laptop: Laptop) -> None:
+def test_real_rollback_never_uses_a_rehearsal(laptop: Laptop) -> None:
     emulated = laptop.run(rehearsed=True, saves="a")
     with pytest.raises(NoMatchError):
         saved_run(laptop.state, "coastal", "latest", [ROUTER])
@@ -92,14 +92,14 @@ def test_a_real_rollback_never_takes_the_run_of_a_rehearsal(laptop: Laptop) -> N
         assert found.directory == emulated.directory
 
 
-def test_a_rehearsal_takes_the_runs_of_the_real_site_first(laptop: Laptop) -> None:
+def test_rehearsal_prefers_real_runs(laptop: Laptop) -> None:
     real = laptop.run(saves="a")
     laptop.run(rehearsed=True, saves="b")
     laptop.run(rehearsed=True, saves="c")
     assert saved_run(laptop.state, "coastal", "latest", [ROUTER], is_rehearsal=True).directory == real.directory
 
 
-def test_a_run_that_there_is_not_lists_those_of_the_real_site(laptop: Laptop) -> None:
+def test_unknown_run_lists_the_runs_of_the_real_site_first(laptop: Laptop) -> None:
     with pytest.raises(NoSuchRun):
         saved_run(laptop.state, "coastal", "1999", is_rehearsal=True)
     emulated = laptop.run(rehearsed=True)
@@ -112,7 +112,7 @@ def test_a_run_that_there_is_not_lists_those_of_the_real_site(laptop: Laptop) ->
     assert str(refused.value.hint) == f"its latest runs: {real.id}"
 
 
-def test_what_was_read_back_last_stands_for_the_device(laptop: Laptop, declaration: Inventory) -> None:
+def test_last_confirmed_state_is_used_for_the_device(laptop: Laptop, declaration: Inventory) -> None:
     hosts = [declaration.hosts[ROUTER]]
     run = laptop.run(saves="a", confirms="b")
     (start,) = before_rollback(laptop.state, hosts, run)
@@ -124,7 +124,7 @@ def test_what_was_read_back_last_stands_for_the_device(laptop: Laptop, declarati
     assert start.gap == f"what has changed on {ROUTER} since run {later.id} read it back"
 
 
-def test_what_an_emulated_device_was_stands_for_no_real_one(laptop: Laptop, declaration: Inventory) -> None:
+def test_emulated_state_is_not_used_for_a_real_device(laptop: Laptop, declaration: Inventory) -> None:
     hosts = [declaration.hosts[ROUTER]]
     emulated = laptop.run(rehearsed=True, saves="a", confirms="b")
     real = laptop.run(saves="a")
@@ -135,7 +135,7 @@ def test_what_an_emulated_device_was_stands_for_no_real_one(laptop: Laptop, decl
     assert start.restore == emulated.id
 
 
-def test_the_state_of_a_named_rehearsal_is_found_beside_real_ones(laptop: Laptop, declaration: Inventory) -> None:
+def test_state_of_a_named_rehearsal_is_found_among_real_runs(laptop: Laptop, declaration: Inventory) -> None:
     emulated = laptop.run("20261121T093000Z", rehearsed=True, confirms="emulated")
     laptop.run("20261122T093000Z", confirms="real")
     host = declaration.hosts[ROUTER]
@@ -145,7 +145,7 @@ def test_the_state_of_a_named_rehearsal_is_found_beside_real_ones(laptop: Laptop
         confirmed_state(laptop.state, host, "1999", is_rehearsal=True)
 
 
-def test_a_broken_run_begins_with_the_state_before_it(laptop: Laptop, declaration: Inventory) -> None:
+def test_interrupted_run_resumes_from_the_state_before_it(laptop: Laptop, declaration: Inventory) -> None:
     hosts = [declaration.hosts[ROUTER]]
     earlier = laptop.run(confirms="a")
     broken = laptop.run(saves="b", actions=7)
@@ -157,13 +157,13 @@ def test_a_broken_run_begins_with_the_state_before_it(laptop: Laptop, declaratio
     assert (start.back_to, start.restore) == (None, earlier.id)
 
 
-def test_a_device_of_which_nothing_was_saved_stays_as_adopted(laptop: Laptop, declaration: Inventory) -> None:
+def test_device_without_saved_state_starts_as_adopted(laptop: Laptop, declaration: Inventory) -> None:
     (start,) = before_resuming(laptop.state, [declaration.hosts[ROUTER]], laptop.run())
     assert (start.back_to, start.restore, start.is_ready) == (None, None, True)
     assert "as after its adoption" in start.words
 
 
-def test_a_computer_is_a_fresh_one(laptop: Laptop, declaration: Inventory) -> None:
+def test_computer_starts_as_a_fresh_one(laptop: Laptop, declaration: Inventory) -> None:
     broken = laptop.run(saves="a")
     gateway, router = before_resuming(
         laptop.state, [declaration.hosts["coastal-gateway"], declaration.hosts[ROUTER]], broken
@@ -179,7 +179,7 @@ def test_hosts_of_a_run(declaration: Inventory) -> None:
         hosts_of_run(hosts, ["gone"])
 
 
-def test_a_rehearsal_that_was_killed_goes_on_as_a_rehearsal(laptop: Laptop) -> None:
+def test_killed_rehearsal_is_resumed_as_a_rehearsal(laptop: Laptop) -> None:
     emulated, real = laptop.run(rehearsed=True), laptop.run()
     assert emulated.next_command == f"provision resume site=coastal run={emulated.id} --rehearse"
     assert real.next_command == f"provision resume site=coastal run={real.id}"

@@ -66,7 +66,7 @@ def flows(pilot: Inventory, site: str, bearer: str) -> dict[TrafficSource, Stand
     return {flow.source: flow for flow in traffic.flows}
 
 
-def test_what_goes_over_a_satellite(pilot: Inventory) -> None:
+def test_standing_traffic_over_a_satellite(pilot: Inventory) -> None:
     found = flows(pilot, "coastal", "satellite")
     assert list(found) == [TrafficSource.TIME, TrafficSource.VPN, TrafficSource.DDS]
     assert found[TrafficSource.DDS].up == found[TrafficSource.DDS].down == pytest.approx(_SENT + _REFUSED)
@@ -75,7 +75,7 @@ def test_what_goes_over_a_satellite(pilot: Inventory) -> None:
     assert found[TrafficSource.TIME].both == pytest.approx(2 * 2 * 2 * 76 * DAY_S / 1024)
 
 
-def test_dds_is_kept_off_a_satellite(shipped: Inventory) -> None:
+def test_no_dds_over_a_metered_satellite(shipped: Inventory) -> None:
     """By itself, because it is metered. Its tunnels send pings, and nothing of a vehicle crosses it either."""
     topic = TelemetryTopic(topic="/pose", data=TelemetryData.NUMBERS, rate_hz=2.0, size_bytes=120)
     sparus = shipped.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
@@ -86,7 +86,7 @@ def test_dds_is_kept_off_a_satellite(shipped: Inventory) -> None:
     assert TrafficSource.TELEMETRY in flows(declared, "coastal", "wifi-ptp")
 
 
-def test_a_centre_hears_whom_it_does_not_name(pilot: Inventory) -> None:
+def test_centre_receives_announcements_over_links_open_to_dds(pilot: Inventory) -> None:
     """Over a link that DDS may cross, of a site that has another one: what it sends finds a listener each time."""
     heard = 536 * DAY_S / 20
     found = flows(crossing(pilot, "wifi-ptp"), "coastal", "wifi-ptp")[TrafficSource.DDS]
@@ -95,7 +95,7 @@ def test_a_centre_hears_whom_it_does_not_name(pilot: Inventory) -> None:
     assert (there.up, there.down) == pytest.approx((2 * (heard + _REFUSED), 2 * _SENT))
 
 
-def test_a_tunnel_that_is_not_ours_crosses_every_link(shipped: Inventory) -> None:
+def test_foreign_tunnel_crosses_every_link(shipped: Inventory) -> None:
     """A robot's own computer announces itself to the centre and to the gateway, whose answers are kept off."""
     peers = (DdsPeer(name="sparus-onboard", address=IPv4Address("10.80.17.5"), site="coastal"),)
     pair = _SENT + _REFUSED
@@ -105,13 +105,13 @@ def test_a_tunnel_that_is_not_ours_crosses_every_link(shipped: Inventory) -> Non
     assert over_lan.up == pytest.approx(pair)
 
 
-def test_canaries_are_asked_over_every_link_that_has_them(pilot: Inventory) -> None:
+def test_probe_targets_are_pinged_over_every_link_that_has_them(pilot: Inventory) -> None:
     """docs/failover.md has the same figures: 8.7 MB a day, and 0.97."""
     found = {one.link.name: one.idle_day_bytes for one in standing_traffic(pilot, "coastal")}
     assert found == {"wifi-ptp": 8_709_120, "4g": 967_680, "satellite": 0}
 
 
-def test_the_profile_of_the_slowest_link_is_kept_on_every_link(pilot: Inventory) -> None:
+def test_dds_profile_of_the_slowest_link_applies_to_every_link(pilot: Inventory) -> None:
     assert (
         flows(pilot, "coastal", "wifi-ptp")[TrafficSource.DDS]
         == flows(pilot, "coastal", "satellite")[TrafficSource.DDS]
@@ -125,14 +125,14 @@ def test_without_dds_every_tunnel_sends_pings(pilot: Inventory) -> None:
     assert found[TrafficSource.VPN].up == pytest.approx(2 * _PINGS + _HOURLY + _DAILY)
 
 
-def test_the_site_of_the_server_carries_what_all_others_say(pilot: Inventory) -> None:
+def test_server_site_carries_the_traffic_of_all_sites(pilot: Inventory) -> None:
     found = flows(pilot, "scc", "uplink")
     there = [flows(pilot, site, "satellite")[TrafficSource.DDS] for site in ("coastal", "te4sea")]
     assert found[TrafficSource.DDS].down == pytest.approx(sum(flow.up for flow in there))
     assert TrafficSource.CANARIES not in found
 
 
-def test_computers_of_one_site_meet_at_the_server(pilot: Inventory) -> None:
+def test_computers_of_one_site_communicate_through_the_server(pilot: Inventory) -> None:
     """A robot's own computer: to the centre and back, and with the gateway both ways twice; it has its own tunnel."""
     peers = (DdsPeer(name="sparus-onboard", address=IPv4Address("10.80.17.5"), site="coastal"),)
     alone, together = with_dds(pilot), with_dds(pilot, peers=peers)
@@ -143,7 +143,7 @@ def test_computers_of_one_site_meet_at_the_server(pilot: Inventory) -> None:
     assert after[TrafficSource.VPN].up - before[TrafficSource.VPN].up == pytest.approx(_DAILY)
 
 
-def test_over_the_lan_the_routers_tunnel_is_busy(pilot: Inventory) -> None:
+def test_dds_over_the_lan_uses_the_tunnel_of_the_router(pilot: Inventory) -> None:
     found = flows(with_dds(pilot, over=DdsPath.LAN), "coastal", "satellite")
     assert found[TrafficSource.DDS].up == pytest.approx(_SENT + _REFUSED)
     assert found[TrafficSource.VPN].up == pytest.approx(
@@ -151,12 +151,12 @@ def test_over_the_lan_the_routers_tunnel_is_busy(pilot: Inventory) -> None:
     )  # now it is the gateway's that is quiet
 
 
-def test_processes_announce_themselves_to_each_other(pilot: Inventory) -> None:
+def test_dds_processes_announce_to_each_other(pilot: Inventory) -> None:
     found = flows(with_dds(pilot, processes=10), "coastal", "satellite")[TrafficSource.DDS]
     assert found.up == pytest.approx(10 * 20 * 536 * DAY_S / 20)
 
 
-def test_telemetry_of_the_vehicles_that_are_tested_here(pilot: Inventory) -> None:
+def test_telemetry_counts_only_vehicles_tested_at_the_site(pilot: Inventory) -> None:
     topic = TelemetryTopic(topic="/pose", data=TelemetryData.NUMBERS, rate_hz=2.0, size_bytes=120)
     sparus = pilot.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
     declared = replace(pilot, vehicles={**pilot.vehicles, "sparus": sparus})
@@ -168,7 +168,7 @@ def test_telemetry_of_the_vehicles_that_are_tested_here(pilot: Inventory) -> Non
     assert TrafficSource.TELEMETRY not in flows(elsewhere, "coastal", "satellite")
 
 
-def test_a_metered_link_needs_a_budget(pilot: Inventory) -> None:
+def test_metered_link_without_a_budget_is_a_warning(pilot: Inventory) -> None:
     satellite = pilot.sites["coastal"].bearers[2].model_copy(update={"standing_budget_eur": None})
     found = over_budget(satellite, standing_traffic(pilot, "coastal")[2])
     assert found is not None
@@ -201,7 +201,7 @@ def test_the_shipped_links_keep_to_their_budgets(shipped: Inventory, monkeypatch
         ({"standing_budget_eur": 136.0}, "136 EUR (`standing_budget_eur`)"),
     ],
 )
-def test_a_budget_is_kept_or_not(pilot: Inventory, budget: dict[str, float], words: str | None) -> None:
+def test_exceeded_budget_is_a_warning(pilot: Inventory, budget: dict[str, float], words: str | None) -> None:
     coastal = pilot.sites["coastal"]
     bearers = [
         *coastal.bearers[:2],

@@ -56,7 +56,7 @@ def run(inventory: Path, state: Path, mode: Mode = Mode.APPLY) -> dict[str, obje
     return told
 
 
-def test_the_shipped_terminals_were_looked_at_by_nobody(tmp_path: Path) -> None:
+def test_shipped_terminals_are_not_inspected_yet(tmp_path: Path) -> None:
     declaration = load(SHIPPED)
     terminals = [host for host in declaration.hosts.values() if is_terminal(host)]
     assert [host.name for host in terminals] == ["coastal-sat", "te4sea-sat"]
@@ -66,7 +66,7 @@ def test_the_shipped_terminals_were_looked_at_by_nobody(tmp_path: Path) -> None:
         assert (found.exit, found.as_dict()["planned"]) == (ExitCode.DONE, 0)
 
 
-def test_a_backup_below_the_inventory_is_compared(inventory: Path, tmp_path: Path) -> None:
+def test_backup_in_the_inventory_is_compared(inventory: Path, tmp_path: Path) -> None:
     declare(inventory)
     assert codes(inventory, tmp_path) == ["terminal-backup-not-here"]
     keep(inventory, BACKUP)
@@ -78,7 +78,7 @@ def test_a_backup_below_the_inventory_is_compared(inventory: Path, tmp_path: Pat
     assert "is not the declared one" in str(told["message"])
 
 
-def test_a_backup_that_a_person_names_is_compared(inventory: Path, tmp_path: Path) -> None:
+def test_named_backup_file_is_compared(inventory: Path, tmp_path: Path) -> None:
     declare(inventory)
     named = tmp_path / "download.bin"
     named.write_bytes(BACKUP)
@@ -89,7 +89,7 @@ def test_a_backup_that_a_person_names_is_compared(inventory: Path, tmp_path: Pat
         codes(inventory, tmp_path, tmp_path / "missing.bin")
 
 
-def test_a_changed_firmware_is_told_until_a_run_has_recorded_it(inventory: Path, tmp_path: Path) -> None:
+def test_changed_firmware_is_reported_until_a_run_records_it(inventory: Path, tmp_path: Path) -> None:
     keep(inventory, BACKUP)
     declare(inventory)
     assert run(inventory, tmp_path)["notes"] == []
@@ -100,13 +100,13 @@ def test_a_changed_firmware_is_told_until_a_run_has_recorded_it(inventory: Path,
     assert run(inventory, tmp_path)["notes"] == []
 
 
-def test_a_terminal_behind_nat_is_named(inventory: Path, tmp_path: Path) -> None:
+def test_terminal_behind_nat_is_reported(inventory: Path, tmp_path: Path) -> None:
     keep(inventory, BACKUP)
     declare(inventory, more=", sim_address: 172.31.4.5")
     assert codes(inventory, tmp_path) == ["carrier-nat"]
 
 
-def test_a_damaged_record_is_told(inventory: Path, tmp_path: Path) -> None:
+def test_damaged_record_is_reported(inventory: Path, tmp_path: Path) -> None:
     declare(inventory)
     run(inventory, tmp_path)
     record = Store(tmp_path).root / "terminals.json"
@@ -116,7 +116,7 @@ def test_a_damaged_record_is_told(inventory: Path, tmp_path: Path) -> None:
         codes(inventory, tmp_path)
 
 
-def test_whoever_listens_is_told_why_the_record_cannot_be_read(inventory: Path, tmp_path: Path) -> None:
+def test_damaged_record_is_reported_to_the_listener(inventory: Path, tmp_path: Path) -> None:
     declare(inventory)
     run(inventory, tmp_path)
     (Store(tmp_path).root / "terminals.json").write_text("[]")

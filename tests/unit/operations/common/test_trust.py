@@ -33,12 +33,12 @@ def options(declaration: Inventory, state: Path) -> list[str]:
     return [word for word in shlex.split(access["ssh_args"]) if word != "-o"]
 
 
-def test_a_key_that_is_not_declared_has_to_be_known_already(tmp_path: Path) -> None:
+def test_undeclared_host_key_must_be_known_already(tmp_path: Path) -> None:
     assert options(declared(None), tmp_path) == [f"HostKeyAlias={GATEWAY}", "StrictHostKeyChecking=yes"]
     assert not (tmp_path / "known_hosts").exists()
 
 
-def test_a_declared_key_alone_counts(tmp_path: Path) -> None:
+def test_only_the_declared_host_key_is_trusted(tmp_path: Path) -> None:
     state = tmp_path / "a folder"
     told = options(declared(KEY), state)
     assert told[1] == "StrictHostKeyChecking=yes"
@@ -57,14 +57,14 @@ def test_a_declared_key_alone_counts(tmp_path: Path) -> None:
         ("@ WARNING: REMOTE HOST IDENTIFICATION HAS CHANGED! @\nHost key verification failed.", "another", "-R x"),
     ],
 )
-def test_what_openssh_refuses_is_put_into_words(said: str, told: str, hint: str) -> None:
+def test_openssh_key_errors_are_explained(said: str, told: str, hint: str) -> None:
     trouble = key_trouble("x", said)
     assert trouble is not None
     assert told in trouble[0]
     assert hint in trouble[1]
 
 
-def test_any_other_trouble_is_none_of_the_key() -> None:
+def test_other_errors_are_not_key_errors() -> None:
     assert key_trouble("x", "ssh: connect to host x port 22: No route to host") is None
 
 
@@ -76,7 +76,7 @@ def test_any_other_trouble_is_none_of_the_key() -> None:
         ("REMOTE HOST IDENTIFICATION HAS CHANGED!\nHost key verification failed.", KeyState.MISMATCH),
     ],
 )
-def test_a_look_at_a_key_logs_nobody_in(
+def test_checking_a_host_key_does_not_log_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str, state: KeyState
 ) -> None:
     typed = stand_in(tmp_path, monkeypatch, said)
@@ -87,7 +87,7 @@ def test_a_look_at_a_key_logs_nobody_in(
         assert option in words
 
 
-def test_who_does_not_answer_is_told_as_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreachable_computer_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(tmp_path, monkeypatch, "ssh: connect to host x port 22: No route to host")
     declaration = declared(None)
     with pytest.raises(DeviceError, match="was not reached: ssh: connect to host x port 22: No route to host"):
@@ -104,7 +104,7 @@ def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, said: str) -> Path:
     return typed
 
 
-def test_every_kind_that_somebody_logs_in_to_has_an_identity() -> None:
+def test_every_kind_with_a_login_has_an_identity() -> None:
     hosts = load(checkout() / "inventory").hosts.values()
     kinds = {host.device.kind for host in hosts if has_identity(host)}
     assert kinds >= {"router", "cpe", "gateway", "vpn_server"}

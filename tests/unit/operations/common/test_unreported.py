@@ -50,7 +50,7 @@ def said(declaration: Inventory, state: Path, *records: Record, mode: Mode = Mod
         ((READ, SENT, ended("unknown", 5), RESUMED, ended("changed", 0)), "changed", ExitCode.CHECKS_FAILED, False),
     ],
 )
-def test_what_the_journal_says_is_told_and_resume_is_advised_where_it_has_something_to_do(  # noqa: PLR0913, PLR0917
+def test_journal_state_is_reported_with_resume_when_useful(  # noqa: PLR0913, PLR0917
     declaration: Inventory,
     tmp_path: Path,
     records: tuple[Record, ...],
@@ -67,13 +67,13 @@ def test_what_the_journal_says_is_told_and_resume_is_advised_where_it_has_someth
     assert (NAME in run.unsettled_devices) or not resumes, "resume has nothing to do"
 
 
-def test_what_was_confirmed_is_counted(declaration: Inventory, tmp_path: Path) -> None:
+def test_confirmed_actions_are_counted(declaration: Inventory, tmp_path: Path) -> None:
     result = said(declaration, tmp_path, READ, SENT, KEPT, ended("changed", 0))
     assert result["confirmed"] == 2
     assert result["message"] == f"it is changed; then: {KILLED}"
 
 
-def test_of_a_journal_that_is_gone_nothing_is_known(declaration: Inventory, tmp_path: Path) -> None:
+def test_missing_journal_gives_status_unknown(declaration: Inventory, tmp_path: Path) -> None:
     request = Request(state=tmp_path, command="provision")
     result = results_from_journal(
         [NAME], [NAME], declaration, request, {"coastal": {"routers": "20260101T000000Z"}}, KILLED, ""
@@ -81,7 +81,7 @@ def test_of_a_journal_that_is_gone_nothing_is_known(declaration: Inventory, tmp_
     assert (result["status"], result["exit"]) == ("unknown", ExitCode.UNKNOWN)
 
 
-def test_a_4g_unit_has_a_run_of_its_own(declaration: Inventory, tmp_path: Path) -> None:
+def test_4g_unit_has_its_own_run(declaration: Inventory, tmp_path: Path) -> None:
     """Beside the routers of its site, whose run says nothing of it."""
     router, unit, request = "te4sea-router", "te4sea-4g", Request(state=tmp_path, command="provision")
     runs = {}
@@ -98,9 +98,7 @@ def test_a_4g_unit_has_a_run_of_its_own(declaration: Inventory, tmp_path: Path) 
     assert result[router]["status"] == "left-as-found"
 
 
-def test_the_far_end_of_a_bridge_is_resumed_from_the_site_that_was_asked_for(
-    declaration: Inventory, tmp_path: Path
-) -> None:
+def test_far_bridge_end_is_resumed_from_the_requested_site(declaration: Inventory, tmp_path: Path) -> None:
     far, request = "scc-cpe", Request(state=tmp_path, command="provision")
     started = RunStart(site="scc", revision="", tool="", hosts=(far,), rehearsed=False, command="provision")
     with Store(tmp_path).start(started) as journal:

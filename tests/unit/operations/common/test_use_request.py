@@ -61,7 +61,7 @@ def wanted(link: str = "4g", for_s: int = 1800, *, unproved: bool = False) -> Us
 @pytest.mark.parametrize(
     ("text", "seconds"), [("1m", 60), ("30m", 1800), ("2h", 7200), ("1h30m", 5400), ("24h", 86400)]
 )
-def test_times_that_are_taken(text: str, seconds: int) -> None:
+def test_accepted_durations(text: str, seconds: int) -> None:
     assert span_s(text) == seconds
 
 
@@ -76,7 +76,7 @@ def test_times_that_are_taken(text: str, seconds: int) -> None:
         ("half", "is no time"),
     ],
 )
-def test_times_that_are_refused(text: str, words: str) -> None:
+def test_refused_durations(text: str, words: str) -> None:
     with pytest.raises(UsageError, match=words) as refused:
         span_s(text)
     assert "`for=30m`" in str(refused.value.hint)
@@ -102,7 +102,7 @@ def test_times_that_are_refused(text: str, words: str) -> None:
         (lambda: ended_order("coastal", status(uptime_s=None)), "was not read", "`provision links site=coastal`"),
     ],
 )
-def test_what_is_refused(ask: Callable[[], object], message: str, hint: str) -> None:
+def test_invalid_requests_are_refused(ask: Callable[[], object], message: str, hint: str) -> None:
     with pytest.raises(NetcfgError, match=message) as refused:
         ask()
     assert hint in str(refused.value.hint)
@@ -112,7 +112,7 @@ def test_refusals_have_their_exit_codes() -> None:
     assert (LinkNotFit("").exit, NothingInUse("").exit, UsageError("").exit) == (4, 7, 3)
 
 
-def test_the_end_is_counted_by_the_router_and_told_by_this_computer() -> None:
+def test_end_uses_router_uptime_and_the_clock_of_this_computer() -> None:
     order = wanted(for_s=3600).order(status(), NOW)
     assert (order.link, order.since_uptime_s, order.until_uptime_s, order.proved) == ("4g", 500, 4100, True)
     assert order.until == datetime(2026, 11, 25, 21, 0, tzinfo=UTC)
@@ -120,7 +120,7 @@ def test_the_end_is_counted_by_the_router_and_told_by_this_computer() -> None:
 
 
 @pytest.mark.parametrize("age_s", [0, 3600])
-def test_a_link_over_which_the_vpn_server_has_answered_is_taken(age_s: int) -> None:
+def test_link_with_a_recent_vpn_proof_is_accepted(age_s: int) -> None:
     order = wanted("satellite").order(status(LinkState.UNKNOWN), NOW, proof=NOW - timedelta(seconds=age_s))
     assert (order.link, order.proved) == ("satellite", True)
 
@@ -129,18 +129,18 @@ def test_a_link_over_which_the_vpn_server_has_answered_is_taken(age_s: int) -> N
     ("state", "age_s"),
     [(LinkState.UNKNOWN, 3601), (LinkState.UNKNOWN, -1), (LinkState.DOWN, 0), (LinkState.SEARCHING, 0)],
 )
-def test_a_proof_that_is_old_or_that_was_overtaken_is_none(state: LinkState, age_s: int) -> None:
+def test_old_or_contradicted_proof_is_refused(state: LinkState, age_s: int) -> None:
     with pytest.raises(LinkNotFit):
         wanted("satellite").order(status(state), NOW, proof=NOW - timedelta(seconds=age_s))
 
 
-def test_a_link_that_could_be_asked_all_the_time_is_to_be_asked() -> None:
+def test_link_without_probe_targets_is_refused_with_a_hint() -> None:
     with pytest.raises(LinkNotFit) as refused:
         wanted().order(status(LinkState.UNKNOWN))
     assert "give it two `canaries:` in group_vars/coastal.yml" in str(refused.value.hint)
 
 
-def test_the_most_that_the_declared_rate_lets_through_is_told() -> None:
+def test_cost_is_the_maximum_at_the_declared_rate() -> None:
     cost = wanted("satellite", 600).cost(link_of(DECLARED, "coastal", "satellite"))
     rate = DECLARED.sites["coastal"].bearers[-1].rate
     assert cost.bill.payload_bytes == round((rate.up_kbps + rate.down_kbps) * 1000 / 8 * 600)
@@ -148,7 +148,7 @@ def test_the_most_that_the_declared_rate_lets_through_is_told() -> None:
     assert "EUR" in cost.words
 
 
-def test_a_use_is_read_back_as_it_was_written() -> None:
+def test_link_use_round_trips_through_its_comment() -> None:
     use = LinkUse("4g", datetime(2026, 11, 25, 21, 0, tzinfo=UTC), 4100)
     assert in_use([{"name": "atlantis-use", "comment": use.comment}]) == use
     assert in_use([{"name": "somebody", "comment": use.comment}]) is None
@@ -161,7 +161,7 @@ def test_a_use_is_read_back_as_it_was_written() -> None:
 ROOT = Path(__file__).parents[4]
 
 
-def test_every_host_that_is_called_handled_is_in_a_play_with_the_role() -> None:
+def test_every_supported_host_is_in_a_play_with_the_role() -> None:
     plays = yaml.safe_load((ROOT / "playbooks/site.yml").read_text(encoding="utf-8"))
     patterns = [play["hosts"] for play in plays for task in play["tasks"] if "ansible.builtin.import_role" in task]
     groups = {group for pattern in patterns for group in pattern.split(":")}
@@ -172,7 +172,7 @@ def test_every_host_that_is_called_handled_is_in_a_play_with_the_role() -> None:
     assert found <= hosts
 
 
-def test_a_router_that_nobody_knows_here_is_met_as_its_own_silence_advises() -> None:
+def test_untrusted_router_hint_advises_to_trust_it() -> None:
     unknown = replace(status(uptime_s=None), unreachable=(Silent("coastal-router", "not known here", TRUST),))
     with pytest.raises(LinkNotFit) as begun:
         wanted().order(unknown)

@@ -44,7 +44,7 @@ def file(folder: Path, text: str = f"{PASSWORD}\n") -> str:
     return str(path)
 
 
-def test_a_file_is_enough_and_nobody_is_asked(named: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_password_file_is_used_without_a_prompt(named: pytest.MonkeyPatch, tmp_path: Path) -> None:
     named.setattr(constants, "DEFAULT_VAULT_PASSWORD_FILE", file(tmp_path))
     person = Person()
     vault = Vault(person)
@@ -53,7 +53,7 @@ def test_a_file_is_enough_and_nobody_is_asked(named: pytest.MonkeyPatch, tmp_pat
     assert sorted(path.name for path in tmp_path.iterdir()) == ["vault-password"]
 
 
-def test_without_a_file_a_person_is_asked_once(named: pytest.MonkeyPatch) -> None:
+def test_without_a_file_the_password_is_asked_once(named: pytest.MonkeyPatch) -> None:
     del named
     person = Person(f" {PASSWORD} ")
     vault = Vault(person)
@@ -64,26 +64,26 @@ def test_without_a_file_a_person_is_asked_once(named: pytest.MonkeyPatch) -> Non
     assert PASSWORD not in repr(vault)
 
 
-def test_nobody_is_asked_before_the_first_sealed_value(named: pytest.MonkeyPatch) -> None:
+def test_nothing_is_asked_before_the_first_encrypted_value(named: pytest.MonkeyPatch) -> None:
     del named
     person = Person()
     assert (Vault(person).known_secrets, person.questions) == ([], [])
 
 
-def test_who_wants_to_type_is_asked_beside_the_file(named: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_prompt_can_be_forced_despite_a_file(named: pytest.MonkeyPatch, tmp_path: Path) -> None:
     named.setattr(constants, "DEFAULT_VAULT_PASSWORD_FILE", file(tmp_path, "another"))
     person = Person()
     assert Vault(person, insist=True).decrypt(SEALED) == "open"
     assert person.questions == ["default"]
 
 
-def test_an_identity_that_ansible_would_ask_for_is_asked_for(named: pytest.MonkeyPatch) -> None:
+def test_prompt_identity_is_asked_for(named: pytest.MonkeyPatch) -> None:
     named.setattr(constants, "DEFAULT_VAULT_IDENTITY_LIST", ["quay@prompt"])
     person = Person()
     assert (Vault(person).decrypt(SEALED), person.questions) == ("open", ["quay"])
 
 
-def test_without_anybody_there_the_error_says_how(named: pytest.MonkeyPatch) -> None:
+def test_without_a_prompt_the_error_explains_how(named: pytest.MonkeyPatch) -> None:
     del named
     with pytest.raises(UsageError, match="encrypted, and there is no password") as told:
         _ = Vault().secrets
@@ -93,7 +93,7 @@ def test_without_anybody_there_the_error_says_how(named: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize("text", [None, ""])
-def test_a_file_that_is_not_there_or_empty_is_named(
+def test_missing_or_empty_password_file_is_reported(
     named: pytest.MonkeyPatch, tmp_path: Path, text: str | None
 ) -> None:
     path = str(tmp_path / "missing") if text is None else file(tmp_path, text)
@@ -110,7 +110,7 @@ def arguments(*flags: str) -> Arguments:
     ("flags", "terminal", "asks"),
     [((), True, True), ((), False, False), (("json",), True, False), (("json", "ask-vault-pass"), True, True)],
 )
-def test_a_person_is_asked_on_a_terminal(
+def test_password_prompt_needs_a_terminal_or_an_explicit_flag(
     named: pytest.MonkeyPatch, *, flags: tuple[str, ...], terminal: bool, asks: bool
 ) -> None:
     named.setattr(sys.stdin, "isatty", lambda: terminal)
@@ -123,7 +123,7 @@ def test_a_person_is_asked_on_a_terminal(
             vault.decrypt(SEALED)
 
 
-def test_nobody_can_type_without_a_terminal(named: pytest.MonkeyPatch) -> None:
+def test_required_password_without_a_terminal_is_refused(named: pytest.MonkeyPatch) -> None:
     named.setattr(sys.stdin, "isatty", lambda: False)
     with pytest.raises(UsageError, match="the vault's password is needed, and nobody is here to type it"):
         vault_of(arguments("ask-vault-pass"))

@@ -40,7 +40,7 @@ def founded(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_each_part_is_told_of_its_own_hosts(founded: Path) -> None:
+def test_each_role_gets_secrets_of_its_own_hosts_only(founded: Path) -> None:
     target = Target(host="127.0.0.1", port=2222, known_hosts="/k", identity="/i")
     reached = ask(founded, "computer_access", targets={SERVER: target})
     assert reached.keys() == {SERVER, GATEWAY}
@@ -60,14 +60,14 @@ def test_without_an_authority_the_server_is_refused_and_gateways_are_not(tmp_pat
     require_authority(gateways, Request(state=tmp_path, mode=Mode.DRIFT))
 
 
-def test_another_authority_may_be_meant(founded: Path) -> None:
+def test_another_authority_folder_can_be_given(founded: Path) -> None:
     told = ask(founded / "empty", "openvpn_server", authority=founded / "vpn")
     assert set(told[SERVER]["secrets"].values()) == {
         str(founded / "vpn" / "server" / name) for name in ("server.key", "tls-crypt-v2.key", "tls-crypt.key")
     }
 
 
-def test_a_bundle_has_nothing_for_it(founded: Path) -> None:
+def test_offline_bundle_is_refused_for_the_vpn_server(founded: Path) -> None:
     with pytest.raises(UsageError, match="takes nothing from a bundle") as refused:
         ask(founded, "computer_access", offline=founded)
     assert "without `--offline`" in (refused.value.hint or "")

@@ -40,7 +40,7 @@ def settle_slowly(ready: Callable[[], None], settled: Callable[[], None]) -> Non
     ],
     ids=lambda value: "-".join(number.name for number in value) if isinstance(value, tuple) else "",
 )
-def test_only_a_person_stops_the_settling(
+def test_cleanup_survives_sigterm_but_not_a_later_sigint(
     tmp_path: Path,
     numbers: tuple[signal.Signals, ...],
     settles: bool,  # noqa: FBT001 - a column of the table above

@@ -63,11 +63,13 @@ def item(verdict: Verdict, name: str = "address", **more: object) -> DoctorItem:
         ((), ExitCode.NOTHING),
     ],
 )
-def test_how_it_ends(verdicts: tuple[Verdict, ...], code: ExitCode) -> None:
+def test_exit_code_follows_from_the_verdicts(verdicts: tuple[Verdict, ...], code: ExitCode) -> None:
     assert Diagnosis(tuple(map(item, verdicts))).exit is code
 
 
-def test_all_well_and_what_follows(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_passing_diagnosis_suggests_the_next_command(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert shown(capsys, monkeypatch, WELL, item(Verdict.SKIP), follows="provision site=coastal --plan") == (
         "Clock\n"
         "  PASS time                right\n"
@@ -79,7 +81,9 @@ def test_all_well_and_what_follows(capsys: pytest.CaptureFixture[str], monkeypat
     )
 
 
-def test_the_worst_item_ends_it(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_worst_item_and_its_fix_are_printed_last(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     warned = item(Verdict.WARN, "default route", commands=("sudo ip route del default",))
     failed = item(Verdict.FAIL, hint="do this", commands=("sudo ip address add 192.0.2.7/24 dev eth0",))
     assert shown(capsys, monkeypatch, warned, failed, WELL, follows="provision site=coastal --plan") == (
@@ -99,14 +103,16 @@ def test_the_worst_item_ends_it(capsys: pytest.CaptureFixture[str], monkeypatch:
     )
 
 
-def test_a_warning_alone_leads_on(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warning_alone_still_suggests_the_next_command(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     printed = shown(capsys, monkeypatch, item(Verdict.WARN, hint="look"), follows="provision site=coastal --plan")
     assert printed.endswith(
         "\nWARN: 1 WARN\nworst: address: it was measured\nnext:  look\nthen:  provision site=coastal --plan\n"
     )
 
 
-def test_a_long_word_or_name_has_a_line_of_its_own(
+def test_long_name_or_verdict_gets_its_own_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     long = item(Verdict.PASS, "SSH key for coastal-gateway")
@@ -120,13 +126,13 @@ def test_a_long_word_or_name_has_a_line_of_its_own(
 
 
 @pytest.mark.parametrize("site", [(), ("site=coastal",)])
-def test_nothing_is_wider_than_a_terminal(capsys: pytest.CaptureFixture[str], site: tuple[str, ...]) -> None:
+def test_output_fits_80_columns(capsys: pytest.CaptureFixture[str], site: tuple[str, ...]) -> None:
     printed = typed(capsys, *site)
     assert [line for line in printed.splitlines() if len(line) > 80 and "/" not in line] == []
     assert printed.count("\n") > 15
 
 
-def test_a_program_gets_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_document_lists_all_items(capsys: pytest.CaptureFixture[str]) -> None:
     document = json.loads(typed(capsys, "site=coastal", "--json"))
     assert (document["exit"], document["errors"], document["site"]) == (0, [], "coastal")
     assert sum(document["counts"].values()) == len(document["items"]) > 10
@@ -135,7 +141,7 @@ def test_a_program_gets_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert way["verdict"] == "SKIP", "example addresses lead to nobody's devices"
 
 
-def test_looking_makes_no_file(
+def test_diagnosis_creates_no_files(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
@@ -152,13 +158,13 @@ def test_looking_makes_no_file(
         (("inventory=/nowhere",), 7, "does not exist"),
     ],
 )
-def test_a_word_that_means_nothing(
+def test_invalid_arguments_are_reported(
     capsys: pytest.CaptureFixture[str], words: tuple[str, ...], code: int, expected: str
 ) -> None:
     assert expected in typed(capsys, *words, code=code)
 
 
-def test_a_network_that_cannot_be_read_is_not_green(
+def test_unreadable_network_is_inconclusive(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unreadable(_address: object) -> None:
@@ -169,7 +175,7 @@ def test_a_network_that_cannot_be_read_is_not_green(
     assert "  INCONCLUSIVE network\n                           `ip` is not installed on this laptop\n" in printed
 
 
-def test_without_a_place_for_records_the_rest_is_looked_at(
+def test_missing_record_folder_does_not_stop_the_other_checks(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.delenv("ATLANTIS_STATE")
@@ -185,15 +191,13 @@ def last(printed: str) -> list[str]:
     return words
 
 
-def test_the_way_to_a_site_is_looked_at_next(capsys: pytest.CaptureFixture[str]) -> None:
+def test_next_suggestion_is_doctor_for_a_site(capsys: pytest.CaptureFixture[str]) -> None:
     words = last(typed(capsys))
     assert words == ["doctor", "site=scc"]
     typed(capsys, *words[1:])
 
 
-def test_errors_of_the_declaration_are_listed_by_what_is_advised(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_inventory_errors_suggest_the_validate_command(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     root = shutil.copytree(checkout() / "inventory", tmp_path / "inventory")
     (root / "host_vars" / "coastal-router.yml").write_text("device: {kind: router}\n")
     words = last(typed(capsys, f"inventory={root}", code=6))
@@ -211,7 +215,9 @@ class NothingBehindIt(NetcfgError):
         super().__init__("nothing was tried")
 
 
-def test_example_values_are_rehearsed_next(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_example_inventory_suggests_a_rehearsal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     words = last(typed(capsys, "site=te4sea"))
     seen: list[object] = []
 
@@ -230,7 +236,7 @@ def _no_twins(*_: object) -> Iterator[object]:
     yield object()
 
 
-def test_what_is_advised_is_told_the_same_inventory(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_suggested_commands_carry_the_same_inventory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(checkout())
     arguments = parse(laptop.DOCTOR, ["inventory=the inventory"])
     assert laptop._complete_commands(("provision trust site=coastal", "sudo ip link set eth0 up"), arguments) == [

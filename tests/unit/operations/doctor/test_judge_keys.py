@@ -34,7 +34,7 @@ def put(file: Path, public: str, mode: int = 0o600) -> Path:
     return file
 
 
-def test_a_declared_key_is_found_in_its_folder(home: Path) -> None:
+def test_declared_key_is_detected_in_the_ssh_folder(home: Path) -> None:
     put(home / ".ssh" / "id_rsa", OTHER)
     file = put(home / ".ssh" / "id_ed25519", FIRST)
     found = keys.laptop_keys(home)
@@ -46,19 +46,19 @@ def test_a_declared_key_is_found_in_its_folder(home: Path) -> None:
     ]
 
 
-def test_a_declared_key_is_found_where_the_configuration_names_it(home: Path) -> None:
+def test_declared_key_is_detected_where_ssh_config_points(home: Path) -> None:
     (home / "keys").mkdir()
     file = put(home / "keys" / "work", FIRST)
     (home / ".ssh" / "config").write_text("Host *\n  IdentityFile ~/keys/work\n  identityfile=/no/where\n")
     assert keys.keys_item("gw", [FIRST], keys.laptop_keys(home)).observation == str(file)
 
 
-def test_a_declared_key_is_found_in_the_agent(home: Path) -> None:
+def test_declared_key_is_detected_in_the_agent(home: Path) -> None:
     found = keys.laptop_keys(home, f"The agent has no identities.\n{FIRST} card\n")
     assert lines(keys.keys_item("gw", [FIRST], found)) == ["PASS SSH key for gw: the agent holds a declared key"]
 
 
-def test_a_public_half_alone_opens_nothing(home: Path) -> None:
+def test_public_key_alone_fails(home: Path) -> None:
     (home / ".ssh" / "id_ed25519.pub").write_text(FIRST)
     put(home / ".ssh" / "id_rsa", OTHER)
     assert lines(keys.keys_item("gw", [FIRST], keys.laptop_keys(home))) == [
@@ -67,7 +67,7 @@ def test_a_public_half_alone_opens_nothing(home: Path) -> None:
     ]
 
 
-def test_known_hosts_are_those_of_openssh(home: Path) -> None:
+def test_hashed_known_hosts_entries_are_matched(home: Path) -> None:
     assert not keys.in_known_hosts("coastal-gateway", home)
     file = home / ".ssh" / "known_hosts"
     file.write_text(f"coastal-gateway {FIRST}\n")
@@ -77,7 +77,7 @@ def test_known_hosts_are_those_of_openssh(home: Path) -> None:
     assert not keys.in_known_hosts("te4sea-gateway", home)
 
 
-def test_password_files_are_those_of_ansible(home: Path) -> None:
+def test_password_files_of_ansible_are_read_and_checked(home: Path) -> None:
     named = {
         "ANSIBLE_VAULT_IDENTITY_LIST": "a@/one, prompt, b@prompt_ask_vault_pass",
         "ANSIBLE_VAULT_PASSWORD_FILE": "~/x",
@@ -109,7 +109,7 @@ def real(shipped: Inventory) -> Inventory:
     return replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
 
 
-def test_example_values(shipped: Inventory, real: Inventory) -> None:
+def test_example_values_are_a_warning(shipped: Inventory, real: Inventory) -> None:
     assert keys.examples_item(shipped).verdict == "WARN"
     assert keys.examples_item(real).verdict == "PASS"
 
@@ -117,7 +117,7 @@ def test_example_values(shipped: Inventory, real: Inventory) -> None:
 DEVICES = "coastal-router, coastal-cpe, coastal-4g, coastal-gateway"
 
 
-def test_known_devices(shipped: Inventory, real: Inventory, tmp_path: Path) -> None:
+def test_known_devices_verdicts(shipped: Inventory, real: Inventory, tmp_path: Path) -> None:
     pins, hosts = Store(tmp_path).pins, real.site_hosts("coastal")
     assert keys.known_devices_item(shipped, hosts, pins, lambda _: True).verdict == "SKIP"
     assert lines(keys.known_devices_item(real, hosts, pins, lambda _: False)) == [
@@ -138,7 +138,7 @@ def no_password(_text: str) -> str:
     raise UsageError("there is no password", hint="name a file\nor type it")
 
 
-def test_no_encrypted_value_needs_no_password() -> None:
+def test_inventory_without_encrypted_values_needs_no_password() -> None:
     assert lines(keys.secrets_item(checkout() / "inventory", no_password)) == [
         "PASS vault: no value of the inventory is encrypted, so no password is needed"
     ]
@@ -155,11 +155,11 @@ def _wrong(_text: str) -> str:
         (no_password, ["INCONCLUSIVE vault: there is no password", "  name a file"]),
     ],
 )
-def test_encrypted_values(tmp_path: Path, decrypt: Callable[[str], str], expected: list[str]) -> None:
+def test_encrypted_values_verdicts(tmp_path: Path, decrypt: Callable[[str], str], expected: list[str]) -> None:
     assert lines(keys.secrets_item(vaulted(tmp_path), decrypt)) == expected
 
 
-def test_a_wrong_password_is_told_with_the_place_of_the_first_value(tmp_path: Path) -> None:
+def test_wrong_password_is_reported_with_location_of_the_first_value(tmp_path: Path) -> None:
     item = keys.secrets_item(vaulted(tmp_path), _wrong)
     assert item.verdict == "FAIL"
     assert "host_vars/coastal-router.yml:8: this secret cannot be decrypted, nor 1 more" in item.observation
@@ -180,7 +180,7 @@ def vaulted(folder: Path) -> Path:
     return root
 
 
-def test_no_authority(tmp_path: Path) -> None:
+def test_missing_authority_is_skipped_and_damaged_one_warns(tmp_path: Path) -> None:
     assert keys.authority_item(tmp_path / "vpn").verdict == "SKIP"
     (tmp_path / "vpn").mkdir()
     (tmp_path / "vpn" / "ledger.jsonl").write_text("damaged")
@@ -198,12 +198,12 @@ def test_no_authority(tmp_path: Path) -> None:
         (49_000_000, ["FAIL room: 49 MB free at /x, for records", "  delete what you need no more"]),
     ],
 )
-def test_room(free: int, expected: list[str], tmp_path: Path) -> None:
+def test_free_space_verdicts(free: int, expected: list[str], tmp_path: Path) -> None:
     need = folders.SpaceRequirement("room", tmp_path, 50_000_000, 500_000_000, "records")
     assert [line.replace(str(tmp_path), "/x") for line in lines(folders.judge_room(need, free))] == expected
 
 
-def test_the_record_folder(tmp_path: Path) -> None:
+def test_record_folder_is_checked_without_changing_it(tmp_path: Path) -> None:
     place = tmp_path / "state"
     assert folders.state_item(place).verdict == "SKIP"
     assert not place.exists(), "looking makes nothing"
@@ -216,12 +216,12 @@ def test_the_record_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="giving a folder to somebody else needs root")
-def test_a_record_folder_of_somebody_else(tmp_path: Path) -> None:
+def test_record_folder_of_another_user_fails(tmp_path: Path) -> None:
     os.chown(tmp_path, 65534, 65534)
     assert folders.state_item(tmp_path).verdict == "FAIL"
 
 
-def test_a_checkout_that_others_can_change(tmp_path: Path) -> None:
+def test_checkout_writable_by_others_is_a_warning(tmp_path: Path) -> None:
     (tmp_path / ".venv").mkdir(mode=0o755)
     tmp_path.chmod(0o755)
     assert folders.checkout_item(tmp_path).verdict == "PASS"
@@ -230,7 +230,7 @@ def test_a_checkout_that_others_can_change(tmp_path: Path) -> None:
     assert (item.verdict, item.commands) == ("WARN", (f"chmod go-w {tmp_path / '.venv'}",))
 
 
-def test_leftovers(tmp_path: Path) -> None:
+def test_leftovers_are_a_warning_with_a_remove_command(tmp_path: Path) -> None:
     assert folders.leftovers_item(()).verdict == "PASS"
     item = folders.leftovers_item((tmp_path,))
     assert (item.verdict, item.commands) == ("WARN", (f"sudo rm -r --one-file-system {tmp_path}",))
@@ -246,7 +246,7 @@ STARTED = RunStart(
 )
 
 
-def test_open_runs(tmp_path: Path) -> None:
+def test_unfinished_runs_are_a_warning_with_a_resume_command(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert lines(folders.unfinished_item(folders.read_runs(store, None).unfinished_runs)) == ["PASS open runs: none"]
     assert list(tmp_path.iterdir()) == [], "looking makes nothing"
@@ -262,7 +262,7 @@ def test_open_runs(tmp_path: Path) -> None:
     assert folders.read_runs(store, "scc").unfinished_runs == ()
 
 
-def test_a_run_that_has_ended_is_not_open(tmp_path: Path) -> None:
+def test_finished_run_is_not_listed_as_unfinished(tmp_path: Path) -> None:
     store = Store(tmp_path)
     with store.start(STARTED) as journal:
         journal.write(Outcome(device="coastal-router", status="changed", exit=0, message=""))

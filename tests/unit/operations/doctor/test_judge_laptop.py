@@ -22,7 +22,7 @@ from atlantis_netcfg.runs import Store
 # --- software -----------------------------------------------------------------------------------------------------
 
 
-def test_python_is_compared_with_what_the_project_needs() -> None:
+def test_python_version_is_checked_against_the_project_minimum() -> None:
     assert lines(software.judge_python("3.11.2")) == ["PASS Python: 3.11.2"]
     assert lines(software.judge_python("3.10.12")) == [
         "FAIL Python: 3.10.12; 3.11 or newer is needed",
@@ -43,7 +43,7 @@ ruamel.yaml==0.18.1 ; sys_platform == "linux" \\
 """
 
 
-def test_pins_are_those_of_this_computer() -> None:
+def test_pins_for_this_computer_are_selected() -> None:
     assert packages.pinned_packages(LOCK) == {"ansible-core": "2.19.14", "ruamel.yaml": "0.18.1"}
     shipped = (checkout() / "requirements" / "run.txt").read_text(encoding="utf-8")
     assert len(packages.pinned_packages(shipped)) > 30
@@ -74,7 +74,7 @@ def test_pins_are_those_of_this_computer() -> None:
         ),
     ],
 )
-def test_the_packages(installed: dict[str, str], expected: list[str]) -> None:
+def test_package_verdicts(installed: dict[str, str], expected: list[str]) -> None:
     pins = {"ansible-core": "2.19.14", "b": "1", "c": "1", "d": "1"}
     assert lines(software.judge_packages(pins, installed.get)) == expected
 
@@ -96,11 +96,11 @@ def test_the_packages(installed: dict[str, str], expected: list[str]) -> None:
         ("", "WARN system: unknown: not tried; Debian 12 and Ubuntu 24.04 are, and newer ones"),
     ],
 )
-def test_the_system(release: str, expected: str) -> None:
+def test_operating_system_verdicts(release: str, expected: str) -> None:
     assert lines(software.judge_system(release)) == [expected]
 
 
-def test_a_program_that_is_missing_is_a_fault_where_the_site_needs_it() -> None:
+def test_missing_program_fails_only_if_required() -> None:
     needs = {need.name: need for need in software.program_needs(computers=True)}
     ssh, versions = needs["OpenSSH"], {"openssh-client": "1:9.2p1-2", "other": "1"}
     assert lines(software.judge_programs(ssh, lambda _: True, versions)) == ["PASS OpenSSH: openssh-client 1:9.2p1-2"]
@@ -119,7 +119,7 @@ def test_a_program_that_is_missing_is_a_fault_where_the_site_needs_it() -> None:
     assert not optional.is_required
 
 
-def test_versions_are_those_of_debian() -> None:
+def test_versions_come_from_dpkg() -> None:
     assert software.debian_versions(["dpkg", "no-such-package"]).keys() == {"dpkg"}
 
 
@@ -137,7 +137,7 @@ def test_versions_are_those_of_debian() -> None:
         (True, (), True, ["SKIP rehearsals: routers only: ATLANTIS_NO_MACHINES is set"]),
     ],
 )
-def test_what_is_rehearsed_here(*, root: bool, missing: tuple[str, ...], off: bool, expected: list[str]) -> None:
+def test_rehearsal_capability_verdicts(*, root: bool, missing: tuple[str, ...], off: bool, expected: list[str]) -> None:
     assert lines(software.judge_emulation(root=root, missing=missing, off=off)) == expected
 
 
@@ -179,7 +179,7 @@ NOW = datetime(2026, 11, 25, 12, tzinfo=UTC)
         ({}, None, ["WARN time: 2026-11-25 12:00 UTC: there is nothing here to compare it with"]),
     ],
 )
-def test_the_time(earlier: dict[str, datetime], ends: datetime | None, expected: list[str]) -> None:
+def test_time_verdicts(earlier: dict[str, datetime], ends: datetime | None, expected: list[str]) -> None:
     assert lines(clock.judge_time(NOW, earlier, ends)) == expected
 
 
@@ -202,7 +202,7 @@ def test_the_time(earlier: dict[str, datetime], ends: datetime | None, expected:
         ("garbage", ["WARN time server: not known: timedatectl tells nothing here", "  compare with a watch"]),
     ],
 )
-def test_whether_a_time_server_sets_it(printed: str | None, expected: list[str]) -> None:
+def test_time_synchronisation_verdicts(printed: str | None, expected: list[str]) -> None:
     assert lines(clock.judge_synchronised(printed)) == expected
 
 
@@ -225,7 +225,7 @@ def test_the_clock_is_compared_with_the_newest_commit(tmp_path: Path) -> None:
     assert clock._commit(tmp_path) == datetime(2031, 2, 3, 4, 5, 6, tzinfo=UTC)
 
 
-def test_the_clock_is_compared_with_the_authority(tmp_path: Path) -> None:
+def test_clock_is_compared_with_the_ca_certificate(tmp_path: Path) -> None:
     key = ed25519.Ed25519PrivateKey.generate()
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "CA")])
     begins, ends = datetime(2027, 1, 1, tzinfo=UTC), datetime(2037, 1, 1, tzinfo=UTC)

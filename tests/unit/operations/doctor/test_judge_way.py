@@ -119,7 +119,7 @@ CASES = {
 
 
 @for_each_row("name", CASES, ids=str)
-def test_everything_that_is_said(name: str) -> None:
+def test_each_case_prints_the_listed_lines(name: str) -> None:
     case = CASES[name]
     facts = network(*case.plugs, taken=case.taken, matching=case.matching, defaults=case.defaults)
     assert lines(*judge_way(case.place, facts)) == LISTED[name]
@@ -129,7 +129,7 @@ def test_every_case_is_listed() -> None:
     assert list(LISTED) == [*CASES, *ROUTERS]
 
 
-def test_a_name_of_a_port_is_typed_as_one_word() -> None:
+def test_port_name_is_shell_quoted() -> None:
     facts = network(Plug("a;b"))
     assert judge_way(PLACE, facts)[1].commands == ("sudo ip address add 10.64.101.10/24 dev 'a;b'",)
 
@@ -145,22 +145,22 @@ def test_a_name_of_a_port_is_typed_as_one_word() -> None:
         ),
     ],
 )
-def test_the_ports_where_no_site_is_named(plugs: tuple[Plug, ...], expected: list[str]) -> None:
+def test_ports_are_judged_without_a_site(plugs: tuple[Plug, ...], expected: list[str]) -> None:
     assert lines(judge_ports(network(*plugs))) == expected
 
 
 @pytest.mark.parametrize("printed", ["no JSON", "{}", '[{"ifname": 1}]', '[{"flags": []}]', "[1]", "null"])
-def test_what_is_not_understood_is_not_taken_for_an_empty_network(printed: str) -> None:
+def test_unparsable_output_is_not_taken_for_an_empty_network(printed: str) -> None:
     with pytest.raises(NetworkUnreadable):
         facts_of(IpPrints(printed, "[]", "[]"), {}, frozenset())
 
 
-def test_whom_network_manager_looks_after() -> None:
+def test_connections_managed_by_network_manager() -> None:
     printed = "eth0:connected\nwlan0:disconnected\ndocker0:unmanaged\nlo:unmanaged (externally)\n"
     assert managed_of(printed) == {"eth0", "wlan0"}
 
 
-def test_the_router_is_contacted_on_a_right_way_that_costs_nothing() -> None:
+def test_router_is_contacted_only_over_a_working_unmetered_link() -> None:
     good = judge_way(PLACE, network(READY, taken=HERE, matching=(CONNECTED,)))
     assert why_not_contacted(PLACE, good) is None
     paid = replace(PLACE, is_metered=True, link="4g")
@@ -186,7 +186,7 @@ ROUTERS = {
 
 
 @pytest.mark.parametrize("name", ROUTERS)
-def test_what_the_router_shows(name: str) -> None:
+def test_router_response_verdicts(name: str) -> None:
     pin, answer, now = ROUTERS[name]
     items = judge_router(replace(PLACE, pin=pin), answer, datetime(now, 11, 25, tzinfo=UTC))
     assert lines(*items) == LISTED[name]

@@ -54,7 +54,7 @@ def read(**more: str | None) -> computer.ComputerFacts:
     return computer.read(GATEWAY, answers(**more), ("chrony", "gpsd", "odd", "none"), declared)
 
 
-def test_every_program_that_is_asked_is_on_the_closed_list(tmp_path: Path) -> None:
+def test_every_command_is_on_the_allow_list(tmp_path: Path) -> None:
     packages, notes = computer.declared_packages(SHIPPED, GATEWAY, Request(state=tmp_path / "none"))
     assert "chrony" in packages
     # The shipped inventory has no key of ROS' archive.
@@ -63,7 +63,7 @@ def test_every_program_that_is_asked_is_on_the_closed_list(tmp_path: Path) -> No
     assert [question.argv for _, question in asked if not is_allowed(question.argv)] == []
 
 
-def test_packages_of_the_server_are_those_that_its_role_installs(tmp_path: Path) -> None:
+def test_server_packages_are_those_its_role_installs(tmp_path: Path) -> None:
     found = computer.declared_packages(SHIPPED, SHIPPED.hosts["scc-vpn"], Request(state=tmp_path / "none"))
     assert found == (("conntrack", "nftables", "openssl", "openvpn", "python3", "unattended-upgrades"), ())
 
@@ -79,11 +79,11 @@ def test_packages_of_the_server_are_those_that_its_role_installs(tmp_path: Path)
         "cat /sys/class/net/../../x/speed",
     ],
 )
-def test_nothing_else_is_on_it(words: str) -> None:
+def test_other_commands_are_not_on_the_allow_list(words: str) -> None:
     assert not is_allowed(tuple(words.split()))
 
 
-def test_a_board_says_what_it_is() -> None:
+def test_board_facts_are_read() -> None:
     values = {name: fact.value for name, fact in read().facts.items()}
     assert values == {
         "model": "Hardkernel ODROID-N2",
@@ -94,13 +94,13 @@ def test_a_board_says_what_it_is() -> None:
     }
 
 
-def test_a_pc_says_it_by_its_firmware_and_a_place_holder_is_no_serial_number() -> None:
+def test_pc_model_comes_from_firmware_and_placeholder_serial_is_ignored() -> None:
     found = read(board=None, board_serial=None, product="EXAMPLE-PC\n", product_serial="To Be Filled By O.E.M.\n")
     assert found.facts["model"].value == "EXAMPLE-PC"
     assert (found.facts["serial"].value, found.facts["serial"].origin) == (None, Origin.NOT_READ)
 
 
-def test_its_cards_and_whom_it_has_heard() -> None:
+def test_ports_and_their_neighbours_are_read() -> None:
     first, second = read().ports
     assert (first.name, first.mac, first.link) == ("eth0", "02:00:5E:00:00:07", CableState.UP)
     assert [(item.mac, item.address, item.declared) for item in first.neighbours] == [
@@ -109,18 +109,18 @@ def test_its_cards_and_whom_it_has_heard() -> None:
     assert (second.name, second.link, second.neighbours) == ("wlan0", CableState.DOWN, ())
 
 
-def test_packages_are_those_that_dpkg_says_are_installed() -> None:
+def test_package_versions_come_from_dpkg() -> None:
     assert read().packages == {"chrony": "4.3-2", "gpsd": "not installed", "odd": "1:2.0=x", "none": "not installed"}
     assert read(packages=None).packages == {}
 
 
-def test_what_every_computer_can_answer_is_missed() -> None:
+def test_failed_command_that_every_computer_has_is_listed_as_missing() -> None:
     assert read().missing == ()
     assert read(kernel=None).missing == ("uname -rm: cat: No such file or directory",)
 
 
 @pytest.mark.parametrize("text", ["", "null", "{}", "[1, 2]", "[{"])
-def test_what_is_no_list_of_links_is_no_port(text: str) -> None:
+def test_invalid_link_list_gives_no_ports(text: str) -> None:
     assert read(links=text).ports == ()
 
 
@@ -146,9 +146,7 @@ class Ssh:
         return next(device for device in found if device.name == GATEWAY.name)
 
 
-def test_this_computer_in_place_of_a_gateway_is_read_in_one_ssh_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_local_computer_is_read_in_one_ssh_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ssh = Ssh(tmp_path, 'exec sh -c "$last"')
     monkeypatch.setenv("PATH", ssh.path)
     found = ssh.look()
@@ -159,9 +157,7 @@ def test_this_computer_in_place_of_a_gateway_is_read_in_one_ssh_command(
     assert "chrony" in found.packages
 
 
-def test_a_gateway_that_does_not_answer_is_not_reached_and_has_no_value(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unreachable_gateway_has_no_read_values(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ssh = Ssh(tmp_path, "echo 'ssh: connect to host EXAMPLE port 22: No route to host' >&2; exit 255")
     monkeypatch.setenv("PATH", ssh.path)
     found = ssh.look()
@@ -171,7 +167,7 @@ def test_a_gateway_that_does_not_answer_is_not_reached_and_has_no_value(
     assert all(fact.origin is not Origin.READ for fact in found.facts.values())
 
 
-def test_a_computer_of_which_a_program_is_missing_is_read_without_it() -> None:
+def test_computer_lacking_a_program_is_read_without_it() -> None:
     found = computer.read(
         GATEWAY, {**answers(), "host_key": CommandResult(Trouble.MISSING, "there is no program ssh-keygen")}, (), {}
     )

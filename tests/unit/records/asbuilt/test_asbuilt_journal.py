@@ -29,7 +29,7 @@ def facts(state: Path, name: str = ROUTER) -> Mapping[str, Fact]:
     return JournalFacts(SHIPPED, "coastal", Store(state)).extend_record(device).facts
 
 
-def test_a_computer_that_knows_nothing_says_so(tmp_path: Path) -> None:
+def test_empty_state_gives_facts_marked_not_read(tmp_path: Path) -> None:
     found = facts(tmp_path)
     assert {name: fact.origin for name, fact in found.items()} == dict.fromkeys(
         ("adopted", "confirmed", "host_key"), Origin.NOT_READ
@@ -37,7 +37,7 @@ def test_a_computer_that_knows_nothing_says_so(tmp_path: Path) -> None:
     assert all(fact.note for fact in found.values())
 
 
-def test_who_adopted_it_and_when(tmp_path: Path) -> None:
+def test_adoption_records_who_and_when(tmp_path: Path) -> None:
     ran(tmp_path, 1, Purpose.ADOPT, "changed", by="EXAMPLE-person on EXAMPLE-laptop")
     ran(tmp_path, 2, Purpose.CONFIGURE, "changed")
     adopted = facts(tmp_path)["adopted"]
@@ -45,17 +45,17 @@ def test_who_adopted_it_and_when(tmp_path: Path) -> None:
     assert adopted.at == datetime(2026, 11, 1, tzinfo=UTC)
 
 
-def test_an_adoption_of_an_earlier_release_does_not_say_who(tmp_path: Path) -> None:
+def test_adoption_by_an_earlier_release_has_no_person(tmp_path: Path) -> None:
     ran(tmp_path, 1, Purpose.ADOPT, "changed")
     assert facts(tmp_path)["adopted"].value == "who did it was not recorded"
 
 
-def test_an_adoption_that_failed_is_none(tmp_path: Path) -> None:
+def test_failed_adoption_does_not_count(tmp_path: Path) -> None:
     ran(tmp_path, 1, Purpose.ADOPT, "half-adopted", by="EXAMPLE-person on EXAMPLE-laptop")
     assert facts(tmp_path)["adopted"].origin is Origin.NOT_READ
 
 
-def test_the_last_run_that_was_confirmed_also_where_it_was_put_aside(tmp_path: Path) -> None:
+def test_last_confirmed_run_is_used_even_if_archived(tmp_path: Path) -> None:
     ran(tmp_path, 1, Purpose.CONFIGURE, "changed")
     for day in range(2, 16):
         ran(tmp_path, day, Purpose.CONFIGURE, "refused")
@@ -64,11 +64,11 @@ def test_the_last_run_that_was_confirmed_also_where_it_was_put_aside(tmp_path: P
         assert (confirmed.value, confirmed.note) == ("20261101T000000Z", "changed")
 
 
-def test_a_computer_is_not_adopted_and_has_its_host_key_from_itself(tmp_path: Path) -> None:
+def test_computer_has_only_the_confirmed_fact(tmp_path: Path) -> None:
     assert set(facts(tmp_path, SERVER)) == {"confirmed"}
 
 
-def test_the_pin_of_a_host_key(tmp_path: Path) -> None:
+def test_host_key_pin_is_reported(tmp_path: Path) -> None:
     Store(tmp_path).pins.change_host_key(ROUTER, "SHA256:" + "A" * 43)
     found = facts(tmp_path)["host_key"]
     assert (found.value, found.note) == ("SHA256:" + "A" * 43, "the pin of this computer")

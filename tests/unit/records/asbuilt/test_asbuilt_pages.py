@@ -27,7 +27,7 @@ def screen(*devices: object, **more: object) -> list[str]:
     return [printable.plain(row) for row in rows(made, "/EXAMPLE/kept")]
 
 
-def test_a_screen_says_where_each_value_is_from() -> None:
+def test_screen_shows_the_source_of_each_value() -> None:
     found = screen(router("EXAMPLE1", port(neighbours=(GATEWAY,))), terminal())
     assert found[:3] == [
         "As built: Coastal testbed (coastal)",
@@ -44,7 +44,7 @@ def test_a_screen_says_where_each_value_is_from() -> None:
     assert found[-1] == "1 of 2 devices were read, 1 cannot be asked"
 
 
-def test_a_screen_shows_last_known_values_of_whom_nobody_reached_as_such() -> None:
+def test_screen_marks_last_known_values_of_unreachable_devices() -> None:
     made = compare(record(away(), id="20261126T100000Z"), record())
     text = re.sub(r"\n +", " ", "\n".join(printable.plain(row) for row in rows(made, "kept")))
     assert "coastal-router: router, NOT REACHED" in text
@@ -53,12 +53,12 @@ def test_a_screen_shows_last_known_values_of_whom_nobody_reached_as_such() -> No
     assert "0 of 1 devices were read, 1 did not answer" in text
 
 
-def test_a_screen_fits_eighty_columns_but_for_words_that_are_longer() -> None:
+def test_screen_fits_80_columns() -> None:
     found = screen(router("EXAMPLE1", port(neighbours=(GATEWAY,))), terminal(), away(name="coastal-cpe"))
     assert [line for line in found if len(line) > 80] == []
 
 
-def test_differences_stand_on_screen_page_and_paper() -> None:
+def test_differences_appear_on_screen_page_and_pdf() -> None:
     made = compare(record(router("EXAMPLE2"), id="20261126T100000Z"), record())
     told = "coastal-router: serial number changed from EXAMPLE1 to EXAMPLE2"
     assert f"  ~ {told}" in [printable.plain(row) for row in rows(made, "kept")]
@@ -66,7 +66,7 @@ def test_differences_stand_on_screen_page_and_paper() -> None:
     assert told in re.sub(r"\s+", " ", text_of(pdf(made, DIGEST)))
 
 
-def test_the_page_needs_nothing_else_and_obeys_nothing_that_a_device_says() -> None:
+def test_page_is_self_contained_and_escapes_hostile_device_text() -> None:
     page = html(record(router(HOSTILE), terminal()), DIGEST).decode()
     assert re.search(r"<script|src=|https?://|url\(|\x1b|\u202e", page) is None
     assert "&lt;script&gt;" in page
@@ -75,7 +75,7 @@ def test_the_page_needs_nothing_else_and_obeys_nothing_that_a_device_says() -> N
     assert html(record(router(HOSTILE), terminal()), DIGEST).decode() == page
 
 
-def test_a_rehearsal_says_that_it_is_one_everywhere() -> None:
+def test_rehearsal_is_marked_in_every_output() -> None:
     made = record(rehearsed=True)
     assert "emulated devices, nothing real was asked" in [printable.plain(row) for row in rows(made, "kept")]
     assert "REHEARSAL: nothing real was asked." in html(made, DIGEST).decode()
@@ -84,7 +84,7 @@ def test_a_rehearsal_says_that_it_is_one_everywhere() -> None:
 
 
 @pytest.mark.usefixtures("portuguese")
-def test_what_is_kept_as_data_stays_english_in_portuguese() -> None:
+def test_data_stays_english_in_portuguese() -> None:
     made = record()
     assert '<html lang="pt-PT">' in html(made, DIGEST).decode()
     assert made.as_json()["devices"][0]["state"] == "read"
@@ -124,7 +124,7 @@ def _decoded(path: Path) -> str:
 
 
 @pytest.mark.parametrize("size", [(70.0, 36.0), (99.1, 67.7)])
-def test_zbar_reads_on_each_label_what_belongs_there(tmp_path: Path, size: tuple[float, float]) -> None:
+def test_zbar_decodes_the_expected_text_of_each_label(tmp_path: Path, size: tuple[float, float]) -> None:
     sheet = AsBuilt(label_width_mm=size[0], label_height_mm=size[1])
     ports = [
         port(f"ether{number}", belongs="link satellite: coastal-sat, power for coastal-sat") for number in range(1, 9)
@@ -135,7 +135,7 @@ def test_zbar_reads_on_each_label_what_belongs_there(tmp_path: Path, size: tuple
     assert codes(tmp_path, labels_pdf(made, DIGEST, PLACE, sheet), sheet) == expected
 
 
-def test_a_code_holds_text_that_leads_to_the_record_and_no_secret() -> None:
+def test_label_code_refers_to_the_record_and_contains_no_secret() -> None:
     numbers = {"imei": "001017000001234", "iccid": "8900101000000000000", "host_key": "SHA256:" + "A" * 43}
     secret = {name: Fact(value=value, origin=Origin.READ, at=AT) for name, value in numbers.items()}
     made = record(router(facts={**router().facts, **secret}))
@@ -149,13 +149,13 @@ def test_a_code_holds_text_that_leads_to_the_record_and_no_secret() -> None:
     assert "://" not in label.text
 
 
-def test_more_labels_than_a_sheet_has_go_on_a_second_one() -> None:
+def test_extra_labels_continue_on_a_second_sheet() -> None:
     ports = [port(f"ether{number}") for number in range(1, 31)]
     data = labels_pdf(record(router("EXAMPLE1", *ports)), DIGEST, PLACE, AsBuilt())
     assert len(re.findall(rb"/Type /Page\b", data)) == 2
 
 
-def test_a_label_on_which_the_code_has_no_room_is_refused_with_the_size_that_it_needs() -> None:
+def test_label_too_small_for_its_code_is_refused_with_the_required_size() -> None:
     with pytest.raises(UsageError, match="labels of 40 by 25 mm are too small for their QR codes") as caught:
         labels_pdf(record(), DIGEST, PLACE, AsBuilt(label_width_mm=40.0, label_height_mm=25.0))
     needed = re.findall(r"`(label_\w+)` (\d+)", caught.value.hint or "")

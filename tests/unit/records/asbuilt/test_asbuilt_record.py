@@ -46,29 +46,29 @@ def words(now: AsBuiltRecord, before: AsBuiltRecord) -> list[str]:
     return [change.words for change in compare(now, before).changes]
 
 
-def test_the_first_record_is_compared_with_nothing() -> None:
+def test_first_record_has_no_changes() -> None:
     found = compare(record(), None)
     assert (found.since, found.changes) == (None, ())
 
 
-def test_the_same_again_is_no_difference() -> None:
+def test_identical_record_has_no_changes() -> None:
     found = compare(later(router(read_at=LATER), terminal()), record())
     assert (found.since, found.changes) == ("20261125T100000Z", ())
 
 
-def test_another_serial_number_is_told() -> None:
+def test_changed_serial_number_is_reported() -> None:
     told = words(later(router("EXAMPLE2", read_at=LATER)), record())
     assert told == ["coastal-router: serial number changed from EXAMPLE1 to EXAMPLE2"]
 
 
-def test_what_is_plugged_in_and_what_is_gone_is_told() -> None:
+def test_plugged_and_unplugged_neighbours_are_reported() -> None:
     plugged, empty = router("EXAMPLE1", port(neighbours=(GATEWAY,))), router("EXAMPLE1", port())
     shown = "02:00:5E:00:00:07 10.64.1.7 (coastal-gateway)"
     assert words(later(plugged), record(empty)) == [f"coastal-router: port ether3 now has {shown}"]
     assert words(later(empty), record(plugged)) == [f"coastal-router: port ether3 no longer has {shown}"]
 
 
-def test_link_speed_and_card_of_a_port_are_compared() -> None:
+def test_link_speed_and_mac_of_a_port_are_compared() -> None:
     other = port(mac="02:00:5E:00:01:99", link=CableState.UP, speed="100Mbps")
     assert words(later(router("EXAMPLE1", other)), record()) == [
         "coastal-router: MAC of port ether3 changed from 02:00:5E:00:01:03 to 02:00:5E:00:01:99",
@@ -80,32 +80,32 @@ def test_link_speed_and_card_of_a_port_are_compared() -> None:
     ]
 
 
-def test_another_version_of_a_package_is_told() -> None:
+def test_changed_package_version_is_reported() -> None:
     before = record(router(packages={"chrony": "4.3-2", "gpsd": "3.22-4"}))
     now = later(router(packages={"chrony": "4.3-3", "gpsd": "3.22-4"}))
     assert words(now, before) == ["coastal-router: package chrony changed from 4.3-2 to 4.3-3"]
 
 
-def test_runs_of_the_journal_are_no_difference_of_a_device() -> None:
+def test_journal_runs_are_not_device_changes() -> None:
     ran = {"confirmed": Fact(value="run-2", origin=Origin.STORED, at=LATER)}
     assert words(later(router(facts={**router().facts, **ran})), record()) == []
 
 
 @pytest.mark.parametrize("rehearsed", [True, False])
-def test_another_certificate_is_a_difference_but_of_an_emulated_device(*, rehearsed: bool) -> None:
+def test_changed_certificate_counts_except_on_emulated_devices(*, rehearsed: bool) -> None:
     before, now = (router(facts={**router().facts, "certificate": read(text * 64)}) for text in "ab")
     found = compare(record(now, rehearsed=rehearsed), record(before, rehearsed=rehearsed)).changes
     assert [change.what for change in found] == ([] if rehearsed else ["TLS certificate"])
 
 
 @pytest.mark.parametrize("rehearsed", [True, False])
-def test_another_card_is_a_difference_but_of_an_emulated_computer(*, rehearsed: bool) -> None:
+def test_changed_mac_counts_except_on_emulated_computers(*, rehearsed: bool) -> None:
     before, now = (router("EXAMPLE1", port(mac=f"02:00:5E:00:01:0{n}"), kind="gateway") for n in "12")
     found = compare(record(now, rehearsed=rehearsed), record(before, rehearsed=rehearsed)).changes
     assert [change.what for change in found] == ([] if rehearsed else ["MAC of port ether3"])
 
 
-def test_whom_nobody_reached_keeps_the_last_known_values_marked_as_stored() -> None:
+def test_unreachable_device_keeps_last_known_values_marked_as_stored() -> None:
     found = compare(later(away()), record()).device("coastal-router")
     assert found is not None
     assert found.state is ReadState.NOT_REACHED
@@ -113,7 +113,7 @@ def test_whom_nobody_reached_keeps_the_last_known_values_marked_as_stored() -> N
     assert (found.read_at, [each.name for each in found.ports]) == (AT, ["ether3"])
 
 
-def test_last_known_values_keep_their_time_over_many_records_and_are_compared_when_it_answers_again() -> None:
+def test_stored_values_keep_their_time_and_are_compared_on_next_reading() -> None:
     second = compare(later(away()), record())
     third = compare(record(away(), id="20261127T100000Z"), second)
     found = third.device("coastal-router")
@@ -134,11 +134,11 @@ def test_last_known_values_keep_their_time_over_many_records_and_are_compared_wh
         ((away(),), ExitCode.CHECKS_FAILED),
     ],
 )
-def test_only_what_was_read_is_green(devices: tuple[DeviceRecord, ...], code: ExitCode) -> None:
+def test_exit_code_is_success_only_if_everything_was_read(devices: tuple[DeviceRecord, ...], code: ExitCode) -> None:
     assert record(*devices).exit is code
 
 
-def test_the_tables_of_the_report_hold_nothing_but_what_was_read() -> None:
+def test_report_tables_contain_only_read_values() -> None:
     stored = compare(later(away(), terminal()), record())
     assert [(table.number, table.rows) for table in report_tables(stored)] == [(8, ()), (9, ()), (31, ()), (32, ())]
     gateway = router(name="coastal-gateway", kind="gateway", packages={"chrony": "4.3-2"}, facts={"os": read("Debian")})
@@ -149,7 +149,7 @@ def test_the_tables_of_the_report_hold_nothing_but_what_was_read() -> None:
     assert found[32] == (("coastal-gateway", "chrony", "4.3-2"),)
 
 
-def test_devices_are_tested_once_a_checklist_is_signed_and_the_centre_fills_its_own_table() -> None:
+def test_signed_checklist_marks_devices_as_tested_and_centre_has_a_table() -> None:
     signed = Fact(value="20261124T100000Z", origin=Origin.STORED, at=AT)
     found = {table.number: table.rows for table in report_tables(record(checklist=signed))}
     assert [row[-1] for row in found[31]] == ["20261124T100000Z"]
@@ -165,7 +165,7 @@ def data(**more: str) -> bytes:
     return json.dumps(record(**more).as_json()).encode()
 
 
-def test_the_newest_record_is_found_and_is_what_was_kept(tmp_path: Path) -> None:
+def test_latest_record_is_returned_as_stored(tmp_path: Path) -> None:
     assert latest(tmp_path / "asbuilt") is None
     for at, name in ((AT, "20261125T100000Z"), (LATER, "20261126T100000Z")):
         folder = new_folder(tmp_path / "asbuilt", at)
@@ -175,7 +175,7 @@ def test_the_newest_record_is_found_and_is_what_was_kept(tmp_path: Path) -> None
     assert (tmp_path / "asbuilt" / "20261126T100000Z" / FILE).stat().st_mode & 0o777 == 0o600
 
 
-def test_a_record_that_a_kill_has_left_without_its_json_counts_for_nothing(tmp_path: Path) -> None:
+def test_record_without_json_after_a_kill_is_ignored(tmp_path: Path) -> None:
     keep(new_folder(tmp_path, AT), {FILE: data()})
     (new_folder(tmp_path, LATER) / "as-built.html").write_bytes(b"page")
     assert latest(tmp_path) == record()
@@ -194,7 +194,7 @@ def test_a_full_disk_leaves_no_record(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("text", [b"", b"[]", b"{}", b'{"format": 1'])
-def test_a_damaged_record_is_said(tmp_path: Path, text: bytes) -> None:
+def test_damaged_record_is_reported(tmp_path: Path, text: bytes) -> None:
     keep(new_folder(tmp_path, AT), {FILE: text})
     with pytest.raises(DamagedStateError, match="the last record cannot be read") as caught:
         latest(tmp_path)
@@ -202,13 +202,13 @@ def test_a_damaged_record_is_said(tmp_path: Path, text: bytes) -> None:
     assert "put its folder aside" in caught.value.hint
 
 
-def test_json_says_how_it_ended_and_can_be_read_back() -> None:
+def test_json_contains_exit_code_and_can_be_parsed_back() -> None:
     found = json.loads(data())
     assert (found["exit"], found["errors"], [table["number"] for table in found["tables"]]) == (0, [], [8, 9, 31, 32])
     assert parse_record(data()) == record()
 
 
-def test_programs_find_the_keys_that_they_know() -> None:
+def test_json_has_the_documented_keys() -> None:
     found = json.loads(data())
     assert set(found) == {
         *("format", "id", "site", "title", "at", "tool", "inventory", "rehearsed", "time_zone", "mask", "checklist"),

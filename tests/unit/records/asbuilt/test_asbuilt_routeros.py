@@ -57,7 +57,7 @@ class Box:
         return routeros.read(found, PORTS, modem, mask, DECLARED)
 
 
-def test_a_router_says_what_it_is() -> None:
+def test_router_facts_are_read() -> None:
     facts = Box().read().facts
     assert {name: fact.value for name, fact in facts.items()} == {
         "model": "RB5009UPr+S+",
@@ -68,14 +68,14 @@ def test_a_router_says_what_it_is() -> None:
     assert {fact.origin for fact in facts.values()} == {Origin.READ}
 
 
-def test_every_question_only_reads_and_all_of_them_fit_in_one_flight() -> None:
+def test_commands_only_read_and_fit_in_one_batch() -> None:
     asked = routeros.questions([f"ether{number}" for number in range(1, 14)], "lte1")
     assert {command.path.rpartition("/")[2] for command in asked} == {"print", "monitor"}
     assert all(("once", "") in command.arguments for command in asked if command.path.endswith("monitor"))
     assert len(asked) <= 24
 
 
-def test_a_port_says_its_link_its_rate_and_its_card() -> None:
+def test_port_link_speed_and_mac_are_read() -> None:
     box = Box()
     box.device.run(box.caller, ["/interface/ethernet/disable", "=numbers=ether3"])
     ports = {port.name: port for port in box.read().ports}
@@ -84,7 +84,7 @@ def test_a_port_says_its_link_its_rate_and_its_card() -> None:
     assert len({port.mac for port in ports.values()}) == len(ports) == 8
 
 
-def test_who_was_heard_is_joined_by_mac_and_named_by_the_declaration() -> None:
+def test_neighbours_are_joined_by_mac_and_named_from_the_inventory() -> None:
     called = DiscoveryNeighbour(identity="EXAMPLE-gw", interface="ether1", mac="02:00:5e:00:02:01", address="10.10.0.6")
     found = Box(plugged={"ether4": (MAC,)}, cards={"10.64.1.23": MAC}, called=(called,)).read()
     heard = {port.name: port.neighbours for port in found.ports if port.neighbours}
@@ -97,20 +97,20 @@ def test_who_was_heard_is_joined_by_mac_and_named_by_the_declaration() -> None:
     assert found.elsewhere == ()
 
 
-def test_one_of_a_bridge_whose_port_nobody_knows_is_listed_apart() -> None:
+def test_bridge_neighbour_with_unknown_port_is_listed_separately() -> None:
     found = Box(cards={"10.64.1.23": MAC}).read()
     assert [(item.mac, item.by) for item in found.elsewhere] == [(MAC, ("ARP",))]
     assert all(item.mac != MAC for port in found.ports for item in port.neighbours)
 
 
-def test_that_discovery_is_off_is_said() -> None:
+def test_disabled_neighbour_discovery_is_noted() -> None:
     off = Box(SEED.replace("discover-interface-list=all", "discover-interface-list=none"))
     note = "neighbour discovery is off on the device, so that nobody tells it a name"
     assert note in off.read().notes
     assert note not in Box().read().notes
 
 
-def test_a_renamed_port_stays_known_by_its_factory_name() -> None:
+def test_renamed_port_is_listed_by_its_factory_name() -> None:
     box = Box()
     box.device.run(box.caller, ["/interface/ethernet/set", "=numbers=ether2", "=name=EXAMPLE"])
     found = box.read()
@@ -120,12 +120,12 @@ def test_a_renamed_port_stays_known_by_its_factory_name() -> None:
 
 
 @pytest.mark.parametrize("menu", ["/system/resource/print", "/interface/print"])
-def test_a_menu_that_every_router_has_is_missed(menu: str) -> None:
+def test_refused_standard_menu_is_listed_as_missing(menu: str) -> None:
     found = Box().read(refuses={menu: "not enough permissions (9)"})
     assert found.missing == (f"the device refuses {menu.removesuffix('/print')}: not enough permissions (9)",)
 
 
-def test_a_board_that_shows_no_serial_number_is_not_given_one() -> None:
+def test_board_without_a_serial_number_gets_none() -> None:
     found = Box().read(refuses={"/system/routerboard/print": "no such command prefix"})
     assert (found.facts["serial"].value, found.facts["serial"].origin) == (None, Origin.NOT_READ)
     assert found.facts["model"].value == "RB5009UPr+S+"
@@ -143,6 +143,6 @@ def test_the_numbers_of_a_modem_are_masked_as_declared(mask: NumberMask, imei: s
     assert facts["imei"].value == imei
 
 
-def test_a_modem_that_is_called_otherwise_tells_nothing_and_that_is_said() -> None:
+def test_modem_under_another_name_is_marked_not_read() -> None:
     facts = Box("", ModemSpec()).read("lte9").facts
     assert {facts[name].origin for name in ("modem", "imei", "iccid")} == {Origin.NOT_READ}

@@ -59,7 +59,7 @@ CASES: dict[str, tuple[tuple[bytes, ...], float, NoPosition | None]] = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_what_counts(case: str) -> None:
+def test_position_cases(case: str) -> None:
     pieces, now_s, reason = CASES[case]
     found = heard(*pieces, now_s=now_s)
     if reason is None:
@@ -69,7 +69,7 @@ def test_what_counts(case: str) -> None:
         assert found is reason
 
 
-def test_a_receiver_that_repeats_itself_grows_old() -> None:
+def test_repeated_position_becomes_old() -> None:
     stream = GpsdStream()
     for second in range(5):
         stream.feed(float(second), tpv(0.0))
@@ -77,7 +77,7 @@ def test_a_receiver_that_repeats_itself_grows_old() -> None:
     assert stream.position(4.0) is NoPosition.OLD
 
 
-def test_a_position_before_its_time_does_not_replace_a_whole_one() -> None:
+def test_position_without_time_does_not_replace_a_complete_one() -> None:
     """Within an epoch gpsd tells the position of GGA first, without a time (seen with gpsd 3.22)."""
     stream = GpsdStream()
     stream.feed(0.0, tpv(0.0))
@@ -99,14 +99,14 @@ def test_a_second_receiver_counts_once_the_first_is_silent() -> None:
     assert (first.latitude, second.latitude) == (41.6864, 41.7)
 
 
-def test_bytes_may_come_one_by_one() -> None:
+def test_stream_can_arrive_byte_by_byte() -> None:
     stream = GpsdStream()
     for byte in sky(0.9) + tpv():
         stream.feed(0.0, bytes([byte]))
     assert stream.position(0.0) == TrackPosition(41.6864, -8.8388, 0.0, 0.9)
 
 
-def test_typed_positions() -> None:
+def test_typed_positions_and_named_places() -> None:
     typed = TypedPositions()
     assert typed.position() is NoPosition.NOT_TYPED
     assert not typed.type("")
@@ -121,11 +121,11 @@ def test_typed_positions() -> None:
 
 
 @pytest.mark.parametrize("text", ["91, 0", "0, 181", "41.6864", "north", "41,6864, -8,8388", "1e3, 2"])
-def test_what_is_no_position(text: str) -> None:
+def test_invalid_position_text_is_rejected(text: str) -> None:
     assert parse_position(text, {}) is None
 
 
-def test_addresses_of_gpsd() -> None:
+def test_gpsd_addresses_are_parsed() -> None:
     assert parse_gpsd_address("192.0.2.7") == ("192.0.2.7", 2947)
     assert parse_gpsd_address("gps.example.org:2948") == ("gps.example.org", 2948)
     assert parse_gpsd_address("[2001:db8::7]:2948") == ("2001:db8::7", 2948)
@@ -134,7 +134,7 @@ def test_addresses_of_gpsd() -> None:
             parse_gpsd_address(text)
 
 
-def test_steps() -> None:
+def test_steps_are_parsed() -> None:
     assert parse_steps(None) == (50.0, 30.0)
     assert parse_steps("10s") == (None, 10.0)
     assert parse_steps("20m") == (20.0, 30.0)
@@ -144,7 +144,7 @@ def test_steps() -> None:
             parse_steps(text)
 
 
-def test_hourly_budgets() -> None:
+def test_hourly_budgets_are_parsed() -> None:
     assert parse_hourly_budget("0.5") == 500_000
     for text in ("0", "-1", "2.1", "x", "1e-1"):
         with pytest.raises(UsageError, match="is no budget"):

@@ -26,7 +26,7 @@ from atlantis_netcfg.records.survey.site import TypedPositions
         ("site=te4sea", "the inventory still holds example values"),
     ],
 )
-def test_what_is_typed_wrong(
+def test_invalid_arguments_are_usage_errors(
     typed: str, words: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
@@ -34,7 +34,7 @@ def test_what_is_typed_wrong(
     assert words in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_survey_that_is_not_there(
+def test_unknown_site_or_survey_is_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
@@ -44,7 +44,7 @@ def test_a_survey_that_is_not_there(
     assert "no survey `20261120T101500Z` is kept" in capsys.readouterr().err
 
 
-def test_a_person_types_places_until_the_end_of_the_input(
+def test_places_are_typed_until_end_of_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     typed = ["", "pier: 41.6864, -8.8388", "nowhere", "", "41.69 -8.84", "pier"]
@@ -68,7 +68,7 @@ def test_a_person_types_places_until_the_end_of_the_input(
     assert capsys.readouterr().out.count("that is no position") == 2
 
 
-def test_a_point_on_the_screen() -> None:
+def test_survey_point_is_printed_on_one_line() -> None:
     here = {"latitude": 41.6864, "longitude": -8.8388, "rsrp_dbm": -95.0, "sinr_db": 6.0}
     assert _line(point(3, **here, sent=5, rtt_median_s=0.1073, goodput_up_bps=2.83e6)) == (
         "   3  41.68640, -8.83880  RSRP -95 SINR 6  107 ms, 2.83 Mbit/s up"

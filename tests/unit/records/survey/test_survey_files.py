@@ -46,12 +46,12 @@ def write(path: Path, made: Survey) -> Path:
     return path
 
 
-def test_a_file_is_what_was_written(tmp_path: Path) -> None:
+def test_survey_file_round_trips(tmp_path: Path) -> None:
     made = example()
     assert read_survey(write(tmp_path / SURVEY_FILE, made)) == made
 
 
-def test_what_was_killed_is_whole_without_its_last_line(tmp_path: Path) -> None:
+def test_truncated_survey_is_read_without_its_last_line(tmp_path: Path) -> None:
     path = write(tmp_path / SURVEY_FILE, survey(point(1, **HERE), point(2, **HERE), reason=None))
     path.write_bytes(path.read_bytes()[:-5])
     found = read_survey(path)
@@ -60,7 +60,7 @@ def test_what_was_killed_is_whole_without_its_last_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["{}", "x", '{"kind":"point","number":1,"more":2}', "[]"])
-def test_what_is_no_survey_is_refused_with_its_line(tmp_path: Path, line: str) -> None:
+def test_invalid_survey_is_refused_with_its_line(tmp_path: Path, line: str) -> None:
     path = tmp_path / SURVEY_FILE
     path.write_text(header().model_dump_json() + f"\n{line}\n", encoding="utf-8")
     with pytest.raises(SurveyUnreadable, match=r"survey\.jsonl:2: "):
@@ -105,7 +105,7 @@ def test_the_page_shows_each_value_with_its_shape_and_its_limits() -> None:
         assert f"#by-{number}:checked ~ #layer-{number}" in page
 
 
-def test_a_point_without_a_value_is_said_so_and_says_why() -> None:
+def test_point_without_a_value_shows_the_reason() -> None:
     made = example()
     by_name = {layer.key: layer for layer in layers(made, MapFrame.around([(41.68, -8.83), (41.7, -8.86)]))}
     assert [mark.band for mark in by_name["rsrp_dbm"].marks] == [1, 3, None]
@@ -118,14 +118,14 @@ def test_a_point_without_a_value_is_said_so_and_says_why() -> None:
 
 
 @pytest.mark.parametrize("scale", SCALES, ids=lambda scale: scale.name)
-def test_bands_and_their_words_agree(scale: BandScale) -> None:
+def test_bands_match_their_labels(scale: BandScale) -> None:
     assert len(list(scale.words())) == len(scale.limits) + 1 <= len(SHAPES)
     better = 0.01 if scale.is_higher_better else -0.01
     assert [scale.band(limit + better) for limit in scale.limits] == list(range(len(scale.limits)))
     assert [scale.band(limit - better) for limit in scale.limits] == list(range(1, len(scale.limits) + 1))
 
 
-def test_north_is_up_and_a_kilometre_is_as_long_both_ways() -> None:
+def test_north_is_up_and_scale_is_equal_in_both_directions() -> None:
     degree = 1000 / 111_195.0
     frame = MapFrame.around([(41.6864, -8.8388), (41.7064, -8.8688)])
     x, y = frame.to_sheet(41.69, -8.85)
@@ -137,13 +137,13 @@ def test_north_is_up_and_a_kilometre_is_as_long_both_ways() -> None:
     assert frame.bar[0] == pytest.approx(500 * frame.per_metre, abs=0.1)
 
 
-def test_one_place_alone_can_be_drawn() -> None:
+def test_single_point_or_no_position_can_be_drawn() -> None:
     assert b"<svg" in render_page(survey(point(1, **HERE)))
     assert b"No point has a position" in render_page(survey(point(1)))
     assert b"No point has a position" in render_page(survey())
 
 
-def test_a_coast_is_drawn_where_it_crosses_the_sheet(tmp_path: Path) -> None:
+def test_coast_is_drawn_where_it_crosses_the_map(tmp_path: Path) -> None:
     path = tmp_path / "coast.geojson"
     line = {"type": "LineString", "coordinates": [[-8.87, 41.68], [-8.83, 41.7], [10, 50], [11, 51]]}
     shape = {"type": "MultiPolygon", "coordinates": [[[[-8.85, 41.69], [-8.84, 41.69], [-8.85, 41.69]]]]}
@@ -159,7 +159,7 @@ def test_a_coast_is_drawn_where_it_crosses_the_sheet(tmp_path: Path) -> None:
     assert 'class="coast"' not in render_page(example()).decode()
 
 
-def test_the_shipped_coast_is_near_viana_and_says_how_coarse_it_is() -> None:
+def test_shipped_coast_is_near_viana_and_states_its_accuracy() -> None:
     coast = find_coast("natural-earth")
     places = [place for line in coast.lines for place in line]
     assert 80 < len(places) < 200
@@ -178,7 +178,7 @@ def test_the_shipped_coast_is_near_viana_and_says_how_coarse_it_is() -> None:
         ('{"type":"Point","coordinates":[1,2]}', "no line"),
     ],
 )
-def test_what_is_no_coast_is_refused(tmp_path: Path, text: str, words: str) -> None:
+def test_invalid_coast_is_refused(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "coast.geojson"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(UsageError, match=words):
@@ -187,7 +187,7 @@ def test_what_is_no_coast_is_refused(tmp_path: Path, text: str, words: str) -> N
         read_coast(tmp_path / "missing.geojson")
 
 
-def test_exports_are_made_again_from_the_file(tmp_path: Path) -> None:
+def test_exports_are_regenerated_from_the_survey_file(tmp_path: Path) -> None:
     kept = tmp_path / "20261120T101500Z"
     kept.mkdir()
     write(kept / SURVEY_FILE, example())
@@ -200,7 +200,7 @@ def test_exports_are_made_again_from_the_file(tmp_path: Path) -> None:
     assert kept.name in str(refused.value.hint)
 
 
-def test_what_was_measured_nowhere_is_no_green() -> None:
+def test_survey_without_measurements_fails() -> None:
     whole = point(1, **HERE, **HEARD, **TESTED)
     assert evaluate_survey(survey(whole)).exit is ExitCode.DONE
     assert evaluate_survey(survey(point(1, **HERE, **HEARD), far_end=None)).exit is ExitCode.DONE

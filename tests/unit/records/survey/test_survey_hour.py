@@ -87,7 +87,7 @@ def test_round_trip_and_goodput_agree_at_99_of_100_tests(hour: Sailing) -> None:
     assert all(point.moved_m is not None and point.moved_m <= 20.0 for point in tests)
 
 
-def test_an_hour_costs_at_most_two_megabytes_wherever_it_begins() -> None:
+def test_any_hour_costs_at_most_two_megabytes() -> None:
     longer = sailing(max_seconds=5400.0, step_m=None, step_s=60.0)
     longer.survey.run()
     spent = [(point.at_s, point.test_bytes) for point in longer.points]
@@ -108,14 +108,14 @@ def test_a_smaller_budget_makes_fewer_tests_and_as_many_points(hourly: int) -> N
     assert {point.no_test for point in small.points if not point.sent} == {BUDGET}
 
 
-def test_a_budget_that_holds_no_three_tests_is_refused() -> None:
+def test_budget_below_three_tests_is_refused() -> None:
     cost = SurveyPlan().test_bytes(HEADERS)
     assert SurveyPlan(hourly_bytes=3 * cost).test_every_s(HEADERS) == pytest.approx(3600)
     with pytest.raises(HourlyBudgetError, match="are too few"):
         SurveyPlan(hourly_bytes=3 * cost - 1).test_every_s(HEADERS)
 
 
-def test_points_come_by_way_and_by_time(hour: Sailing) -> None:
+def test_points_are_taken_by_distance_and_by_time(hour: Sailing) -> None:
     steps = [after.at_s - before.at_s for before, after in zip(hour.points, hour.points[1:], strict=False)]
     assert 16.0 <= median(steps) <= 20.0, "50 m at 3 m/s"
     slow = sailing(step_m=None, step_s=60.0, max_seconds=600.0)
@@ -124,7 +124,7 @@ def test_points_come_by_way_and_by_time(hour: Sailing) -> None:
     assert [round(point.at_s / 60) for point in slow.points] == list(range(len(slow.points)))
 
 
-def test_where_another_link_carries_the_traffic_nothing_is_sent() -> None:
+def test_no_test_is_sent_when_another_link_carries_the_traffic() -> None:
     made = sailing(Told(carries="wifi-ptp"), max_seconds=300.0)
     made.survey.run()
     assert made.voyage.link.wire_bytes == 0
@@ -132,7 +132,7 @@ def test_where_another_link_carries_the_traffic_nothing_is_sent() -> None:
     assert all(point.rsrp_dbm is not None for point in made.points)
 
 
-def test_where_nobody_knows_the_link_it_is_tested_and_said_so() -> None:
+def test_unknown_carrying_link_is_tested_and_recorded_as_unknown() -> None:
     made = sailing(Told(carries=None), max_seconds=60.0)
     made.survey.run()
     tested = [point for point in made.points if point.sent]
@@ -173,7 +173,7 @@ def test_ctrl_c_between_points_keeps_them(monkeypatch: pytest.MonkeyPatch) -> No
     assert len(made.points) >= 1
 
 
-def test_a_lossy_link_has_no_goodput_but_where_the_receiver_says_so(hour: Sailing) -> None:
+def test_goodput_is_recorded_only_if_the_receiver_acknowledged(hour: Sailing) -> None:
     """What is told as goodput is what the receiver had: raw samples say the same."""
     whole = {s.stream for s in hour.samples if isinstance(s, MessageResult) and s.acknowledged_at_ns is not None}
     told = {f"point-{point.number}-load" for point in hour.points if point.goodput_up_bps is not None}

@@ -36,7 +36,7 @@ def test_sentences_survive_byte_by_byte(sent: list[tuple[str, ...]]) -> None:
 
 
 @pytest.mark.parametrize("size", [0x7F, 0x80, 0x3FFF, 0x4000, 0x1FFFFF, 0x200000])
-def test_words_at_the_limits_of_each_length_survive(size: int) -> None:
+def test_words_at_length_encoding_limits_survive(size: int) -> None:
     sentence = ("!re", "x" * size)
     assert Decoder().feed(encode(sentence)) == [sentence]
 
@@ -56,11 +56,11 @@ def test_words_at_the_limits_of_each_length_survive(size: int) -> None:
         (0xFFFFFFFF, b"\xf0\xff\xff\xff\xff"),
     ],
 )
-def test_lengths_are_those_of_the_manual(size: int, prefix: bytes) -> None:
+def test_length_encoding_matches_the_manual(size: int, prefix: bytes) -> None:
     assert encode_size(size) == prefix
 
 
-def test_a_length_of_five_bytes_is_read() -> None:
+def test_five_byte_length_is_decoded() -> None:
     assert Decoder().feed(b"\xf0\x00\x00\x00\x05!done\0") == [("!done",)]
     patient = Decoder(limit=0x20000000)
     assert patient.feed(b"\xf0\x10\x00\x00\x00!done") == []
@@ -70,7 +70,7 @@ def test_a_length_of_five_bytes_is_read() -> None:
 @pytest.mark.parametrize(
     "prefix", [encode_size(MAX_SENTENCE + 1), b"\xf0\x10\x00\x00\x00", b"\x03!re" + encode_size(MAX_SENTENCE)]
 )
-def test_a_huge_length_is_refused_before_anything_is_kept(prefix: bytes) -> None:
+def test_huge_length_is_refused_before_buffering(prefix: bytes) -> None:
     with pytest.raises(
         GarbageError, match=r"^a word of \d+ bytes, where 16777216 bytes are the most for a whole answer$"
     ):
@@ -78,14 +78,14 @@ def test_a_huge_length_is_refused_before_anything_is_kept(prefix: bytes) -> None
 
 
 @pytest.mark.parametrize("first", [0xF1, 0xF7, 0xF8, 0xFF])
-def test_a_first_byte_without_meaning_is_refused(first: int) -> None:
+def test_invalid_first_length_byte_is_refused(first: int) -> None:
     with pytest.raises(
         GarbageError, match=rf"^a word that starts with the byte 0x{first:x}, which no length starts with$"
     ):
         Decoder().feed(bytes([first]))
 
 
-def test_bytes_that_are_not_utf_8_go_back_as_they_came() -> None:
+def test_non_utf_8_bytes_round_trip() -> None:
     ((word,),) = Decoder().feed(b"\x03\xd2\xd2\xca\0")
     assert encode((word,)) == b"\x03\xd2\xd2\xca\0"
 
@@ -107,7 +107,7 @@ def test_bytes_that_are_not_utf_8_go_back_as_they_came() -> None:
         (("!fatal", "a\x1b[2J" + "b" * 900), AnswerReader("!fatal", None, {}, "a [2J" + "b" * 195)),
     ],
 )
-def test_replies_are_taken_apart(words: tuple[str, ...], answer: AnswerReader) -> None:
+def test_replies_are_parsed(words: tuple[str, ...], answer: AnswerReader) -> None:
     assert parse(words) == answer
 
 
@@ -121,7 +121,7 @@ def test_replies_are_taken_apart(words: tuple[str, ...], answer: AnswerReader) -
         (("!re", "=name"), "a word of 5 characters in the place of an attribute of !re"),
     ],
 )
-def test_garbage_is_named_but_not_shown(words: tuple[str, ...], complaint: str) -> None:
+def test_malformed_reply_is_described_without_its_content(words: tuple[str, ...], complaint: str) -> None:
     with pytest.raises(GarbageError) as caught:
         parse(words)
     assert str(caught.value) == complaint

@@ -96,7 +96,7 @@ def test_the_login_is_one_tagged_sentence_and_one_round_trip(tmp_path: Path) -> 
     assert certificate == fingerprint
 
 
-def test_an_old_device_is_answered_with_its_challenge(tmp_path: Path) -> None:
+def test_challenge_login_of_old_devices_works(tmp_path: Path) -> None:
     challenge = "ea64c0d0d6f9d3f5b4b2c3b1a1f0e0d1"
     seen: list[list[str]] = []
 
@@ -116,7 +116,7 @@ def test_an_old_device_is_answered_with_its_challenge(tmp_path: Path) -> None:
     assert seen == [["/login", "=name=provision", f"=response=00{digest}", ".tag=2"]]
 
 
-def test_a_challenge_that_is_no_number_is_garbage(tmp_path: Path) -> None:
+def test_non_hexadecimal_challenge_is_a_protocol_error(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         await peer.read()
         await peer.send(("!done", "=ret=hello", ".tag=1"))
@@ -127,7 +127,7 @@ def test_a_challenge_that_is_no_number_is_garbage(tmp_path: Path) -> None:
     assert "sent a login challenge that is no number" in str(error)
 
 
-def test_a_wrong_password_is_told_in_the_devices_words_only(tmp_path: Path) -> None:
+def test_wrong_password_is_reported_with_the_device_message_only(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         await peer.read()
         await peer.send(("!trap", "=message=invalid user name or password (6)", ".tag=1"), ("!done", ".tag=1"))
@@ -139,7 +139,7 @@ def test_a_wrong_password_is_told_in_the_devices_words_only(tmp_path: Path) -> N
     assert "horse" not in f"{error!r} {error} {error.hint}"
 
 
-def test_a_session_that_the_device_ends_during_the_login_is_lost(tmp_path: Path) -> None:
+def test_session_ended_by_the_device_during_login_is_lost(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         await peer.read()
         await peer.send(("!fatal", "too many sessions"))
@@ -151,7 +151,7 @@ def test_a_session_that_the_device_ends_during_the_login_is_lost(tmp_path: Path)
     assert str(error).endswith("ended the session: too many sessions (during the login of `provision`)")
 
 
-def test_answers_may_interleave_and_come_in_any_order(tmp_path: Path) -> None:
+def test_replies_may_interleave_in_any_order(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         first, second, third = await peer.read_tags(3)
         await peer.send(
@@ -174,7 +174,7 @@ def test_answers_may_interleave_and_come_in_any_order(tmp_path: Path) -> None:
     ]
 
 
-def test_an_answer_may_come_byte_by_byte(tmp_path: Path) -> None:
+def test_reply_may_arrive_byte_by_byte(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         (tag,) = await peer.read_tags(1)
         for byte in frame("!re", f".tag={tag}", "=comment=" + "x" * 200) + frame("!done", f".tag={tag}"):
@@ -185,7 +185,7 @@ def test_an_answer_may_come_byte_by_byte(tmp_path: Path) -> None:
     assert reply.rows == ({"comment": "x" * 200},)
 
 
-def test_values_stay_the_devices_strings(tmp_path: Path) -> None:
+def test_values_stay_strings(tmp_path: Path) -> None:
     sent = {"disabled": "true", "mtu": "1500", "code": "00", "on": "yes", "empty": "", "name": "\udcd2\udcca"}
 
     async def script(peer: Peer) -> None:
@@ -197,7 +197,7 @@ def test_values_stay_the_devices_strings(tmp_path: Path) -> None:
     assert talk(tmp_path, script, lambda session: session.command(PRINT)).rows == (sent,)
 
 
-def test_a_command_is_sent_word_for_word(tmp_path: Path) -> None:
+def test_command_is_sent_verbatim(tmp_path: Path) -> None:
     seen: list[list[str]] = []
 
     async def script(peer: Peer) -> None:
@@ -250,7 +250,7 @@ def test_an_interrupted_command_is_a_trap_of_category_2(tmp_path: Path) -> None:
     [(PRINT, (60,)), (INSPECT, (24, 24, 12)), (Command("/ip/address/add"), (24, 24, 12))],
     ids=["print", "inspect", "add"],
 )
-def test_reading_goes_in_a_larger_window(tmp_path: Path, command: Command, batches: tuple[int, ...]) -> None:
+def test_read_commands_use_a_larger_window(tmp_path: Path, command: Command, batches: tuple[int, ...]) -> None:
     async def script(peer: Peer) -> None:
         for count in batches:
             tags = await peer.read_tags(count)
@@ -268,7 +268,7 @@ def test_reading_goes_in_a_larger_window(tmp_path: Path, command: Command, batch
     assert rets == [str(tag) for tag in range(2, 62)]
 
 
-def test_a_device_that_hangs_in_the_larger_window_is_read_anew_in_the_smaller(tmp_path: Path) -> None:
+def test_hang_in_the_larger_window_retries_with_the_smaller_one(tmp_path: Path) -> None:
     sizes: list[int] = []
 
     async def script(peer: Peer) -> None:
@@ -296,7 +296,7 @@ def test_a_device_that_hangs_in_the_larger_window_is_read_anew_in_the_smaller(tm
     assert sizes == [60, 24, 24, 12]
 
 
-def test_a_session_that_has_changed_something_is_not_replaced(tmp_path: Path) -> None:
+def test_session_with_changes_is_not_replaced(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         await peer.log_in()
         (tag,) = await peer.read_tags(1)
@@ -316,7 +316,7 @@ def test_a_session_that_has_changed_something_is_not_replaced(tmp_path: Path) ->
     assert asyncio.run(use()) == 0
 
 
-def test_leaving_does_not_wait_for_the_devices_own_end(tmp_path: Path) -> None:
+def test_close_does_not_wait_for_the_device(tmp_path: Path) -> None:
     left = asyncio.Event()
 
     async def script(peer: Peer) -> None:
@@ -335,7 +335,7 @@ def test_leaving_does_not_wait_for_the_devices_own_end(tmp_path: Path) -> None:
     asyncio.run(use())
 
 
-def test_tasks_take_turns(tmp_path: Path) -> None:
+def test_concurrent_flights_take_turns(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         for _ in range(3):
             one, two = await peer.read_tags(2)
@@ -350,7 +350,7 @@ def test_tasks_take_turns(tmp_path: Path) -> None:
     assert talk(tmp_path, script, use) == 6
 
 
-def test_no_commands_are_no_round_trip(tmp_path: Path) -> None:
+def test_empty_flight_costs_no_round_trip(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         await peer.gone()
 
@@ -360,7 +360,7 @@ def test_no_commands_are_no_round_trip(tmp_path: Path) -> None:
     assert talk(tmp_path, script, use) == ([], TO_LOG_IN)
 
 
-def test_a_fatal_answer_ends_the_session_with_its_words(tmp_path: Path) -> None:
+def test_fatal_reply_ends_the_session_with_its_message(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         first, _ = await peer.read_tags(2)
         await peer.send(("!done", f".tag={first}"), ("!fatal", "session terminated on request"))
@@ -371,7 +371,7 @@ def test_a_fatal_answer_ends_the_session_with_its_words(tmp_path: Path) -> None:
     assert error.in_flight
 
 
-def test_a_close_between_two_answers_is_a_lost_session(tmp_path: Path) -> None:
+def test_connection_closed_between_replies_is_a_lost_session(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         first, _ = await peer.read_tags(2)
         await peer.send(("!done", f".tag={first}"))
@@ -408,7 +408,7 @@ GARBAGE = {
 
 
 @pytest.mark.parametrize("case", GARBAGE)
-def test_garbage_ends_the_session_and_is_named(tmp_path: Path, case: str) -> None:
+def test_protocol_error_ends_the_session(tmp_path: Path, case: str) -> None:
     data, complaint = GARBAGE[case]
 
     async def script(peer: Peer) -> None:
@@ -422,7 +422,7 @@ def test_garbage_ends_the_session_and_is_named(tmp_path: Path, case: str) -> Non
     assert str(error).split(" ", 1)[1] == complaint
 
 
-def test_a_silent_device_is_given_up_after_the_endpoints_patience(tmp_path: Path) -> None:
+def test_silent_device_times_out(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         await peer.gone()
 
@@ -431,7 +431,7 @@ def test_a_silent_device_is_given_up_after_the_endpoints_patience(tmp_path: Path
     assert str(error).endswith("has not answered for 0.05 s")
 
 
-def test_patience_can_be_given_for_one_command(tmp_path: Path) -> None:
+def test_timeout_can_be_set_per_command(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         await peer.gone()
 
@@ -443,7 +443,7 @@ def test_patience_can_be_given_for_one_command(tmp_path: Path) -> None:
     assert talk(tmp_path, script, use).endswith("has not answered for 0.02 s")
 
 
-def test_what_the_device_says_unasked_ends_the_session_before_the_next_command(tmp_path: Path) -> None:
+def test_unsolicited_fatal_ends_the_session_before_the_next_command(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         (tag,) = await peer.read_tags(1)
         await peer.send(("!done", f".tag={tag}"), ("!fatal", "going down"))
@@ -461,7 +461,7 @@ def test_what_the_device_says_unasked_ends_the_session_before_the_next_command(t
     assert str(error).endswith("ended the session: going down")
 
 
-def test_a_cancelled_flight_drops_the_connection(tmp_path: Path) -> None:
+def test_cancelled_command_drops_the_connection(tmp_path: Path) -> None:
     asked = asyncio.Event()
 
     async def script(peer: Peer) -> None:
@@ -496,7 +496,7 @@ def test_a_closed_session_stays_closed(tmp_path: Path) -> None:
     assert talk(tmp_path, script, use).endswith("was left: this session is closed")
 
 
-def test_small_sentences_leave_at_once_and_a_dead_link_is_noticed(tmp_path: Path) -> None:
+def test_nodelay_and_keepalive_are_set_on_the_socket(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
         await peer.gone()
 
@@ -510,7 +510,7 @@ def test_small_sentences_leave_at_once_and_a_dead_link_is_noticed(tmp_path: Path
     assert talk(tmp_path, script, use) == (1, 1)
 
 
-def test_no_repr_shows_a_value() -> None:
+def test_repr_shows_no_secret() -> None:
     command = Command("/user/add", (("name", "x"), ("password", PASSWORD)), (f"?password={PASSWORD}",))
     reply = Reply(({"password": PASSWORD},), PASSWORD, None, "/user/print")
     endpoint = Device(8729, "00").endpoint()
@@ -518,19 +518,19 @@ def test_no_repr_shows_a_value() -> None:
 
 
 @pytest.mark.parametrize(("path", "queries"), [("user/print", ()), ("", ()), ("/user/print", ("name=x",))])
-def test_a_sentence_that_the_device_would_misread_is_not_made(path: str, queries: tuple[str, ...]) -> None:
+def test_malformed_command_cannot_be_constructed(path: str, queries: tuple[str, ...]) -> None:
     with pytest.raises(ValueError, match=r"^a command word starts with / and every query word with \?: Command"):
         Command(path, queries=queries)
 
 
-def test_default_patience_outlives_a_gap_of_a_satellite_link() -> None:
+def test_default_timeouts_outlast_a_satellite_gap() -> None:
     endpoint = Device(8729, "00").endpoint()
     fields = type(endpoint).__dataclass_fields__
     assert fields["connect_timeout_s"].default == 120
     assert fields["reply_timeout_s"].default == 180
 
 
-def test_the_public_surface() -> None:
+def test_public_names_of_the_package() -> None:
     assert api.__all__ == [
         *("READING_WINDOW", "WINDOW", "CertificateMismatch", "CertificateUnknown", "Command", "CommandError"),
         *("Endpoint", "FellSilent", "LoginError", "ProtocolError", "Reply", "Session", "SessionLost"),
@@ -538,7 +538,7 @@ def test_the_public_surface() -> None:
     ]
 
 
-def test_every_error_ends_a_run_as_a_failed_device() -> None:
+def test_every_error_is_a_device_error_with_exit_failed() -> None:
     errors = [getattr(api, name) for name in api.__all__ if isinstance(getattr(api, name), type)]
     kinds = [kind for kind in errors if issubclass(kind, Exception)]
     assert len(kinds) == 8

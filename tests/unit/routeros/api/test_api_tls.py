@@ -34,14 +34,14 @@ async def hears_nothing(peer: Peer) -> None:
     assert await peer.gone() == b""
 
 
-def test_closing_before_there_is_a_connection_does_nothing() -> None:
+def test_close_without_a_connection_does_nothing() -> None:
     async def use() -> None:
         TlsTransport(asyncio.Protocol(), "device", Traffic()).close()
 
     asyncio.run(use())
 
 
-def test_another_certificate_is_refused_before_the_login_is_sent(tmp_path: Path) -> None:
+def test_changed_certificate_is_refused_before_login(tmp_path: Path) -> None:
     async def use() -> tuple[CertificateMismatch, str]:
         async with serving(tmp_path, hears_nothing) as device:
             with pytest.raises(CertificateMismatch) as caught:
@@ -57,7 +57,7 @@ def test_another_certificate_is_refused_before_the_login_is_sent(tmp_path: Path)
     assert "`provision trust site=…`" in error.hint
 
 
-def test_without_a_pin_the_fingerprint_is_told_and_no_login_sent(tmp_path: Path) -> None:
+def test_unpinned_certificate_is_reported_and_no_login_sent(tmp_path: Path) -> None:
     async def use() -> tuple[CertificateUnknown, str]:
         async with serving(tmp_path, hears_nothing) as device:
             with pytest.raises(CertificateUnknown) as caught:
@@ -73,7 +73,7 @@ def test_without_a_pin_the_fingerprint_is_told_and_no_login_sent(tmp_path: Path)
 
 
 @pytest.mark.parametrize("certificate", [None, b""])
-def test_a_device_without_a_certificate_is_unreachable(certificate: bytes | None) -> None:
+def test_connection_without_a_peer_certificate_is_unreachable(certificate: bytes | None) -> None:
     class NoCertificate(asyncio.BaseTransport):
         def get_extra_info(self, name: str, default: object = None) -> object:
             del name, default
@@ -98,14 +98,14 @@ def test_a_pin_may_be_written_with_colons_and_capitals(tmp_path: Path) -> None:
     assert certificate == fingerprint
 
 
-def test_the_context_trusts_no_chain_but_wants_tls_1_2_and_a_certificate() -> None:
+def test_context_requires_tls_1_2_and_a_certificate_but_no_chain() -> None:
     context = client_context()
     assert context.minimum_version == ssl.TLSVersion.TLSv1_2
     assert context.verify_mode == ssl.CERT_NONE
     assert not [cipher["name"] for cipher in context.get_ciphers() if cipher["auth"] == "auth-null"]
 
 
-def test_a_device_without_certificate_is_not_talked_to(tmp_path: Path) -> None:
+def test_anonymous_tls_is_refused(tmp_path: Path) -> None:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.maximum_version = ssl.TLSVersion.TLSv1_2
     context.set_ciphers("ADH-AES256-GCM-SHA384:@SECLEVEL=0")
@@ -121,7 +121,7 @@ def test_a_device_without_certificate_is_not_talked_to(tmp_path: Path) -> None:
     assert error.hint == "api-ssl needs a certificate:  /ip service set api-ssl certificate=NAME disabled=no"
 
 
-def test_a_service_that_is_not_tls_is_told_as_such() -> None:
+def test_non_tls_service_is_reported_as_such() -> None:
     def connected(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(b"SSH-2.0-ROSSSH\r\n")
         writer.close()
@@ -136,26 +136,26 @@ def test_a_service_that_is_not_tls_is_told_as_such() -> None:
     assert "answered, but not with TLS" in asyncio.run(use())
 
 
-def test_nobody_there() -> None:
+def test_refused_connection_is_unreachable() -> None:
     with pytest.raises(Unreachable) as caught:
         asyncio.run(Session.open(Device(1, OTHER).endpoint()))
     assert str(caught.value) == "127.0.0.1:1 cannot be reached: Connection refused"
 
 
-def test_a_name_that_does_not_resolve() -> None:
+def test_unresolvable_name_is_unreachable() -> None:
     endpoint = Endpoint(f"{'x' * 70}.invalid", 8729, "provision", Secret("x"), OTHER)
     with pytest.raises(Unreachable, match="cannot be reached"):
         asyncio.run(Session.open(endpoint))
 
 
-def test_a_handshake_that_never_ends_is_given_up() -> None:
+def test_handshake_times_out() -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as silent:
         endpoint = Device(silent.getsockname()[1], OTHER).endpoint(connect_timeout_s=0.1)
         with pytest.raises(Unreachable, match=r"did not answer within 0\.1 s$"):
             asyncio.run(Session.open(endpoint))
 
 
-def test_addresses_of_version_6_are_shown_in_brackets() -> None:
+def test_ipv6_addresses_are_shown_in_brackets() -> None:
     assert str(Endpoint("fe80::1", 8729, "provision", Secret("x"), None)) == "[fe80::1]:8729"
 
 
@@ -165,7 +165,7 @@ class _Connected(asyncio.Transport):
 
 
 @pytest.mark.parametrize("dead", [False, True])
-def test_a_connection_that_is_cut_off_hears_nothing_and_acknowledges_nothing(dead: bool) -> None:  # noqa: FBT001
+def test_cut_connection_receives_and_acknowledges_nothing(dead: bool) -> None:  # noqa: FBT001
     with socket.create_server(("127.0.0.1", 0)) as server, socket.create_connection(server.getsockname()) as ours:
         device, _ = server.accept()
         with device:

@@ -67,7 +67,7 @@ async def turn() -> None:
         await asyncio.sleep(0)
 
 
-def test_a_batch_is_one_write_and_the_next_waits_for_every_answer() -> None:
+def test_batch_is_one_write_and_the_next_waits_for_all_replies() -> None:
     async def main() -> None:
         wire, transport = connected()
         session = Session(Device(8729, "").endpoint(), wire, "")
@@ -94,7 +94,7 @@ def test_a_batch_is_one_write_and_the_next_waits_for_every_answer() -> None:
 ROW = frame("!re", ".tag=1", "=comment=x")
 
 
-def test_silence_counts_from_the_last_answer_and_outlives_a_gap_of_70_s() -> None:
+def test_silence_counts_from_the_last_reply_and_tolerates_a_70_s_gap() -> None:
     async def main() -> None:
         wire, transport = connected()
         loop = asyncio.get_running_loop()
@@ -119,7 +119,7 @@ def test_silence_counts_from_the_last_answer_and_outlives_a_gap_of_70_s() -> Non
         (ROW, 100.0, "has gone on answering for 900 s without an end", 900.0),
     ],
 )
-def test_a_device_holds_nobody_for_ever(part: bytes, every_s: float, words: str, over_s: float) -> None:
+def test_slow_device_cannot_hold_a_command_forever(part: bytes, every_s: float, words: str, over_s: float) -> None:
     """A byte each half second is no answer, and one row after the other has no end."""
 
     async def main() -> None:
@@ -137,7 +137,7 @@ def test_a_device_holds_nobody_for_ever(part: bytes, every_s: float, words: str,
     run(main())
 
 
-def test_a_byte_each_half_second_of_one_answer_is_silence() -> None:
+def test_trickled_bytes_of_one_reply_count_as_silence() -> None:
     async def main() -> None:
         wire, _ = connected()
         loop = asyncio.get_running_loop()
@@ -157,7 +157,7 @@ def test_a_byte_each_half_second_of_one_answer_is_silence() -> None:
     [ROW * 5_000, frame("!re", ".tag=1", *("=a=" for _ in range(5_000))), frame("!re", ".tag=1", "=a=" + "x" * 16_000)],
     ids=["rows", "attributes", "bytes"],
 )
-def test_answers_without_end_fill_no_memory(flood: bytes) -> None:
+def test_endless_replies_do_not_fill_memory(flood: bytes) -> None:
     async def main() -> None:
         wire, transport = connected()
         exchange = asyncio.get_running_loop().create_task(wire.exchange([PRINT], 180))
@@ -181,7 +181,7 @@ def test_answers_without_end_fill_no_memory(flood: bytes) -> None:
         (frame("!re", ".tag=1", "=" + "\x1b" * 30 + "=" + "9" * 5_000), "as a name of 30 characters"),
     ],
 )
-def test_what_no_device_says_is_told_as_that(sentence: bytes, words: str) -> None:
+def test_impossible_reply_is_a_protocol_error(sentence: bytes, words: str) -> None:
     async def main() -> None:
         wire, _ = connected()
         exchange = asyncio.get_running_loop().create_task(wire.exchange([PRINT], 180))
@@ -193,7 +193,7 @@ def test_what_no_device_says_is_told_as_that(sentence: bytes, words: str) -> Non
     run(main())
 
 
-def test_an_attribute_that_the_device_leaves_out_is_its_fault() -> None:
+def test_missing_attribute_is_reported_as_device_error() -> None:
     async def main() -> None:
         wire, _ = connected()
         exchange = asyncio.get_running_loop().create_task(wire.exchange([PRINT], 180))
@@ -210,7 +210,7 @@ def test_an_attribute_that_the_device_leaves_out_is_its_fault() -> None:
 
 
 @pytest.mark.parametrize("category", ["2", "٣", "9" * 900])
-def test_a_refusal_in_hostile_words_is_one_line(category: str) -> None:
+def test_hostile_trap_message_is_escaped_to_one_line(category: str) -> None:
     async def main() -> None:
         wire, _ = connected()
         exchange = asyncio.get_running_loop().create_task(wire.exchange([PRINT], 180))

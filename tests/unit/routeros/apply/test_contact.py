@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Event
 
 
-def test_a_refused_login_ends_the_proof_of_the_way_in() -> None:
+def test_refused_login_ends_the_reachability_check() -> None:
     failures: list[Exception] = [DeviceError("away"), LoginError("no"), DeviceError("asked too often")]
     events: list[Event] = []
 
@@ -40,7 +40,7 @@ def test_a_refused_login_ends_the_proof_of_the_way_in() -> None:
 
 
 @pytest.mark.parametrize(("reply", "words"), [(Reply(), "no .id was answered"), (Reply(trap=Trap("no")), "no")])
-def test_a_row_without_an_id_proves_nothing(reply: Reply, words: str) -> None:
+def test_row_without_an_id_is_inconclusive(reply: Reply, words: str) -> None:
     session: Any = Scripted(lambda _: reply)
     verdict, reason = asyncio.run(verify._by_name(session))
     assert verdict is Verdict.INCONCLUSIVE

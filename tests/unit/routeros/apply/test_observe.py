@@ -42,7 +42,7 @@ def read(changes: Mapping[str, Reply], *needed: str, looked_at: tuple[str, ...] 
     return asyncio.run(observe(Scripted(lambda command: answers[command.path]), ENDPOINT, needed, looked_at))
 
 
-def test_facts_of_device_and_session() -> None:
+def test_facts_of_device_and_session_are_read() -> None:
     facts = read({}, "/ip/pool", looked_at=LATER).facts
     assert (str(facts.version), facts.board, facts.identity) == ("7.18.2", "RB5009", "quay")
     assert facts.policies == frozenset({"read", "write", "api"})
@@ -51,14 +51,14 @@ def test_facts_of_device_and_session() -> None:
     assert facts.device_mode["mode"] == "home"
 
 
-def test_a_job_that_is_armed_is_read_beside_the_rest() -> None:
+def test_armed_job_is_reported_as_a_leftover() -> None:
     row = {".id": "*3", "name": "atlantis-pair", "comment": "run 20261121T093000Z of provision"}
     seen = find_leftovers(read({"/system/scheduler/print": Reply((row,))}, "/ip/pool"))
     assert [(job.name, job.owner) for job in seen.jobs] == [("atlantis-pair", "run 20261121T093000Z of provision")]
     assert not find_leftovers(read({}, "/ip/pool"))
 
 
-def test_who_we_are_is_asked_later_and_once() -> None:
+def test_user_policies_are_read_later_and_only_once() -> None:
     sent: list[str] = []
 
     def answer(command: Command) -> Reply:
@@ -81,7 +81,7 @@ def test_who_we_are_is_asked_later_and_once() -> None:
     assert later.rows.keys() == {*first.rows, *LATER}
 
 
-def test_who_holds_safe_mode() -> None:
+def test_safe_mode_owner_is_read() -> None:
     row = {"enabled": "true", "user": "admin", "current": "false"}
     assert read({"/safe-mode/print": Reply(({**row, "owner": "ssh:admin"},))}).facts.safe_mode_owner == "ssh:admin"
     assert read({"/safe-mode/print": Reply((row,))}).facts.safe_mode_owner == "admin"
@@ -89,7 +89,7 @@ def test_who_holds_safe_mode() -> None:
     assert (older.has_safe_mode, older.safe_mode_owner, older.device_mode, older.history) == (False, None, {}, 0)
 
 
-def test_nothing_is_asked_twice_and_only_what_matters() -> None:
+def test_no_menu_is_requested_twice_or_without_need() -> None:
     sent: list[Command] = []
 
     def answer(command: Command) -> Reply:
@@ -114,7 +114,7 @@ def test_menus_that_the_device_lacks_are_named() -> None:
     assert "upgrade RouterOS" in failure.value.hint
 
 
-def test_menus_that_are_only_looked_at_may_be_missing_or_kept_from_us() -> None:
+def test_read_only_menus_may_be_missing_or_forbidden() -> None:
     secret = Reply(trap=Trap("not enough permissions (9)"))
     found = read({"/ip/pool/print": GONE, "/user/print": secret}, looked_at=("/ip/pool", *LATER))
     assert "/ip/pool" not in found.rows
@@ -124,12 +124,12 @@ def test_menus_that_are_only_looked_at_may_be_missing_or_kept_from_us() -> None:
 
 
 @pytest.mark.parametrize("rows", [(), ({},), ({"version": "OpenWrt 23"},)])
-def test_a_device_of_another_kind(rows: tuple[Mapping[str, str], ...]) -> None:
+def test_unknown_device_kind_is_refused(rows: tuple[Mapping[str, str], ...]) -> None:
     with pytest.raises(DeviceError, match="no RouterOS that we know"):
         read({"/system/resource/print": Reply(rows)})
 
 
-def test_settings_of_two_rows_are_refused_in_words_and_of_none_are_taken_as_none() -> None:
+def test_settings_with_two_rows_are_refused_and_with_none_are_empty() -> None:
     two = {"/routing/settings/print": Reply(({"policy-rules": "main"}, {"policy-rules": "user"}))}
     with pytest.raises(DeviceError, match="/routing settings: settings are one row, and the device answers with 2"):
         read(two, looked_at=("/routing/settings",))

@@ -15,7 +15,7 @@ PROBE = Reply(ret="atlantis")
 REFUSED = Reply(trap=Trap("no such command", 0))
 
 
-def test_a_whole_export_proves_that_scripts_run() -> None:
+def test_complete_export_proves_that_scripts_run() -> None:
     found = parse_export(Reply(ret=EXPORT.replace("\n", "\r\n") + "atlantis: all of it\r\n"), REFUSED)
     assert found.text == EXPORT
     assert isinstance(found.writer, ScriptWriter)
@@ -33,20 +33,20 @@ def test_a_whole_export_proves_that_scripts_run() -> None:
     ],
     ids=["nothing", "no export", "no end", "cut off", "no header", "something behind"],
 )
-def test_half_an_export_is_none(text: str) -> None:
+def test_incomplete_export_is_discarded(text: str) -> None:
     found = parse_export(Reply(ret=text), PROBE)
     assert found.text is None
     assert isinstance(found.writer, ScriptWriter)
 
 
 @pytest.mark.parametrize("probe", [REFUSED, Reply(), Reply(ret="*5"), Reply(ret="atlantis\nand more")])
-def test_a_device_that_does_not_answer_scripts_gets_sentences(probe: Reply) -> None:
+def test_device_without_script_output_gets_api_sentences(probe: Reply) -> None:
     found = parse_export(REFUSED, probe)
     assert found.text is None
     assert isinstance(found.writer, SentenceWriter)
 
 
-def test_a_long_export_comes_by_file_in_pieces() -> None:
+def test_long_export_is_fetched_by_file_in_pieces() -> None:
     text = EXPORT + "".join(f"add name=pool{number} comment=é\n" for number in range(4000))
     data = text.encode()
     removed: list[Command] = []
@@ -65,7 +65,7 @@ def test_a_long_export_comes_by_file_in_pieces() -> None:
 
 
 @pytest.mark.parametrize("broken", ["/export", "/file/read"])
-def test_a_state_that_cannot_be_saved_stops_everything(broken: str) -> None:
+def test_failed_save_raises_a_device_error(broken: str) -> None:
     def answer(command: Command) -> Reply:
         return Reply(trap=Trap("not enough permissions (9)")) if command.path == broken else Reply(({"data": ""},))
 
@@ -73,6 +73,6 @@ def test_a_state_that_cannot_be_saved_stops_everything(broken: str) -> None:
         asyncio.run(fetch(Scripted(answer)))
 
 
-def test_an_empty_export_is_none() -> None:
+def test_empty_export_is_refused() -> None:
     with pytest.raises(DeviceError, match="its export is empty"):
         asyncio.run(fetch(Scripted(lambda _: Reply())))

@@ -47,7 +47,9 @@ def mixed(named: int, plain: int, naming: int) -> Plan:
         (0, 35, 0, (0, [10, 10, 10, 5], 0)),
     ],
 )
-def test_the_cheapest_cut(named: int, plain: int, naming: int, expected: tuple[int, list[int], int]) -> None:
+def test_split_uses_the_fewest_round_trips(
+    named: int, plain: int, naming: int, expected: tuple[int, list[int], int]
+) -> None:
     assert sizes(split_plan(mixed(named, plain, naming), Protection.SAFE_MODE, BUDGET)) == expected
 
 
@@ -61,12 +63,12 @@ def test_every_action_is_sent_once_and_in_order() -> None:
     )
 
 
-def test_one_action_over_too_many_rows_is_cut() -> None:
+def test_action_over_too_many_rows_is_split() -> None:
     stages = split_plan(plan(action(1), action(2, rows=25), action(3)), Protection.SAFE_MODE, BUDGET)
     assert sizes(stages) == (0, [1, 10, 10, 6], 0)
     rows = [row for piece in stages.pieces for each in piece for row in each.ids]
     assert rows == [f"*{each}" for each in range(25)]
 
 
-def test_without_protection_nothing_is_cut() -> None:
+def test_without_protection_nothing_is_split() -> None:
     assert sizes(split_plan(mixed(0, 35, 0), Protection.NONE, BUDGET)) == (35, [], 0)

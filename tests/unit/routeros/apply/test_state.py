@@ -34,14 +34,14 @@ def rule(chain: str, **values: str) -> Mapping[str, str]:
     return {".id": "*1", "chain": chain, "action": "accept", **values}
 
 
-def test_ids_defaults_and_dynamic_rows_are_no_difference() -> None:
+def test_ids_defaults_and_dynamic_rows_are_ignored() -> None:
     one = observed(pool=(pool("a"), pool("b", dynamic="true")))
     other = observed(pool=({**pool("a"), ".id": "*77", "comment": "", "next-pool": "none"},))
     assert differing_menus(one, other) == ()
     assert digest(one) == digest(other)
 
 
-def test_values_and_rows_are_a_difference() -> None:
+def test_changed_values_and_rows_are_differences() -> None:
     one = observed(pool=(pool("a"),))
     assert differing_menus(one, observed(pool=(pool("a", comment="x"),))) == ("/ip pool",)
     assert differing_menus(one, observed(pool=(pool("a"), pool("b")))) == ("/ip pool",)
@@ -49,7 +49,7 @@ def test_values_and_rows_are_a_difference() -> None:
     assert digest(one) != digest(observed(pool=(pool("b"),)))
 
 
-def test_order_matters_only_where_the_first_match_decides() -> None:
+def test_order_matters_only_in_first_match_menus() -> None:
     assert differing_menus(observed(pool=(pool("a"), pool("b"))), observed(pool=(pool("b"), pool("a")))) == ()
     first, second, other = rule("input"), rule("input", protocol="tcp"), rule("forward")
     assert differing_menus(observed(filter=(first, second)), observed(filter=(second, first))) == (
@@ -58,7 +58,7 @@ def test_order_matters_only_where_the_first_match_decides() -> None:
     assert differing_menus(observed(filter=(first, other, second)), observed(filter=(other, first, second))) == ()
 
 
-def test_what_a_device_does_to_rows_of_ours_by_itself_is_no_difference_where_it_is_named() -> None:
+def test_named_runtime_changes_of_our_rows_are_no_difference() -> None:
     """A link is given up between two readings: nobody else was there."""
     moves = (RunTime(ROUTE, "distance", "10", "110"),)
 
@@ -77,7 +77,7 @@ def test_secrets_are_compared_and_never_hashed() -> None:
     assert digest(observed(vpn=(one,))) == digest(observed(vpn=(other,)))
 
 
-def test_a_plan_is_known_by_what_a_person_sees() -> None:
+def test_plan_hash_ignores_secrets() -> None:
     def made(secret: str, subject: str = "vpn") -> Plan:
         values = (("name", "vpn"), ("password", secret))
         action = Action(1, Layer.ATTACHMENT, VPN, Verb.ADD, subject, values=values, secrets=frozenset({"password"}))
@@ -87,7 +87,7 @@ def test_a_plan_is_known_by_what_a_person_sees() -> None:
     assert plan_hash(made("hush")) != plan_hash(made("hush", "another"))
 
 
-def test_rows_of_ours_that_the_device_does_not_use() -> None:
+def test_our_invalid_rows_are_listed() -> None:
     rows = (
         rule("input", invalid="true", comment="atlantis: ours"),
         rule("input", invalid="true", comment="theirs"),
@@ -98,7 +98,7 @@ def test_rows_of_ours_that_the_device_does_not_use() -> None:
     assert "inactivated, not allowed by device-mode" in find_invalid_rows(observed(filter=rows))[1]
 
 
-def test_a_restored_state_is_the_state() -> None:
+def test_restored_state_equals_the_original() -> None:
     before = observed(
         pool=(pool("a", comment="atlantis: a"), pool("b")),
         filter=(rule("input", comment="one"), rule("input", **{"in-interface": "ether1"}), rule("forward")),

@@ -44,7 +44,7 @@ def test_scripts_keep_within_the_limit_and_to_the_order() -> None:
     assert all(len(text.encode()) <= LIMIT and text.startswith(LEASE) for text, _ in cut)
 
 
-def test_lines_are_found_again() -> None:
+def test_script_line_maps_back_to_its_action() -> None:
     actions = [add(1, name="a"), add(2, name="b"), add(3, FILTER, chain="input")]
     ((text, _),) = scripts(actions)
     for number, line in enumerate(text.splitlines(), start=1):
@@ -65,7 +65,7 @@ def test_lines_are_found_again() -> None:
         ("ok 1 or not\nok\nok x", (), "ok 1 or not ok ok x"),
     ],
 )
-def test_output_is_acknowledgements_and_words(text: str, acknowledged: tuple[int, ...], words: str) -> None:
+def test_output_splits_into_acknowledgements_and_messages(text: str, acknowledged: tuple[int, ...], words: str) -> None:
     said = output(text)
     assert (said.acknowledged_numbers, said.words) == (acknowledged, words)
 
@@ -88,20 +88,22 @@ def test_output_is_acknowledgements_and_words(text: str, acknowledged: tuple[int
         (Reply(), (), "the device refused to add row 1 in /ip pool: it stopped without a word"),
     ],
 )
-def test_what_a_script_says_of_itself(reply: Reply, acknowledged: tuple[int, ...], refused: str | None) -> None:
+def test_script_reply_gives_acknowledged_actions_and_refusal(
+    reply: Reply, acknowledged: tuple[int, ...], refused: str | None
+) -> None:
     written = send(ScriptWriter(), [add(1, name="a"), add(2, name="b")], lambda _: reply)
     assert written.acknowledged_numbers == acknowledged
     assert (written.refusal is None) == (refused is None)
     assert refused is None or (written.refusal or "").startswith(refused)
 
 
-def test_independent_rows_go_in_several_scripts_at_once() -> None:
+def test_only_independent_rows_are_sent_in_parallel_scripts() -> None:
     assert len(list(ScriptWriter().turns(leases(3000)))) == 1
     dependent = [add(number, name=f"pool {number}", ranges="x" * 60) for number in range(1, 2001)]
     assert len(list(ScriptWriter().turns(dependent))) == len(list(scripts(dependent))) > 1
 
 
-def test_a_script_beside_others_is_refused_on_its_own() -> None:
+def test_refused_script_does_not_affect_the_parallel_ones() -> None:
     actions = leases(3000)
     (_, first), (_, second) = scripts(actions)
     said = iter(["no such item", "\n".join(f"ok {action.number}" for action in second)])
@@ -111,7 +113,7 @@ def test_a_script_beside_others_is_refused_on_its_own() -> None:
     assert len(first) + len(second) == 3000
 
 
-def test_sentences_share_a_turn_only_where_order_is_no_matter() -> None:
+def test_only_order_independent_sentences_share_a_turn() -> None:
     free, ordered = leases(WINDOW + 3), [add(number, FILTER, chain="input") for number in (91, 92)]
     turns = SentenceWriter().turns([*free, *ordered, add(93, name="x")])
     numbers = [[action.number for action in turn] for turn in turns]

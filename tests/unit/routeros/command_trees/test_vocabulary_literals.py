@@ -17,7 +17,7 @@ NO_COMMANDS = {
     "/add": "a suffix that is taken off",
     "/interface/wi": "a prefix by which the menus of radios are told",
     "/dev/[\\w./-]+": "the pattern of a serial port's path in a Linux host",
-    "/interface/X/print": "the menu of either family of radios, which `test_a_radio_s_menu_can_be_printed` looks up",
+    "/interface/X/print": "the menu of either family of radios, which `test_radio_menus_can_be_printed` looks up",
     "/dev/disk/by-id/usb-…": "the path of a card in a technician's computer",
     "/var/tmp": "a folder of that computer",  # noqa: S108 - nothing is made in it here
     "/system/identity/set atlantis=no": "what every parser has to refuse, to show that it looks at names",
@@ -56,7 +56,7 @@ def unknown(literal: Literal, tree: Tree) -> set[str]:
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
-def test_every_text_is_a_command_or_a_menu(tree: Tree) -> None:
+def test_every_literal_is_a_known_command_or_menu(tree: Tree) -> None:
     odd = {}
     for literal in literals():
         if not literal.text.startswith("X/") and (found := unknown(literal, tree)):
@@ -66,16 +66,16 @@ def test_every_text_is_a_command_or_a_menu(tree: Tree) -> None:
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
-def test_no_menu_begins_like_a_computers_path(tree: Tree) -> None:
+def test_no_menu_resembles_a_file_system_path(tree: Tree) -> None:
     assert not any(tree.has_menu(name) for name in ("/etc", "/media", "/opt", "/srv", "/usr", "/var"))
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
-def test_a_radio_s_menu_can_be_printed(tree: Tree) -> None:
+def test_radio_menus_can_be_printed(tree: Tree) -> None:
     assert all("print" in tree.commands(f"/interface/{family}") for family in Family)
 
 
-def test_every_word_behind_a_menu_is_a_command_or_a_menu_somewhere() -> None:
+def test_every_menu_suffix_is_known_in_every_version() -> None:
     """`X/print`: which menu it is, is known at run time; the word has to be in some menu of every version."""
     ends = {literal.text.removeprefix("X/") for literal in literals() if literal.text.startswith("X/")}
     for tree in TREES:
@@ -99,7 +99,7 @@ def test_sentences_that_are_written_out_have_known_arguments(tree: Tree) -> None
     assert count >= 8
 
 
-def test_a_misspelt_command_in_the_source_would_be_seen() -> None:
+def test_misspelt_command_in_the_source_would_be_detected() -> None:
     for text in (
         "/system/resourse/print",
         ":putt x",
@@ -111,7 +111,7 @@ def test_a_misspelt_command_in_the_source_would_be_seen() -> None:
     assert Said("/ip/address", "print", frozenset({"prop"}), "x").unknown(TREES[1]) == {"prop"}
 
 
-def test_what_is_listed_as_newer_is_newer() -> None:
+def test_menus_listed_as_newer_are_newer() -> None:
     for menu, (first, why) in SINCE.items():
         assert [tree.has_menu(menu) for tree in TREES] == [tree.version >= first for tree in TREES]
         assert why

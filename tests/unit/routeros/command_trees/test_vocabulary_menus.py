@@ -43,7 +43,7 @@ def history(path: str, name: str) -> Span | None:
 
 
 @for_each_row(("path", "name"), CELLS)
-def test_a_field_comes_and_goes_when_the_trees_say(path: str, name: str) -> None:
+def test_since_and_until_of_a_field_match_the_trees(path: str, name: str) -> None:
     field, found = MENUS[path].by_name[name], history(path, name)
     if found is None:
         assert known(path, "set", name)
@@ -66,7 +66,7 @@ def test_a_field_comes_and_goes_when_the_trees_say(path: str, name: str) -> None
 
 
 @for_each_row("path", MENUS)
-def test_a_menu_comes_when_the_trees_say(path: str) -> None:
+def test_since_of_a_menu_matches_the_trees(path: str) -> None:
     menu, there = MENUS[path], [tree.has_menu(path) for tree in EVERY_TREE]
     assert all(there) or menu.since is not None
     for version, tree in FIRST_VERSIONS:
@@ -79,7 +79,7 @@ RADIOS = ("/interface/wifi", "/interface/wireless")
 
 @for_each_row("path", MENUS)
 @for_each_row("tree", TREES, ids=VERSIONS)
-def test_shapes_are_those_of_the_trees(path: str, tree: Tree) -> None:
+def test_menu_shapes_match_the_trees(path: str, tree: Tree) -> None:
     menu = MENUS[path]
     if menu.readonly:
         return
@@ -123,7 +123,7 @@ def closed(kind: values.ValueType) -> set[str] | None:
     return set(kind.words) if isinstance(kind, values.Choice | values.Choices) else None
 
 
-def test_words_of_the_twin_are_those_of_the_console() -> None:
+def test_enumerations_of_the_emulator_match_the_console() -> None:
     """Where the console offers a closed set, the twin takes all of it and nothing else."""
     checked, differing = 0, {}
     for path, menu in MODELLED_MENUS.items():
@@ -143,7 +143,7 @@ def words(path: str, name: str) -> set[str]:
     return {word.strip('"') for word in found if word not in ("!", ",", "!,")}
 
 
-def test_countries_and_protocols_that_the_console_offers_are_taken() -> None:
+def test_countries_and_protocols_of_the_console_are_accepted() -> None:
     for path, menu in MODELLED_MENUS.items():
         for arg in menu.args:
             if arg.name.rpartition(".")[2] in FREE and (ours := closed(arg.kind)) is not None:
@@ -151,7 +151,7 @@ def test_countries_and_protocols_that_the_console_offers_are_taken() -> None:
 
 
 @for_each_row("path", MENUS)
-def test_defaults_of_enumerations_are_words_of_the_console(path: str) -> None:
+def test_enumeration_defaults_are_console_values(path: str) -> None:
     twin = MODELLED_MENUS[path].by_name if path in MODELLED_MENUS else {}
     for field in MENUS[path].fields:
         if field.default and field.name in twin and closed(twin[field.name].kind) and words(path, field.name):
@@ -187,7 +187,7 @@ EVERY_VERSION = (
 
 
 @for_each_row("version", EVERY_VERSION)
-def test_the_engine_takes_no_version_for_newer_than_the_twin_does(version: str) -> None:
+def test_engine_assumes_no_field_that_the_emulator_lacks(version: str) -> None:
     """Between and below the trees the two tables are kept apart; what the engine believes in, the twin must have."""
     schema = Schema(version, ("routeros", "wireless"), BOARD_FEATURES)
     believed = []

@@ -18,13 +18,13 @@ def test_all_that_templates_render_is_in_the_tree(tree: Tree) -> None:
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 @pytest.mark.parametrize("name", sources())
-def test_all_that_stands_in_a_template_is_in_the_tree(name: str, tree: Tree) -> None:
+def test_everything_written_in_a_template_is_in_the_tree(name: str, tree: Tree) -> None:
     said = list(lines(bare(sources()[name]), tree))
     assert [one.text for one in said if unknown(one, tree)] == []
     assert said
 
 
-def test_what_is_called_newer_is_newer() -> None:
+def test_arguments_listed_as_newer_are_newer() -> None:
     rows = [(menu, name, since) for (menu, name), since in NEWER.items()]
     for tree in TREES:
         for menu, name, since in rows:
@@ -33,7 +33,7 @@ def test_what_is_called_newer_is_newer() -> None:
             assert lacks is (Version.parse(tree.version) < Version.parse(since)), (tree.version, name)
 
 
-def test_what_was_rendered_is_all_that_the_templates_hold() -> None:
+def test_rendered_text_covers_everything_in_the_templates() -> None:
     """No branch is left out, or the tests above would say nothing of it; and nothing comes from anywhere else."""
     written = words(tuple(bare(source) for source in sources().values()))
     said = words(rendered())
@@ -44,6 +44,6 @@ def test_what_was_rendered_is_all_that_the_templates_hold() -> None:
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
-def test_a_misspelt_argument_in_a_template_would_be_seen(tree: Tree) -> None:
+def test_misspelt_argument_in_a_template_would_be_detected(tree: Tree) -> None:
     text = bare("/ip route\nadd {% if x %} distanse={{ y }}{% endif %} gateway={{ z }}@main\n")
     assert [said.unknown(tree) for said in lines(text, tree)] == [frozenset({"distanse"})]

@@ -16,7 +16,7 @@ from atlantis_netcfg.emulator.routeros.schema import TREES as SHIPPED_BY_TWIN
 BESIDE = ROOT.parent / "shared" / "data" / "routeros-inspect"
 
 
-def test_the_shipped_trees_are_those_that_were_handed_to_us() -> None:
+def test_shipped_trees_match_their_checksums() -> None:
     listed = [line.split() for line in (SHIPPED / "SHA256SUMS").read_text("utf-8").splitlines()]
     sums = {name: digest for digest, name in listed}
     beside = {path.name: path.read_bytes() for path in BESIDE.glob("*.json.gz")}
@@ -25,7 +25,7 @@ def test_the_shipped_trees_are_those_that_were_handed_to_us() -> None:
     assert set(sums) == {*(f"{version}.json.gz" for version in WHOLE), "7.21.5.values.json.gz", "changes.json.gz"}
 
 
-def test_every_change_goes_on_from_the_tree_before_it() -> None:
+def test_every_change_continues_from_the_previous_tree() -> None:
     """The chain has no gap, and no version twice; a patch that has been applied changes nothing more."""
     assert PUBLISHED[0] in WHOLE
     for before, version in pairwise(PUBLISHED):
@@ -36,14 +36,14 @@ def test_every_change_goes_on_from_the_tree_before_it() -> None:
             assert apply(grown(version), step["change"]) == grown(version)
 
 
-def test_what_a_patch_takes_and_gives() -> None:
+def test_patch_adds_and_removes_nodes() -> None:
     tree = {"_type": "dir", "add": {"_type": "cmd", "a": {"_type": "arg"}}, "old": {"_type": "cmd"}}
     patch = {"add": {"b": {"_type": "arg"}}, "old": None}
     assert apply(tree, patch) == {"_type": "dir", "add": {"_type": "cmd", "a": {"_type": "arg"}, "b": {"_type": "arg"}}}
     assert "old" in tree
 
 
-def test_the_newest_tree_is_what_the_product_calls_known() -> None:
+def test_newest_tree_is_the_newest_known_version() -> None:
     assert str(NEWEST_KNOWN) == PUBLISHED[-1] == SHIPPED_BY_TWIN[-1]
     assert PUBLISHED == SHIPPED_BY_TWIN
 
@@ -52,7 +52,7 @@ def test_the_newest_tree_is_what_the_product_calls_known() -> None:
     ("version", "menus"),
     [("7.16", 522), ("7.18.2", 532), ("7.21.5", 548), ("7.22.2", 552), ("7.23.2", 550), ("7.24", 554)],
 )
-def test_the_reader_sees_every_menu(version: str, menus: int) -> None:
+def test_reader_finds_every_menu(version: str, menus: int) -> None:
     assert len(list(Tree(version).menus())) == menus
 
 
@@ -70,7 +70,7 @@ def test_the_values_belong_to_commands_of_the_newest_tree() -> None:
 
 @for_each_row("hole", HOLES, ids=lambda hole: f"{hole.menu} {hole.command} {hole.argument}".strip())
 @for_each_row("tree", TREES, ids=VERSIONS)
-def test_a_hole_is_a_hole(hole: Hole, tree: Tree) -> None:
+def test_known_holes_are_absent_from_the_tree(hole: Hole, tree: Tree) -> None:
     if hole.argument:
         assert tree.has_command(hole.menu, hole.command)
         assert hole.argument not in tree.arguments(hole.menu, hole.command)
@@ -82,12 +82,12 @@ def test_a_hole_is_a_hole(hole: Hole, tree: Tree) -> None:
 
 
 @pytest.mark.parametrize(("menu", "argument"), SINCE_ABSENT)
-def test_what_left_the_tree_of_the_cloud_hosted_router(menu: str, argument: str) -> None:
+def test_arguments_removed_from_the_chr_tree_are_dated_correctly(menu: str, argument: str) -> None:
     gone = Version.parse(SINCE_ABSENT[menu, argument])
     assert [argument in tree.settable(menu) for tree in TREES] == [Version.parse(name) < gone for name in VERSIONS]
 
 
-def test_what_the_twin_adds_to_a_tree_is_a_known_hole() -> None:
+def test_every_addition_of_the_emulator_is_a_known_hole() -> None:
     """Its own table of hardware may not name anything that we have not looked at."""
     for row in ADDITIONS:
         absent = [tree for tree in TREES if not tree.has_command(row.menu, row.command)]
@@ -99,7 +99,7 @@ def test_what_the_twin_adds_to_a_tree_is_a_known_hole() -> None:
             assert known or (row.menu, name) in SINCE_ABSENT, (row.menu, name)
 
 
-def test_words_are_cut_as_the_console_cuts_them() -> None:
+def test_tokens_are_split_as_on_the_console() -> None:
     assert tokens('add comment="a \\" b" [ find x="] y" ] c={ d e }') == [
         "add",
         'comment="a \\" b"',
@@ -124,7 +124,7 @@ def test_words_are_cut_as_the_console_cuts_them() -> None:
         ("/ip route\nadd blackhole dst-address=1.2.3.4/32", 0),
     ],
 )
-def test_what_is_misspelt_is_seen(text: str, unknown: int) -> None:
+def test_misspellings_are_detected(text: str, unknown: int) -> None:
     assert sum(bool(said.unknown(TREES[0])) for said in lines(text, TREES[0])) == unknown
 
 

@@ -54,7 +54,7 @@ def commands(tree: Tree) -> Iterator[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
-def test_every_command_is_known_and_refuses_an_argument_that_is_none(tree: Tree) -> None:
+def test_every_command_is_known_and_refuses_an_invalid_argument(tree: Tree) -> None:
     bare, odd, count = BARE[tree.version], {}, 0
     for _, _, path in commands(tree):
         if path in SESSION:
@@ -83,7 +83,7 @@ def test_every_argument_is_known(tree: Tree) -> None:
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
-def test_what_only_other_versions_have_is_refused(tree: Tree) -> None:
+def test_commands_of_other_versions_only_are_refused(tree: Tree) -> None:
     """The nearest thing to a misspelling: a name that is right, but not in this version."""
     bare, taken, count = BARE[tree.version], [], 0
     for other in TREES:
@@ -127,7 +127,7 @@ def misspelt(draw: st.DrawFn) -> str:
     path=st.lists(st.one_of(st.sampled_from(WORDS), misspelt()), min_size=1, max_size=3),
     command=st.one_of(st.sampled_from(WORDS), misspelt()),
 )
-def test_paths_that_lead_nowhere_are_refused(version: str, path: list[str], command: str) -> None:
+def test_invalid_paths_are_refused(version: str, path: list[str], command: str) -> None:
     tree, menu = Tree(version), "/" + "/".join(word for word in path if word)
     if not all(path) or not command or f"{menu}/{command}" in SESSION:
         return
@@ -142,7 +142,7 @@ def test_paths_that_lead_nowhere_are_refused(version: str, path: list[str], comm
 
 @settings(max_examples=3 * settings().max_examples)
 @given(data=st.data(), version=st.sampled_from(VERSIONS))
-def test_arguments_of_elsewhere_are_refused(data: st.DataObject, version: str) -> None:
+def test_arguments_of_other_commands_are_refused(data: st.DataObject, version: str) -> None:
     tree = Tree(version)
     menu = data.draw(st.sampled_from([menu for menu in tree.menus() if tree.settable(menu)]))
     command = "add" if "add" in tree.commands(menu) else "set"
@@ -153,7 +153,7 @@ def test_arguments_of_elsewhere_are_refused(data: st.DataObject, version: str) -
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
-def test_the_console_refuses_in_its_own_words(tree: Tree) -> None:
+def test_console_refusals_have_the_exact_text(tree: Tree) -> None:
     """Every seventh command of the tree, misspelt in three ways; the column is that of the wrong word."""
     odd: dict[str, str] = {}
     bare, count = BARE[tree.version], 0

@@ -22,7 +22,7 @@ KEY = paramiko.ECDSAKey.generate()
     "sent",
     [b"\x1b[999999999999GX", b"\x1b[" + b"9" * 5_000 + b"GX", b"\x1b[1;2DX", b"\x1b[?9CX", b"\x1b[" + b"9" * 100],
 )
-def test_a_screen_is_as_wide_as_it_is(sent: bytes) -> None:
+def test_screen_width_is_bounded(sent: bytes) -> None:
     screen = TerminalScreen()
     for byte in sent:
         screen.feed(bytes([byte]))
@@ -30,7 +30,7 @@ def test_a_screen_is_as_wide_as_it_is(sent: bytes) -> None:
     assert len(screen._rest) < 64
 
 
-def test_a_screen_counts_what_came_since_it_was_cleared() -> None:
+def test_screen_size_is_counted_since_the_last_clear() -> None:
     screen = TerminalScreen()
     screen.feed(b"x\n" * MOST)
     assert screen.size > MOST
@@ -94,7 +94,7 @@ def no_end(channel: paramiko.Channel) -> None:
 
 
 @pytest.mark.parametrize("behave", [flood, drip, no_end])
-def test_a_command_without_end_is_left(
+def test_endless_command_output_is_aborted(
     behave: Callable[[paramiko.Channel], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ssh, "_MOST", 4_000_000)
@@ -106,7 +106,7 @@ def test_a_command_without_end_is_left(
         commands.run("uci show", timeout_s=60 if behave is flood else 1)
 
 
-def test_a_greeting_without_end_is_left() -> None:
+def test_endless_greeting_is_aborted() -> None:
     """Before SSH has begun, a line that never ends."""
 
     def greet() -> None:

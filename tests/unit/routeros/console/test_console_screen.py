@@ -23,7 +23,7 @@ SAID = [
 
 
 @pytest.mark.parametrize(("data", "lines"), SAID)
-def test_what_stands_there(data: bytes, lines: list[str]) -> None:
+def test_screen_text_after_control_sequences(data: bytes, lines: list[str]) -> None:
     whole, pieces = TerminalScreen(), TerminalScreen()
     whole.feed(data)
     for byte in data:
@@ -31,14 +31,14 @@ def test_what_stands_there(data: bytes, lines: list[str]) -> None:
     assert whole.text() == pieces.text() == lines
 
 
-def test_questions_of_the_device_are_answered() -> None:
+def test_terminal_queries_of_the_device_are_answered() -> None:
     screen = TerminalScreen()
     screen.feed(b"\x1b[9999C\x1b[6n\x1bZ")
     assert screen.replies == b"\x1b[1;511R\x1b[?1;2c"
 
 
 @given(st.binary(max_size=200), st.lists(st.integers(0, 200), max_size=5))
-def test_pieces_make_no_difference(data: bytes, cuts: list[int]) -> None:
+def test_chunking_makes_no_difference(data: bytes, cuts: list[int]) -> None:
     whole, pieces = TerminalScreen(), TerminalScreen()
     whole.feed(data)
     places = [0, *sorted(cut for cut in cuts if cut < len(data)), len(data)]
@@ -57,5 +57,5 @@ def test_pieces_make_no_difference(data: bytes, cuts: list[int]) -> None:
         (".id=*1;comment=1 = 2;policy=read;write", [{".id": "*1", "comment": "1 = 2", "policy": "read;write"}]),
     ],
 )
-def test_rows(text: str, rows: list[dict[str, str]]) -> None:
+def test_rows_are_parsed(text: str, rows: list[dict[str, str]]) -> None:
     assert parse_rows(text) == rows

@@ -12,7 +12,7 @@ from atlantis_netcfg.routeros.console.types import ConsoleLoginError, ConsoleUnr
 WORD = "sticker"
 
 
-def test_a_login_and_a_command() -> None:
+def test_login_and_command_work() -> None:
     desk = Desk({"/x": "fine"}, password=WORD, logged_in=False)
     desk.begin()
     with DeskLine(desk) as path:
@@ -23,7 +23,7 @@ def test_a_login_and_a_command() -> None:
         assert not desk.logged_in
 
 
-def test_a_wrong_password() -> None:
+def test_wrong_password_is_reported() -> None:
     desk = Desk(password=WORD, logged_in=False)
     desk.begin()
     with DeskLine(desk) as path, pytest.raises(ConsoleLoginError, match="did not accept the user name and password"):
@@ -49,7 +49,7 @@ def test_safe_mode_of_a_killed_run_is_undone() -> None:
         console.close()
 
 
-def test_a_session_with_safe_mode_is_undone_at_the_end() -> None:
+def test_session_with_safe_mode_is_undone_on_close() -> None:
     desk = Desk(password=WORD, logged_in=False)
     desk.begin()
     with DeskLine(desk) as path:
@@ -61,12 +61,12 @@ def test_a_session_with_safe_mode_is_undone_at_the_end() -> None:
         again.close()
 
 
-def test_no_such_line(tmp_path: Path) -> None:
+def test_missing_serial_line_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ConsoleUnreachable, match="the serial line cannot be opened"):
         open_serial(str(tmp_path / "ttyUSB7"), "admin", Secret(WORD), timeout_s=1)
 
 
-def test_a_silent_line() -> None:
+def test_silent_line_is_reported() -> None:
     desk = Desk(password=WORD, mute=True)
     with DeskLine(desk) as path, pytest.raises(ConsoleUnreachable, match="nothing that looks like a RouterOS console"):
         open_serial(path, "admin", Secret(WORD), timeout_s=0.1)

@@ -39,7 +39,7 @@ def logins(site: RunningSite) -> int:
     return int(site.do("box", "counters")["logins"])
 
 
-def test_no_password_for_a_stranger(site: RunningSite) -> None:
+def test_unknown_or_changed_host_key_gets_no_password(site: RunningSite) -> None:
     host, port, key = where(site)
     with pytest.raises(UnknownHostKey) as unknown:
         open_ssh(host, port, "provision", WORD, pin=None, timeout_s=10)
@@ -50,7 +50,7 @@ def test_no_password_for_a_stranger(site: RunningSite) -> None:
     assert logins(site) == 0
 
 
-def test_a_session_of_commands(site: RunningSite, caplog: pytest.LogCaptureFixture) -> None:
+def test_session_runs_commands_and_logs_no_secret(site: RunningSite, caplog: pytest.LogCaptureFixture) -> None:
     host, port, key = where(site)
     with caplog.at_level(logging.DEBUG):
         console = open_ssh(host, port, "provision", WORD, pin=key, timeout_s=10)
@@ -81,14 +81,14 @@ def test_a_closed_session_undoes_safe_mode(site: RunningSite) -> None:
     assert site.do("box", "export", header=False) == before
 
 
-def test_a_wrong_password(site: RunningSite) -> None:
+def test_wrong_password_is_reported_without_the_password(site: RunningSite) -> None:
     host, port, key = where(site)
     with pytest.raises(ConsoleLoginError) as failed:
         open_ssh(host, port, "provision", Secret("guess"), pin=key, timeout_s=10)
     assert "guess" not in str(failed.value)
 
 
-def test_a_dropped_connection(site: RunningSite) -> None:
+def test_dropped_connection_raises_console_lost(site: RunningSite) -> None:
     host, port, key = where(site)
     console = open_ssh(host, port, "provision", WORD, pin=key, timeout_s=10)
     site.do("box", "drop")
@@ -97,12 +97,12 @@ def test_a_dropped_connection(site: RunningSite) -> None:
     console.close()
 
 
-def test_nobody_there() -> None:
+def test_refused_connection_is_reported() -> None:
     with pytest.raises(ConsoleUnreachable, match="no SSH session came about"):
         open_ssh("127.0.0.1", 1, "provision", WORD, pin="SHA256:x", timeout_s=1)
 
 
-def test_a_server_that_is_none_leaves_no_traceback_on_the_screen() -> None:
+def test_non_ssh_server_causes_no_traceback_on_the_screen() -> None:
     program = """
 import socket, threading
 from atlantis_netcfg.routeros.console.ssh import open_ssh
@@ -120,7 +120,7 @@ except ConsoleUnreachable as error:
     assert done.stderr == ""
 
 
-def test_a_file_is_copied(site: RunningSite, tmp_path: Path) -> None:
+def test_file_is_uploaded_only_to_a_host_with_a_pinned_key(site: RunningSite, tmp_path: Path) -> None:
     host, port, key = where(site)
     source = tmp_path / "notes.txt"
     source.write_text("a line\n" * 10_000)

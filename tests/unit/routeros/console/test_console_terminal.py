@@ -18,7 +18,7 @@ def opened(desk: Desk, piece: int = 65536) -> tuple[Terminal, DeskWire]:
 
 
 @PIECES
-def test_a_command_gives_what_it_printed(piece: int) -> None:
+def test_command_returns_its_output(piece: int) -> None:
     desk = Desk({"/export": "# by RouterOS\n/ip address\nadd address=10.0.0.1/24"})
     console, _ = opened(desk, piece)
     assert console.run("/export", timeout_s=5) == "# by RouterOS\n/ip address\nadd address=10.0.0.1/24"
@@ -32,7 +32,7 @@ def test_a_command_may_print_nothing(piece: int) -> None:
 
 
 @PIECES
-def test_a_refusal_is_told_in_the_devices_words(piece: int) -> None:
+def test_refusal_is_reported_with_the_device_message(piece: int) -> None:
     console, _ = opened(Desk({"/ip address add": f"{ERROR}failure: already have such address"}), piece)
     with pytest.raises(ConsoleCommandError) as refused:
         console.run("/ip address add", timeout_s=5)
@@ -56,14 +56,14 @@ def test_a_secret_in_a_refusal_is_masked() -> None:
     assert refused.value.words == "value ******** is too short"
 
 
-def test_one_line_is_one_line() -> None:
+def test_command_with_a_line_break_is_rejected() -> None:
     console, _ = opened(Desk())
     with pytest.raises(ValueError, match="one line"):
         console.run("/ip address add\n/user remove admin")
 
 
 @PIECES
-def test_the_questions_of_a_first_login_are_answered(piece: int) -> None:
+def test_first_login_prompts_are_answered(piece: int) -> None:
     questions = [
         "Do you want to see the software license? [Y/n]: ",
         'The following default configuration has been installed:\r\nRemove this default configuration type "r"',
@@ -75,7 +75,7 @@ def test_the_questions_of_a_first_login_are_answered(piece: int) -> None:
     assert console.run("/x", timeout_s=5) == "there"
 
 
-def test_rows_are_read() -> None:
+def test_rows_are_parsed() -> None:
     answer = ".id=*1;address=10.0.0.1/24;comment=a;b;interface=ether1;.id=*2;address=10.0.0.2/24"
     console, _ = opened(Desk({":put [/ip address print detail as-value where disabled=no]": answer}))
     assert console.rows("/ip address", where="disabled=no", timeout_s=5) == [
@@ -98,7 +98,7 @@ def test_safe_mode_is_taken_and_released() -> None:
     assert wire.closed
 
 
-def test_a_session_with_safe_mode_is_not_quit() -> None:
+def test_session_with_safe_mode_hangs_up_without_quit() -> None:
     desk = Desk()
     console, wire = opened(desk)
     console.take_safe_mode()
@@ -116,7 +116,7 @@ def test_safe_mode_of_others_is_left_alone() -> None:
     assert console.run("/x", timeout_s=5) == "fine"
 
 
-def test_a_lost_line_may_have_done_the_command() -> None:
+def test_command_on_a_lost_line_is_marked_in_flight() -> None:
     mark = '/user disable admin; :put "atlantis-done-2"'
     console, wire = opened(Desk({"/user disable admin": ""}, lost_at=mark))
     with pytest.raises(ConsoleLost) as lost:
@@ -137,7 +137,7 @@ def test_silence_ends_the_session() -> None:
     assert wire.closed
 
 
-def test_a_login_that_fails_is_said() -> None:
+def test_failed_login_is_reported() -> None:
     desk = Desk(questions=["Login failed, incorrect username or password\r\n"])
     with pytest.raises(ConsoleLoginError, match="router: the device did not accept"):
         opened(desk)

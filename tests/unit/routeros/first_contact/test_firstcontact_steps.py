@@ -26,7 +26,7 @@ def typed(found: object) -> list[str]:
     return [line.text for step in found for line in step.lines]  # type: ignore[attr-defined]
 
 
-def test_what_is_added_beside_the_way_in_use() -> None:
+def test_preparation_adds_user_certificate_and_management_address() -> None:
     lines = typed(prepare(facts(), WISH, NOW))
     assert lines == [
         '/user add name=provision group=full password="a \\"b\\" \\$c" comment=atlantis',
@@ -45,7 +45,7 @@ def test_a_password_is_marked_as_a_secret() -> None:
     assert 'a "b" $c' not in repr(line.secrets)
 
 
-def test_what_is_there_is_not_planned_again() -> None:
+def test_adopted_device_needs_no_steps() -> None:
     assert prepare(adopted(), WISH, NOW) == ()
     assert clear(adopted()) == ()
     assert close_door(adopted(), WISH) == ()
@@ -61,18 +61,18 @@ def test_a_clock_of_1970_is_set_first(version: Version, date: str) -> None:
     assert typed(prepare(replace(found, now=None), WISH, NOW))[0].startswith("/system clock")
 
 
-def test_a_half_made_certificate_is_only_signed() -> None:
+def test_unsigned_certificate_is_only_signed() -> None:
     found = adopted(certificates=({".id": "*1", "name": "atlantis-api", "fingerprint": ""},))
     assert typed(prepare(found, WISH, NOW)) == ["/certificate sign atlantis-api"]
 
 
-def test_our_user_who_is_locked_out_is_let_in() -> None:
+def test_our_disabled_user_is_enabled() -> None:
     locked = {".id": "*2", "name": "provision", "group": "read", "disabled": "true"}
     (line,) = typed(prepare(adopted(users=(*adopted().users[:1], locked)), WISH, NOW))
     assert line.startswith("/user set provision group=full disabled=no password=")
 
 
-def test_the_default_configuration_goes_in_an_order_that_lets_it() -> None:
+def test_default_configuration_is_removed_in_a_working_order() -> None:
     lines = typed(clear(facts()))
     assert lines == [
         "/ip firewall filter remove *2",
@@ -87,7 +87,7 @@ def test_the_default_configuration_goes_in_an_order_that_lets_it() -> None:
     ]
 
 
-def test_what_is_ours_stays_and_what_was_for_first_contact_goes() -> None:
+def test_managed_rows_stay_and_first_contact_rows_are_removed() -> None:
     export = (
         '/ip firewall filter\nadd action=accept chain=input comment="atlantis: first contact"\n'
         'add action=accept chain=input comment="atlantis: managed"\nadd action=drop chain=input comment=defconf\n'
@@ -95,7 +95,7 @@ def test_what_is_ours_stays_and_what_was_for_first_contact_goes() -> None:
     assert typed(clear(facts(export))) == ["/ip firewall filter remove *3", "/ip firewall filter remove *1"]
 
 
-def test_what_the_device_made_itself_is_left() -> None:
+def test_rows_made_by_the_device_are_left() -> None:
     rows = dict.fromkeys(CLEARED_MENUS, ())
     rows["/ip/address"] = ({".id": "*1", "address": "10.0.0.7/24", "dynamic": "true"},)  # type: ignore[assignment]
     rows["/interface/list"] = (  # type: ignore[assignment]
@@ -105,7 +105,7 @@ def test_what_the_device_made_itself_is_left() -> None:
     assert clear(facts("", rows=rows)) == ()
 
 
-def test_everybody_but_our_user_is_disabled() -> None:
+def test_every_other_user_is_disabled() -> None:
     users = tuple({"name": name, "disabled": "false"} for name in ("admin", "the boss", "provision"))
     assert typed(close_door(facts(users=users), WISH)) == ["/user disable admin", '/user disable "the boss"']
 
@@ -136,17 +136,17 @@ def test_everybody_but_our_user_is_disabled() -> None:
         (facts(certificates=({"name": "webfig"},)), DeviceState.SOMEONES),
     ],
 )
-def test_whose_it_is(found: object, standing: DeviceState) -> None:
+def test_device_state_is_recognised(found: object, standing: DeviceState) -> None:
     assert recognise(found, WISH, NOW) is standing  # type: ignore[arg-type]
 
 
-def test_a_declared_certificate_may_be_there_already() -> None:
+def test_declared_certificate_may_already_exist() -> None:
     found = facts(certificates=({"name": "atlantis-vpn"},))
     assert recognise(found, WISH, NOW) is DeviceState.SOMEONES
     assert recognise(found, replace(WISH, certificates=("atlantis-api", "atlantis-vpn")), NOW) is DeviceState.FACTORY
 
 
-def test_what_is_somebodys_is_named_without_its_values() -> None:
+def test_foreign_configuration_is_named_without_values() -> None:
     export = DEFAULTS + "/ppp secret\nadd name=a password=hunter2\nadd name=b\n/system identity\nset name=boat\n"
     said = foreign(facts(export, users=({"name": "boss"},), certificates=({"name": "webfig"},)), WISH)
     assert said == ("/ppp secret (2)", "/system identity (1)", "user boss", "certificate webfig")

@@ -30,7 +30,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_why_not(case: str) -> None:
+def test_objections_match_the_golden_text(case: str) -> None:
     said = "".join(f"{one.message}\n{one.hint}\n" for one in objections(*CASES[case]))
     assert said == (GOLDEN / f"{case}.txt").read_text()
 
@@ -39,14 +39,14 @@ def test_every_golden_file_is_of_a_case() -> None:
     assert {path.stem for path in GOLDEN.iterdir()} == CASES.keys()
 
 
-def test_nothing_is_objected_to_what_fits() -> None:
+def test_suitable_device_has_no_objections() -> None:
     assert objections(facts(), replace(WISH, model="RB5009UPr+S+IN", features={"scheduler": "/x"})) == ()
     assert objections(facts(packages=("routeros", "wireless")), replace(WISH, radio=True)) == ()
     assert objections(facts(version=Version(7, 12, 1)), replace(WISH, radio=True)) == ()
     assert objections(facts(device_mode=None), replace(WISH, features={"scheduler": "/x"})) == ()
 
 
-def test_everything_is_said_at_once() -> None:
+def test_all_objections_are_reported_at_once() -> None:
     found = objections(facts(board="hEX", ethernets=(), version=Version(6, 40)), replace(WISH, model="RB5009"))
     assert all(isinstance(one, Objection) for one in found)
     assert len(found) == 3
@@ -62,5 +62,5 @@ def test_everything_is_said_at_once() -> None:
         ("/interface ovpn-client\nadd name=a\n", {}),
     ],
 )
-def test_features_that_a_text_needs(text: str, needed: dict[str, str]) -> None:
+def test_required_features_of_a_text(text: str, needed: dict[str, str]) -> None:
     assert features_of(parse(text)) == needed

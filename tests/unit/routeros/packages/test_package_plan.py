@@ -96,7 +96,7 @@ CASES = {
 
 
 @for_each_row("name", CASES)
-def test_case(name: str) -> None:
+def test_packages_to_send_or_refusal_match_the_case(name: str) -> None:
     case = CASES[name]
     if case.says:
         with pytest.raises(UpgradeError) as refused:
@@ -115,7 +115,7 @@ def after(installed: InstalledSystem, decided: Upgrade) -> InstalledSystem:
 
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if not case.says])
-def test_what_was_done_needs_not_be_done_again(name: str) -> None:
+def test_plan_is_idempotent(name: str) -> None:
     case = CASES[name]
     decided = plan(case.installed, case.given, give_up=case.drop)
     again = plan(after(case.installed, decided), case.given, give_up=case.drop)
@@ -124,7 +124,7 @@ def test_what_was_done_needs_not_be_done_again(name: str) -> None:
     assert again.expected_packages == decided.expected_packages
 
 
-def test_all_reasons_are_told_together() -> None:
+def test_all_refusal_reasons_are_reported_together() -> None:
     with pytest.raises(UpgradeError) as refused:
         plan(device(), (npk("routeros", "7.16", "arm"), npk("gps", "7.15", "arm64")))
     assert all(words in str(refused.value) for words in ("different versions", "is for arm", "does not go back"))

@@ -83,7 +83,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("menu", "near", "far", "expected"), CASES)
-def test_disagreements(menu: str, near: dict[str, str], far: dict[str, str], expected: list[str]) -> None:
+def test_disagreements_of_two_radios(menu: str, near: dict[str, str], far: dict[str, str], expected: list[str]) -> None:
     one = PairRadio(menu, "wlan1", "A", {**MENUS[menu], **near})
     other = PairRadio(menu, "wlan1", "B", {**MENUS[menu], **STATIONS[menu], **far})
     assert list(disagreements(one, other, ("near", "far"))) == expected
@@ -95,7 +95,7 @@ def test_different_drivers_never_bridge() -> None:
     assert disagreements(None, other, ("near", "far")) == ("near has no radio that can be driven",)
 
 
-def test_a_radio_with_what_it_inherits() -> None:
+def test_radio_values_include_inherited_profiles() -> None:
     rows = {
         "/interface/wifi": (
             {".id": "*5", "default-name": "wifi1", "configuration": "all", "channel": "direct", "mac-address": "A"},
@@ -143,5 +143,5 @@ def test_what_may_interrupt_a_link(menu: str, verb: Verb, names: tuple[str, ...]
         ({}, None),
     ],
 )
-def test_levels_with_and_without_units(row: dict[str, str], level: float | None) -> None:
+def test_signal_level_is_parsed_with_and_without_units(row: dict[str, str], level: float | None) -> None:
     assert level_dbm(row) == level

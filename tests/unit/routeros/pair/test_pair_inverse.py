@@ -76,7 +76,7 @@ def change(seen: Mapping[str, tuple[dict[str, str], ...]]) -> tuple[Action, ...]
 
 
 @pytest.mark.parametrize("done", range(4))
-def test_takes_back_however_far_it_came(done: int) -> None:
+def test_rollback_restores_from_any_step(done: int) -> None:
     bench = make(**SPEC)
     assert bench.script(OLD) == ""
     seen = rows(bench, RADIO, PROFILES, CONNECT)
@@ -117,7 +117,7 @@ add bridge=b comment="atlantis: cable" interface=ether1
 
 
 @pytest.mark.parametrize("done", range(6))
-def test_takes_names_back_however_far_it_came(done: int) -> None:
+def test_rollback_restores_swapped_names_from_any_step(done: int) -> None:
     bench = make(**SPEC)
     assert bench.script(SWAPPED) == ""
     seen = rows(bench, RADIO, PORT, MEMBER)
@@ -132,7 +132,7 @@ def test_takes_names_back_however_far_it_came(done: int) -> None:
 
 
 @pytest.mark.parametrize("done", range(2))
-def test_puts_a_row_back_in_its_place(done: int) -> None:
+def test_rollback_restores_a_row_at_its_position(done: int) -> None:
     bench = make(**SPEC)
     assert bench.script(OLD + "add interface=wlan1 ssid=y\n") == ""
     seen, before = rows(bench, CONNECT), bench.text()
@@ -153,7 +153,7 @@ def test_a_hidden_key_cannot_be_written_back() -> None:
         rollback((key,), hidden)
 
 
-def test_a_device_alone_holds_no_key_in_a_script() -> None:
+def test_inverse_with_a_key_in_clear_is_refused() -> None:
     bench = make(**SPEC)
     assert bench.script(OLD) == ""
     seen = rows(bench, RADIO, PROFILES, CONNECT)
@@ -161,7 +161,7 @@ def test_a_device_alone_holds_no_key_in_a_script() -> None:
         inverse(Observation(FACTS, seen), Plan("far", change(seen), ""))
 
 
-def test_the_job_writes_back_where_nobody_is_registered_and_goes() -> None:
+def test_scheduled_job_rolls_back_an_unregistered_radio_and_removes_itself() -> None:
     bench = make(**SPEC)
     bench.script("/interface wireless set wlan1 ssid=new")
     job = pair_script(RADIO, "48:A9:8A:00:00:01", f":do {{\n{RADIO}/set wlan1 ssid=old\n}} on-error={{\n}}\n")

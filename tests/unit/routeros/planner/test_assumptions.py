@@ -51,7 +51,7 @@ def sources() -> dict[str, str]:
     return found
 
 
-def test_the_table_says_everything_once() -> None:
+def test_assumption_ids_are_unique_and_entries_well_formed() -> None:
     assert [name for name, number in Counter(IDS).items() if number > 1] == []
     for each in ASSUMPTIONS:
         assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)+", each.id)
@@ -61,18 +61,18 @@ def test_the_table_says_everything_once() -> None:
     assert str(len(ASSUMPTIONS)) in summarize_assumptions()
 
 
-def test_the_code_names_every_row_and_no_other() -> None:
+def test_code_references_every_assumption_and_no_other() -> None:
     named = {name for text in sources().values() for name in NAMED.findall(text)}
     assert sorted(named - set(IDS)) == [], "these stand in no row of routeros/assumptions.py"
     assert sorted(set(IDS) - named) == [], "nothing names these: take them out, or write where they are assumed"
 
 
-def test_no_inference_is_left_beside_the_table() -> None:
+def test_no_inference_is_mentioned_outside_the_table() -> None:
     words = re.compile(r"infer(?:red|ence)|not documented|undocumented", re.IGNORECASE)
     assert [name for name, text in sources().items() if words.search(text)] == []
 
 
-def test_whatever_a_device_can_show_is_shown() -> None:
+def test_every_verifiable_assumption_has_a_check() -> None:
     of_the_session = {"api-flight-100", "tls-version"}
     assert {each.id for each in ASSUMPTIONS if each.proof == READS} == {*CHECKS, *of_the_session}
     assert {each.id for each in ASSUMPTIONS if each.proof == TRY} == set(TRIES)
@@ -80,21 +80,21 @@ def test_whatever_a_device_can_show_is_shown() -> None:
     assert {deviation.value for deviation in Deviation} <= set(IDS)
 
 
-def test_the_page_has_the_table() -> None:
+def test_docs_page_contains_the_table() -> None:
     page = (CHECKOUT / "docs" / "verify.md").read_text(encoding="utf-8")
     rows = [line for line in page.splitlines() if line.startswith("| `")]
     table = (*ASSUMPTIONS, *rutos.ASSUMPTIONS)
     assert rows == [f"| `{each.id}` | {each.sentence} | {each.rests} | {each.proof} |" for each in table]
 
 
-def test_the_map_of_the_facts_names_rows_or_a_reason() -> None:
+def test_fact_map_references_assumptions_or_a_reason() -> None:
     facts = mapped()
     assert [fact for fact in facts if bool(fact.rows) == bool(fact.unused)] == []
     assert sorted({name for fact in facts for name in fact.rows} - set(IDS)) == []
     assert [key for key, number in Counter((fact.section, fact.begins) for fact in facts).items() if number > 1] == []
 
 
-def test_sentences_are_found_by_their_marks() -> None:
+def test_unconfirmed_sentences_are_detected_by_their_marks() -> None:
     text = """## 1. Numbers
 * Sure [M]. A guess
   of two lines [I]; sure again. Unknown [U]: so.
@@ -122,7 +122,7 @@ Nothing."""
 
 
 @pytest.mark.skipif(not FACTS.exists(), reason="no facts about RouterOS in ../shared/facts")
-def test_every_unconfirmed_fact_has_its_row() -> None:
+def test_every_unconfirmed_fact_is_in_the_map() -> None:
     facts = mapped()
     found = list(unconfirmed_sentences(FACTS.read_text(encoding="utf-8")))
     matches = [[fact for fact in facts if fact.section == at and text.startswith(fact.begins)] for at, text in found]

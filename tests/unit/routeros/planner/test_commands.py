@@ -73,7 +73,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("given_action", "line", "words"), CASES)
-def test_an_action_in_both_forms(
+def test_action_is_rendered_for_console_and_api(
     given_action: Action, line: str, words: tuple[str, tuple[tuple[str, str], ...]]
 ) -> None:
     assert console(given_action) == line
@@ -81,7 +81,7 @@ def test_an_action_in_both_forms(
 
 
 @given(st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\0")))
-def test_any_text_survives_the_console_on_one_line(text: str) -> None:
+def test_any_text_survives_on_one_console_line(text: str) -> None:
     line = console(action("/system/note", Verb.SET, values=(("note", text),)))
     assert "\n" not in line
     (statement,) = parse(line).statements

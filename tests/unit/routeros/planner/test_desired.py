@@ -9,7 +9,7 @@ from atlantis_netcfg.routeros.desired import Mistake, from_export, read
 GOLDEN = Path(__file__).parents[2] / "routeros" / "render" / "golden"
 
 
-def test_rows_come_by_menu_in_the_order_of_the_text_with_their_lines() -> None:
+def test_rows_keep_menu_order_text_order_and_line_numbers() -> None:
     desired = read("/ip pool\nadd name=b ranges=10.0.0.1\nadd name=a ranges=10.0.0.2\n/ip dns\nset servers=1.1.1.1\n")
     assert desired.menus == ("/ip/pool", "/ip/dns")
     assert [(item.values["name"], item.line) for item in desired.items["/ip/pool"]] == [("b", 2), ("a", 3)]
@@ -20,7 +20,7 @@ def test_rows_come_by_menu_in_the_order_of_the_text_with_their_lines() -> None:
 @pytest.mark.parametrize(
     "directive", ["# atlantis:entire /ip firewall filter", "#atlantis:entire /ip/firewall/filter \r"]
 )
-def test_a_directive_makes_a_menu_ours_even_without_rows(directive: str) -> None:
+def test_directive_claims_a_menu_even_without_rows(directive: str) -> None:
     desired = read(f"{directive}\n")
     assert desired.entire == {"/ip/firewall/filter"}
     assert desired.items == {"/ip/firewall/filter": ()}
@@ -50,7 +50,7 @@ def test_a_menu_may_be_opened_twice() -> None:
         ),
     ],
 )
-def test_ways_to_name_a_row(text: str, values: dict[str, str | None], *, exists: bool) -> None:
+def test_forms_of_identifying_a_row(text: str, values: dict[str, str | None], *, exists: bool) -> None:
     (item,) = next(iter(read(text).items.values()))
     assert (item.values, item.exists) == (values, exists)
 
@@ -108,7 +108,7 @@ MISTAKES = {
 
 
 @for_each_row("text", MISTAKES)
-def test_mistakes_name_the_line_and_what_to_write(text: str) -> None:
+def test_mistake_names_the_line_and_the_correction(text: str) -> None:
     with pytest.raises(Mistake) as caught:
         read(text, "x.rsc")
     assert str(caught.value) == MISTAKES[text]
@@ -145,7 +145,7 @@ add name=a ranges=10.0.0.1 colour=blue
 """
 
 
-def test_an_export_is_the_whole_of_its_menus_but_for_what_it_hides() -> None:
+def test_export_defines_entire_menus_except_hidden_values() -> None:
     only = ["/interface/ovpn-client", "/ip/pool", "/system/logging/action", "/ip/dns", "/user"]
     desired = from_export(EXPORT, only, "before.rsc")
     assert desired.restores
@@ -160,7 +160,7 @@ def test_an_export_is_the_whole_of_its_menus_but_for_what_it_hides() -> None:
     )
 
 
-def test_rows_of_an_export_that_cannot_be_told_apart_are_left_with_a_note() -> None:
+def test_indistinguishable_export_rows_are_left_with_a_note() -> None:
     desired = from_export(EXPORT, ["/system/logging"])
     assert desired.items["/system/logging"] == ()
     assert desired.notes == (

@@ -15,18 +15,18 @@ def text(name: str) -> str:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_the_diff_reads_as_written(case: str) -> None:
+def test_diff_matches_the_golden_text(case: str) -> None:
     planned = plan("r", read(text(f"{case}.desired.rsc")), observed(text(f"{case}.device.rsc")))
     assert planned.diff == text(f"{case}.diff")
 
 
-def test_no_secret_is_in_a_plan_that_is_shown() -> None:
+def test_shown_plan_contains_no_secret() -> None:
     planned = plan("r", read(text("rows.desired.rsc")), observed(text("rows.device.rsc")))
     shown = planned.diff + repr([action.get_masked_values() for action in planned.actions])
     assert not [secret for secret in ("ecret", "second", "old user", "password=old") if secret in shown]
 
 
-def test_without_changes_there_is_no_text() -> None:
+def test_plan_without_changes_has_an_empty_diff() -> None:
     assert (
         plan("r", read("/ip pool\nadd name=a ranges=1.1.1.1"), observed("/ip pool\nadd name=a ranges=1.1.1.1")).diff
         == ""

@@ -31,13 +31,13 @@ def compared(case: dict[str, Any]) -> Comparison:
 
 
 @for_each_row("case", CASES, ids=lambda case: case["name"])
-def test_case(case: dict[str, Any]) -> None:
+def test_drift_lines_match_the_case(case: dict[str, Any]) -> None:
     found = compared(case)
     assert drift_lines(found.as_dict()) == case.get("told", ""), drift_lines(found.as_dict())
     assert len(found.drift) == case.get("drifted", 0)
 
 
-def test_what_was_confirmed_is_told_with_its_time() -> None:
+def test_confirmed_run_is_reported_with_its_time() -> None:
     found = compared({"desired": "/ip pool\n", "device": "", "confirmed": ""}).as_dict()
     assert found == {
         "menus": ["/ip pool"],
@@ -46,7 +46,7 @@ def test_what_was_confirmed_is_told_with_its_time() -> None:
     }
 
 
-def test_a_run_puts_right_exactly_what_is_told_but_foreign_and_hidden() -> None:
+def test_plan_repairs_exactly_the_drift_except_foreign_and_hidden() -> None:
     """What `compare` says of a plan and what the plan does are the same rows, in every case."""
     for case in CASES:
         desired = read(case["desired"])
@@ -70,5 +70,5 @@ def test_a_run_puts_right_exactly_what_is_told_but_foreign_and_hidden() -> None:
         (DriftKind.HIDDEN, Since.UNKNOWN, False),
     ],
 )
-def test_what_counts_as_drift(kind: DriftKind, since: Since, counts: bool) -> None:  # noqa: FBT001 - a column
+def test_difference_kinds_that_count_as_drift(kind: DriftKind, since: Since, counts: bool) -> None:  # noqa: FBT001 - a column
     assert Difference("/ip pool", "p", kind, Owner.DECLARED, since=since).counts is counts

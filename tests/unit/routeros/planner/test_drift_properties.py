@@ -26,7 +26,7 @@ def kinds(found: Comparison) -> list[DriftKind]:
 @pytest.mark.parametrize("menu", EXPORTED, ids=lambda menu: menu.path)
 @settings(max_examples=15)
 @given(data=st.data(), entire=st.booleans())
-def test_what_is_told_is_what_a_run_would_do(menu: Menu, data: st.DataObject, *, entire: bool) -> None:
+def test_drift_equals_what_a_run_would_change(menu: Menu, data: st.DataObject, *, entire: bool) -> None:
     observed = device(menu, data.draw(lists_of(menu)))
     desired = declared(menu, data.draw(lists_of(menu)), entire=entire)
     try:
@@ -53,7 +53,7 @@ def test_what_is_told_is_what_a_run_would_do(menu: Menu, data: st.DataObject, *,
 @pytest.mark.parametrize("menu", EXPORTED, ids=lambda menu: menu.path)
 @settings(max_examples=15)
 @given(data=st.data(), entire=st.booleans())
-def test_nothing_was_changed_since_the_state_was_confirmed(menu: Menu, data: st.DataObject, *, entire: bool) -> None:
+def test_unchanged_device_has_no_changes_since_confirmation(menu: Menu, data: st.DataObject, *, entire: bool) -> None:
     """Whatever is declared by now: a device that is as it was has never changed since then."""
     observed = device(menu, data.draw(lists_of(menu)))
     desired = declared(menu, data.draw(lists_of(menu)), entire=entire)
@@ -69,7 +69,7 @@ def test_nothing_was_changed_since_the_state_was_confirmed(menu: Menu, data: st.
 @pytest.mark.parametrize("menu", EXPORTED, ids=lambda menu: menu.path)
 @settings(max_examples=15)
 @given(data=st.data())
-def test_a_device_is_what_its_written_state_says(menu: Menu, data: st.DataObject) -> None:
+def test_device_matches_its_own_snapshot(menu: Menu, data: st.DataObject) -> None:
     rows = data.draw(lists_of(menu))
     observed = device(menu, rows)
     nothing = declared(menu, [], entire=False)

@@ -63,7 +63,7 @@ def test_a_first_configuration_stays_within_its_round_trips() -> None:
     assert estimate(planned, LAN, there).seconds < 5 < cost.seconds
 
 
-def test_after_it_nothing_is_left_to_pay_but_the_reading() -> None:
+def test_after_the_first_configuration_only_reading_costs() -> None:
     planned, there = first_configuration()
     later = Observation(there.facts, simulate(there.rows, planned))
     again = estimate(plan("r", read(GOLDEN.read_text(encoding="utf-8")), later), LAN, later)
@@ -71,12 +71,12 @@ def test_after_it_nothing_is_left_to_pay_but_the_reading() -> None:
     assert again.bytes_down > estimate(NOTHING, LAN, there).bytes_down
 
 
-def test_round_trips_do_not_grow_with_the_number_of_rows_within_one_safe_mode() -> None:
+def test_round_trips_are_constant_within_one_safe_mode() -> None:
     assert estimate(pools(1), LAN).round_trips == estimate(pools(BUDGET), LAN).round_trips
     assert estimate(pools(BUDGET + 1), LAN).round_trips > estimate(pools(BUDGET), LAN).round_trips
 
 
-def test_harmless_rows_go_beside_safe_mode_where_that_saves_a_checkpoint() -> None:
+def test_harmless_rows_skip_safe_mode_if_that_saves_a_checkpoint() -> None:
     harmless = "/ip pool\n" + "".join(f"add name=p{n} ranges=10.0.0.{n}\n" for n in range(BUDGET))
     one = plan("r", read(harmless + "/ip address\nadd address=10.0.0.1/24 interface=b"), observed(""))
     assert estimate(one, LAN).round_trips == estimate(pools(1), LAN).round_trips + SIGN + 2
@@ -84,7 +84,7 @@ def test_harmless_rows_go_beside_safe_mode_where_that_saves_a_checkpoint() -> No
 
 
 @pytest.mark.parametrize("field", ["rtt_s", "rate_up_bps", "rate_down_bps"])
-def test_every_property_of_the_bearer_counts(field: str) -> None:
+def test_every_property_of_the_link_affects_the_time(field: str) -> None:
     worse = replace(IRIDIUM, **{field: 5.0})  # type: ignore[arg-type]
     assert estimate(pools(5), worse).seconds > estimate(pools(5), IRIDIUM).seconds
     assert estimate(pools(5), worse).bytes == estimate(pools(5), IRIDIUM).bytes
@@ -97,7 +97,7 @@ def test_removing_very_many_rows_takes_several_safe_modes() -> None:
     assert estimate(removal, LAN).round_trips == estimate(pools(1), LAN).round_trips + SIGN + 2 * CHECKPOINT
 
 
-def test_reservations_wait_behind_safe_mode_at_the_price_of_one_round_trip() -> None:
+def test_dhcp_leases_after_safe_mode_cost_one_round_trip() -> None:
     leases = "".join(f"add address=10.0.0.{n} mac-address=02:00:00:00:00:{n:02X}\n" for n in range(90))
     text = "/ip address\nadd address=10.9.0.1/24 interface=b\n/ip dhcp-server lease\n" + leases
     one = estimate(pools(1), LAN).round_trips
@@ -111,19 +111,19 @@ def test_more_to_write_is_never_cheaper() -> None:
     assert costs[-1].bytes == costs[-1].bytes_up + costs[-1].bytes_down
 
 
-def test_scripts_beyond_their_limit_are_cut() -> None:
+def test_oversized_scripts_are_split() -> None:
     text = "/system note\nset note=" + "x" * 130_000
     long = plan("r", read(text), observed(""))
     assert estimate(long, LAN).round_trips == estimate(pools(1), LAN).round_trips + 2
 
 
 @for_each_row("path", MENUS)
-def test_questions_have_the_size_of_real_sentences(path: str) -> None:
+def test_request_size_estimate_matches_real_sentences(path: str) -> None:
     words = printing(path).words()
     assert abs(module._question(path) - len(encode((words[0], ".tag=1234", *words[1:])))) <= 6
 
 
 @pytest.mark.parametrize("row", [{".id": "*1", "comment": "é" * 100, "note": "x" * 20_000}, {}])
-def test_answers_have_the_size_of_real_sentences(row: dict[str, str]) -> None:
+def test_reply_size_estimate_matches_real_sentences(row: dict[str, str]) -> None:
     words = ("!re", ".tag=123", *(f"={name}={value}" for name, value in row.items()))
     assert abs(module._answer(row) - len(encode(words))) <= 2

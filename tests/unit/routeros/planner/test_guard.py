@@ -33,7 +33,7 @@ def device(case: dict[str, Any]) -> Observation:
 
 
 @for_each_row("case", CASES, ids=lambda case: case["name"])
-def test_case(case: dict[str, Any]) -> None:
+def test_guard_decides_as_the_case_says(case: dict[str, Any]) -> None:
     path = ManagementPath(case.get("technician", "10.64.101.10"), case.get("local", "10.64.101.1"))
     there = device(case)
     planned = plan("r", read(case["desired"]), there)
@@ -57,7 +57,7 @@ def way_back_of(there: Observation) -> Observation:
 
 
 @for_each_row("case", CASES, ids=lambda case: case["name"])
-def test_a_plan_of_routes_that_does_not_move_the_answers_harms_nobody(case: dict[str, Any]) -> None:
+def test_route_plan_keeping_the_return_path_has_no_objection(case: dict[str, Any]) -> None:
     """On the device of every case: what is not read then would not have objected."""
     there, technician = device(case), case.get("technician", "10.64.101.10")
     path = ManagementPath(technician, case.get("local", "10.64.101.1"))
@@ -68,7 +68,7 @@ def test_a_plan_of_routes_that_does_not_move_the_answers_harms_nobody(case: dict
         assert moves is guard.moves_answers(planned, there, path)
 
 
-def test_plans_of_routes_that_move_the_answers_are_among_them() -> None:
+def test_some_route_plans_do_move_the_return_path() -> None:
     there, near, far = observed(DEVICE), "10.64.101.10", "10.80.0.5"
 
     def moving(technician: str) -> list[str]:
@@ -111,7 +111,7 @@ by a change of routes."""
 
 
 @pytest.mark.parametrize("menu", UNREAD)
-def test_what_is_not_read_harms_only_when_the_answers_move(menu: str) -> None:
+def test_unread_menu_matters_only_if_the_return_path_moves(menu: str) -> None:
     also, objection = UNREAD[menu]
     there = device({"also": also})
     away = plan("r", read(ORDERS["one more route elsewhere"]), there)
@@ -125,17 +125,17 @@ def test_what_is_not_read_harms_only_when_the_answers_move(menu: str) -> None:
     assert objection is None or first.startswith(objection)
 
 
-def test_every_menu_is_read_or_has_such_a_case() -> None:
+def test_every_guard_menu_is_read_or_has_a_case() -> None:
     """Users are read before every change, and address lists because the sign of a run is a row of them."""
     elsewhere = {"/user", "/user/group", "/ip/firewall/address-list"}
     assert {*UNREAD, *guard.WAY_BACK, *elsewhere} == set(guard.MENUS)
 
 
-def test_an_interface_that_is_not_there_stands_for_itself() -> None:
+def test_unknown_interface_is_its_own_only_port() -> None:
     assert State(observed(DEVICE).rows, ManagementPath("10.64.101.10", "10.64.101.1")).ports("gone") == {"gone"}
 
 
-def test_there_are_cases_enough_and_none_twice() -> None:
+def test_at_least_25_unique_cases_exist() -> None:
     assert len({case["name"] for case in CASES}) == len(CASES) >= 25
 
 
@@ -172,7 +172,7 @@ def adopted(text: str) -> tuple[Observation, ManagementPath]:
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in GOLDEN.glob("*-router.rsc")))
-def test_a_first_configuration_of_our_sites_keeps_the_technician_in(name: str) -> None:
+def test_first_configuration_of_our_sites_keeps_the_technician_connected(name: str) -> None:
     text = (GOLDEN / name).read_text(encoding="utf-8")
     there, path = adopted(text)
     planned = plan(name, read(text, name), there)
@@ -181,7 +181,7 @@ def test_a_first_configuration_of_our_sites_keeps_the_technician_in(name: str) -
     assert guard.touches(planned, there, path)
 
 
-def test_the_guard_says_which_menus_it_must_see() -> None:
+def test_guard_needs_only_its_listed_menus() -> None:
     planned = plan("r", read("/ip address"), observed(DEVICE))
     path = ManagementPath("10.64.101.10", "10.64.101.1")
     part = Observation(facts(), {menu: rows(DEVICE)[menu] for menu in guard.MENUS})
@@ -190,7 +190,7 @@ def test_the_guard_says_which_menus_it_must_see() -> None:
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
-def test_settings_of_any_number_of_rows_are_no_fault_of_the_guard(number: int) -> None:
+def test_guard_accepts_any_number_of_settings_rows(number: int) -> None:
     """Reading refuses two of them; the guard goes by the first."""
     settings = {"/routing/settings": ({"policy-rules": "user,main"},) * number}
     there = Observation(facts("7.22"), {**rows(DEVICE), **settings})

@@ -69,13 +69,13 @@ def arguments(version: str, path: str, verb: str) -> set[str]:
     return {name for name in node if name != "_type"}
 
 
-def test_every_menu_in_use_has_a_row_and_no_other() -> None:
+def test_menu_table_lists_exactly_the_menus_in_use() -> None:
     assert set(MENUS) == set(IN_USE.split())
 
 
 @for_each_row("version", ["7.16", "7.18.2", "7.21.5"])
 @for_each_row("path", MENUS)
-def test_arguments_are_those_of_the_command_tree(path: str, version: str) -> None:
+def test_arguments_match_the_command_tree(path: str, version: str) -> None:
     menu = MENUS[path]
     known = arguments(version, path, "add" if menu.shape is Shape.LIST else "set")
     ours = {field.name for field in menu.fields if field.exists(Version.parse(version))}
@@ -98,7 +98,7 @@ def test_first_match_and_identified_menus_know_every_argument(path: str) -> None
 
 
 @for_each_row("path", MENUS)
-def test_what_the_emulated_router_says_of_its_own_agrees_with_the_schema(path: str) -> None:
+def test_emulator_defaults_agree_with_the_schema(path: str) -> None:
     """It takes names and defaults from the schema; where it says more of an argument, its default is the same."""
     twin = MODELLED_MENUS[path].by_name
     compared = {
@@ -110,7 +110,7 @@ def test_what_the_emulated_router_says_of_its_own_agrees_with_the_schema(path: s
 
 
 @for_each_row("path", MENUS)
-def test_shape_is_that_of_the_command_tree(path: str) -> None:
+def test_shape_matches_the_command_tree(path: str) -> None:
     settable = arguments("7.18.2", path, "set")
     has_add = bool(arguments("7.18.2", path, "add")) and path not in RADIOS
     shape = Shape.LIST if has_add else Shape.FIXED if "numbers" in settable else Shape.SINGLETON
@@ -118,7 +118,7 @@ def test_shape_is_that_of_the_command_tree(path: str) -> None:
 
 
 @for_each_row("path", MENUS)
-def test_row_of_the_table_is_consistent(path: str) -> None:
+def test_menu_entry_is_consistent(path: str) -> None:
     menu = MENUS[path]
     names = [field.name for field in menu.fields]
     assert len(set(names)) == len(names)
@@ -177,7 +177,7 @@ def test_different_values_differ(kind: PropertyKind, one: str, other: str) -> No
     assert canonical(kind, one) != canonical(kind, other)
 
 
-def test_a_table_is_asked_for_what_matters_and_settings_whole() -> None:
+def test_lists_are_printed_with_a_proplist_and_settings_entirely() -> None:
     """What a version does not know is left out by the device; the names of settings cost more than their values."""
     (named,) = [value for name, value in printing("/user").arguments if name == ".proplist"]
     assert named.split(",")[:2] == [".id", "name"]
@@ -194,11 +194,11 @@ def test_a_table_is_asked_for_what_matters_and_settings_whole() -> None:
         ("/ip/route", {"gateway": "10.0.0.1"}, "0.0.0.0/0 via 10.0.0.1"),
     ],
 )
-def test_a_row_is_called_what_a_person_calls_it(path: str, values: dict[str, str], name: str) -> None:
+def test_row_name_is_human_readable(path: str, values: dict[str, str], name: str) -> None:
     assert MENUS[path].name_of(values) == name
 
 
-def test_secrets_and_defaults_are_told() -> None:
+def test_secrets_and_defaults_are_listed() -> None:
     assert MENUS["/interface/ovpn-client"].secrets == {"password"}
     assert MENUS["/ip/dhcp-server"].defaults["lease-time"] == "30m"
     assert MENUS["/ip/service"].default_of("disabled", {"name": "www-ssl"}) == "yes"

@@ -24,7 +24,7 @@ OTHERS = st.lists(LINES, min_size=1, max_size=4)
 
 
 @given(OTHERS)
-def test_every_line_comes_to_the_parser_as_it_is(lines: list[str]) -> None:
+def test_every_line_reaches_the_parser_unchanged(lines: list[str]) -> None:
     """Through the text of the array, the inner script, and the text that is parsed; and nothing else is in them."""
     (loop,) = Parser(CORE, TextPart(script(lines))).statements()
     assert isinstance(loop, Each)
@@ -98,13 +98,13 @@ def judged(*replies: Reply) -> Examination:
 
 @pytest.mark.parametrize("answer", REFUSALS)
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
-def test_a_refusal_is_told_with_the_line_of_the_text(answer: str, newline: str) -> None:
+def test_refusal_is_reported_with_the_line_of_the_text(answer: str, newline: str) -> None:
     examination = judged(Reply(ret=(answer + CONTROL).replace("\n", newline)))
     assert list(examination.objections([ONE, TWO], "site.rsc")) == [SAYS + REFUSALS[answer]]
     assert examination.doubt([ONE, TWO]) == ""
 
 
-def test_what_the_device_takes_is_silent_but_for_the_control() -> None:
+def test_accepted_commands_raise_no_objection_or_doubt() -> None:
     examination = judged(Reply(ret=CONTROL))
     assert list(examination.objections([ONE, TWO], "site.rsc")) == []
     assert examination.doubt([ONE, TWO]) == ""
@@ -112,7 +112,7 @@ def test_what_the_device_takes_is_silent_but_for_the_control() -> None:
 
 
 @pytest.mark.parametrize("case", NOTHING_PROVED)
-def test_an_answer_that_proves_nothing_is_said(case: str) -> None:
+def test_reply_that_proves_nothing_is_inconclusive(case: str) -> None:
     examination = judged(Reply(ret=NOTHING_PROVED[case]))
     assert "INCONCLUSIVE" in examination.doubt([ONE, TWO])
     assert "words that are not known here" in examination.doubt([ONE, TWO])
@@ -120,13 +120,13 @@ def test_an_answer_that_proves_nothing_is_said(case: str) -> None:
 
 
 @pytest.mark.parametrize("words", ["no such command", "unknown parameter as-string", "not enough permissions (9)"])
-def test_a_device_that_runs_no_scripts_is_said(words: str) -> None:
+def test_device_without_scripts_is_inconclusive(words: str) -> None:
     doubt = judged(Reply(trap=Trap(words))).doubt([ONE, TWO])
     assert doubt.startswith("INCONCLUSIVE whether this device takes every command of the plan: ")
     assert words in doubt
 
 
-def test_a_refusal_repeats_no_secret() -> None:
+def test_refusal_contains_no_secret() -> None:
     secret = action(1, menu="/user", values=(("name", "x"), ("password", "hunter2")), secrets=frozenset({"password"}))
     examination = Examination()
     (asked,) = examination.questions([secret], {})
@@ -138,14 +138,14 @@ def test_a_refusal_repeats_no_secret() -> None:
     assert "hunter2" not in words
 
 
-def test_thousands_of_rows_are_one_row_to_the_parser() -> None:
+def test_thousands_of_row_ids_are_parsed_as_one_row() -> None:
     many = action(1, verb=Verb.REMOVE, values=(), ids=tuple(f"*{number:X}" for number in range(3000)))
     (asked,) = Examination().questions([many], {})
     assert sum(map(len, asked.words())) < 400
 
 
 @pytest.mark.parametrize("number", [1, 25, 26, 300, 2000])
-def test_all_questions_fit_beside_what_is_read(number: int) -> None:
+def test_all_requests_fit_into_the_batch(number: int) -> None:
     actions = [action(each) for each in range(number)]
     asked = Examination().questions(actions, {})
     assert len(asked) <= ROOM
@@ -157,7 +157,7 @@ def test_all_questions_fit_beside_what_is_read(number: int) -> None:
 RULE = action(1, menu="/ip/firewall/filter", values=(("action", "acept"), ("chain", "input")), subject="input acept ")
 
 
-def test_values_of_a_closed_list_are_looked_up() -> None:
+def test_enumerated_values_are_checked_against_the_console() -> None:
     examination = Examination()
     _, some = examination.questions([RULE], {})
     assert some.words()[0] == "/console/inspect"
@@ -176,7 +176,7 @@ LONG = tuple({"completion": f"word{number}"} for number in range(31))
 
 
 @pytest.mark.parametrize("whole", [Reply(), Reply(rows=LONG), Reply(trap=Trap("no such command"))])
-def test_a_list_that_may_lack_words_refuses_nothing_and_is_said(whole: Reply) -> None:
+def test_possibly_incomplete_value_list_refuses_nothing_but_is_reported(whole: Reply) -> None:
     examination = Examination()
     examination.questions([RULE], {})
     examination.read_answers([Reply(ret="1 " + CONTROL[2:]), Reply()])
@@ -193,6 +193,6 @@ def test_a_value_that_the_menu_has_already_is_not_looked_up() -> None:
 
 
 @pytest.mark.parametrize(("menu", "name"), sorted(ENUMERATIONS))
-def test_closed_lists_are_arguments_that_the_console_offers_words_for(menu: str, name: str) -> None:
+def test_enumerations_are_arguments_with_console_values(menu: str, name: str) -> None:
     assert name in MENUS[menu].by_name
     assert 1 < len(offered_values(menu, name)) <= 30

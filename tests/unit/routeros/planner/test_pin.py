@@ -30,7 +30,7 @@ def world(case: dict[str, Any]) -> Observation:
 
 
 @pytest.mark.parametrize("case", CASES, ids=ident)
-def test_sent_only_where_it_is_asked_for(case: dict[str, Any]) -> None:
+def test_pin_is_sent_only_where_requested(case: dict[str, Any]) -> None:
     wanted = replace(desired.read(TEXT), pin_refusal=case.get("spent", ""))
     if "refused" in case:
         with pytest.raises(CannotPlan) as caught:
@@ -60,13 +60,13 @@ def test_an_empty_pin_is_an_ordinary_value(case: dict[str, Any]) -> None:
         ({"pin-status": "SIM PIN required"}, "4711", False),
     ],
 )
-def test_what_is_waited_for(monitor: dict[str, str], held: str, waits: bool) -> None:  # noqa: FBT001 - an expectation
+def test_pending_pin_states(monitor: dict[str, str], held: str, waits: bool) -> None:  # noqa: FBT001 - an expectation
     assert pending(desired.read(TEXT), world({"held": held, "monitor": monitor})) is waits
     assert not pending(desired.read("/system identity\nset name=x\n"), world({"held": held, "monitor": monitor}))
 
 
 @pytest.mark.parametrize("case", [case for case in UNITS if (case["monitor"] or {}).get("pin-status")], ids=ident)
-def test_the_engine_and_the_reader_of_bearers_mean_the_same(case: dict[str, Any]) -> None:
+def test_engine_and_link_reader_agree_on_the_sim_state(case: dict[str, Any]) -> None:
     unit, sim = read_unit(case["monitor"]), sim_of(case["monitor"])
     assert (unit.state is Registration.SIM_PUK_REQUIRED) == (sim is PinSim.PUK)
     assert (unit.state is Registration.SIM_PIN_REQUIRED) == (sim in {PinSim.ASKS, PinSim.WRONG_PIN})

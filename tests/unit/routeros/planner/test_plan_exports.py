@@ -87,7 +87,7 @@ def version_of(text: str) -> str:
 
 
 @pytest.mark.parametrize("name", texts())
-def test_a_device_that_is_as_its_export_says_needs_nothing(name: str) -> None:
+def test_device_matching_its_export_needs_no_changes(name: str) -> None:
     text = texts()[name]
     menus = [menu for menu in parse(text).menus if menu in MENUS]
     desired = from_export(text, menus, name)
@@ -96,7 +96,7 @@ def test_a_device_that_is_as_its_export_says_needs_nothing(name: str) -> None:
     assert menus
 
 
-def test_going_back_removes_nothing_of_a_menu_with_rows_that_we_cannot_tell_apart() -> None:
+def test_restore_keeps_menus_with_indistinguishable_rows() -> None:
     menus = [menu for menu in parse(ODD).menus if menu in MENUS]
     desired = from_export(ODD, menus, "before.rsc")
     gaps = {
@@ -114,7 +114,7 @@ def test_going_back_removes_nothing_of_a_menu_with_rows_that_we_cannot_tell_apar
     ]
 
 
-def test_the_default_profile_is_put_back_and_not_reset() -> None:
+def test_default_profile_is_restored_and_not_reset() -> None:
     rows = as_it_says(ODD)
     changed = {**rows["/interface/wireless/security-profiles"][0], "mode": "none"}
     rows["/interface/wireless/security-profiles"] = (changed, *rows["/interface/wireless/security-profiles"][1:])

@@ -49,7 +49,7 @@ def there(menu: str, number: int, **more: str) -> Observation:
 
 @pytest.mark.parametrize("menu", ROWS)
 @pytest.mark.parametrize("number", [1, FEW_FOREIGN, FEW_FOREIGN + 1])
-def test_rows_are_counted_and_told_beyond_a_hundred(menu: str, number: int) -> None:
+def test_foreign_rows_are_counted_and_reported_above_the_limit(menu: str, number: int) -> None:
     planned = plan("r", read(declared(menu), source="t"), there(menu, number))
     assert (len(planned.actions), planned.weight, planned.foreign_rows) == (1, number, number)
     words = f"removes {number} rows that carry no mark of ours: {number} from {MENUS[menu].title}"
@@ -57,7 +57,7 @@ def test_rows_are_counted_and_told_beyond_a_hundred(menu: str, number: int) -> N
     assert planned.notes == ((f"the plan {words}",) if number > FEW_FOREIGN else ())
 
 
-def test_menus_are_added_up() -> None:
+def test_foreign_rows_of_several_menus_are_added_up() -> None:
     both = there(LISTS, 60)
     rows = {**both.rows, DNS: there(DNS, 60).rows[DNS]}
     planned = plan("r", read(declared(LISTS, DNS), source="t"), replace(both, rows=rows))
@@ -67,13 +67,13 @@ def test_menus_are_added_up() -> None:
 
 
 @pytest.mark.parametrize("menu", ROWS)
-def test_rows_with_our_mark_are_none_of_others(menu: str) -> None:
+def test_rows_with_our_mark_are_not_foreign(menu: str) -> None:
     planned = plan("r", read(declared(menu), source="t"), there(menu, 200, comment="atlantis: former"))
     assert (planned.weight, planned.foreign, planned.foreign_words) == (200, (), "")
 
 
 @pytest.mark.parametrize("menu", ROWS)
-def test_ten_thousand_rows_come_to_an_end(menu: str) -> None:
+def test_ten_thousand_rows_are_planned_in_linear_time(menu: str) -> None:
     """Nothing here may compare each row with each other: that would be a hundred million steps for each part."""
     found = there(menu, MANY)
     planned = plan("r", read(declared(menu), source="t"), found)

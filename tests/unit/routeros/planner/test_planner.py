@@ -18,7 +18,7 @@ def converges(desired_text: str, device: Observation, planned: Plan) -> bool:
 
 
 @for_each_row("case", CASES, ids=lambda case: case["name"])
-def test_case(case: dict[str, Any]) -> None:
+def test_plan_matches_the_case(case: dict[str, Any]) -> None:
     device = observed(case["device"])
     desired = read(case["desired"], "x.rsc")
     if "impossible" in case:
@@ -36,7 +36,7 @@ def test_case(case: dict[str, Any]) -> None:
     assert converges(case["desired"], device, planned)
 
 
-def test_all_reasons_come_together() -> None:
+def test_all_reasons_are_reported_together() -> None:
     desired = read("/ip ssh\nset allow-none-crypto=no\n/ip service\nset telnet disabled=yes")
     with pytest.raises(CannotPlan) as caught:
         plan("r", desired, observed(""))
@@ -48,7 +48,7 @@ def test_a_menu_that_was_not_read_cannot_be_planned() -> None:
         plan("r", read("/ip pool\nadd name=a ranges=10.0.0.1"), Observation(observed("").facts, {}))
 
 
-def test_actions_tell_what_they_are_about() -> None:
+def test_actions_carry_layer_subject_and_secrets() -> None:
     text = "/interface ovpn-client\nadd connect-to=v name=vpn password=hidden\n/ip pool\nadd name=p ranges=10.0.0.1"
     vpn, pool = plan("r", read(text), observed("")).actions
     assert (pool.verb, pool.layer, pool.subject, pool.inert) == (Verb.ADD, Layer.FOUNDATION, "p", True)
@@ -59,12 +59,12 @@ def test_actions_tell_what_they_are_about() -> None:
 @pytest.mark.parametrize(
     ("device", "inert"), [("", True), ("/ip firewall nat\nadd src-address-list=!a chain=srcnat", False)]
 )
-def test_an_address_is_inert_only_in_a_list_that_nobody_names(device: str, *, inert: bool) -> None:
+def test_address_is_inert_only_in_an_unreferenced_list(device: str, *, inert: bool) -> None:
     planned = plan("r", read("/ip firewall address-list\nadd address=10.0.0.1 list=a"), observed(device))
     assert [action.inert for action in planned.actions] == [inert]
 
 
-def test_a_secret_that_is_not_printed_is_not_set_when_we_may_read_secrets() -> None:
+def test_missing_secret_is_set_only_if_secrets_are_readable() -> None:
     text, device = "/interface ovpn-client\nadd name=vpn password=x", "/interface ovpn-client\nadd name=vpn"
     assert lines(plan("r", read(text), observed(device))) == ["/interface/ovpn-client/set *1 password=x"]
     assert plan("r", read(text), observed(device, policies=frozenset())).actions == ()
@@ -90,7 +90,7 @@ add action=drop chain=input
 """
 
 
-def test_going_back_restores_what_an_export_leaves_out_and_keeps_what_it_hides() -> None:
+def test_restore_covers_omitted_rows_and_keeps_hidden_values() -> None:
     device = observed(
         "/interface ethernet\nset [ find default-name=ether1 ] name=lan comment=x\n"
         "set [ find default-name=ether2 ] name=ether2\n"
@@ -126,7 +126,7 @@ def test_going_back_restores_what_an_export_leaves_out_and_keeps_what_it_hides()
     assert plan("r", desired, Observation(device.facts, simulate(device.rows, planned))).actions == ()
 
 
-def test_going_back_says_which_secrets_must_be_entered() -> None:
+def test_restore_lists_the_secrets_to_be_entered() -> None:
     planned = plan("r", from_export(BEFORE, ["/interface/ovpn-client"]), observed(""))
     assert lines(planned) == ["/interface/ovpn-client/add connect-to=vpn.example.org name=vpn"]
     assert planned.notes == ("/interface ovpn-client: `password` of vpn is not in the saved export: enter it by hand",)

@@ -132,7 +132,7 @@ def deciding(rule: Rule) -> tuple[str, ...]:
 
 
 @given(plain, plain)
-def test_one_chain(old: list[Rule], new: list[Rule]) -> None:
+def test_single_chain_is_reached_with_minimal_moves(old: list[Rule], new: list[Rule]) -> None:
     planned = check_moments(old, new)
     final = static(simulate(device(old).rows, planned)[FILTER])
     assert [content(row) for row in final] == [content(rule) for rule in new]
@@ -143,12 +143,12 @@ def test_one_chain(old: list[Rule], new: list[Rule]) -> None:
 
 
 @given(mixed, mixed)
-def test_chains_in_one_list(old: list[Rule], new: list[Rule]) -> None:
+def test_list_with_several_chains_is_safe_at_every_step(old: list[Rule], new: list[Rule]) -> None:
     check_moments(old, new)
 
 
 @given(mixed, st.data())
-def test_an_edited_list_ends_as_the_new_text_has_it(old: list[Rule], data: st.DataObject) -> None:
+def test_edited_list_matches_the_new_text_order(old: list[Rule], data: st.DataObject) -> None:
     """Drop and insert rows, but do not reorder: then the whole list, not only each chain, is as the text."""
     new = [rule for rule in old if data.draw(st.booleans())]
     fresh = data.draw(st.lists(st.tuples(st.integers(0, 8), st.integers(0, 99)), max_size=4))
@@ -190,26 +190,28 @@ places = st.lists(st.integers(0, 8), min_size=4, max_size=4)
 
 
 @given(mixed, jumping, called, places)
-def test_a_chain_that_comes_or_goes(without: list[Rule], callers: list[Rule], chain: list[Rule], at: list[int]) -> None:
+def test_chain_can_be_added_and_removed_safely(
+    without: list[Rule], callers: list[Rule], chain: list[Rule], at: list[int]
+) -> None:
     calling = with_chain(callers, chain, at)
     check_moments(without, calling)
     check_moments(calling, without)
 
 
 @given(jumping, called, called, places)
-def test_a_chain_that_changes_under_its_callers(
+def test_chain_can_change_under_its_callers(
     callers: list[Rule], old: list[Rule], new: list[Rule], at: list[int]
 ) -> None:
     check_moments(with_chain(callers, old, at), with_chain(callers, new, at))
 
 
-def test_a_chain_is_inserted_where_its_jump_stands() -> None:
+def test_chain_is_inserted_after_its_jump() -> None:
     callers = [_firstmatch.Rule("input", target, stays=False) for target in (None, "x", None)]
     assert _firstmatch.insertion([*callers, *[_firstmatch.Rule("x", None, stays=False)] * 2]) == [0, 1, 3, 4, 2]
 
 
 @given(mixed, mixed)
-def test_rows_of_others_stay_in_their_places(old: list[Rule], new: list[Rule]) -> None:
+def test_foreign_rows_keep_their_places(old: list[Rule], new: list[Rule]) -> None:
     observed = device(old)
     planned = plan("r", wanted(new, entire=False), observed)
     final = static(simulate(observed.rows, planned)[FILTER])
@@ -255,7 +257,7 @@ SHUFFLES: dict[str, Callable[[list[Rule]], list[Rule]]] = {
 
 
 @pytest.mark.parametrize("name", SHUFFLES)
-def test_work_grows_with_the_rows_and_hardly_faster(name: str) -> None:
+def test_work_grows_almost_linearly_with_rows(name: str) -> None:
     few, many = (
         [
             {

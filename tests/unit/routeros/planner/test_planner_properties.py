@@ -89,7 +89,7 @@ LISTS = [menu for menu in MENUS.values() if menu.shape is Shape.LIST and not men
 
 @pytest.mark.parametrize("menu", LISTS, ids=lambda menu: menu.path)
 @given(data=st.data(), entire=st.booleans(), restores=st.booleans())
-def test_a_plan_leads_to_what_is_declared(menu: Menu, data: st.DataObject, *, entire: bool, restores: bool) -> None:
+def test_plan_reaches_the_desired_state(menu: Menu, data: st.DataObject, *, entire: bool, restores: bool) -> None:
     observed = device(menu, data.draw(lists_of(menu)))
     desired = declared(menu, data.draw(lists_of(menu)), entire=entire, restores=restores and entire)
     try:
@@ -136,7 +136,7 @@ SETTINGS = [menu for menu in MENUS.values() if menu.shape is Shape.SINGLETON]
 
 @pytest.mark.parametrize("menu", SETTINGS, ids=lambda menu: menu.path)
 @given(data=st.data(), restores=st.booleans())
-def test_settings_become_what_is_declared(menu: Menu, data: st.DataObject, *, restores: bool) -> None:
+def test_settings_reach_the_desired_state(menu: Menu, data: st.DataObject, *, restores: bool) -> None:
     row, wanted = data.draw(rows_of(menu)), data.draw(rows_of(menu))
     observed = Observation(facts(str(VERSION)), {menu.path: (row,)})
     desired = declared(menu, [wanted], entire=restores, restores=restores)

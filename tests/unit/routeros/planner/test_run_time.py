@@ -40,7 +40,7 @@ add comment="atlantis: waits" disabled={waits} host=198.51.100.11 name=silence
 
 @pytest.mark.parametrize("ptp", ["10", "110", "0x6E"])
 @pytest.mark.parametrize("waits", ["yes", "true", "no", "false"])
-def test_either_value_is_as_declared(ptp: str, waits: str) -> None:
+def test_both_runtime_values_are_no_drift(ptp: str, waits: str) -> None:
     assert changes(AS_DECLARED.format(ptp=ptp, other="20", asks="no", waits=waits)) == []
 
 
@@ -53,7 +53,7 @@ def test_either_value_is_as_declared(ptp: str, waits: str) -> None:
         ("10", "20", "yes", "/tool/netwatch/set *1 disabled=no"),
     ],
 )
-def test_any_other_value_is_put_right(ptp: str, other: str, asks: str, change: str) -> None:
+def test_any_other_value_is_repaired(ptp: str, other: str, asks: str, change: str) -> None:
     """Another distance, the same distance in another row, a watch that somebody has switched off."""
     (found,) = changes(AS_DECLARED.format(ptp=ptp, other=other, asks=asks, waits="no"))
     assert found.replace(" ", "").replace("/", "") == change.replace(" ", "").replace("/", "")
@@ -66,7 +66,7 @@ def test_a_new_row_has_the_declared_value() -> None:
     assert not any("distance=110" in line for line in planned)
 
 
-def test_a_remark_is_told_with_a_change_of_its_menu_only() -> None:
+def test_note_is_shown_only_with_a_change_in_its_menu() -> None:
     text = "# atlantis:note /tool netwatch: asking takes 1 MB a day\n" + TEXT
     assert plan("r", read(text), observed("")).notes == ("asking takes 1 MB a day",)
     route = AS_DECLARED.format(ptp="10", other="21", asks="no", waits="yes")

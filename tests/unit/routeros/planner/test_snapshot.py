@@ -21,7 +21,7 @@ def every_menu_of(text: str) -> DesiredState:
 
 
 @pytest.mark.parametrize("name", ["rows", "ordered"])
-def test_a_device_is_what_its_state_says(name: str) -> None:
+def test_device_matches_its_snapshot(name: str) -> None:
     text = (GOLDEN / f"{name}.device.rsc").read_text(encoding="utf-8")
     device = observed(text)
     state = snapshot.write("r", every_menu_of(text), device)
@@ -31,7 +31,7 @@ def test_a_device_is_what_its_state_says(name: str) -> None:
     assert snapshot.write("r", again, device).splitlines()[3:] != []
 
 
-def test_an_empty_state_still_says_which_menus_were_read() -> None:
+def test_empty_snapshot_still_lists_the_menus_read() -> None:
     state = snapshot.write("r", read("/ip pool\n/ip dns\n"), observed(""))
     assert state == (
         "# confirmed state of r: the declared menus as they were read back, without secrets\n"
@@ -40,7 +40,7 @@ def test_an_empty_state_still_says_which_menus_were_read() -> None:
     assert snapshot.read(state, "state").entire == {"/ip/pool", "/ip/dns"}
 
 
-def test_neither_secrets_nor_what_belongs_to_the_box_is_written() -> None:
+def test_snapshot_contains_no_secrets_or_hardware_values() -> None:
     declared = "/interface bridge\n/interface ethernet\n/interface ovpn-client\n/ip address\n"
     device = (
         "/interface ethernet\nset [ find default-name=ether1 ] name=wan mac-address=02:00:00:00:00:01 l2mtu=1598\n"
@@ -56,13 +56,13 @@ def test_neither_secrets_nor_what_belongs_to_the_box_is_written() -> None:
     assert "name=wan" in state
 
 
-def test_a_given_row_of_the_system_is_found_again_by_its_name() -> None:
+def test_system_row_is_identified_by_name() -> None:
     device = "/system logging action\nadd name=memory memory-lines=2000 default=true\n"
     state = snapshot.write("r", read("/system logging action\n"), observed(device))
     assert "set [ find name=memory ] memory-lines=2000" in state
 
 
-def test_a_port_that_something_hangs_on_is_named_though_it_is_as_it_came() -> None:
+def test_referenced_port_is_named_even_with_its_factory_name() -> None:
     device = (
         "/interface ethernet\nset [ find default-name=ether1 ] name=ether1\n"
         "set [ find default-name=ether2 ] name=ether2\nset [ find default-name=ether3 ] name=ether3\n"
@@ -76,13 +76,13 @@ def test_a_port_that_something_hangs_on_is_named_though_it_is_as_it_came() -> No
     assert "set [ find default-name=ether3 ] name=ether3" in state
 
 
-def test_what_is_declared_is_said_though_it_is_the_default() -> None:
+def test_declared_value_is_written_even_if_it_is_the_default() -> None:
     row = "/ip route\nadd blackhole dst-address=10.0.0.0/8 routing-table=main scope=30\n"
     assert "scope=30" in snapshot.write("r", read(row), observed(row))
     assert "scope=30" not in snapshot.write("r", read("/ip route\n"), observed(row))
 
 
-def test_secrets_of_a_replacement_come_from_the_declaration() -> None:
+def test_replacement_takes_secrets_from_the_inventory() -> None:
     declared = read("/interface ovpn-client\nadd connect-to=v name=vpn password=swordfish\n")
     saved = snapshot.read("/interface ovpn-client\nadd connect-to=v name=vpn\nadd connect-to=w name=old\n", "state")
     ours, old = for_replacement(saved, declared).items["/interface/ovpn-client"]
@@ -93,7 +93,7 @@ def test_secrets_of_a_replacement_come_from_the_declaration() -> None:
     assert "swordfish" not in planned.diff
 
 
-def test_the_certificate_of_a_service_belongs_to_the_box() -> None:
+def test_service_certificate_stays_with_the_device() -> None:
     saved = snapshot.read("/ip service\nset [ find name=api-ssl ] certificate=old port=8729\n", "state")
     device = observed("/ip service\nset api-ssl certificate=new port=8729 disabled=false")
     assert plan("r", for_replacement(saved, saved), device).actions == ()
@@ -101,7 +101,7 @@ def test_the_certificate_of_a_service_belongs_to_the_box() -> None:
     assert action.values == (("certificate", "old"),)
 
 
-def test_menus_that_are_declared_by_now_are_named_and_left() -> None:
+def test_newly_declared_menus_are_named_and_left() -> None:
     saved = snapshot.read("/ip pool\n", "state")
     declared = read("/ip pool\n/ip dns\nset allow-remote-requests=yes\n")
     assert for_replacement(saved, declared).notes == ("not in the saved state, and left as they are: /ip dns",)

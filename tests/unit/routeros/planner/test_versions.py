@@ -65,7 +65,7 @@ def test_an_argument_that_a_version_lacks_is_refused_with_a_hint(path: str, name
 
 
 @pytest.mark.parametrize("version", ["6.49.18", "7.8", "7.16"])
-def test_a_member_of_the_vpn_that_is_too_old_has_a_hint(version: str) -> None:
+def test_too_old_vpn_member_is_refused_with_a_hint(version: str) -> None:
     with pytest.raises(vpn.RouterTooOld) as refused:
         vpn.check_version(Version.parse(version))
     assert refused.value.hint == "upgrade it to RouterOS 7.17 or later, then try again"
@@ -90,7 +90,7 @@ REFUSALS = {
 """Files of the product that compare the version of a device, and who holds that what they refuse has a hint."""
 
 
-def test_every_place_where_a_version_decides_is_looked_at() -> None:
+def test_every_version_comparison_is_reviewed() -> None:
     files = (path for path in SOURCES.rglob("*.py") if path.relative_to(SOURCES).parts[0] not in OTHER_VERSIONS)
     found = {
         str(path.relative_to(SOURCES))
@@ -104,13 +104,13 @@ OTHER_VERSIONS = ("emulator", "computers", "ansible_collections")
 """The emulated devices, and parts that know versions of other things than RouterOS."""
 
 
-def test_an_objection_cannot_be_made_without_a_hint() -> None:
+def test_objection_requires_a_hint() -> None:
     with pytest.raises(TypeError):
         run.Objection("too old")  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize("version", ["7.24.1", "7.25beta1", "7.25", "8.0"])
-def test_what_is_newer_than_anything_known_is_said(version: str) -> None:
+def test_version_newer_than_known_is_noted(version: str) -> None:
     planned = plan("router", read(RULES, source="the text"), observed("", version))
     assert planned.notes[0] == (
         f"RouterOS {version} is newer than anything known here, which ends at {NEWEST_KNOWN}: what it has changed "
@@ -120,19 +120,19 @@ def test_what_is_newer_than_anything_known_is_said(version: str) -> None:
 
 
 @pytest.mark.parametrize("version", ["6.49.18", "7.16", "7.23.9", "7.24rc4", "7.24"])
-def test_what_is_known_is_not_called_new(version: str) -> None:
+def test_known_version_is_not_called_new(version: str) -> None:
     planned = plan("router", read("/system identity\nset name=a\n", source="the text"), observed("", version))
     assert planned.notes == ()
 
 
-def test_what_is_newer_is_also_said_where_nothing_changes() -> None:
+def test_newer_version_is_noted_even_without_changes() -> None:
     planned = plan("router", read(RULES, source="the text"), observed(RULES, "7.25"))
     assert planned.actions == ()
     assert [note[:39] for note in planned.notes] == ["RouterOS 7.25 is newer than anything kn"]
 
 
 @pytest.mark.parametrize("moved", ["chain=main", "chain=vrf-lookup", "realm=5", "vrf=guests"])
-def test_a_rule_of_ours_in_another_chain_is_no_rule_of_ours(moved: str) -> None:
+def test_rule_of_ours_in_another_chain_is_replaced(moved: str) -> None:
     """From 7.22 on: it would be asked at another moment, or never, and failover stands on it."""
     declared = read("# atlantis:entire /routing rule\n" + RULES, source="the text")
     assert lines(plan("router", declared, observed(RULES.replace("table=main", f"table=main {moved}"), "7.22"))) == [
@@ -142,7 +142,7 @@ def test_a_rule_of_ours_in_another_chain_is_no_rule_of_ours(moved: str) -> None:
 
 
 @pytest.mark.parametrize("version", ["7.16", "7.21.5", "7.22", "7.24"])
-def test_a_rule_that_names_no_chain_is_in_that_of_the_users(version: str) -> None:
+def test_rule_without_a_chain_is_in_the_user_chain(version: str) -> None:
     """Whether the router prints the default or not: nothing is to be done."""
     declared = read("# atlantis:entire /routing rule\n" + RULES, source="the text")
     printed = (
@@ -156,14 +156,14 @@ WIFI = "/interface wifi\nset [ find default-name=wifi1 ] configuration.installat
 
 
 @pytest.mark.parametrize("version", ["7.17", "7.18", "7.24"])
-def test_the_radio_of_a_cpe_is_planned_from_7_17_on(version: str) -> None:
+def test_cpe_radio_is_planned_from_7_17_on(version: str) -> None:
     seen = observed("/interface wifi\nset [ find default-name=wifi1 ] name=wifi1\n", version)
     assert lines(plan("cpe", read(WIFI, source="the text"), seen)) == [
         "/interface/wifi/set *1 configuration.installation=outdoor"
     ]
 
 
-def test_the_radio_of_a_cpe_is_refused_before() -> None:
+def test_cpe_radio_is_refused_before_7_17() -> None:
     seen = observed("/interface wifi\nset [ find default-name=wifi1 ] name=wifi1\n", "7.16.2")
     with pytest.raises(CannotPlan, match=r"from RouterOS 7\.17 on, and this device has 7\.16\.2") as refused:
         plan("cpe", read(WIFI, source="the text"), seen)

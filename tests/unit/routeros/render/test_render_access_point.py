@@ -64,7 +64,7 @@ def registered(menus: str, *stations: NearbyStation) -> list[dict[str, str]]:
     return [dict(word[1:].split("=", 1) for word in answer.words) for answer in said if answer.kind == "!re"]
 
 
-def test_both_families_say_the_same_of_it() -> None:
+def test_both_driver_families_get_equivalent_settings() -> None:
     newer, older = row("wifi"), row("wireless")
     assert (newer["configuration.mode"], older["mode"]) == ("ap", "ap-bridge")
     assert newer["configuration.ssid"] == older["ssid"] == "EXAMPLE-ATLANTIS-COASTAL"
@@ -79,7 +79,7 @@ def test_isolation_can_be_declared_off() -> None:
     assert row("wireless", isolated=False)["default-forwarding"] == "yes"
 
 
-def test_wpa3() -> None:
+def test_wpa3_authentication_is_rendered() -> None:
     assert row("wifi", wpa="wpa3")["security.authentication-types"] == "wpa3-psk"
 
 
@@ -93,12 +93,12 @@ def test_a_station_with_name_and_key_is_registered(menus: str) -> None:
 
 @pytest.mark.parametrize("menus", list(DRIVERS))
 @pytest.mark.parametrize("change", [{"passphrase": "EXAMPLE-another"}, {"ssid": "EXAMPLE-OLD"}, {"passphrase": ""}])
-def test_any_other_station_is_not(menus: str, change: dict[str, str]) -> None:
+def test_other_stations_are_not_registered(menus: str, change: dict[str, str]) -> None:
     assert registered(menus, STATION.model_copy(update=change)) == []
 
 
 @pytest.mark.parametrize("menus", list(DRIVERS))
-def test_nobody_is_registered_at_a_radio_that_is_off(menus: str) -> None:
+def test_disabled_radio_registers_no_station(menus: str) -> None:
     device, caller = twin(menus, STATION)
     name = DRIVERS[menus][1]
     device.run(caller, [f"/interface/{menus}/set", f"=.id={name}", "=disabled=yes"])

@@ -25,7 +25,7 @@ def rows(declared: Declaration, menu: str, site: str = "coastal") -> list[dict[s
     ]
 
 
-def test_without_a_class_nothing_changes() -> None:
+def test_site_without_classes_is_unchanged() -> None:
     assert router(classed(), DECLARED.router("coastal")) == router(DECLARED, DECLARED.router("coastal"))
     assert [row["name"] for row in rows(DECLARED, "/queue/tree")] == [
         "satellite",
@@ -34,7 +34,7 @@ def test_without_a_class_nothing_changes() -> None:
     ]
 
 
-def test_a_device_is_marked_ahead_of_the_tunnel() -> None:
+def test_device_traffic_is_marked_before_the_tunnel() -> None:
     """Its own tunnel goes to the same address and port as the gateway's, which is control."""
     marks = [row for row in rows(classed(zarco=TrafficClass.IMAGES), "/ip/firewall/mangle") if "new-packet-mark" in row]
     assert [row["new-packet-mark"] for row in marks] == ["images", "control", "control"]
@@ -49,7 +49,7 @@ def test_a_device_is_marked_ahead_of_the_tunnel() -> None:
     }
 
 
-def test_queues_in_their_order_have_less_than_the_link_for_themselves() -> None:
+def test_queues_are_ordered_and_guarantee_less_than_the_link_rate() -> None:
     declared = classed(zarco=TrafficClass.BULK, stork=TrafficClass.IMAGES, sparus=TrafficClass.TELEMETRY)
     whole, *queues = rows(declared, "/queue/tree")
     assert [(row["packet-mark"], row["priority"]) for row in queues] == [

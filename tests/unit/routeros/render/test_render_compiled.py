@@ -55,7 +55,7 @@ def test_a_template_that_has_changed_is_compiled_again(template: Path) -> None:
 
 
 @pytest.mark.usefixtures("kept")
-def test_so_is_one_whose_filters_have_changed(template: Path, tmp_path: Path) -> None:
+def test_changed_filters_cause_a_recompile(template: Path, tmp_path: Path) -> None:
     filters = tmp_path / "filters.py"
     filters.write_text("as it was")
     Start(template.parent, str(filters)).render()
@@ -64,7 +64,7 @@ def test_so_is_one_whose_filters_have_changed(template: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("cut", [0, 3, 20, 40, 90, -1])
-def test_a_damaged_file_is_as_none(cut: int, kept: Path, template: Path) -> None:
+def test_damaged_cache_file_is_replaced(cut: int, kept: Path, template: Path) -> None:
     Start(template.parent, __file__).render()
     (file,) = kept.iterdir()
     whole = file.read_bytes()
@@ -74,7 +74,7 @@ def test_a_damaged_file_is_as_none(cut: int, kept: Path, template: Path) -> None
         assert file.read_bytes() == whole
 
 
-def test_a_folder_in_which_nothing_can_be_kept_is_as_none(kept: Path, template: Path) -> None:
+def test_unusable_cache_folder_is_ignored(kept: Path, template: Path) -> None:
     start = Start(template.parent, __file__)
     kept.rmdir()
     assert start.render() == ("DONE, FOLDED", 1)
@@ -82,7 +82,7 @@ def test_a_folder_in_which_nothing_can_be_kept_is_as_none(kept: Path, template: 
     assert Start(template.parent, __file__).render() == ("DONE, FOLDED", 1)
 
 
-def test_what_is_old_goes_when_something_is_compiled(kept: Path, template: Path) -> None:
+def test_old_cache_files_are_removed_on_compile(kept: Path, template: Path) -> None:
     Start(template.parent, __file__).render()
     (first,) = kept.iterdir()
     os.utime(first, (0, 0))

@@ -51,13 +51,13 @@ def radio(name: str, family: str, given: Declaration | None = None) -> dict[str,
 
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("name", ENDS)
-def test_text_is_the_golden_one(name: str, family: str) -> None:
+def test_text_matches_the_golden_file(name: str, family: str) -> None:
     assert text(name, family) == (GOLDEN / f"{name}-{family}.rsc").read_text("utf-8")
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("name", ENDS)
-def test_text_is_export_text_that_the_engine_reads(name: str, family: str) -> None:
+def test_text_is_valid_export_text_for_the_engine(name: str, family: str) -> None:
     export = parsed(name, family)
     assert rsc.parse(rsc.print_export(export)) == export
     assert RADIOS[family] in desired.read(text(name, family)).menus
@@ -65,7 +65,7 @@ def test_text_is_export_text_that_the_engine_reads(name: str, family: str) -> No
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_the_ends_differ_in_nothing_that_a_radio_link_is_made_of(family: str) -> None:
+def test_both_ends_have_matching_radio_settings(family: str) -> None:
     one, other = (radio(name, family) for name in ENDS)
     differing = {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
     only_one_may_choose = {"channel.frequency"} if family == "wifi" else set[str]()
@@ -74,7 +74,7 @@ def test_the_ends_differ_in_nothing_that_a_radio_link_is_made_of(family: str) ->
 
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("name", ENDS)
-def test_technicians_of_both_sites_come_in_and_nobody_else(name: str, family: str) -> None:
+def test_only_technicians_of_both_sites_have_access(name: str, family: str) -> None:
     walk = Walk(parsed(name, family))
     for source in ("10.10.0.1", "10.10.0.2", "10.64.100.10", "10.64.101.10"):
         for port in (22, 8729):
@@ -99,7 +99,7 @@ def test_services_and_filter_admit_the_same(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ENDS)
-def test_answers_find_their_way_to_both_technicians_and_to_the_time_servers(name: str) -> None:
+def test_responses_are_routed_to_both_technicians_and_time_servers(name: str) -> None:
     export = parsed(name, "wireless")
     (address,) = (str(one.get("address")) for one in export.statements if one.menu == "/ip/address")
     here = ip_network(address, strict=False)
@@ -128,7 +128,7 @@ def test_answers_find_their_way_to_both_technicians_and_to_the_time_servers(name
         (5560, 80, "20/40/80mhz-eeeC", "20/40/80mhz"),
     ],
 )
-def test_widths_say_where_the_control_channel_is(frequency: int, width: int, legacy: str, newer: str) -> None:
+def test_channel_width_encodes_the_control_channel(frequency: int, width: int, legacy: str, newer: str) -> None:
     given = with_ptp(shipped(), protocol="802.11", frequency_mhz=frequency, width_mhz=width)
     assert radio("scc-cpe", "wireless", given)["channel-width"] == legacy
     assert radio("scc-cpe", "wifi", given)["channel.width"] == newer
@@ -144,13 +144,13 @@ def test_widths_say_where_the_control_channel_is(frequency: int, width: int, leg
         ("802.11ac", "5ghz", "5ghz-a/n/ac", "5ghz-ac"),
     ],
 )
-def test_bands_are_in_the_words_of_the_family(standard: str, band: str, legacy: str, newer: str) -> None:
+def test_band_uses_the_names_of_the_driver_family(standard: str, band: str, legacy: str, newer: str) -> None:
     given = with_ptp(shipped(), protocol="802.11", standard=standard, band=band, frequency_mhz=2412)
     assert radio("scc-cpe", "wireless", given)["band"] == legacy
     assert radio("scc-cpe", "wifi", given)["channel.band"] == newer
 
 
-def test_power_distance_and_weather_radars_are_told_to_the_radio() -> None:
+def test_power_distance_and_dfs_reach_the_radio() -> None:
     long = {"distance_m": 42_000, "frequency_mhz": 5600, "tx_power_dbm": 12, "antenna_gain_dbi": 18}
     said = radio("scc-cpe", "wireless", with_ptp(shipped(), **long))
     assert said["nv2-cell-radius"] == "42"
@@ -167,7 +167,7 @@ def test_power_distance_and_weather_radars_are_told_to_the_radio() -> None:
     assert bare.keys().isdisjoint({"tx-power", "antenna-gain"}), "what the factory knows of its antenna stays"
 
 
-def test_wpa3_and_the_key_stand_where_the_family_has_them() -> None:
+def test_wpa3_and_key_are_set_where_the_family_supports_them() -> None:
     given = with_ptp(shipped(), protocol="802.11", wpa="wpa3", standard="802.11ax")
     said = radio("scc-cpe", "wifi", given)
     assert said["security.authentication-types"] == "wpa3-psk"
@@ -186,13 +186,13 @@ def test_wpa3_and_the_key_stand_where_the_family_has_them() -> None:
         ({"protocol": "802.11", "standard": "802.11ax"}, ("wifi",)),
     ],
 )
-def test_the_families_that_can_do_what_is_declared(changes: dict[str, str], wanted: tuple[str, ...]) -> None:
+def test_driver_families_that_support_the_inventory(changes: dict[str, str], wanted: tuple[str, ...]) -> None:
     device = with_ptp(shipped(), **changes).hosts["scc-cpe"].device
     assert isinstance(device, Cpe)
     assert families(device.ptp) == wanted
 
 
-def test_what_a_family_cannot_do_is_no_text() -> None:
+def test_unsupported_settings_are_refused() -> None:
     with pytest.raises(RenderError, match="the `wifi` menus cannot do nv2"):
         text("scc-cpe", "wifi", shipped())
     with pytest.raises(RenderError, match=r"the `wireless` menus cannot do 802\.11 with 802\.11ax"):
@@ -206,7 +206,7 @@ def test_what_a_family_cannot_do_is_no_text() -> None:
 
 
 @pytest.mark.parametrize("name", ENDS)
-def test_where_it_is_managed_and_what_it_needs(name: str) -> None:
+def test_management_place_and_prerequisites(name: str) -> None:
     given = shipped()
     known = ManagedCpe(given, given.hosts[name])  # type: ignore[arg-type]  # the models alone stand for the loader's
     assert known.place.technician == "10.10.0.6", "the highest address of the link that nobody has"

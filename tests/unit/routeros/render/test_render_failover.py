@@ -47,7 +47,7 @@ def test_te4sea_fails_over(world: World, leaves: set[str]) -> None:
     assert Router(parsed("te4sea"), world).exits(INTERNET) == leaves
 
 
-def test_a_canary_answers_over_its_own_link_or_not_at_all() -> None:
+def test_probe_target_uses_its_own_link_or_the_blackhole() -> None:
     export = parsed("coastal")
     for canaries, port in ((PTP, "ether1"), (LTE, "ether2")):
         for canary in canaries:
@@ -56,7 +56,7 @@ def test_a_canary_answers_over_its_own_link_or_not_at_all() -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_every_canary_has_its_blackhole(site: str) -> None:
+def test_every_probe_target_has_a_blackhole_route(site: str) -> None:
     rows = parsed(site).statements
     routes = [row for row in rows if row.menu == "/ip/route"]
     bearers = declaration().sites[site].bearers
@@ -68,13 +68,13 @@ def test_every_canary_has_its_blackhole(site: str) -> None:
     assert sorted(watched) == sorted(3 * [str(canary) for bearer in bearers[:-1] for canary in bearer.canaries])
 
 
-def test_only_what_costs_nothing_is_asked_by_check_gateway() -> None:
+def test_only_free_links_use_check_gateway() -> None:
     routes = [row for row in parsed("coastal").statements if row.menu == "/ip/route"]
     checks = {(row.get("check-gateway"), row.get("gateway")) for row in routes if row.get("check-gateway")}
     assert checks == {("ping", "198.51.100.11"), ("ping", "198.51.100.12"), ("arp", "10.10.1.1")}
 
 
-def test_nothing_asks_over_the_satellite() -> None:
+def test_nothing_is_probed_over_the_satellite() -> None:
     rows = parsed("coastal").statements
     satellite = declaration().sites["coastal"].bearers[-1]
     asked = [row for row in rows if row.menu == "/tool/netwatch" or row.get("check-gateway")]
@@ -87,7 +87,7 @@ def test_nothing_asks_over_the_satellite() -> None:
     ("hold_down_s", "fail_back_s"), [(20, 0), (20, 120), (21, 60), (45, 45), (200, 600), (600, 3600)]
 )
 @pytest.mark.parametrize("probe_s", [10, 30, 600])
-def test_netwatch_counts_at_least_what_is_declared(hold_down_s: int, fail_back_s: int, probe_s: int) -> None:
+def test_netwatch_intervals_meet_the_configured_times(hold_down_s: int, fail_back_s: int, probe_s: int) -> None:
     given = declaration()
     times = {"hold_down_s": hold_down_s, "fail_back_s": fail_back_s, "metered_probe_s": probe_s}
     failover = given.sites["coastal"].failover.model_copy(update=times)
@@ -104,7 +104,7 @@ def test_netwatch_counts_at_least_what_is_declared(hold_down_s: int, fail_back_s
         assert judged.steady <= 60
 
 
-def test_a_link_is_held_before_check_gateway_gives_it_up() -> None:
+def test_netwatch_reacts_before_check_gateway() -> None:
     for link in router_view(declaration(), declaration().router("coastal")).probed_uplinks:
         judged = link.probing
         assert judged is not None
@@ -112,7 +112,7 @@ def test_a_link_is_held_before_check_gateway_gives_it_up() -> None:
             assert judged.watch_s + judged.timeout_s < 10 + 1  # two questions 10 s apart and a time-out
 
 
-def test_a_link_is_probed_from_its_own_address_and_has_no_way_round() -> None:
+def test_link_is_probed_from_its_own_address_without_detour() -> None:
     export = parsed("coastal")
     ports = {"10.10.0.2": "ether1", "10.10.1.2": "ether2", "10.10.2.2": "ether3"}
     for address, port in ports.items():
@@ -122,14 +122,14 @@ def test_a_link_is_probed_from_its_own_address_and_has_no_way_round() -> None:
 
 
 @pytest.mark.parametrize("site", ["coastal", "te4sea"])
-def test_what_is_behind_the_vpn_never_leaves_in_the_clear(site: str) -> None:
+def test_vpn_networks_never_leave_unencrypted(site: str) -> None:
     export = parsed(site)
     for behind in ("10.80.0.1", "10.80.16.7", "10.64.0.10"):
         assert Router(export, World()).exits(behind) == {"ovpn-scc"}
         assert Router(export, World(down=frozenset({"ovpn-scc"}))).exits(behind) == {BLACKHOLE}
 
 
-def test_control_centre_sends_what_is_behind_the_vpn_to_its_server() -> None:
+def test_control_centre_routes_vpn_networks_to_its_server() -> None:
     scc = Router(parsed("scc"), World())
     for behind in ("10.80.0.11", "10.80.20.1", "10.64.1.21", "10.64.2.10"):
         assert scc.exits(behind) == {"bridge-lan"}
@@ -145,7 +145,7 @@ def test_admitted_management_networks_of_other_sites_are_routed_too() -> None:
     assert Router(parsed("te4sea", opened), World()).exits("10.64.100.10") == {"ovpn-scc"}
 
 
-def test_any_order_of_preference_and_any_choice_of_probes() -> None:
+def test_any_link_order_and_probe_choice_fails_over_in_order() -> None:
     given = declaration()
     ports = {"wifi-ptp": "ether1", "4g": "ether2", "satellite": "ether3"}
     for order in permutations(given.sites["coastal"].bearers):

@@ -28,13 +28,13 @@ SHUT = {
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_doors_that_nobody_needs_are_shut(site: str) -> None:
+def test_unneeded_services_are_off(site: str) -> None:
     found = {row.menu: dict(row.values) for row in parsed(site).statements if row.menu in SHUT}
     assert found == SHUT
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_only_what_is_encrypted_is_served_and_only_to_those_who_manage(site: str) -> None:
+def test_only_encrypted_services_are_enabled_and_only_for_managers(site: str) -> None:
     services = {str(row.target): dict(row.values) for row in parsed(site).statements if row.menu == "/ip/service"}
     admitted = ",".join(str(prefix) for prefix in declaration().sites[site].management.admit)
     assert services == {
@@ -51,14 +51,14 @@ def test_only_what_is_encrypted_is_served_and_only_to_those_who_manage(site: str
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_accounts_are_not_declared(site: str) -> None:
+def test_user_accounts_are_not_rendered(site: str) -> None:
     menus = set(parsed(site).menus)
     assert "/ip/service" in menus
     assert not {menu for menu in menus if menu.startswith("/user")}
 
 
 @pytest.mark.parametrize("site", ["coastal", "te4sea"])
-def test_the_tunnel_believes_only_the_declared_server(site: str) -> None:
+def test_tunnel_verifies_the_declared_server(site: str) -> None:
     row = next(row for row in parsed(site).statements if row.menu == "/interface/ovpn-client")
     assert {
         "add-default-route": "no",

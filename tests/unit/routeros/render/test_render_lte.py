@@ -32,11 +32,11 @@ def modem(host: Host) -> tuple[dict[str, str | None], dict[str, str | None]]:
     return rows["/interface/lte/apn"], rows["/interface/lte"]
 
 
-def test_text_is_the_golden_one() -> None:
+def test_text_matches_the_golden_file() -> None:
     assert lte(DECLARED, BOX) == (GOLDEN / "coastal-4g.rsc").read_text("utf-8")
 
 
-def test_text_is_export_text() -> None:
+def test_text_is_valid_export_text() -> None:
     export = rsc.parse(lte(DECLARED, BOX), "coastal-4g")
     printed = rsc.print_export(export)
     assert rsc.parse(printed) == export
@@ -45,7 +45,7 @@ def test_text_is_export_text() -> None:
         assert names == sorted(names), row
 
 
-def test_a_whole_subscription() -> None:
+def test_full_subscription_is_rendered() -> None:
     host = box(apn="umts", user="me", password="p w", pin="1234", roaming=True, bands=(3, 20))
     profile, row = modem(host)
     assert profile == {
@@ -61,7 +61,7 @@ def test_a_whole_subscription() -> None:
     assert (row["allow-roaming"], row["apn-profiles"], row["band"], row["pin"]) == ("yes", "atlantis", "3,20", "1234")
 
 
-def test_a_subscription_of_which_nothing_is_known() -> None:
+def test_minimal_subscription_is_rendered() -> None:
     profile, row = modem(box())
     assert (profile["use-network-apn"], profile["authentication"]) == ("yes", "none")
     assert "password" not in profile
@@ -69,7 +69,7 @@ def test_a_subscription_of_which_nothing_is_known() -> None:
     assert "pin" not in row
 
 
-def test_nothing_of_its_own_goes_out() -> None:
+def test_device_sends_no_traffic_of_its_own() -> None:
     rows = {row.menu: dict(row.values) for row in rsc.parse(lte(DECLARED, BOX), "box").statements}
     said = {menu: rows[menu] for menu in SILENT}
     assert (said["/ip/cloud"]["update-time"], said["/ip/cloud"]["ddns-enabled"]) == ("no", "auto")
@@ -85,20 +85,20 @@ def test_nothing_of_its_own_goes_out() -> None:
     st.sampled_from([22, 53, 80, 8291, 8729]),
     st.sampled_from(["new", "established", "related", "invalid", "untracked"]),
 )
-def test_from_4g_nothing_reaches_the_box(src: str, protocol: str, port: int, state: str) -> None:
+def test_nothing_from_4g_reaches_the_device(src: str, protocol: str, port: int, state: str) -> None:
     packet = Packet(src, "100.72.9.14", in_interface="lte1", protocol=protocol, dst_port=port, state=state)
     assert not WALK.accepts("input", packet)
 
 
 @drawn(st.ip_addresses(v=4).map(str), st.sampled_from(["ether1", "lte1"]))
-def test_from_4g_only_answers_come_through(dst: str, out: str) -> None:
+def test_only_responses_come_in_from_4g(dst: str, out: str) -> None:
     packet = Packet(OUTSIDE, dst, in_interface="lte1", out_interface=out, protocol="tcp", dst_port=443)
     assert not WALK.accepts("forward", packet)
     assert WALK.accepts("forward", replace(packet, state="established"))
 
 
 @pytest.mark.parametrize("port", [22, 8729])
-def test_management_comes_from_the_link_alone(port: int) -> None:
+def test_management_is_allowed_only_from_the_link(port: int) -> None:
     packet = Packet(ROUTER, "10.10.1.1", in_interface="ether1", protocol="tcp", dst_port=port)
     assert WALK.accepts("input", packet)
     assert not WALK.accepts("input", replace(packet, in_interface="lte1"))
@@ -106,7 +106,7 @@ def test_management_comes_from_the_link_alone(port: int) -> None:
     assert not WALK.accepts("input", replace(packet, dst_port=80))
 
 
-def test_the_router_s_traffic_goes_out_masqueraded() -> None:
+def test_router_traffic_leaves_masqueraded() -> None:
     packet = Packet(ROUTER, OUTSIDE, in_interface="ether1", out_interface="lte1", protocol="udp", dst_port=1194)
     assert WALK.accepts("forward", packet)
     assert WALK.translation("srcnat", packet) == ("masquerade", "")
@@ -115,7 +115,7 @@ def test_the_router_s_traffic_goes_out_masqueraded() -> None:
 
 
 @pytest.mark.parametrize("version", ["7.18.2", "7.21.5"])
-def test_the_device_takes_every_row_and_stays_reachable(version: str) -> None:
+def test_emulator_accepts_every_row_and_stays_reachable(version: str) -> None:
     port, technician = "ether1", ROUTER
     spec = RouterSpec(
         name="coastal-4g",
@@ -140,7 +140,7 @@ def test_the_device_takes_every_row_and_stays_reachable(version: str) -> None:
     assert not device.path_open("10.64.1.21", "10.10.1.1", "api-ssl")
 
 
-def test_what_must_be_there() -> None:
+def test_prerequisites_are_listed() -> None:
     assert {(row.menu, row.name) for row in lte_prerequisites(DECLARED, BOX)} == {
         ("/certificate", "atlantis-api"),
         ("/interface/ethernet", "ether1"),
@@ -148,7 +148,7 @@ def test_what_must_be_there() -> None:
     }
 
 
-def test_the_port_of_the_interface_is_the_declared_one() -> None:
+def test_api_port_follows_the_inventory() -> None:
     assert isinstance(BOX.device, LteRouter)
     assert BOX.device.access is not None
     moved = BOX.device.access.model_copy(update={"port": 18729})
@@ -156,7 +156,7 @@ def test_the_port_of_the_interface_is_the_declared_one() -> None:
     assert view.management.api_port == 18729
 
 
-def test_other_units_have_no_such_text() -> None:
+def test_other_devices_are_refused() -> None:
     assert isinstance(BOX.device, LteRouter)
     other = replace(BOX, device=BOX.device.model_copy(update={"driver": LteDriver.MANUAL}))
     with pytest.raises(RenderError, match="coastal-4g is no LTE box with driver routeros"):
@@ -165,7 +165,7 @@ def test_other_units_have_no_such_text() -> None:
         lte(DECLARED, DECLARED.router("coastal"))
 
 
-def test_a_box_at_no_link_is_refused() -> None:
+def test_device_without_a_link_is_refused() -> None:
     lost = replace(BOX, name="lost-4g", device=BOX.device.model_copy(update={"address": "10.10.1.5"}))
     with pytest.raises(RenderError, match="lost-4g is the gateway of no link of coastal") as caught:
         lte(DECLARED, lost)

@@ -53,7 +53,7 @@ def references(row: Statement) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_rows_refer_only_to_what_stands_further_up(site: str) -> None:
+def test_rows_refer_only_to_earlier_rows(site: str) -> None:
     known = {kind: set(names) for kind, names in BUILT_IN.items()}
     count = 0
     for row in parsed(site).statements:
@@ -68,7 +68,7 @@ def test_rows_refer_only_to_what_stands_further_up(site: str) -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_what_a_text_names_it_also_uses(site: str) -> None:
+def test_every_defined_name_is_used(site: str) -> None:
     rows = parsed(site).statements
     used = {(kind, str(row.get(name)).removeprefix("!")) for row in rows for name, kind in references(row).items()}
     named = {(DEFINES[row.menu][0], str(row.get(DEFINES[row.menu][1]))) for row in rows if row.menu in DEFINES}
@@ -76,7 +76,7 @@ def test_what_a_text_names_it_also_uses(site: str) -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_chains_are_entered_and_end_in_a_drop(site: str) -> None:
+def test_every_chain_is_called_and_ends_in_a_drop(site: str) -> None:
     rows = [row for row in parsed(site).statements if row.menu == "/ip/firewall/filter"]
     chains = {str(row.get("chain")) for row in rows}
     entered = {str(row.get("jump-target")) for row in rows if row.get("action") == "jump"}
@@ -89,7 +89,7 @@ def test_chains_are_entered_and_end_in_a_drop(site: str) -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_rules_stand_in_the_order_in_which_they_are_added(site: str) -> None:
+def test_rules_are_in_insertion_order(site: str) -> None:
     """A chain stands whole where it is jumped to, so that the router holds its rules in the order of the text."""
     rows = [row for row in parsed(site).statements if row.menu == "/ip/firewall/filter"]
     jumps = [row.get("jump-target") if row.get("action") == "jump" else None for row in rows]

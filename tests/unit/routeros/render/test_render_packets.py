@@ -63,7 +63,7 @@ def leaving(draw: st.DrawFn, out: str) -> Packet:
 @pytest.mark.parametrize("site", WITH_SATELLITE)
 @settings(max_examples=150)
 @drawn(data=st.data())
-def test_satellite_carries_declared_targets_only(site: str, data: st.DataObject) -> None:
+def test_satellite_carries_only_allowed_targets(site: str, data: st.DataObject) -> None:
     packet = data.draw(leaving(link(site, "satellite")))
     declared = (packet.dst, packet.protocol, packet.dst_port) in allowed(site)
     assert WALKS[site].accepts("output", replace(packet, in_interface="")) is declared
@@ -71,7 +71,7 @@ def test_satellite_carries_declared_targets_only(site: str, data: st.DataObject)
 
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
-def test_lan_reaches_the_declared_targets_by_satellite(site: str) -> None:
+def test_lan_reaches_allowed_targets_over_satellite(site: str) -> None:
     lan = str(DECLARED.sites[site].lan.network[21])
     for address, protocol, port in allowed(site):
         packet = Packet(lan, address, "bridge-lan", link(site, "satellite"), protocol, port or 0)
@@ -89,7 +89,7 @@ def test_satellite_is_filtered_ahead_of_every_established_accept(site: str) -> N
 
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
-def test_satellite_brings_in_answers_of_declared_targets_only(site: str) -> None:
+def test_satellite_admits_only_responses_of_allowed_targets(site: str) -> None:
     robot, arrives = str(DECLARED.sites[site].lan.network[21]), link(site, "satellite")
     answers = [(address, protocol, port or 0) for address, protocol, port in allowed(site)]
     others = [("203.0.113.2", "udp", 1195), ("203.0.113.2", "tcp", 1194), ("8.8.8.8", "udp", 123)]
@@ -107,7 +107,7 @@ def test_satellite_brings_in_answers_of_declared_targets_only(site: str) -> None
 
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
-def test_terminal_pages_are_for_the_technician(site: str) -> None:
+def test_only_the_technician_reaches_the_terminal_pages(site: str) -> None:
     satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is LinkKind.SATELLITE)
     out = link(site, "satellite")
     technician = str(DECLARED.sites[site].management.technician)
@@ -118,7 +118,7 @@ def test_terminal_pages_are_for_the_technician(site: str) -> None:
     assert not WALKS[site].accepts("forward", Packet(robot, str(satellite.gateway), "bridge-lan", out, "tcp", 80))
 
 
-def test_a_target_without_port_is_open_for_every_port() -> None:
+def test_target_without_a_port_allows_every_port() -> None:
     satellite = DECLARED.sites["te4sea"].bearers[1]
     whole = AllowedTarget.model_validate({"name": "control centre", "address": "192.0.2.200"})
     opened = with_site(
@@ -133,7 +133,7 @@ def test_a_target_without_port_is_open_for_every_port() -> None:
 
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
-def test_an_address_that_left_the_list_is_closed(site: str) -> None:
+def test_address_removed_from_the_list_is_blocked(site: str) -> None:
     export = parsed(site)
     kept = tuple(
         row for row in export.statements if (row.get("list"), row.get("address")) != ("sat-allow", "192.0.2.123")
@@ -144,7 +144,7 @@ def test_an_address_that_left_the_list_is_closed(site: str) -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_answers_come_back_and_strays_do_not(site: str) -> None:
+def test_responses_pass_and_invalid_packets_do_not(site: str) -> None:
     robot = str(DECLARED.sites[site].lan.network[21])
     for bearer in DECLARED.sites[site].bearers:
         arrives, limited = link(site, bearer.name), bearer.kind is LinkKind.SATELLITE
@@ -161,7 +161,7 @@ def test_answers_come_back_and_strays_do_not(site: str) -> None:
 
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
-def test_the_tunnel_of_a_computer_passes_by_every_link(site: str) -> None:
+def test_tunnel_of_a_computer_passes_over_every_link(site: str) -> None:
     """`provision qualify over=vpn` leads it; through the site's own tunnel a technician reaches nothing."""
     place, endpoint = DECLARED.sites[site], str(DECLARED.pilot.vpn.endpoint)
     for name, inside in ((str(place.management.technician), "ether8"), (str(place.lan.network[77]), "bridge-lan")):
@@ -189,7 +189,7 @@ def test_nothing_is_fasttracked(site: str) -> None:
 @for_each_row("site", SITES)
 @for_each_row(("protocol", "port"), [("tcp", 8729), ("tcp", 22), ("icmp", 0)])
 @for_each_row("state", STATES)
-def test_technician_reaches_the_router_and_is_answered(site: str, protocol: str, port: int, state: str) -> None:
+def test_technician_reaches_the_router_and_gets_responses(site: str, protocol: str, port: int, state: str) -> None:
     management = DECLARED.sites[site].management
     device = DECLARED.router(site).device
     assert isinstance(device, Router)
@@ -211,7 +211,7 @@ def test_management_rows_come_first(site: str) -> None:
 
 @pytest.mark.parametrize("site", SITES)
 @pytest.mark.parametrize("arrives", INTERFACES)
-def test_managers_addresses_count_only_where_managers_come_from(site: str, arrives: str) -> None:
+def test_manager_addresses_count_only_on_management_interfaces(site: str, arrives: str) -> None:
     """A robot in the LAN, or whoever is behind a link, may write any source into its packets."""
     device = DECLARED.router(site).device
     assert isinstance(device, Router)
@@ -222,7 +222,7 @@ def test_managers_addresses_count_only_where_managers_come_from(site: str, arriv
             assert WALKS[site].accepts("input", packet) is (arrives == home), (source, protocol)
 
 
-def test_a_prefix_is_bound_to_the_networks_that_it_touches() -> None:
+def test_prefix_is_bound_to_the_interfaces_it_overlaps() -> None:
     management = DECLARED.sites["coastal"].management
     wide = management.model_copy(update={"admit": tuple(map(IPv4Network, ("10.64.0.0/16", "198.51.100.7/32")))})
     walk = Walk(parsed("coastal", with_site(DECLARED, "coastal", management=wide)))
@@ -241,7 +241,7 @@ def test_a_prefix_is_bound_to_the_networks_that_it_touches() -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_an_engineer_behind_the_vpn_reaches_the_router(site: str) -> None:
+def test_engineer_in_the_vpn_reaches_the_router(site: str) -> None:
     device = DECLARED.router(site).device
     assert isinstance(device, Router)
     arrives = "bridge-lan" if site == "scc" else "ovpn-scc"
@@ -260,7 +260,7 @@ def test_partners_do_not_reach_the_routers_services(site: str, partner: str, arr
 
 @pytest.mark.parametrize("site", SITES)
 @pytest.mark.parametrize("partner", PARTNERS)
-def test_partners_reach_neither_the_world_nor_the_management_network(site: str, partner: str) -> None:
+def test_partners_reach_neither_internet_nor_management_network(site: str, partner: str) -> None:
     technician = str(DECLARED.sites[site].management.technician)
     for arrives in ("bridge-lan", "ovpn-scc"):
         for bearer in DECLARED.sites[site].bearers:
@@ -272,7 +272,7 @@ def test_partners_reach_neither_the_world_nor_the_management_network(site: str, 
 @for_each_row("site", SITES)
 @for_each_row("arrives", INTERFACES)
 @for_each_row("port", [21, 23, 53, 80, 443, 2000, 8291, 8728])
-def test_what_nobody_declared_is_dropped(site: str, arrives: str, port: int) -> None:
+def test_undeclared_traffic_is_dropped(site: str, arrives: str, port: int) -> None:
     for chain in ("input", "forward"):
         decided = WALKS[site].verdict(chain, Packet("192.0.2.77", "10.64.1.1", arrives, "ether4", "tcp", port))
         assert decided in (
@@ -282,7 +282,7 @@ def test_what_nobody_declared_is_dropped(site: str, arrives: str, port: int) -> 
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_lan_is_served_and_no_more(site: str) -> None:
+def test_lan_gets_only_the_declared_services(site: str) -> None:
     robot, local = str(DECLARED.sites[site].lan.network[21]), str(DECLARED.sites[site].lan.gateway)
     served = {("udp", 53), ("tcp", 53), ("udp", 67), ("icmp", 0)}
     for protocol, port in served | {("tcp", 22), ("tcp", 8729), ("tcp", 80), ("udp", 123), ("udp", 5678)}:
@@ -293,7 +293,7 @@ def test_lan_is_served_and_no_more(site: str) -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_lan_goes_out_by_its_cheap_links_and_comes_out_masqueraded(site: str) -> None:
+def test_lan_uses_unrestricted_links_and_is_masqueraded(site: str) -> None:
     robot = str(DECLARED.sites[site].lan.network[21])
     for bearer in DECLARED.sites[site].bearers:
         packet = Packet(robot, "93.184.216.34", "bridge-lan", link(site, bearer.name), "tcp", 443)
@@ -301,13 +301,13 @@ def test_lan_goes_out_by_its_cheap_links_and_comes_out_masqueraded(site: str) ->
         assert WALKS[site].translation("srcnat", packet) == ("masquerade", "")
 
 
-def test_a_flow_that_lost_its_translation_does_not_leave() -> None:
+def test_flow_without_its_nat_entry_is_dropped() -> None:
     packet = Packet("10.64.1.21", "93.184.216.34", "bridge-lan", "ether2", "tcp", 443, "established")
     assert WALKS["coastal"].verdict("forward", packet) == ("drop", "atlantis: stale, not masqueraded")
 
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
-def test_sites_meet_inside_the_vpn_with_their_own_addresses(site: str) -> None:
+def test_sites_meet_inside_the_vpn_without_nat(site: str) -> None:
     robot = str(DECLARED.sites[site].lan.network[21])
     there = Packet(robot, "10.64.0.11", "bridge-lan", "ovpn-scc", "udp", 7410)
     back = Packet("10.64.0.11", robot, "ovpn-scc", "bridge-lan", "udp", 7410)
@@ -324,7 +324,7 @@ BEGUN = (("tcp", 22), ("tcp", 445), ("tcp", 8729), ("tcp", 80))
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_a_robot_in_the_lan_opens_nothing_at_another_site_and_our_hosts_do(site: str) -> None:
+def test_lan_robot_cannot_connect_to_other_sites_but_our_hosts_can(site: str) -> None:
     """Robot 22 is a partner's and has a reservation, 150 is of DHCP; the gateway, or the control centre, is ours."""
     lan, out = DECLARED.sites[site].lan.network, "bridge-lan" if site == "scc" else "ovpn-scc"
     others = [one for one in OF_OTHERS if IPv4Address(one) not in lan and not one.startswith(f"10.64.10{str(lan)[6]}.")]
@@ -344,7 +344,7 @@ def parsed_remotes(site: str) -> list[str]:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_a_robot_in_the_lan_reaches_the_vpn_and_answers(site: str) -> None:
+def test_lan_robot_reaches_the_vpn_and_responds(site: str) -> None:
     """The VPN server decides which addresses of the tunnel it may speak to."""
     robot, out = str(DECLARED.sites[site].lan.network[22]), "bridge-lan" if site == "scc" else "ovpn-scc"
     for protocol, port in (("udp", 7410), ("tcp", 8443), ("icmp", 0)):
@@ -373,7 +373,7 @@ def test_control_centre_forwards_the_vpn_and_measurements_from_every_side(port: 
     assert walk.accepts("forward", replace(inside, is_beyond_limit=True, state="established")), "who is there stays"
 
 
-def test_control_centre_hides_its_lan_only_where_an_answer_would_miss_the_router() -> None:
+def test_control_centre_masquerades_only_hairpin_traffic() -> None:
     walk = WALKS["scc"]
     hairpin = Packet("10.64.0.50", "10.64.0.10", "bridge-lan", "bridge-lan", "udp", 1194)
     outside = Packet("198.18.0.9", "10.64.0.10", "ether1", "bridge-lan", "udp", 1194)
@@ -382,7 +382,7 @@ def test_control_centre_hides_its_lan_only_where_an_answer_would_miss_the_router
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_control_centre_turns_vpn_traffic_round_on_its_bridge(state: str) -> None:
+def test_control_centre_forwards_vpn_traffic_within_its_bridge(state: str) -> None:
     walk = WALKS["scc"]
     for behind in ("10.80.0.11", "10.64.1.21", "10.64.2.10"):
         packet = Packet("10.64.0.11", behind, "bridge-lan", "bridge-lan", "tcp", 8080, state)
@@ -390,7 +390,7 @@ def test_control_centre_turns_vpn_traffic_round_on_its_bridge(state: str) -> Non
         assert walk.translation("srcnat", packet) is None
 
 
-def test_control_centre_carries_coastal_to_the_world_but_not_into_its_lan() -> None:
+def test_control_centre_routes_coastal_to_the_internet_but_not_its_lan() -> None:
     walk = WALKS["scc"]
     probe = Packet("10.10.0.2", "198.51.100.11", "ether2", "ether1", "icmp")
     assert walk.accepts("forward", probe)
@@ -415,7 +415,7 @@ def test_routers_ping_each_other_over_the_bridge() -> None:
 
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
-def test_the_router_refuses_the_echo_that_asks_for_dds(site: str) -> None:
+def test_router_rejects_dds_probe_echo_on_links_without_dds(site: str) -> None:
     """On links that DDS may not cross, in every state of a connection, and nothing else that has its mark."""
     ports = {link.name: link.port for link in router_view(DECLARED, DECLARED.router(site)).uplinks}
     robot = str(DECLARED.sites[site].lan.network[10])
@@ -430,7 +430,7 @@ def test_the_router_refuses_the_echo_that_asks_for_dds(site: str) -> None:
         assert WALKS[site].verdict("forward", plain)[0] != "reject", name
 
 
-def test_dds_is_kept_off_metered_links_unless_it_is_declared() -> None:
+def test_dds_is_blocked_on_metered_links_unless_declared() -> None:
     def refused(**update: object) -> list[str]:
         bearers = tuple(each.model_copy(update=update) for each in DECLARED.sites["coastal"].bearers)
         walk = Walk(parsed("coastal", with_site(DECLARED, "coastal", bearers=bearers)))

@@ -47,7 +47,7 @@ def rows(text: str, menu: str) -> list[dict[str, str | None]]:
     return [dict(item.values) for item in export.statements if item.menu == "/" + menu[1:].replace(" ", "/")]
 
 
-def test_ports_are_bridged_and_those_that_are_isolated_share_a_horizon() -> None:
+def test_isolated_ports_share_a_bridge_horizon() -> None:
     bridged = rows(switch(*with_switch()), "/interface bridge port")
     assert [(row["interface"], row.get("horizon")) for row in bridged] == [
         ("ether1", None),
@@ -57,13 +57,13 @@ def test_ports_are_bridged_and_those_that_are_isolated_share_a_horizon() -> None
     assert {row["bridge"] for row in bridged} == {"bridge-lan"}
 
 
-def test_power_and_what_is_off() -> None:
+def test_poe_and_disabled_ports_are_rendered() -> None:
     ports = {row["name"]: row for row in rows(switch(*with_switch()), "/interface ethernet")}
     assert (ports["ether3"]["poe-out"], ports["ether3"]["poe-priority"]) == ("forced-on", "3")
     assert [name for name, row in ports.items() if row["disabled"] == "yes"] == ["ether4"]
 
 
-def test_the_router_alone_may_manage_it() -> None:
+def test_only_the_router_may_manage_the_switch() -> None:
     text = switch(*with_switch())
     assert [row["address"] for row in rows(text, "/ip firewall address-list")] == ["10.64.1.1"]
     assert [row["address"] for row in rows(text, "/ip address")] == ["10.64.1.5/24"]
@@ -71,13 +71,13 @@ def test_the_router_alone_may_manage_it() -> None:
     assert api["address"] == "10.64.1.1/32"
 
 
-def test_beside_the_vpn_server_those_of_the_vpn_come_by_the_lan() -> None:
+def test_switch_at_the_vpn_server_admits_vpn_clients() -> None:
     given, host = with_switch("scc")
     admitted = [row["address"] for row in rows(switch(given, host), "/ip firewall address-list")]
     assert admitted == ["10.64.0.1", "10.80.0.0/24"]
 
 
-def test_the_router_has_its_own_address_for_those_who_manage_it() -> None:
+def test_router_masquerades_managers_towards_the_switch() -> None:
     given, host = with_switch()
     hidden = [row for row in rows(router(given, given.router("coastal")), "/ip firewall nat") if "dst-address" in row]
     assert {row["dst-address"] for row in hidden} == {str(host.device.access.address)}  # type: ignore[union-attr]
@@ -87,7 +87,7 @@ def test_the_router_has_its_own_address_for_those_who_manage_it() -> None:
     }
 
 
-def test_nobody_else_is_hidden_who_is_not_admitted() -> None:
+def test_only_admitted_networks_are_masqueraded() -> None:
     given, _ = with_switch()
     management = given.sites["coastal"].management
     alone = management.model_copy(update={"admit": (IPv4Network("10.64.101.0/24"),)})
@@ -104,13 +104,13 @@ def test_a_radio_is_a_port_of_the_bridge() -> None:
     assert port["horizon"] == "1"
 
 
-def test_a_radio_whose_stations_may_meet_has_no_horizon() -> None:
+def test_radio_without_isolation_has_no_horizon() -> None:
     text = switch(*with_switch(access_point={**RADIO, "isolated": False}))
     (port,) = [row for row in rows(text, "/interface bridge port") if row["interface"] == "wifi1"]
     assert "horizon" not in port
 
 
-def test_a_router_is_no_switch() -> None:
+def test_router_cannot_be_rendered_as_a_switch() -> None:
     given = declaration()
     with pytest.raises(RenderError, match="coastal-router is a router"):
         switch(given, given.router("coastal"))

@@ -36,13 +36,13 @@ def parsed(site: str, given: Declaration | None = None) -> rsc.Export:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_text_is_the_golden_one(site: str) -> None:
+def test_text_matches_the_golden_file(site: str) -> None:
     given = declaration()
     assert router(given, given.router(site)) == (GOLDEN / f"{site}-router.rsc").read_text("utf-8")
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_text_is_export_text(site: str) -> None:
+def test_text_is_valid_export_text(site: str) -> None:
     export = parsed(site)
     printed = rsc.print_export(export)
     assert rsc.parse(printed) == export
@@ -50,7 +50,7 @@ def test_text_is_export_text(site: str) -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_arguments_stand_as_export_prints_them(site: str) -> None:
+def test_arguments_are_sorted_as_in_an_export(site: str) -> None:
     for row in parsed(site).statements:
         names = [name for name, _ in row.values]
         assert names == sorted(names), row
@@ -65,19 +65,19 @@ def test_every_added_row_is_marked(site: str) -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_no_row_stands_twice(site: str) -> None:
+def test_no_row_appears_twice(site: str) -> None:
     rows = [(row.menu, row.verb, row.target, row.find, row.values) for row in parsed(site).statements]
     assert len(rows) == len(set(rows))
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_menus_that_are_ours_entirely(site: str) -> None:
+def test_entirely_managed_menus_are_marked(site: str) -> None:
     directives = [line for line in parsed(site).remarks() if line.startswith("atlantis:entire")]
     more = () if site == "scc" else ENTIRE_WITH_A_CHOICE
     assert sorted(directives) == sorted(f"atlantis:entire {menu}" for menu in (*ENTIRE, *more))
 
 
-def test_what_netwatch_moves_or_an_import_sets_is_no_drift() -> None:
+def test_runtime_changes_are_declared_as_no_drift() -> None:
     directives = [line for line in parsed("coastal").remarks() if line.startswith("atlantis:run-time")]
     assert directives == [
         "atlantis:run-time /interface ovpn-client auth=null auth=sha256",
@@ -90,7 +90,7 @@ def test_what_netwatch_moves_or_an_import_sets_is_no_drift() -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_every_declared_port_appears_once_and_only_one_use_is_served(site: str) -> None:
+def test_every_port_appears_once_with_its_use_and_poe(site: str) -> None:
     given = declaration()
     device = given.router(site).device
     assert isinstance(device, Router)
@@ -105,7 +105,7 @@ def test_every_declared_port_appears_once_and_only_one_use_is_served(site: str) 
         assert rows[port.name].get("poe-priority") == (str(port.poe.priority) if port.poe else None)
 
 
-def test_management_address_stands_as_adoption_left_it() -> None:
+def test_management_address_is_as_adoption_left_it() -> None:
     rows = [row for row in parsed("coastal").statements if row.get("comment") == "atlantis: management"]
     assert [row.values for row in rows if row.menu == "/ip/address"] == [
         (("address", "10.64.101.1/24"), ("comment", "atlantis: management"), ("interface", "ether8"))
@@ -121,13 +121,13 @@ def test_text_does_not_depend_on_the_order_of_files() -> None:
         assert router(shuffled, shuffled.router(site)) == router(given, given.router(site))
 
 
-def test_values_that_need_quotes_get_them_and_stay_what_they_are() -> None:
+def test_quoted_values_keep_their_content() -> None:
     given = with_site(declaration(), "coastal", title='Quay "A"; $north & 5 €')
     note = next(row for row in parsed("coastal", given).statements if row.menu == "/system/note")
     assert 'Quay "A"; $north & 5 €' in str(note.get("note"))
 
 
-def test_an_address_is_listed_once_whatever_is_allowed_there() -> None:
+def test_address_is_listed_once_for_all_its_targets() -> None:
     given = declaration()
     satellite = given.sites["te4sea"].bearers[1]
     vpn = derive_targets(given.pilot)[0]
@@ -170,7 +170,7 @@ def test_certificates_in_the_text_are_prerequisites(site: str) -> None:
     assert used <= known
 
 
-def test_a_misspelt_name_is_an_error(tmp_path: Path) -> None:
+def test_misspelt_template_name_is_an_error(tmp_path: Path) -> None:
     given = declaration()
     (tmp_path / "typo.rsc.j2").write_text("set name={{ router.nmae }}\n")
     (tmp_path / "loop.rsc.j2").write_text("{% for port in router.prots %}{% endfor %}\n")
@@ -180,18 +180,18 @@ def test_a_misspelt_name_is_an_error(tmp_path: Path) -> None:
             made.get_template(name).render(router=router_view(given, given.router("coastal")))
 
 
-def test_templates_are_found_beside_the_package_or_inside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_templates_are_in_the_checkout_or_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (template_folder() / "routeros" / "router.rsc.j2").is_file()
     monkeypatch.setattr("atlantis_netcfg.routeros.render._environment.checkout", lambda: tmp_path)
     assert template_folder() == Path(atlantis_netcfg.__file__).parent / "templates"
 
 
-def test_what_is_public_is_said() -> None:
+def test_public_names_are_sorted_and_exist() -> None:
     assert render.__all__ == sorted(render.__all__, key=lambda name: (name[0].islower(), name))
     assert all(hasattr(render, name) for name in render.__all__)
 
 
-def test_a_part_that_nothing_includes_would_be_forgotten() -> None:
+def test_every_template_part_is_included() -> None:
     folder = template_folder() / "routeros"
     text = "".join(path.read_text("utf-8") for path in folder.rglob("*.j2"))
     for part in (folder / "parts").iterdir():
@@ -211,7 +211,7 @@ def test_a_part_that_nothing_includes_would_be_forgotten() -> None:
         (694861, "1w1d1h1m1s"),
     ],
 )
-def test_intervals_are_written_as_the_router_prints_them(seconds: float, text: str) -> None:
+def test_intervals_have_the_router_format(seconds: float, text: str) -> None:
     assert duration(seconds) == text
 
 
@@ -228,7 +228,7 @@ def _ports_without(given: Declaration, site: str, **gone: str) -> Declaration:
     return with_router(given, site, ports=kept)
 
 
-def test_what_the_declaration_lacks_is_said() -> None:
+def test_missing_inventory_entries_are_reported() -> None:
     given = declaration()
     forward = TypeAdapter(Forward).validate_python({"transport": "tcp", "port": 443, "to": "nobody"})
     cases = {

@@ -62,7 +62,7 @@ def reaches(device: Device, site: str, sender: str) -> bool:
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("site", SITES)
-def test_every_row_is_taken_and_the_way_in_stays_open(site: str, version: str) -> None:
+def test_every_row_is_accepted_and_management_stays_reachable(site: str, version: str) -> None:
     device, caller = adopted(site, version)
     technician = str(DECLARED.sites[site].management.technician)
     for row in rows(site):

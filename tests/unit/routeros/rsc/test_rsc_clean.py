@@ -70,7 +70,7 @@ EXPORTS = sorted(path for folder in FOLDERS for path in (TESTS / folder).rglob("
 
 
 @for_each_row("path", EXPORTS, ids=lambda path: path.relative_to(TESTS).as_posix())
-def test_an_export_is_about_nobody(path: Path) -> None:
+def test_exports_contain_no_personal_data(path: Path) -> None:
     found = set(objections(path.read_bytes().decode("utf-8", "surrogateescape")))
     assert found == MADE_UP.get(path.relative_to(TESTS).as_posix(), set())
 
@@ -92,5 +92,5 @@ def test_an_export_is_about_nobody(path: Path) -> None:
         ("add dst-address=0.0.0.0/0 gateway=10.0.0.1 servers=9.9.9.9", []),
     ],
 )
-def test_what_may_be_somebodys_is_seen(text: str, found: list[str]) -> None:
+def test_possibly_personal_data_is_detected(text: str, found: list[str]) -> None:
     assert list(objections(text)) == found

@@ -65,7 +65,7 @@ def lasting(comments: list[str]) -> list[str]:
 
 
 @for_each_row("name", texts())
-def test_nothing_is_lost(name: str) -> None:
+def test_printing_an_export_loses_nothing(name: str) -> None:
     text = texts()[name]
     before, after = told(text), told(print_export(parse(text)))
     assert after.rows == before.rows
@@ -75,7 +75,7 @@ def test_nothing_is_lost(name: str) -> None:
 
 
 @for_each_row("name", texts())
-def test_only_comments_on_the_state_of_the_moment_can_be_dropped(name: str) -> None:
+def test_only_volatile_comments_are_dropped(name: str) -> None:
     text = texts()[name]
     before, after = told(text), told(print_export(drop_volatile(parse(text))))
     assert (after.rows, after.menus) == (before.rows, before.menus)
@@ -84,7 +84,7 @@ def test_only_comments_on_the_state_of_the_moment_can_be_dropped(name: str) -> N
 
 
 @for_each_row("name", texts())
-def test_what_was_printed_is_read_as_the_same_and_printed_as_the_same(name: str) -> None:
+def test_export_round_trips(name: str) -> None:
     export = parse(texts()[name])
     printed = print_export(export)
     assert parse(printed) == export
@@ -93,12 +93,12 @@ def test_what_was_printed_is_read_as_the_same_and_printed_as_the_same(name: str)
 
 
 @pytest.mark.parametrize("name", [name for name in texts() if name.endswith(("-compact", "-verbose"))])
-def test_a_twin_wraps_as_the_printer_does(name: str) -> None:
+def test_emulator_wraps_lines_as_the_printer_does(name: str) -> None:
     assert print_export(parse(texts()[name])) == texts()[name]
     assert max(map(len, texts()[name].splitlines())) <= 80
 
 
-def test_there_is_something_of_everything() -> None:
+def test_sample_exports_cover_every_trait() -> None:
     everything = "".join(texts().values())
     traits = (
         *("set [ find default-name=", "set telnet", "\\C3\\B1", "\\r\\n", " !", " \\\n    "),
@@ -109,7 +109,7 @@ def test_there_is_something_of_everything() -> None:
 
 
 @given(exports())
-def test_printing_tells_what_was_to_be_told(export: Export) -> None:
+def test_independent_reader_agrees_with_the_printed_text(export: Export) -> None:
     """The second reader agrees on anything that can be printed, whatever stands in the values."""
     found = told(print_export(export))
     assert [menu for menu, _ in found.rows] == [row.menu for row in export.statements]
@@ -121,7 +121,7 @@ def test_printing_tells_what_was_to_be_told(export: Export) -> None:
 
 @given(data=st.data())
 @settings(max_examples=4 * settings().max_examples)
-def test_a_damaged_text_is_read_or_refused_in_words(data: st.DataObject) -> None:
+def test_damaged_text_is_parsed_or_refused_with_a_message(data: st.DataObject) -> None:
     """Never another error than ours; and what is read in spite of the damage is again stable."""
     name = data.draw(st.sampled_from(sorted(texts())))
     text = texts()[name][:4000]

@@ -36,24 +36,24 @@ def names(path: Path) -> str:
 
 
 @pytest.mark.parametrize("path", DEVICE_TEXTS, ids=names)
-def test_a_text_in_the_devices_form_is_printed_to_the_letter(path: Path) -> None:
+def test_text_in_device_form_is_printed_unchanged(path: Path) -> None:
     assert print_export(parse(read(path))) == read(path)
 
 
 @pytest.mark.parametrize("path", OTHER_TEXTS, ids=names)
-def test_any_other_form_is_printed_in_the_devices_form(path: Path) -> None:
+def test_other_forms_are_printed_in_device_form(path: Path) -> None:
     assert print_export(parse(read(path))) == read(path.with_name(f"{names(path)}.rsc"))
 
 
 @pytest.mark.parametrize("path", [*DEVICE_TEXTS, *OTHER_TEXTS], ids=lambda path: path.name)
-def test_line_ends_byte_order_mark_and_last_line_end_do_not_matter(path: Path) -> None:
+def test_bom_line_endings_and_final_newline_do_not_matter(path: Path) -> None:
     text = read(path)
     assert parse("\ufeff" + text.replace("\n", "\r\n")) == parse(text)
     assert parse(text.rstrip("\n")) == parse(text)
 
 
 @pytest.mark.parametrize("path", WRONG_TEXTS, ids=names)
-def test_every_mistake_is_explained_at_its_place(path: Path) -> None:
+def test_every_mistake_is_explained_with_its_location(path: Path) -> None:
     with pytest.raises(RscError) as caught:
         parse(read(path), source=path.name)
     error = caught.value
@@ -62,20 +62,20 @@ def test_every_mistake_is_explained_at_its_place(path: Path) -> None:
     assert f"line {error.line}, column {error.column}" in shown
 
 
-def test_the_public_surface() -> None:
+def test_public_names_of_the_package() -> None:
     assert rsc.__all__ == [
         *("VOLATILE_COMMENTS", "WIDTH", "Export", "RscError", "Statement", "console_path", "drop_volatile"),
         *("in_quotes", "is_volatile", "parse", "print_export", "print_statement", "quote", "unquote"),
     ]
 
 
-def test_texts_of_every_kind_are_there() -> None:
+def test_sample_texts_of_every_kind_exist() -> None:
     assert len(DEVICE_TEXTS) >= 4
     assert len(OTHER_TEXTS) >= 2
     assert len(WRONG_TEXTS) >= 15
 
 
-def test_a_statement_holds_what_the_line_says() -> None:
+def test_statement_contains_the_content_of_its_line() -> None:
     text = "/ip service\n# why\nset [ find name=api-ssl ] !address certificate=a tls-version=only-1.2\nset 0 port=22\n"
     first, second = parse(text).statements
     assert first == Statement(
@@ -88,7 +88,7 @@ def test_a_statement_holds_what_the_line_says() -> None:
     assert (first.line, second.line, second.target, second.get("port"), second.get("name")) == (3, 4, "0", "22", None)
 
 
-def test_elided_names_are_read_in_full_and_shortened_for_routeros_7_only() -> None:
+def test_elided_names_are_expanded_and_shortened_only_for_routeros_7() -> None:
     row = "add configuration=base configuration.country=Spain .mode=ap disabled=no security.ft=yes .ft-over-ds=yes\n"
     export = parse(f"# by RouterOS 7.18.2\n/interface wifi\n{row}")
     assert [name for name, _ in export.statements[0].values] == [
@@ -100,7 +100,7 @@ def test_elided_names_are_read_in_full_and_shortened_for_routeros_7_only() -> No
     assert " .mode=" not in print_export(old, width=None)
 
 
-def test_flags_have_the_empty_value_of_the_api_and_no_sign_of_equality() -> None:
+def test_flags_have_an_empty_value_and_no_equals_sign() -> None:
     (row,) = parse("/ip route\nadd blackhole comment=x dst-address=192.0.2.1/32").statements
     assert row.values == (("blackhole", ""), ("comment", "x"), ("dst-address", "192.0.2.1/32"))
     assert print_statement(row) == "add blackhole comment=x dst-address=192.0.2.1/32"
@@ -139,14 +139,14 @@ def test_comments_stay_where_they_were() -> None:
         'error exporting "/ip/firewall/calea" (timeout)',
     ],
 )
-def test_comments_on_the_state_of_the_moment_can_be_dropped(comment: str) -> None:
+def test_volatile_comments_can_be_dropped(comment: str) -> None:
     assert is_volatile(comment)
     with_state = parse(f"/ip dns\n# ours\n# {comment}\nset servers=192.0.2.53\n# {comment}\n")
     without = parse("/ip dns\n# ours\nset servers=192.0.2.53\n")
     assert drop_volatile(with_state) == without
 
 
-def test_comments_of_people_are_not_volatile() -> None:
+def test_human_comments_are_not_volatile() -> None:
     assert not any(map(is_volatile, ("atlantis:entire /ip firewall filter", "channel plan", "not ready", "")))
 
 
@@ -161,7 +161,7 @@ def test_menus_are_written_as_on_the_console(menu: str, path: str) -> None:
     ("menu", "text"),
     [("/ip/dns/static", "/ip dns static add name=a"), ("/user", "/user add name=a"), ("/", "/add name=a")],
 )
-def test_one_statement_can_carry_its_menu(menu: str, text: str) -> None:
+def test_statement_can_be_printed_with_its_menu(menu: str, text: str) -> None:
     statement = Statement(menu, "add", (("name", "a"),))
     assert print_statement(statement, path=True) == text
     assert parse(text).statements == (statement,)
@@ -183,7 +183,7 @@ def test_printing_is_stable(export: Export) -> None:
 
 @given(statements(), st.integers(min_value=1, max_value=140))
 @settings(deadline=None)
-def test_a_wrap_at_any_width_is_undone(statement: Statement, width: int) -> None:
+def test_wrapping_at_any_width_round_trips(statement: Statement, width: int) -> None:
     text = print_statement(statement, width=width, path=True)
     (back,) = parse(text).statements
     assert back == Statement(back.menu, back.verb, back.values, back.find, back.target, comments=())
@@ -198,13 +198,13 @@ def test_a_wrap_at_any_width_is_undone(statement: Statement, width: int) -> None
 
 @given(statements(), st.integers(min_value=40, max_value=140))
 @settings(deadline=None)
-def test_no_line_is_wider_than_asked_but_for_the_backslash_of_a_cut_value(statement: Statement, width: int) -> None:
+def test_wrapped_lines_fit_the_width_except_a_cut_backslash(statement: Statement, width: int) -> None:
     lines = print_statement(statement, width=width).split("\n")
     assert all(line.startswith("    ") and line[4:5] != " " for line in lines[1:])
     assert all(len(line) <= width + (line.endswith('" \\') and len(line) - width == 1) for line in lines)
 
 
-def test_a_row_on_one_line_stays_on_one_line_whatever_its_length() -> None:
+def test_row_printed_on_one_line_is_never_wrapped() -> None:
     row = Statement("/system/script", "add", (("source", "a\nb " * 200),))
     assert "\n" not in print_statement(row)
     assert parse(print_statement(row, path=True)).statements == (row,)
@@ -232,7 +232,7 @@ PRINTED = [
 
 
 @pytest.mark.parametrize(("value", "text"), PRINTED)
-def test_a_value_is_printed_as_the_device_prints_it_and_read_back(value: str, text: str) -> None:
+def test_value_is_quoted_as_the_device_does_and_read_back(value: str, text: str) -> None:
     assert quote(value) == text
     assert unquote(text) == value
 
@@ -247,7 +247,7 @@ def test_a_value_is_printed_as_the_device_prints_it_and_read_back(value: str, te
         ('"no \\"end\\""', 'no "end"'),
     ],
 )
-def test_what_the_device_also_accepts_is_read(text: str, value: str) -> None:
+def test_other_accepted_spellings_are_read(text: str, value: str) -> None:
     assert unquote(text) == value
 
 
@@ -267,7 +267,7 @@ def test_what_the_device_also_accepts_is_read(text: str, value: str) -> None:
         ("Muñoz", "ñ may only stand inside quotes"),
     ],
 )
-def test_a_wrong_value_is_refused_in_words(text: str, complaint: str) -> None:
+def test_invalid_value_is_refused_with_a_message(text: str, complaint: str) -> None:
     with pytest.raises(ValueTextError) as caught:
         unquote(text)
     assert str(caught.value) == complaint
@@ -275,7 +275,7 @@ def test_a_wrong_value_is_refused_in_words(text: str, complaint: str) -> None:
 
 @given(values)
 @settings(deadline=None)
-def test_every_value_survives(value: str) -> None:
+def test_every_value_round_trips(value: str) -> None:
     text = quote(value)
     assert unquote(text) == value
     assert text.isascii()

@@ -35,12 +35,12 @@ def result(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - fields of a result
     }
 
 
-def test_what_cost_nothing_has_no_bill() -> None:
+def test_free_run_has_no_bill() -> None:
     assert list(cost_lines(result(), is_rehearsal=False)) == []
     assert "cost" not in RunReport("coastal", False, {"r": result()}).as_json()["devices"]["r"]
 
 
-def test_a_run_tells_its_bill_and_a_rehearsal_what_would_be_asked() -> None:
+def test_run_shows_its_bill_and_rehearsal_the_consent_request() -> None:
     assert list(cost_lines(result(cost=COST), is_rehearsal=False)) == [f"cost over satellite: {COST['bill_words']}"]
     assert list(cost_lines(result(cost=COST), is_rehearsal=True)) == [
         f"a real run asks first: {COST['words']}",
@@ -48,12 +48,12 @@ def test_a_run_tells_its_bill_and_a_rehearsal_what_would_be_asked() -> None:
     ]
 
 
-def test_that_it_is_another_link_stands_before_the_price() -> None:
+def test_link_change_precedes_the_price() -> None:
     assert consent_question(INSTEAD) == f"wifi-ptp is down; {COST['words']}"
     assert consent_question(COST) == COST["words"]
 
 
-def test_the_report_of_a_run_has_it_below_the_device_and_below_each_pass() -> None:
+def test_run_report_shows_cost_per_device_and_per_pass() -> None:
     devices = {"r": result(cost=COST)}
     report = RunReport(
         "coastal", True, devices, (Pass("r", "lan", result()), Pass("r", "satellite", result(cost=COST)))
@@ -68,7 +68,7 @@ def test_the_report_of_a_run_has_it_below_the_device_and_below_each_pass() -> No
     assert [("cost" in one) for one in told["bearers"].values()] == [False, True]
 
 
-def test_a_drift_report_has_it_too() -> None:
+def test_drift_report_shows_cost_too() -> None:
     report = DriftReport("coastal", is_rehearsal=False, devices={"r": result(cost=COST)})
     assert f"  cost over satellite: {COST['bill_words']}" in report.as_text().splitlines()
     assert report.as_json()["devices"]["r"]["cost"] == COST

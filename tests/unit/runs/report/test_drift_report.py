@@ -76,13 +76,13 @@ def suites(*results: dict[str, Any]) -> list[ET.Element]:
         ([6, 1], ExitCode.OUR_FAULT),
     ],
 )
-def test_the_device_that_needs_you_most_decides(codes: list[int], worst: ExitCode) -> None:
+def test_worst_device_determines_the_exit_code(codes: list[int], worst: ExitCode) -> None:
     told = report(*(result(ExitCode(code)) for code in codes))
     assert told.exit is worst
     assert told.as_json()["exit"] == worst
 
 
-def test_a_person_reads_what_whose_and_since_when() -> None:
+def test_text_report_shows_difference_owner_and_time() -> None:
     found = report(result(ExitCode.CHECKS_FAILED, difference("changed"), difference("hidden", counts=False)), LOST)
     going_on = {"d0": "provision resume site=coastal run=OPEN"}
     beside = replace(found, time_zone="Europe/Lisbon").as_text()
@@ -109,7 +109,7 @@ def test_a_person_reads_what_whose_and_since_when() -> None:
     ]
 
 
-def test_json_tells_drift_from_not_knowing() -> None:
+def test_json_distinguishes_drift_from_unreadable() -> None:
     told = report(result(ExitCode.CHECKS_FAILED, difference("changed")), result(ExitCode.DONE), LOST).as_json()
     assert [one["verdict"] for one in told["devices"].values()] == ["FAIL", "PASS", "ERROR", "SKIP"]
     assert told["errors"] == [{"device": "d2", "message": "could not be read: no answer", "hint": "look at the cable"}]
@@ -119,7 +119,7 @@ def test_json_tells_drift_from_not_knowing() -> None:
 @pytest.mark.parametrize(
     ("verdict", "code", "child"), [("WARN", 0, "system-out"), ("PASS", 0, None), ("FAIL", 6, "failure")]
 )
-def test_a_terminal_has_the_verdict_of_its_evidence(verdict: str, code: int, child: str | None) -> None:
+def test_terminal_verdict_follows_its_evidence(verdict: str, code: int, child: str | None) -> None:
     findings = [] if verdict == "PASS" else [{**TERMINAL["findings"][0], "verdict": verdict}]
     terminal = {**TERMINAL, "exit": code, "findings": findings, "notes": [], "message": f"{verdict}: declared"}
     told = report(terminal)
@@ -131,7 +131,7 @@ def test_a_terminal_has_the_verdict_of_its_evidence(verdict: str, code: int, chi
     assert [one.tag for one in case] == ([] if child is None else [child])
 
 
-def test_junit_has_a_suite_a_device_and_a_case_a_menu() -> None:
+def test_junit_has_a_suite_per_device_and_a_case_per_menu() -> None:
     drifted, lost, other = suites(result(ExitCode.CHECKS_FAILED, difference("changed"), difference("missing")), LOST)
     assert [suite.get("name") for suite in (drifted, lost, other)] == ["d0", "d1", "sat"]
     assert [case.get("name") for case in drifted] == ["the device can be read", "/ip pool", "/ip dns"]
@@ -150,7 +150,7 @@ def test_the_totals_of_junit_are_the_sums() -> None:
     assert [root.get(name) for name in ("tests", "failures", "errors", "skipped")] == ["5", "1", "1", "1"]
 
 
-def test_what_is_left_alone_passes_and_what_cannot_be_compared_is_skipped() -> None:
+def test_foreign_rows_pass_and_uncomparable_ones_are_skipped() -> None:
     beside, hidden = difference("foreign", counts=False), difference("hidden", "/ip dns", counts=False)
     (suite, _) = suites(result(ExitCode.DONE, beside, hidden))
     assert [[child.tag for child in case] for case in suite] == [[], ["system-out"], ["skipped", "system-out"]]
@@ -158,7 +158,7 @@ def test_what_is_left_alone_passes_and_what_cannot_be_compared_is_skipped() -> N
 
 
 @pytest.mark.parametrize("bad", ["\x00", "\x1b[31m", "\x0b", "\ufffe", "\udc80"])
-def test_what_xml_cannot_hold_does_not_break_the_file(bad: str) -> None:
+def test_invalid_xml_characters_are_escaped(bad: str) -> None:
     (suite, _) = suites(result(ExitCode.CHECKS_FAILED, difference("changed", subject=f"<{bad}&>\n")))
     assert f"<\\u{ord(bad[0]):04x}" in (suite[1][0].text or "")
     assert (suite[1][0].get("message") or "").startswith("changed <")

@@ -54,16 +54,16 @@ def report(*bearers: dict[str, Any], **more: Any) -> LinksReport:  # noqa: ANN40
         (["ERROR"], ExitCode.CHECKS_FAILED),
     ],
 )
-def test_how_it_ends(verdicts: list[str], code: ExitCode) -> None:
+def test_worst_finding_determines_the_exit_code(verdicts: list[str], code: ExitCode) -> None:
     assert report(bearer(), bearer(findings=[finding(one) for one in verdicts])).exit is code
 
 
-def test_a_device_that_does_not_answer_fails_the_check() -> None:
+def test_unreachable_device_fails_the_check() -> None:
     silent = {"device": "box", "message": "nobody answers", "hint": None}
     assert report(bearer(), unreachable=[silent]).exit is ExitCode.CHECKS_FAILED
 
 
-def test_nobody_asked_is_no_green() -> None:
+def test_report_without_any_queried_device_does_not_pass() -> None:
     nothing = report(bearer(active=True), queried_devices=())
     assert nothing.exit is ExitCode.NOTHING
     assert nothing.as_text().endswith("Nobody was asked, so nothing is known of quay")
@@ -85,7 +85,7 @@ def test_nobody_asked_is_no_green() -> None:
         ((None, None), False, "Which link carries the traffic of quay is not known: the router was not read"),
     ],
 )
-def test_the_last_line_says_who_carries(active: tuple[bool | None, ...], metered: bool, said: str) -> None:  # noqa: FBT001 - a column of the table
+def test_last_line_names_the_active_link(active: tuple[bool | None, ...], metered: bool, said: str) -> None:  # noqa: FBT001 - a column of the table
     told = report(*(bearer(active=one, metered=metered) for one in active)).as_text()
     assert told.splitlines()[-1] == said
 
@@ -110,11 +110,11 @@ def test_the_last_line_says_who_carries(active: tuple[bool | None, ...], metered
         ),
     ],
 )
-def test_the_bytes_of_the_month(month: dict[str, Any], said: str) -> None:
+def test_monthly_bytes_are_shown(month: dict[str, Any], said: str) -> None:
     assert f"   this month    {said}" in report(bearer(**month)).as_text().splitlines()
 
 
-def test_a_person_reads_the_times_of_the_pilot_and_a_program_those_of_utc() -> None:
+def test_text_shows_local_time_and_json_utc() -> None:
     counted = report(bearer(month_bytes=999, month_since="2026-06-30 23:30 UTC"), time_zone="Europe/Lisbon")
     said = "   this month    999 B, counted since 2026-07-01 00:30 WEST (2026-06-30 23:30 UTC)"
     assert said in counted.as_text().splitlines()
@@ -157,13 +157,13 @@ def test_a_person_reads_the_times_of_the_pilot_and_a_program_those_of_utc() -> N
         ("lte", {}, []),
     ],
 )
-def test_readings_in_words(kind: str, quality: dict[str, Any], lines: list[str]) -> None:
+def test_link_readings_are_shown_as_text(kind: str, quality: dict[str, Any], lines: list[str]) -> None:
     told = report(bearer(kind=kind, quality=quality)).as_text().splitlines()
     month = next(number for number, line in enumerate(told) if line.startswith("   this month"))
     assert [line.strip() for line in told[4:month]] == lines
 
 
-def test_long_words_are_broken_where_a_console_ends() -> None:
+def test_long_text_is_wrapped_at_console_width() -> None:
     told = report(bearer(findings=[finding("WARN", "do this " * 40)])).as_text()
     assert max(map(len, told.splitlines())) <= 120
     assert told.count("do this") == 40

@@ -42,7 +42,7 @@ def result(code: ExitCode, message: str = "done", planned: int = 0) -> dict[str,
         ([7, 0], ExitCode.DONE),
     ],
 )
-def test_the_worst_device_decides(codes: list[int], worst: ExitCode) -> None:
+def test_worst_device_determines_the_exit_code(codes: list[int], worst: ExitCode) -> None:
     report = RunReport("coastal", False, {f"d{place}": result(ExitCode(code)) for place, code in enumerate(codes)})
     assert report.exit is worst
     assert report.as_json()["exit"] == worst
@@ -57,7 +57,7 @@ def test_the_worst_device_decides(codes: list[int], worst: ExitCode) -> None:
         (result(ExitCode.UNKNOWN), ExitCode.UNKNOWN),
     ],
 )
-def test_a_rehearsal_is_only_done_when_the_second_pass_is(again: dict[str, Any], worst: ExitCode) -> None:
+def test_rehearsal_passes_only_if_the_second_pass_does(again: dict[str, Any], worst: ExitCode) -> None:
     passes = (Pass("r", "lan", result(ExitCode.DONE)), Pass("r", "satellite", again))
     report = RunReport("coastal", True, {"r": result(ExitCode.DONE, planned=9)}, passes, not_rehearsed=("tides",))
     assert report.exit is worst
@@ -67,7 +67,7 @@ def test_a_rehearsal_is_only_done_when_the_second_pass_is(again: dict[str, Any],
     assert told["not_rehearsed"] == ["tides"]
 
 
-def test_a_person_reads_cost_passes_and_what_is_left_out() -> None:
+def test_text_report_shows_cost_passes_and_limits() -> None:
     passes = (Pass("r", "lan", result(ExitCode.DONE, planned=2)),)
     whole = RunReport(
         "coastal",
@@ -95,14 +95,14 @@ def test_a_person_reads_cost_passes_and_what_is_left_out() -> None:
     assert brief == [*lines[:3], *lines[4:], "limits    1 thing is not rehearsed: `--verbose` and the record list it"]
 
 
-def test_a_person_reads_why_a_device_was_not_rehearsed() -> None:
+def test_text_report_shows_why_a_device_was_not_rehearsed() -> None:
     report = RunReport("coastal", True, {"r": result(ExitCode.DONE, "kept")}, left_out={"gw": "not root"})
     assert "  gw                 not rehearsed: not root" in report.as_text().splitlines()
     assert report.as_json()["devices"]["gw"] == {"status": "not rehearsed", "message": "not root"}
     assert report.exit is ExitCode.DONE
 
 
-def test_the_plan_of_a_device_that_was_not_reached_is_no_plan() -> None:
+def test_unreachable_device_has_no_plan() -> None:
     silent = {**result(ExitCode.FAILED, "could not be read: no answer"), "status": "left-as-found"}
     read = {**result(ExitCode.DONE, "no changes needed"), "status": "unchanged"}
     report = RunReport("coastal", False, {"silent": silent, "read": read})
@@ -110,13 +110,13 @@ def test_the_plan_of_a_device_that_was_not_reached_is_no_plan() -> None:
     assert RunReport("coastal", False, {"silent": silent}).plan_as_text() == ""
 
 
-def test_a_refused_plan_is_shown_with_what_it_would_change() -> None:
+def test_refused_plan_is_shown_with_its_changes() -> None:
     refused = {**result(ExitCode.FAILED, "refused", planned=1), "diff": "+ add a", "status": "refused"}
     report = RunReport("coastal", False, {"r": refused})
     assert report.plan_as_text().splitlines()[:2] == ["r:", "+ add a"]
 
 
-def test_a_plan_tells_what_it_costs() -> None:
+def test_plan_shows_its_cost() -> None:
     estimate = {"round_trips": 9, "bytes": 60_000, "seconds": 12.3, "bearer": "lan"}
     planned = {**result(ExitCode.CHANGES, planned=3), "diff": "+ add a\n", "estimate": estimate, "status": "planned"}
     declared = {**result(ExitCode.DONE, "WARN: declared"), "status": "declared"}

@@ -62,7 +62,7 @@ def last(devices: dict[str, dict[str, Any]], *, rehearsed: bool = False, **more:
         (result(3, "left-as-found", reached=False), DeviceEnd.FAILED),
     ],
 )
-def test_a_device_has_one_end(found: dict[str, Any], end: DeviceEnd) -> None:
+def test_device_has_one_outcome(found: dict[str, Any], end: DeviceEnd) -> None:
     assert ending(found) is end
 
 
@@ -114,7 +114,7 @@ def test_a_device_has_one_end(found: dict[str, Any], end: DeviceEnd) -> None:
         ),
     ],
 )
-def test_the_verdict_is_that_of_the_worst(
+def test_summary_verdict_is_the_worst_one(
     devices: dict[str, dict[str, Any]], more: dict[str, Any], verdict: str
 ) -> None:
     report = RunReport("coastal", False, devices, **more)
@@ -122,11 +122,11 @@ def test_the_verdict_is_that_of_the_worst(
     assert ("[OK]" in verdict) <= (report.exit is ExitCode.DONE)
 
 
-def test_a_stop_after_all_devices_have_ended_says_how_to_go_on() -> None:
+def test_late_stop_shows_how_to_continue() -> None:
     assert last({"r": CHANGED}, stopped_by="SIGINT")[-1] == "do        type the same command again to go on"
 
 
-def test_a_rehearsal_says_what_its_second_runs_found() -> None:
+def test_rehearsal_summary_shows_the_result_of_second_runs() -> None:
     passes = (Pass("r", "lan", SAME), Pass("r", "satellite", SAME))
     lines = last({"r": CHANGED}, rehearsed=True, passes=passes)
     assert lines[1] == "[OK] REHEARSED: second runs over 2 links changed nothing"
@@ -163,7 +163,7 @@ def test_the_worst_device_is_named_with_its_reason_and_its_hint() -> None:
     assert all(len(line) <= 80 for line in lines)
 
 
-def test_a_path_that_is_longer_than_a_line_stays_whole() -> None:
+def test_path_longer_than_a_line_is_not_broken() -> None:
     path = "/srv/" + "long-name/" * 16
     lines = last({"s": result(4, "refused", f"refused: {path}x", f"look at {path}")})
     assert [line.strip() for line in lines[4::2]] == [f"{path}x", path]
@@ -177,7 +177,7 @@ def test_a_warning_is_named_where_nothing_is_worse() -> None:
     assert last({"r": drifted})[-1] == "look at   r has 2 rows of others"
 
 
-def test_green_is_only_what_is_whole_and_without_a_warning() -> None:
+def test_green_requires_a_complete_run_without_warnings() -> None:
     def style(devices: dict[str, dict[str, Any]], **more: Any) -> Style:  # noqa: ANN401 - fields of a report
         (_, verdict, *_) = RunReport("coastal", False, devices, **more).summary().rows_for_screen()
         assert isinstance(verdict, StyledText)

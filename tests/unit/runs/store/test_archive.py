@@ -61,7 +61,7 @@ def ran(store: Store, status: str = "changed", device: str = "router", *, confir
     return journal.run
 
 
-def test_a_thousand_runs_cost_what_ten_do(store: Store, capsys: pytest.CaptureFixture[str]) -> None:
+def test_thousand_runs_cost_as_much_as_ten(store: Store, capsys: pytest.CaptureFixture[str]) -> None:
     def costs() -> dict[str, tuple[int, int]]:
         return {
             "runs": counted(lambda: main(["runs", "site=coastal", "--json"])),
@@ -92,7 +92,7 @@ def test_a_thousand_runs_cost_what_ten_do(store: Store, capsys: pytest.CaptureFi
     assert [row["run"] for row in told["runs"]] == sorted(row["run"] for row in told["runs"])
 
 
-def test_a_run_that_is_put_aside_is_still_there_by_its_name(store: Store) -> None:
+def test_archived_run_is_still_available_by_name(store: Store) -> None:
     first = ran(store)
     for _ in range(KEPT_RUNS):
         ran(store)
@@ -105,7 +105,7 @@ def test_a_run_that_is_put_aside_is_still_there_by_its_name(store: Store) -> Non
     assert (saved.text(), state.text()) == ("# before\n", f"# {first}\n")
 
 
-def test_what_is_needed_stays(store: Store) -> None:
+def test_needed_runs_are_not_archived(store: Store) -> None:
     other = ran(store, device="cpe")
     killed = store.start(replace(STARTED, hosts=("gateway",))).run
     unknown = ran(store, "unknown", confirmed=False)
@@ -124,21 +124,21 @@ def test_what_is_needed_stays(store: Store) -> None:
     assert [run.id for run in store.unfinished_runs("coastal")] == [killed]
 
 
-def test_runs_of_one_second_have_names_of_their_own_though_some_are_put_aside(tmp_path: Path) -> None:
+def test_run_names_stay_unique_with_archived_runs(tmp_path: Path) -> None:
     store = Store(tmp_path, now=lambda: datetime(2026, 1, 1, tzinfo=UTC))
     names = [ran(store, confirmed=False) for _ in range(2 * KEPT_RUNS + 2)]
     assert len({*names}) == len(names) == len(store.runs("coastal")) + len(store.archived_runs("coastal"))
     assert names == sorted(names)
 
 
-def test_a_disk_that_does_not_take_the_archive_does_not_stop_a_run(store: Store, tmp_path: Path) -> None:
+def test_unwritable_archive_does_not_stop_a_run(store: Store, tmp_path: Path) -> None:
     (tmp_path / "real" / "coastal").mkdir(parents=True)
     (tmp_path / "real" / "coastal" / "archive").write_text("a file")
     names = [ran(store) for _ in range(KEPT_RUNS + 2)]
     assert [run.id for run in store.runs("coastal")] == names
 
 
-def test_a_killed_backup_is_put_aside(store: Store) -> None:
+def test_killed_backup_is_archived(store: Store) -> None:
     backup = store.start(replace(STARTED, purpose=Purpose.BACKUP)).run
     for _ in range(KEPT_RUNS):
         ran(store)

@@ -62,7 +62,7 @@ def spoiled(data: bytes) -> Iterator[bytes]:
     yield from (data[:one] + data[other:] for one, other in itertools.pairwise(ends))
 
 
-def test_a_rollback_names_every_host_or_ends_with_4(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
+def test_rollback_names_every_host_or_fails(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
     journal = recorded(tmp_path, hosts)
     data = journal.read_bytes()
     names = [host.name for host in hosts]
@@ -82,7 +82,7 @@ def test_a_rollback_names_every_host_or_ends_with_4(tmp_path: Path, hosts: tuple
     assert whole < 30, "only where the last line is lost alone"
 
 
-def test_the_newest_run_is_not_passed_over_because_it_is_damaged(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
+def test_damaged_newest_run_is_not_skipped(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
     recorded(tmp_path, hosts)
     journal = recorded(tmp_path, hosts)
     lines = journal.read_bytes().splitlines(keepends=True)
@@ -95,7 +95,7 @@ def test_the_newest_run_is_not_passed_over_because_it_is_damaged(tmp_path: Path,
         hosts_to_restore(run, hosts, is_explicit=True)
 
 
-def test_who_names_a_host_gets_what_was_saved_of_it(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
+def test_explicitly_named_host_is_restored_despite_damage(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
     journal = recorded(tmp_path, hosts)
     journal.write_bytes(journal.read_bytes().replace(b'"exit":0,"message"', b'"exit":1,"message"', 1))
     run = Store(tmp_path).runs("coastal")[0]
@@ -106,7 +106,7 @@ def test_who_names_a_host_gets_what_was_saved_of_it(tmp_path: Path, hosts: tuple
     assert hosts_to_restore(run, hosts[:-1], is_explicit=True) == hosts[:-1]
 
 
-def test_a_saved_file_that_is_gone_or_changed_is_told(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
+def test_missing_or_changed_saved_file_is_reported(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
     journal = recorded(tmp_path, hosts)
     saved = Store(tmp_path).runs("coastal")[0].before(hosts[0].name)
     assert saved is not None
@@ -120,7 +120,7 @@ def test_a_saved_file_that_is_gone_or_changed_is_told(tmp_path: Path, hosts: tup
     assert journal.exists()
 
 
-def test_a_later_state_that_may_be_lost_is_not_passed_over(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
+def test_possibly_lost_later_state_is_not_skipped(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
     first = recorded(tmp_path, hosts)
     assert confirmed_state(tmp_path, hosts[0], LATEST).run == first.parent.name
     later = recorded(tmp_path, hosts)
@@ -148,9 +148,7 @@ def test_a_journal_without_checksums_is_read_and_continued_with_them(tmp_path: P
     assert read(journal).damage == ("line 2 is damaged", f"line {len(rows) + 1} is damaged")
 
 
-def test_what_a_killed_run_left_of_a_line_goes_and_a_zeroed_tail_stays_damage(
-    tmp_path: Path, hosts: tuple[Host, ...]
-) -> None:
+def test_torn_line_is_removed_but_a_zeroed_tail_counts_as_damage(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
     journal = recorded(tmp_path, hosts, ended=False)
     data, store = journal.read_bytes(), Store(tmp_path)
     resumed = RunResume(revision="a", tool="2", command="x")
@@ -163,7 +161,7 @@ def test_what_a_killed_run_left_of_a_line_goes_and_a_zeroed_tail_stays_damage(
         assert read(journal).records[-1] == resumed
 
 
-def test_the_first_saved_state_counts_though_its_record_is_lost(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
+def test_first_saved_state_counts_even_if_its_record_is_lost(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
     journal = recorded(tmp_path, hosts, ended=False)
     name = hosts[0].name
     journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:1]))
@@ -176,7 +174,7 @@ def test_the_first_saved_state_counts_though_its_record_is_lost(tmp_path: Path, 
     ]
 
 
-def test_a_run_without_its_first_line_is_not_whole(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
+def test_run_without_its_first_line_is_damaged(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
     journal = recorded(tmp_path, hosts)
     lines = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join(lines[1:]))

@@ -94,7 +94,7 @@ def journal_file(journal: Journal) -> Path:
     return journal.directory / "journal.jsonl"
 
 
-def test_every_record_is_read_back_as_it_was_written(store: Store) -> None:
+def test_every_record_round_trips(store: Store) -> None:
     with store.start(STARTED) as journal:
         for record in EVERY[1:]:
             journal.write(record)
@@ -112,7 +112,7 @@ def test_lines_are_plain_json_that_a_person_can_read(store: Store) -> None:
     assert "Küste" in second
 
 
-def test_layout_and_modes(store: Store, tmp_path: Path) -> None:
+def test_journal_layout_and_file_modes(store: Store, tmp_path: Path) -> None:
     with store.start(STARTED) as journal:
         journal.save("router", "# export\n")
     run = tmp_path / "real" / "coastal" / "runs" / "20260504T030201Z"
@@ -123,7 +123,7 @@ def test_layout_and_modes(store: Store, tmp_path: Path) -> None:
         assert stat.S_IMODE(path.stat().st_mode) == (0o700 if path.is_dir() else 0o600), path
 
 
-def test_runs_of_one_second_have_names_in_their_order(store: Store) -> None:
+def test_runs_of_one_second_have_ordered_names(store: Store) -> None:
     names = []
     for _ in range(3):
         with store.start(STARTED) as journal:
@@ -132,7 +132,7 @@ def test_runs_of_one_second_have_names_in_their_order(store: Store) -> None:
     assert [run.id for run in store.runs("coastal")] == names
 
 
-def test_runs_stay_in_their_order_where_the_clock_is_set_back(tmp_path: Path) -> None:
+def test_runs_stay_ordered_when_the_clock_is_set_back(tmp_path: Path) -> None:
     (tmp_path / "a person's notes").mkdir()
     moments = [datetime(2026, 5, 4, 3, 2, second, tzinfo=UTC) for second in (30, 10, 10, 40)]
     names = [new_run(tmp_path, moment).name for moment in moments]
@@ -140,13 +140,13 @@ def test_runs_stay_in_their_order_where_the_clock_is_set_back(tmp_path: Path) ->
     assert sorted(names, key=run_order) == names
 
 
-def test_more_than_a_hundred_runs_of_one_second_stay_in_their_order(tmp_path: Path) -> None:
+def test_over_a_hundred_runs_of_one_second_stay_ordered(tmp_path: Path) -> None:
     names = [new_run(tmp_path, datetime(2026, 5, 4, tzinfo=UTC)).name for _ in range(101)]
     assert names[-1].endswith("-101")
     assert sorted(names, key=run_order) == names
 
 
-def test_the_run_after_a_clock_was_set_back_is_the_last_one_of_its_site(tmp_path: Path) -> None:
+def test_run_after_the_clock_was_set_back_is_the_latest(tmp_path: Path) -> None:
     moments = [datetime(2026, 5, 4, tzinfo=UTC), datetime(2025, 1, 1, tzinfo=UTC)]
     made = []
     for moment in moments:
@@ -218,7 +218,7 @@ def test_runs_that_confirm_the_same_state_share_one_private_file(store: Store, t
     assert store.last_confirmed("nowhere", ("router",)) == {}
 
 
-def test_a_confirmed_state_that_was_changed_or_lost_is_not_used_and_comes_anew(store: Store) -> None:
+def test_changed_or_lost_confirmed_state_is_refused_and_rewritten(store: Store) -> None:
     with store.start(STARTED) as journal:
         journal.confirm("router", lambda: "one")
         state = store.run("coastal", journal.run).confirmed_state("router")
@@ -235,7 +235,7 @@ def test_a_confirmed_state_that_was_changed_or_lost_is_not_used_and_comes_anew(s
         assert state.text() == "one"
 
 
-def test_a_confirmed_state_that_does_not_fit_does_not_end_the_journal(
+def test_failed_write_of_confirmed_state_does_not_end_the_journal(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(_descriptor: int) -> NoReturn:
@@ -258,7 +258,7 @@ def test_names_cannot_leave_the_state_directory(store: Store, name: str) -> None
         store.lock(name, "c")
 
 
-def test_a_full_disk_is_said_in_words_and_ends_all_writing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_reported_and_ends_all_writing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     with store.start(STARTED) as journal:
         real = os.write
 
@@ -293,7 +293,7 @@ def _replaced(state: Path) -> None:
 
 
 @pytest.mark.parametrize("lost", [_deleted, _moved, _replaced])
-def test_a_journal_that_is_gone_in_mid_run_is_said_and_nothing_takes_its_place(
+def test_journal_removed_during_a_run_is_reported_and_not_replaced(
     store: Store, tmp_path: Path, lost: Callable[[Path], None]
 ) -> None:
     with store.start(STARTED) as journal:
@@ -324,9 +324,7 @@ def test_a_journal_that_is_gone_in_mid_run_is_said_and_nothing_takes_its_place(
         *((code, code) for code in ExitCode if code not in (ExitCode.DONE, ExitCode.CHANGES)),
     ],
 )
-def test_a_result_that_is_not_recorded_is_not_green_and_no_other_is_called_better(
-    store: Store, tmp_path: Path, code: ExitCode, unproved: ExitCode
-) -> None:
+def test_unrecorded_result_does_not_pass(store: Store, tmp_path: Path, code: ExitCode, unproved: ExitCode) -> None:
     given = LteResult(name="unit", status=Status.CHANGED, exit=code, message="2 settings read back")
     with store.start(STARTED) as journal:
         assert mark_unrecorded(given, conclude(journal, EVERY[2])) is given
@@ -352,7 +350,7 @@ def test_a_backup_that_is_a_part_of_a_run_does_not_end_it(store: Store) -> None:
     assert run.confirmed_state("router") is None
 
 
-def test_a_saved_state_that_does_not_fit_leaves_nothing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_state_save_leaves_no_file(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_descriptor: int) -> NoReturn:
         raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
 
@@ -366,13 +364,13 @@ def test_a_saved_state_that_does_not_fit_leaves_nothing(store: Store, monkeypatc
     assert [path for path in (journal.directory / "before").iterdir() if path.is_file()] == []
 
 
-def test_a_state_directory_that_cannot_be_written_is_said_in_words(tmp_path: Path) -> None:
+def test_unwritable_state_directory_is_reported(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
     with pytest.raises(JournalError, match="the journal cannot be written"):
         Store(tmp_path).start(STARTED)
 
 
-def test_unknown_runs_are_named_with_those_that_exist(store: Store) -> None:
+def test_unknown_run_is_reported_with_the_existing_ones(store: Store) -> None:
     with pytest.raises(NoSuchRun, match="coastal has no run 1") as failure:
         store.run("coastal", "1")
     assert failure.value.hint == "its latest runs: none yet"
@@ -389,7 +387,7 @@ def outcome(device: str, status: str) -> Outcome:
     return Outcome(device=device, status=status, exit=0, message="")
 
 
-def test_unfinished_are_runs_with_a_device_that_nobody_has_settled(store: Store) -> None:
+def test_run_with_an_unsettled_device_is_unfinished(store: Store) -> None:
     with store.start(STARTED) as killed:
         killed.write(outcome("cpe", "unchanged"))
     assert [run.id for run in store.unfinished_runs("coastal")] == [killed.run]
@@ -408,7 +406,7 @@ def test_unfinished_are_runs_with_a_device_that_nobody_has_settled(store: Store)
 
 
 @pytest.mark.parametrize("status", ["left-as-found", "refused", "rolled-back", "planned", "drifted", "half-adopted"])
-def test_a_run_that_was_refused_or_taken_back_settles_nothing_of_an_earlier_one(store: Store, status: str) -> None:
+def test_refused_or_rolled_back_run_settles_no_earlier_run(store: Store, status: str) -> None:
     with store.start(STARTED) as killed:
         pass
     with store.start(STARTED) as refused:
@@ -429,7 +427,7 @@ SETTLING = {
 
 @pytest.mark.parametrize("earlier", Purpose)
 @pytest.mark.parametrize("later", Purpose)
-def test_only_a_run_that_does_the_same_settles_an_earlier_one(store: Store, earlier: Purpose, later: Purpose) -> None:
+def test_only_a_run_of_the_same_purpose_settles_an_earlier_one(store: Store, earlier: Purpose, later: Purpose) -> None:
     with store.start(replace(STARTED, purpose=earlier)) as killed:
         pass
     with store.start(replace(STARTED, purpose=later)) as second:
@@ -439,7 +437,7 @@ def test_only_a_run_that_does_the_same_settles_an_earlier_one(store: Store, earl
     assert [run.id for run in store.unfinished_runs("coastal")] == ([] if settled else [killed.run])
 
 
-def test_a_device_that_may_still_hold_something_of_a_run_is_not_settled(store: Store) -> None:
+def test_device_with_possible_leftovers_is_not_settled(store: Store) -> None:
     with store.start(STARTED) as lost:
         lost.write(outcome("cpe", "unchanged"))
         lost.write(replace(outcome("router", "left-as-found"), open=True))
@@ -449,7 +447,7 @@ def test_a_device_that_may_still_hold_something_of_a_run_is_not_settled(store: S
     assert not store.history("coastal", "router", current=lost.run).has_unfinished_run()
 
 
-def test_a_sign_is_known_by_the_journal_that_holds_it_or_by_the_run_that_a_person_names(store: Store) -> None:
+def test_sign_can_be_taken_over_by_its_journal_or_named_dead_run(store: Store) -> None:
     sign = f"run 20260504T030201Z of {STARTED.command}@10.0.0.2"
     with store.start(STARTED) as journal:
         journal.write(SignRecord(device="router", sign=sign))
@@ -461,7 +459,7 @@ def test_a_sign_is_known_by_the_journal_that_holds_it_or_by_the_run_that_a_perso
     assert history.can_take_over("another", "run another of somebody")
 
 
-def test_a_run_tells_what_was_acknowledged_and_confirmed(store: Store) -> None:
+def test_run_lists_acknowledged_and_confirmed_actions(store: Store) -> None:
     with store.start(STARTED) as journal:
         for record in EVERY[2:]:
             journal.write(record)

@@ -34,7 +34,7 @@ def holder(state: Path) -> subprocess.Popen[bytes]:
     return process
 
 
-def test_the_loser_is_told_who_holds_the_site(tmp_path: Path) -> None:
+def test_busy_site_names_its_lock_holder(tmp_path: Path) -> None:
     with holder(tmp_path) as process:
         with pytest.raises(SiteBusy) as busy, Store(tmp_path).lock("coastal", "mine"):
             pass
@@ -55,7 +55,7 @@ def test_a_killed_holder_frees_the_site(tmp_path: Path) -> None:
         assert str(os.getpid()).encode() in (tmp_path / "real" / "coastal" / "lock").read_bytes()
 
 
-def test_a_child_that_was_forked_meanwhile_does_not_keep_the_site(tmp_path: Path) -> None:
+def test_forked_child_does_not_keep_the_site_locked(tmp_path: Path) -> None:
     """A task of Ansible's ends a little after its result has been taken."""
     over = multiprocessing.get_context("fork").Event()
     with Store(tmp_path).lock("coastal", "mine"):
@@ -68,7 +68,7 @@ def test_a_child_that_was_forked_meanwhile_does_not_keep_the_site(tmp_path: Path
     assert child.exitcode == 0
 
 
-def test_a_dead_name_in_the_file_is_not_blamed(tmp_path: Path) -> None:
+def test_stale_lock_content_is_not_blamed(tmp_path: Path) -> None:
     store = Store(tmp_path)
     with holder(tmp_path) as process:
         process.kill()
@@ -95,7 +95,7 @@ def test_sites_are_locked_apart_and_rehearsals_not_at_all(tmp_path: Path) -> Non
     assert names == {"real/coastal/lock", "real/scc/lock"}
 
 
-def test_of_many_at_once_exactly_one_wins(tmp_path: Path) -> None:
+def test_exactly_one_of_many_concurrent_locks_wins(tmp_path: Path) -> None:
     everybody, losers = Barrier(8), Semaphore(0)
 
     def attempt(_number: int) -> bool:
@@ -120,7 +120,7 @@ def test_the_first_certificate_is_pinned_and_stays(tmp_path: Path) -> None:
     assert Store(tmp_path, is_rehearsal=True).pins.get("router") is None
 
 
-def test_a_pin_changes_only_when_told(tmp_path: Path) -> None:
+def test_pin_changes_only_explicitly(tmp_path: Path) -> None:
     pins = Pins(tmp_path / "pins.json")
     pins.pin("router", "aa")
     pins.change("router", "bb")
@@ -129,7 +129,7 @@ def test_a_pin_changes_only_when_told(tmp_path: Path) -> None:
     assert pins.get("router") is None
 
 
-def test_a_host_key_is_pinned_beside_the_certificate(tmp_path: Path) -> None:
+def test_host_key_is_pinned_separately_from_the_certificate(tmp_path: Path) -> None:
     pins = Pins(tmp_path / "pins.json")
     assert pins.host_key("coastal-router") is None
     pins.change_host_key("coastal-router", "SHA256:first")
@@ -141,7 +141,7 @@ def test_a_host_key_is_pinned_beside_the_certificate(tmp_path: Path) -> None:
     assert pins.host_key("coastal-router") is None
 
 
-def test_pins_of_several_writers_are_all_kept(tmp_path: Path) -> None:
+def test_concurrent_pins_are_all_stored(tmp_path: Path) -> None:
     names = [f"device{number}" for number in range(40)]
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(lambda name: Pins(tmp_path / "pins.json").pin(name, name * 2), names))
@@ -149,7 +149,7 @@ def test_pins_of_several_writers_are_all_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"a": 1}'])
-def test_damaged_pins_trust_nobody(tmp_path: Path, text: str) -> None:
+def test_damaged_pins_are_refused_and_left_unchanged(tmp_path: Path, text: str) -> None:
     (tmp_path / "pins.json").write_text(text)
     pins = Pins(tmp_path / "pins.json")
     with pytest.raises(DamagedPinsError, match="cannot be read"):
@@ -174,13 +174,13 @@ def test_a_failed_replacement_leaves_the_old_file(tmp_path: Path, monkeypatch: p
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_lock_that_cannot_be_made_is_said_in_words(tmp_path: Path) -> None:
+def test_unwritable_lock_is_reported(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
     with pytest.raises(JournalError, match="the site lock cannot be written"), Store(tmp_path).lock("coastal", "c"):
         pass
 
 
-def test_how_much_a_device_bears_is_remembered_until_it_is_another_one(tmp_path: Path) -> None:
+def test_reduced_window_is_remembered_until_the_certificate_changes(tmp_path: Path) -> None:
     pins = Pins(tmp_path / "pins.json")
     pins.pin("coastal-router", "aa")
     assert pins.window("coastal-router") is None

@@ -28,12 +28,12 @@ def usage(tmp_path: Path) -> Usage:
     return Store(tmp_path).usage("coastal")
 
 
-def test_nobody_has_looked(usage: Usage) -> None:
+def test_no_reading_means_unknown_usage(usage: Usage) -> None:
     assert usage.month("satellite", NOON) == MonthBytes(None, None, ())
     assert usage.last("satellite") is None
 
 
-def test_a_month_is_the_sum_of_what_the_counters_rose_by(usage: Usage) -> None:
+def test_monthly_usage_is_the_sum_of_counter_increases(usage: Usage) -> None:
     assert usage.record("satellite", look(1000, 500, uptime_s=100)) is None
     assert usage.month("satellite", NOON) == MonthBytes(0, NOON, ())
     assert usage.record("satellite", look(1700, 600, after_s=60, uptime_s=160)) == 800
@@ -43,7 +43,7 @@ def test_a_month_is_the_sum_of_what_the_counters_rose_by(usage: Usage) -> None:
     assert usage.month("4g", NOON) == MonthBytes()
 
 
-def test_a_restart_is_noticed_and_what_it_took_away_is_named(usage: Usage) -> None:
+def test_restart_is_detected_and_the_gap_named(usage: Usage) -> None:
     usage.record("satellite", look(9000, 9000, uptime_s=50_000))
     assert usage.record("satellite", look(300, 200, after_s=600, uptime_s=60)) == 500
     month = usage.month("satellite", NOON)
@@ -54,19 +54,19 @@ def test_a_restart_is_noticed_and_what_it_took_away_is_named(usage: Usage) -> No
     assert len(month.gaps) == 1
 
 
-def test_a_restart_long_ago_is_noticed_though_the_router_runs_longer_than_before(usage: Usage) -> None:
+def test_early_restart_is_detected_despite_a_longer_uptime(usage: Usage) -> None:
     usage.record("satellite", look(9000, 9000, uptime_s=60))
     assert usage.record("satellite", look(300, 20_000, after_s=7200, uptime_s=3600)) == 20_300
     assert "the router was restarted: " in usage.month("satellite", NOON).gaps[0]
 
 
-def test_a_restart_that_cannot_be_told_from_a_set_clock_counts_the_less(usage: Usage) -> None:
+def test_restart_or_clock_change_counts_the_smaller_amount(usage: Usage) -> None:
     usage.record("satellite", look(9000, 9000, uptime_s=60))
     assert usage.record("satellite", look(10_000, 20_000, after_s=7200, uptime_s=3600)) == 12_000
     assert "or the clock of this computer was set" in usage.month("satellite", NOON).gaps[0]
 
 
-def test_a_late_answer_is_no_restart(usage: Usage) -> None:
+def test_late_response_is_not_taken_for_a_restart(usage: Usage) -> None:
     usage.record("satellite", look(9000, 9000, uptime_s=1000))
     assert usage.record("satellite", look(9100, 9000, after_s=100, uptime_s=1020)) == 100
     assert usage.month("satellite", NOON).gaps == ()
@@ -79,7 +79,7 @@ def test_counters_that_were_reset_are_noticed(usage: Usage, uptimes: tuple[float
     assert "the counters were reset or ran over" in usage.month("satellite", NOON).gaps[0]
 
 
-def test_another_port_or_another_router_counts_from_itself_on(usage: Usage) -> None:
+def test_new_port_or_router_starts_counting_from_its_own_reading(usage: Usage) -> None:
     usage.record("satellite", look(9000, 9000))
     assert usage.record("satellite", look(9500, 9500, after_s=60, port="ether4")) is None
     assert usage.record("satellite", look(9600, 9500, after_s=90, port="ether4")) == 100
@@ -92,7 +92,7 @@ def test_another_port_or_another_router_counts_from_itself_on(usage: Usage) -> N
     ]
 
 
-def test_months_are_those_of_utc_and_what_spans_two_counts_in_the_later_one(usage: Usage) -> None:
+def test_months_are_utc_and_a_spanning_increase_counts_in_the_later_one(usage: Usage) -> None:
     until_december = (datetime(2026, 12, 1, tzinfo=UTC) - NOON).total_seconds()
     usage.record("satellite", look(1000, 0))
     usage.record("satellite", look(1500, 0, after_s=until_december - 1))
@@ -102,7 +102,7 @@ def test_months_are_those_of_utc_and_what_spans_two_counts_in_the_later_one(usag
     assert usage.month("satellite", last_second + timedelta(seconds=1)) == MonthBytes(300, last_second, ())
 
 
-def test_old_months_go(usage: Usage, tmp_path: Path) -> None:
+def test_old_months_are_removed(usage: Usage, tmp_path: Path) -> None:
     for number in range(20):
         usage.record("satellite", look(number, 0, after_s=number * 31 * 86400))
     kept = json.loads((tmp_path / "real" / "coastal" / "usage.json").read_text())["bearers"]["satellite"]["months"]
@@ -110,7 +110,7 @@ def test_old_months_go(usage: Usage, tmp_path: Path) -> None:
     assert max(kept) == f"{NOON + timedelta(days=19 * 31):%Y-%m}"
 
 
-def test_rehearsals_keep_their_own(tmp_path: Path) -> None:
+def test_rehearsals_have_separate_usage(tmp_path: Path) -> None:
     real, rehearsed = Store(tmp_path).usage("coastal"), Store(tmp_path, is_rehearsal=True).usage("coastal")
     real.record("satellite", look(1, 1))
     rehearsed.record("satellite", look(5, 5))
@@ -118,13 +118,13 @@ def test_rehearsals_keep_their_own(tmp_path: Path) -> None:
     assert real.month("satellite", NOON).bytes == 0
 
 
-def test_the_file_is_its_owners_only(usage: Usage, tmp_path: Path) -> None:
+def test_usage_file_is_private(usage: Usage, tmp_path: Path) -> None:
     usage.record("satellite", look(1, 1))
     assert stat.S_IMODE((tmp_path / "real" / "coastal" / "usage.json").stat().st_mode) == 0o600
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"bearers": {"satellite": {"months": {}}}}', '{"bearers": 1}'])
-def test_a_damaged_file_is_said_and_left_as_it_is(usage: Usage, tmp_path: Path, text: str) -> None:
+def test_damaged_file_is_reported_and_left_unchanged(usage: Usage, tmp_path: Path, text: str) -> None:
     path = tmp_path / "real" / "coastal" / "usage.json"
     path.parent.mkdir(parents=True)
     path.write_text(text)
@@ -135,7 +135,7 @@ def test_a_damaged_file_is_said_and_left_as_it_is(usage: Usage, tmp_path: Path, 
     assert path.read_text() == text
 
 
-def test_a_place_that_is_no_folder_is_said(tmp_path: Path) -> None:
+def test_unwritable_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
     with pytest.raises(JournalError, match="the bytes of this month cannot be written"):
         Store(tmp_path).usage("coastal").record("satellite", look(1, 1))
@@ -154,7 +154,7 @@ for number in range(20):
 """
 
 
-def test_two_processes_lose_nothing_of_each_other(tmp_path: Path) -> None:
+def test_concurrent_processes_lose_no_usage(tmp_path: Path) -> None:
     names = ("satellite", "4g")
     commands = [[sys.executable, "-c", WRITER, str(tmp_path), name] for name in names]
     processes = [subprocess.Popen(command) for command in commands]

@@ -172,7 +172,7 @@ def _lines(folder: Path) -> int:
     return len((folder / "ledger.jsonl").read_bytes().splitlines())
 
 
-def test_nothing_is_said_of_a_record_as_it_is(made: Stand) -> None:
+def test_intact_ledger_has_no_problems(made: Stand) -> None:
     assert made.authority.check() == []
     found = audit(made.authority, None, None)
     assert found.broken == ()
@@ -185,7 +185,7 @@ def test_nothing_is_said_of_a_record_as_it_is(made: Stand) -> None:
 
 
 @pytest.mark.parametrize("name", MANIPULATIONS)
-def test_what_was_done_to_a_record_is_told(name: str, made: Stand) -> None:
+def test_each_manipulation_is_detected(name: str, made: Stand) -> None:
     do, said = MANIPULATIONS[name]
     do(made.folder)
     found = audit(made.authority, None, None)
@@ -196,7 +196,7 @@ def test_what_was_done_to_a_record_is_told(name: str, made: Stand) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(REFUSED))
-def test_nothing_is_signed_over_what_is_missing(name: str, made: Stand) -> None:
+def test_manipulated_authority_signs_nothing(name: str, made: Stand) -> None:
     MANIPULATIONS[name][0](made.folder)
     before = {path: path.read_bytes() for path in made.folder.rglob("*") if path.is_file() and path.name != "lock"}
     with pytest.raises(CorruptAuthorityError) as refused, made.signing():
@@ -205,7 +205,7 @@ def test_nothing_is_signed_over_what_is_missing(name: str, made: Stand) -> None:
     assert {path: path.read_bytes() for path in before} == before
 
 
-def test_a_whole_older_folder_agrees_with_itself_and_that_is_said(made: Stand) -> None:
+def test_complete_older_copy_is_consistent_but_detectable_from_outside(made: Stand) -> None:
     """Nothing on this computer tells that there is a newer one: the server does."""
     backup = Authority.open(made.folder.parent / "backup")
     assert backup.check() == []
@@ -214,7 +214,7 @@ def test_a_whole_older_folder_agrees_with_itself_and_that_is_said(made: Stand) -
     assert made.authority.beyond(backup.crl()) is None
 
 
-def test_the_signature_is_read_once_and_of_our_authority_only(made: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ledger_signature_is_read_once_and_only_from_our_ca(made: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[Path] = []
 
     def reading(folder: Path, ca: x509.Certificate, fold: LedgerState) -> Head:
@@ -229,7 +229,7 @@ def test_the_signature_is_read_once_and_of_our_authority_only(made: Stand, monke
     assert looked == [made.folder], "another CA's key says nothing about it"
 
 
-def test_every_way_of_opening_the_key_signs_what_is_there(tmp_path: Path) -> None:
+def test_every_use_of_the_ca_key_signs_the_ledger(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     assert audit(made.authority, None, None).words[0].startswith(f"{_lines(made.folder)} entries in all: the first ")

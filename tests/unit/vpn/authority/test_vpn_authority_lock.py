@@ -12,7 +12,7 @@ from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.model import AuthorityBusy, Lock, is_held
 
 
-def test_who_holds_it_is_named_and_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lock_holder_is_named_and_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = stand(tmp_path)
     monkeypatch.setattr(model, "PATIENCE_S", 0.12)
     told: list[str] = []
@@ -39,7 +39,7 @@ def hold_and_die(folder: Path) -> None:
     os._exit(9)
 
 
-def test_a_dead_holder_holds_nothing_and_is_cleaned_up_after(tmp_path: Path) -> None:
+def test_dead_holder_releases_the_lock_and_partial_files_are_removed(tmp_path: Path) -> None:
     made = stand(tmp_path)
     process = get_context("fork").Process(target=hold_and_die, args=(made.folder,))
     process.start()

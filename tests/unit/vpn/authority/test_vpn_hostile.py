@@ -15,14 +15,14 @@ from atlantis_netcfg.vpn.identity import Identity, MemberKind
 from atlantis_netcfg.vpn.names import InvalidNameError, check_name, member_name
 
 
-def test_there_are_enough_and_few_are_good() -> None:
+def test_sample_has_enough_hostile_names_and_few_legitimate_ones() -> None:
     names = hostile_names()
     assert len(names) >= 2000
     assert 10 < sum(one.legitimate for one in names) < len(names) / 10
 
 
 @pytest.mark.parametrize("what", ["device", "partner", "host"])
-def test_each_is_taken_as_it_should_be(what: str) -> None:
+def test_hostile_names_are_refused_and_legitimate_ones_accepted(what: str) -> None:
     for one in hostile_names():
         try:
             taken = check_name(one.text, what) == one.text
@@ -42,7 +42,7 @@ def well_said(refused: InvalidNameError, what: str) -> None:
 
 
 @given(st.text(max_size=60) | st.from_regex(r"[a-z0-9-]{1,50}\n?"))
-def test_any_text_is_taken_as_it_should_be(text: str) -> None:
+def test_arbitrary_text_is_accepted_only_if_legitimate(text: str) -> None:
     try:
         check_name(text, "device")
     except InvalidNameError as error:
@@ -82,7 +82,7 @@ def test_a_refused_name_leaves_nothing(tmp_path: Path) -> None:
     assert made.authority.membership().members == {}
 
 
-def test_the_good_ones_are_who_they_say(tmp_path: Path) -> None:
+def test_legitimate_names_are_issued_unchanged(tmp_path: Path) -> None:
     made = stand(tmp_path)
     devices = [one.text for one in hostile_names() if one.legitimate and len(one.text) <= 43]
     with made.signing() as signer:

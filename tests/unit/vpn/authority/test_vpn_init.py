@@ -25,7 +25,7 @@ def tree(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_what_lies_in_the_folder(tmp_path: Path) -> None:
+def test_new_authority_has_the_expected_files(tmp_path: Path) -> None:
     made = stand(tmp_path)
     assert set(tree(made.folder)) == {
         *("ca.crt", "ca.key.vault", "crl.pem", "ledger.head", "ledger.jsonl", "lock", "server/server.crt"),
@@ -41,7 +41,7 @@ def test_what_lies_in_the_folder(tmp_path: Path) -> None:
     assert made.authority.check() == []
 
 
-def test_an_authority_that_is_there_stays(tmp_path: Path) -> None:
+def test_existing_authority_is_not_replaced(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     before = tree(made.folder)
@@ -61,14 +61,14 @@ def test_a_weak_passphrase_leaves_nothing(tmp_path: Path) -> None:
     assert not Authority.exists(tmp_path / "vpn")
 
 
-def test_without_one_the_way_to_it_is_said(tmp_path: Path) -> None:
+def test_missing_authority_is_reported_with_the_init_command(tmp_path: Path) -> None:
     with pytest.raises(NoAuthority, match="there is no authority in") as missing:
         Authority.open(tmp_path)
     assert "provision vpn init" in str(missing.value.hint)
     assert missing.value.exit is ExitCode.USAGE
 
 
-def test_a_lost_ledger_is_not_founded_over(tmp_path: Path) -> None:
+def test_lost_ledger_is_not_overwritten_by_init(tmp_path: Path) -> None:
     made = stand(tmp_path)
     (made.folder / "ledger.jsonl").unlink()
     before = tree(made.folder)
@@ -79,7 +79,7 @@ def test_a_lost_ledger_is_not_founded_over(tmp_path: Path) -> None:
     assert tree(made.folder) == before
 
 
-def test_a_folder_where_none_can_be(tmp_path: Path) -> None:
+def test_unusable_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(Exception, match="there is no place for the authority: File exists"):
         Authority.init(tmp_path / "file", PASSPHRASE, NAMES, "me")
@@ -106,7 +106,7 @@ def test_the_passphrase_is_changed(tmp_path: Path) -> None:
     assert OTHER.reveal() not in text
 
 
-def test_the_server_gets_another_certificate_for_other_names_or_in_time(
+def test_server_certificate_is_renewed_for_new_names_or_before_expiry(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = stand(tmp_path)
@@ -128,7 +128,7 @@ def test_the_server_gets_another_certificate_for_other_names_or_in_time(
 
 
 @pytest.mark.parametrize("name", ["server.crt", "server.key"])
-def test_a_server_whose_key_is_not_its_certificate_s_gets_both_anew(name: str, tmp_path: Path) -> None:
+def test_server_key_not_matching_its_certificate_replaces_both(name: str, tmp_path: Path) -> None:
     made, other = (stand(tmp_path / side) for side in ("one", "other"))
     with other.signing() as signer:
         signer.serve(replace(NAMES, common_name="vpn-server-2"))

@@ -25,7 +25,7 @@ from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT
 from atlantis_netcfg.vpn.names import NameTaken
 
 
-def test_a_member_and_what_it_proves_itself_with(tmp_path: Path) -> None:
+def test_issued_member_and_certificate_have_the_requested_values(tmp_path: Path) -> None:
     made = stand(tmp_path)
     asked = wish("sparus2", link=MemberLink.SATELLITE, vehicle="sparus", days=60, request_id="r1")
     with made.signing() as signer:
@@ -48,7 +48,7 @@ def test_a_member_and_what_it_proves_itself_with(tmp_path: Path) -> None:
     assert made.authority.check() == []
 
 
-def test_it_is_recorded_before_it_is_handed_out(tmp_path: Path) -> None:
+def test_certificate_is_recorded_before_delivery(tmp_path: Path) -> None:
     made = stand(tmp_path)
 
     def deliver(identity: Identity) -> EnrolmentFile:
@@ -66,7 +66,7 @@ def test_it_is_recorded_before_it_is_handed_out(tmp_path: Path) -> None:
     assert len(made.identities) == 2
 
 
-def test_the_same_wish_again_makes_nothing(tmp_path: Path) -> None:
+def test_repeated_request_issues_nothing(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     before = (made.folder / "ledger.jsonl").read_bytes()
@@ -93,7 +93,9 @@ def test_the_same_wish_again_makes_nothing(tmp_path: Path) -> None:
         ({"address": POOL[9]}, r"address is 10.8.16.1, not 10.8.16.9"),
     ],
 )
-def test_another_wish_of_that_name_is_told_what_differs(change: dict[str, Any], said: str, tmp_path: Path) -> None:
+def test_different_request_for_the_same_name_reports_the_difference(
+    change: dict[str, Any], said: str, tmp_path: Path
+) -> None:
     made = stand(tmp_path)
     made.issue("a")
     with made.signing() as signer, pytest.raises(OtherMember, match=said) as other:
@@ -101,7 +103,7 @@ def test_another_wish_of_that_name_is_told_what_differs(change: dict[str, Any], 
     assert "provision vpn renew name=iqua-a" in str(other.value.hint)
 
 
-def test_nothing_is_made_of_a_batch_with_one_wrong_wish(tmp_path: Path) -> None:
+def test_batch_with_one_invalid_request_issues_nothing(tmp_path: Path) -> None:
     made = stand(tmp_path)
     before = (made.folder / "ledger.jsonl").read_bytes()
     with made.signing() as signer:
@@ -118,7 +120,7 @@ def test_nothing_is_made_of_a_batch_with_one_wrong_wish(tmp_path: Path) -> None:
     assert made.identities == []
 
 
-def test_names_never_return(tmp_path: Path) -> None:
+def test_revoked_names_are_never_reused(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     with made.signing() as signer:
@@ -139,7 +141,7 @@ def failing(made: Stand, name: str, error: Exception) -> None:
         signer.issue([wish("a"), wish("b"), wish("c")], deliver)
 
 
-def test_what_was_not_handed_out_is_revoked_and_made_anew(tmp_path: Path) -> None:
+def test_undelivered_certificate_is_revoked_and_reissued(tmp_path: Path) -> None:
     made = stand(tmp_path)
     with pytest.raises(AuthorityError, match="what `iqua-b` gets cannot be written: disk on fire"):
         failing(made, "iqua-b", OSError(5, "disk on fire"))
@@ -155,14 +157,14 @@ def test_what_was_not_handed_out_is_revoked_and_made_anew(tmp_path: Path) -> Non
     assert any("iqua-b, iqua-c was never handed out, and is revoked" in words for words in told)
 
 
-def test_an_error_of_the_hand_out_goes_on_as_it_is(tmp_path: Path) -> None:
+def test_delivery_error_is_passed_through(tmp_path: Path) -> None:
     made = stand(tmp_path)
     with pytest.raises(NetcfgError, match="no such recipient"):
         failing(made, "iqua-a", NetcfgError("no such recipient"))
     assert made.authority.check() == []
 
 
-def test_who_was_never_handed_out_may_be_wished_for_otherwise(tmp_path: Path) -> None:
+def test_undelivered_member_may_be_requested_differently(tmp_path: Path) -> None:
     made = stand(tmp_path)
     with pytest.raises(ZeroDivisionError):
         failing(made, "iqua-a", ZeroDivisionError())
@@ -175,7 +177,7 @@ def test_who_was_never_handed_out_may_be_wished_for_otherwise(tmp_path: Path) ->
             signer.issue([wish("b")], made.deliver)
 
 
-def test_a_large_batch_waits_little_for_the_ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_batch_syncs_the_ledger_rarely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = stand(tmp_path)
     synced: list[str] = []
     sync = os.fsync
@@ -192,7 +194,7 @@ def test_a_large_batch_waits_little_for_the_ledger(tmp_path: Path, monkeypatch: 
     assert made.authority.check() == []
 
 
-def test_a_batch_that_breaks_off_keeps_what_was_handed_out(tmp_path: Path) -> None:
+def test_interrupted_batch_keeps_what_was_delivered(tmp_path: Path) -> None:
     made = stand(tmp_path)
     wishes = [wish(f"d{number}") for number in range(120)]
 
@@ -218,7 +220,7 @@ def test_a_batch_that_breaks_off_keeps_what_was_handed_out(tmp_path: Path) -> No
 FOUR = IPv4Network("10.8.16.0/29")
 
 
-def test_the_ends_of_a_pool_are_nobody_s(tmp_path: Path) -> None:
+def test_first_and_last_pool_addresses_are_not_assigned(tmp_path: Path) -> None:
     made = stand(tmp_path)
     with made.signing() as signer:
         issued = signer.issue([wish(f"d{number}", pool=FOUR) for number in range(6)], made.deliver)
@@ -248,7 +250,7 @@ def test_reserved_and_declared_addresses_are_not_given_away(tmp_path: Path) -> N
     assert len(made.identities) == 3
 
 
-def test_an_address_rests_until_the_pool_is_used_up_and_the_server_has_confirmed(tmp_path: Path) -> None:
+def test_address_is_reused_only_if_pool_is_full_and_revocation_confirmed(tmp_path: Path) -> None:
     made = stand(tmp_path)
     pool = IPv4Network("10.8.16.0/30")
     with made.signing() as signer:
@@ -267,7 +269,7 @@ def test_an_address_rests_until_the_pool_is_used_up_and_the_server_has_confirmed
 
 
 @pytest.mark.parametrize(("pool", "count"), [("10.8.16.4/31", 2), ("10.8.16.4/32", 1)])
-def test_pools_too_small_to_have_ends(pool: str, count: int, tmp_path: Path) -> None:
+def test_pools_without_end_addresses_are_used_fully(pool: str, count: int, tmp_path: Path) -> None:
     made = stand(tmp_path)
     with made.signing() as signer:
         wishes = [wish(f"d{number}", pool=IPv4Network(pool)) for number in range(count)]

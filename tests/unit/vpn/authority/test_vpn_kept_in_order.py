@@ -43,7 +43,7 @@ MENDED: list[tuple[Callable[[Path], None], str]] = [
 
 
 @pytest.mark.parametrize(("harm", "said"), MENDED, ids=lambda value: getattr(value, "__name__", ""))
-def test_what_can_be_made_again_is(harm: Callable[[Path], None], said: str, tmp_path: Path) -> None:
+def test_reproducible_files_are_regenerated(harm: Callable[[Path], None], said: str, tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a", "b")
     harm(made.folder)
@@ -54,7 +54,7 @@ def test_what_can_be_made_again_is(harm: Callable[[Path], None], said: str, tmp_
     assert made.authority.check() == []
 
 
-def test_an_older_list_is_not_taken_for_the_published_one(tmp_path: Path) -> None:
+def test_older_revocation_list_is_replaced_with_a_higher_number(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     older = (made.folder / "crl.pem").read_bytes()
@@ -77,7 +77,7 @@ def test_an_older_list_is_not_taken_for_the_published_one(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("is_revoked", [True, False])
-def test_a_killed_command_counts_if_everybody_was_done(*, is_revoked: bool, tmp_path: Path) -> None:
+def test_killed_command_counts_only_if_it_was_complete(*, is_revoked: bool, tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     done = [records.RevocationRecord(common_name="iqua-a", reason="lost")] if is_revoked else []
@@ -89,7 +89,7 @@ def test_a_killed_command_counts_if_everybody_was_done(*, is_revoked: bool, tmp_
     assert [entry.record for entry in made.authority.history() if entry.operation == "op"][-1] == end
 
 
-def test_a_certificate_outside_of_the_record_is_told(tmp_path: Path) -> None:
+def test_certificate_missing_from_the_ledger_is_reported(tmp_path: Path) -> None:
     made = stand(tmp_path)
     key = pki.new_key(KeyType.EC)
     stray = pki.new_client(made.ca, key.public_key(), "stray", pki.new_serial(), 10, NOW)
@@ -100,7 +100,7 @@ def test_a_certificate_outside_of_the_record_is_told(tmp_path: Path) -> None:
     ]
 
 
-def test_nothing_is_signed_on_a_damaged_ledger(tmp_path: Path) -> None:
+def test_damaged_ledger_blocks_signing(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     path = made.folder / "ledger.jsonl"
@@ -116,7 +116,7 @@ def test_nothing_is_signed_on_a_damaged_ledger(tmp_path: Path) -> None:
     assert problems[0].startswith("line 5 of the ledger is damaged: its checksum is wrong")
 
 
-def test_alarms_are_given_in_time(tmp_path: Path) -> None:
+def test_expiry_warnings_are_given_in_time(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     days = {days: " | ".join(made.authority.check(NOW + timedelta(days=days))) for days in (59, 61, 100, 370, 400)}
@@ -131,14 +131,14 @@ def test_alarms_are_given_in_time(tmp_path: Path) -> None:
     assert "the server's certificate ends on" in late
 
 
-def test_a_folder_that_others_can_read_is_told(tmp_path: Path) -> None:
+def test_file_readable_by_others_is_reported(tmp_path: Path) -> None:
     made = stand(tmp_path)
     (made.folder / "server" / "server.key").chmod(0o644)
     (problem,) = made.authority.check()
     assert problem.endswith(f"server.key can be read by others: chmod go= {made.folder}/server/server.key")
 
 
-def test_a_list_that_gets_old_is_signed_anew_in_passing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ageing_revocation_list_is_re_signed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = stand(tmp_path)
     for days, number in ((29, 1), (31, 2), (32, 2)):
         at(monkeypatch, NOW + timedelta(days=days))
@@ -156,7 +156,7 @@ def signed(made: Stand) -> datetime:
     return facts.this_update
 
 
-def test_a_clock_behind_the_record_signs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clock_behind_the_ledger_blocks_signing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = stand(tmp_path)
     made.issue("a")
     before = (made.folder / "ledger.jsonl").read_bytes()
@@ -170,9 +170,7 @@ def test_a_clock_behind_the_record_signs_nothing(tmp_path: Path, monkeypatch: py
     assert made.authority.check() == []
 
 
-def test_a_clock_that_a_time_server_moved_back_a_little_is_borne(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_small_clock_step_back_is_tolerated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = stand(tmp_path)
     made.issue("a")
     last = made.authority.history()[-1].at
@@ -182,9 +180,7 @@ def test_a_clock_that_a_time_server_moved_back_a_little_is_borne(
     assert made.authority.check() == []
 
 
-def test_a_clock_that_was_ahead_is_got_rid_of_by_a_person_s_word(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_confirmation_resets_a_clock_that_was_ahead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = stand(tmp_path)
     with monkeypatch.context() as patch:
         at(patch, NOW + timedelta(days=300))

@@ -78,7 +78,7 @@ def whole(path: Path, *some: records.Record) -> bytes:
     return data
 
 
-def test_every_record_is_kept_as_it_was(tmp_path: Path) -> None:
+def test_every_record_round_trips(tmp_path: Path) -> None:
     assert {type(record) for record in EVERY} == set(get_args(get_args(records.Record)[0]))
     whole(tmp_path / "ledger")
     reading = read(tmp_path / "ledger").sound()
@@ -87,7 +87,7 @@ def test_every_record_is_kept_as_it_was(tmp_path: Path) -> None:
     assert {(entry.at, entry.who, entry.operation) for entry in reading.entries} == {(NOW, "me", "op")}
 
 
-def test_every_record_has_words_and_its_place_in_the_fold() -> None:
+def test_every_record_has_a_description_and_can_be_applied() -> None:
     fold = LedgerState()
     for number, record in enumerate(EVERY, start=1):
         entry = LedgerEntry(number, NOW, "me", "op", record)
@@ -98,13 +98,13 @@ def test_every_record_has_words_and_its_place_in_the_fold() -> None:
     assert {utc_now().microsecond % 1000 for _ in range(9)} == {0}
 
 
-def test_words_of_records_do_not_hide_the_line_s_own() -> None:
+def test_record_fields_do_not_collide_with_line_fields() -> None:
     head = {"line", "at", "who", "operation", "previous", "crc", "words"}
     for record in EVERY:
         assert head.isdisjoint(record.__dataclass_fields__)
 
 
-def test_every_byte_of_a_line_is_watched() -> None:
+def test_every_byte_of_a_line_is_covered_by_the_checksum() -> None:
     line = encode(LedgerEntry(1, NOW, "me", "op", ISSUED), GENESIS).rstrip(b"\n")
     assert parse(line, 1, GENESIS).record == ISSUED
     for place in range(len(line)):
@@ -113,7 +113,7 @@ def test_every_byte_of_a_line_is_watched() -> None:
             parse(changed, 1, GENESIS)
 
 
-def test_a_line_that_is_not_the_next_one_is_refused(tmp_path: Path) -> None:
+def test_line_out_of_sequence_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "ledger"
     lines = whole(path).splitlines(keepends=True)
     other = encode(LedgerEntry(3, NOW, "me", "op", EVERY[4]), digest(lines[0]))
@@ -144,13 +144,13 @@ def test_a_line_of_a_newer_version_is_refused(tmp_path: Path) -> None:
     )
 
 
-def test_a_record_about_nobody_is_refused() -> None:
+def test_record_about_an_unknown_member_is_refused() -> None:
     entry = LedgerEntry(7, NOW, "me", "op", records.RevocationRecord(common_name="iqua-ghost", reason="lost"))
     with pytest.raises(CorruptLedgerError, match="line 7 of the ledger is about 'iqua-ghost', which was never issued"):
         LedgerState([entry])
 
 
-def test_a_torn_line_is_cut_wherever_it_was_torn(tmp_path: Path) -> None:
+def test_torn_last_line_is_removed(tmp_path: Path) -> None:
     path = tmp_path / "ledger"
     first = whole(path, EVERY[0])
     both = whole(path, EVERY[0], ISSUED)
@@ -164,7 +164,7 @@ def test_a_torn_line_is_cut_wherever_it_was_torn(tmp_path: Path) -> None:
         assert [entry.record for entry in read(path).sound().entries] == [EVERY[0], records.CommitRecord()]
 
 
-def test_a_failed_write_is_taken_back_and_the_last_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_write_is_undone_and_ends_writing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "ledger"
     before = whole(path)
     write = os.write
@@ -186,7 +186,7 @@ def test_a_failed_write_is_taken_back_and_the_last_one(tmp_path: Path, monkeypat
     assert path.read_bytes() == before
 
 
-def test_nobody_writes_to_the_auditor_s_terminal(tmp_path: Path) -> None:
+def test_author_name_is_sanitised_for_the_terminal(tmp_path: Path) -> None:
     data = first_lines([records.CommitRecord()], "me\x1b[2J\n" + "x" * 500, "op", NOW)
     (tmp_path / "ledger").write_bytes(data)
     who = read(tmp_path / "ledger").entries[0].who
@@ -194,7 +194,7 @@ def test_nobody_writes_to_the_auditor_s_terminal(tmp_path: Path) -> None:
     assert len(who) == 120
 
 
-def test_one_wait_for_the_disk_for_a_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_batch_is_synced_to_disk_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole(tmp_path / "ledger")
     synced: list[int] = []
     with Ledger(tmp_path / "ledger") as ledger:
@@ -225,7 +225,7 @@ def revoked_and_forgotten(tmp_path: Path) -> tuple[Stand, int]:
     return stand, stand.identities[0].certificate.serial
 
 
-def test_what_a_list_held_the_next_one_holds(tmp_path: Path) -> None:
+def test_new_revocation_list_includes_the_previous_serials(tmp_path: Path) -> None:
     stand, serial = revoked_and_forgotten(tmp_path)
     number = listed(stand).number
     with stand.signing() as signer:
@@ -235,7 +235,7 @@ def test_what_a_list_held_the_next_one_holds(tmp_path: Path) -> None:
     assert facts.number > number
 
 
-def test_another_list_of_the_last_number_is_told(tmp_path: Path) -> None:
+def test_different_list_with_the_last_number_is_reported(tmp_path: Path) -> None:
     stand = authority_stand.stand(tmp_path)
     number = listed(stand).number
     said = {n: stand.authority.beyond(pki.new_crl(stand.ca, [], n, datetime.now(UTC), 9)) for n in (number - 1, number)}
@@ -243,7 +243,7 @@ def test_another_list_of_the_last_number_is_told(tmp_path: Path) -> None:
     assert "as the record's last one, and another one" in str(said[number])
 
 
-def test_what_only_the_list_knows_is_told(tmp_path: Path) -> None:
+def test_serial_known_only_to_the_list_is_reported(tmp_path: Path) -> None:
     stand, serial = revoked_and_forgotten(tmp_path)
     said = [line for line in stand.authority.check() if "the ledger is an old copy" in line]
     assert said == [
@@ -251,7 +251,7 @@ def test_what_only_the_list_knows_is_told(tmp_path: Path) -> None:
     ]
 
 
-def test_a_list_is_signed_once_for_that(tmp_path: Path) -> None:
+def test_recovered_revocation_list_is_signed_once(tmp_path: Path) -> None:
     stand, serial = revoked_and_forgotten(tmp_path)
     for _ in range(2):
         with stand.signing():
@@ -260,7 +260,7 @@ def test_a_list_is_signed_once_for_that(tmp_path: Path) -> None:
     assert serial in first.serials
 
 
-def test_a_damaged_list_is_replaced(tmp_path: Path) -> None:
+def test_damaged_revocation_list_is_replaced(tmp_path: Path) -> None:
     stand = authority_stand.stand(tmp_path)
     path = stand.folder / "crl.pem"
     pem = path.read_bytes()

@@ -51,18 +51,18 @@ SAID = [
 
 
 @pytest.mark.parametrize(("text", "message", "hint"), SAID, ids=lambda value: ascii(value)[:20])
-def test_what_is_wrong_is_said_with_a_way_out(text: str, message: str, hint: str) -> None:
+def test_invalid_name_is_refused_with_a_suggestion(text: str, message: str, hint: str) -> None:
     with pytest.raises(InvalidNameError) as refused:
         check_name(text, "device")
     assert (str(refused.value), refused.value.hint) == (message, hint)
 
 
 @pytest.mark.parametrize("word", ["default", "server", "ip", "ip6", "tcp", "udp", "log", "set", "map", "fwd", "dup"])
-def test_words_of_openvpn_and_nft_are_reserved(word: str) -> None:
+def test_openvpn_and_nft_keywords_are_reserved(word: str) -> None:
     assert word in RESERVED_WORDS
 
 
-def test_partner_and_device_share_the_length() -> None:
+def test_partner_and_device_share_the_length_limit() -> None:
     assert len(member_name("inesc", "a" * 42)) == LONGEST
     with pytest.raises(InvalidNameError, match="has 49 characters: partner and device have 48 together") as refused:
         member_name("inesc", "a" * 43)
@@ -72,7 +72,7 @@ def test_partner_and_device_share_the_length() -> None:
     assert refused.value.hint == "take a shorter key for the partner"
 
 
-def test_names_that_are_made_of_other_parts_are_taken(tmp_path: Path) -> None:
+def test_ambiguous_combined_name_is_taken(tmp_path: Path) -> None:
     made = stand(tmp_path)
     with made.signing() as signer:
         signer.issue([wish("b-c", "a")], made.deliver)
@@ -88,7 +88,7 @@ def test_names_that_are_made_of_other_parts_are_taken(tmp_path: Path) -> None:
             signer.issue([wish("gateway", "scc")], made.deliver)
 
 
-def test_a_declared_host_keeps_its_name(tmp_path: Path) -> None:
+def test_declared_host_name_is_reserved(tmp_path: Path) -> None:
     membership = stand(tmp_path).authority.membership()
     with pytest.raises(NameTaken, match="is the name of a declared host") as taken:
         check_free("scc-gateway", "scc", "gateway", membership, {"scc-gateway"})

@@ -27,7 +27,7 @@ def on_list(made: Stand) -> set[str]:
     return {one.common_name for _, one in made.authority.membership().certificates() if one.serial in facts.serials}
 
 
-def test_a_successor_overlaps_and_takes_over_when_it_was_seen(tmp_path: Path) -> None:
+def test_successor_replaces_its_predecessor_once_seen(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     assert made.authority.record_sessions({"iqua-a": NOW}) == SessionObservation((), (), ())
@@ -62,7 +62,7 @@ def test_a_successor_that_was_never_seen_is_replaced(tmp_path: Path) -> None:
     assert made.authority.membership().queued_names == ("iqua-a.2", "iqua-a.3")
 
 
-def test_a_renewal_changes_what_it_is_told_to(tmp_path: Path) -> None:
+def test_renewal_applies_the_requested_changes(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     change = RenewalRequest(days=10, wrap=Wrap.TLS_CRYPT, key=KeyType.RSA, link=MemberLink.LTE)
@@ -94,7 +94,7 @@ def test_a_renewal_that_failed_changes_nothing(tmp_path: Path) -> None:
         assert signer.renew("iqua-a", made.deliver).certificate.common_name == "iqua-a.3"
 
 
-def test_a_revocation_takes_all_certificates_and_says_so_again(tmp_path: Path) -> None:
+def test_revocation_covers_all_certificates_and_can_be_repeated(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a", "b", "c")
     with made.signing() as signer:
@@ -165,7 +165,7 @@ AFTER = st.sampled_from(KNOWN).flatmap(
 
 
 @given(st.lists(AFTER, max_size=12))
-def test_nothing_brings_a_revoked_certificate_back(after: list[records.Record]) -> None:
+def test_revoked_certificate_never_becomes_valid_again(after: list[records.Record]) -> None:
     fold = LedgerState(LedgerEntry(number, NOW, "me", "op", issued(name)) for number, name in enumerate(KNOWN, start=1))
     withdrawn: set[str] = set()
     for record in after:
@@ -198,7 +198,7 @@ def issued(name: str) -> records.IssueRecord:
     )
 
 
-def test_a_file_that_is_handed_over_again_is_recorded(tmp_path: Path) -> None:
+def test_repeated_delivery_is_recorded(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
     made.authority.record_delivery("iqua-a", EnrolmentFile("elsewhere", "00"))

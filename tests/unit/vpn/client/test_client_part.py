@@ -43,7 +43,7 @@ def without(*kinds: LinkKind) -> Inventory:
     return replace(SHIPPED, sites={**SHIPPED.sites, "coastal": site.model_copy(update={"bearers": kept})})
 
 
-def test_a_gateway_with_an_identity_runs_a_client_that_insists_on_the_server() -> None:
+def test_gateway_with_an_identity_runs_a_client_that_verifies_the_server() -> None:
     made = told()
     assert made["packages"]["packages"] == [{"name": "openvpn", "version": None}]
     assert made["identity"] == {"path": IDENTITY, "mode": "0600", "from": str(FILE)}
@@ -58,7 +58,7 @@ def test_a_gateway_with_an_identity_runs_a_client_that_insists_on_the_server() -
     assert "brought" not in made["configure"]
 
 
-def test_without_an_identity_here_the_gateways_own_stays_and_what_is_missing_is_told() -> None:
+def test_missing_identity_keeps_the_installed_one_and_is_noted() -> None:
     made = told(identity=None)
     assert made["identity"] is None
     (unit,) = made["configure"]["units"]
@@ -72,7 +72,7 @@ def test_without_an_identity_here_the_gateways_own_stays_and_what_is_missing_is_
     assert made["configure"]["files"] == told()["configure"]["files"]
 
 
-def test_outside_the_vpn_everything_of_it_is_taken_away() -> None:
+def test_gateway_outside_the_vpn_has_the_client_removed() -> None:
     host = SHIPPED.hosts[HOST]
     outside = replace(host, device=host.device.model_copy(update={"vpn_address": None}))
     made = openvpn_client(SHIPPED, outside, FILE).as_dict()
@@ -92,7 +92,7 @@ def test_outside_the_vpn_everything_of_it_is_taken_away() -> None:
         ((LinkKind.SATELLITE, LinkKind.LTE), MemberLink.FIBRE, ("10", "60"), "5 300", ""),
     ],
 )
-def test_timers_are_those_of_the_worst_link(
+def test_timers_follow_the_slowest_link(
     lacking: tuple[LinkKind, ...], link: MemberLink, ping: tuple[str, str], retry: str, slow: str
 ) -> None:
     declaration = without(*lacking)
@@ -103,7 +103,7 @@ def test_timers_are_those_of_the_worst_link(
     assert ("hand-window" in said, "tls-timeout" in said) == (bool(slow), bool(slow))
 
 
-def test_at_the_servers_own_site_it_is_reached_in_the_lan_and_tcp_has_its_own_words() -> None:
+def test_client_uses_the_lan_address_at_the_server_site_and_tcp_options() -> None:
     server = SHIPPED.hosts["scc-vpn"]
     beside = replace(SHIPPED, hosts={**SHIPPED.hosts, "scc-vpn": replace(server, site="coastal")})
     assert options(told(beside))["remote"] == "10.64.0.10 1194"
@@ -113,7 +113,7 @@ def test_at_the_servers_own_site_it_is_reached_in_the_lan_and_tcp_has_its_own_wo
     assert "explicit-exit-notify" not in said
 
 
-def test_a_refused_client_is_started_again_and_only_a_wrong_clock_is_waited_for() -> None:
+def test_client_restarts_after_refusal_and_waits_for_the_clock() -> None:
     drop_in = text(told(), DROP_IN)
     assert "Restart=always\nRestartSec=300\n" in drop_in
     assert "RestartSec=10\n" in text(told(without(LinkKind.SATELLITE, LinkKind.LTE)), DROP_IN)
@@ -122,7 +122,7 @@ def test_a_refused_client_is_started_again_and_only_a_wrong_clock_is_waited_for(
 
 
 @pytest.mark.parametrize("lacking", [(), (LinkKind.SATELLITE, LinkKind.LTE)])
-def test_the_real_openvpn_takes_every_word(lacking: tuple[LinkKind, ...], tmp_path: Path) -> None:
+def test_openvpn_accepts_the_configuration(lacking: tuple[LinkKind, ...], tmp_path: Path) -> None:
     conf, identity = tmp_path / "atlantis.conf", tmp_path / "atlantis.identity"
     identity.write_text("# no key yet\n")
     conf.write_text(text(told(without(*lacking))).replace(IDENTITY, str(identity)))

@@ -61,7 +61,7 @@ class Console:
         ("7.24", None),
     ],
 )
-def test_what_a_version_can(version: str, words: str | None) -> None:
+def test_version_support_of_routeros(version: str, words: str | None) -> None:
     parsed = Version.parse(version)
     if words is None:
         check_version(parsed)
@@ -77,7 +77,7 @@ def test_what_a_version_can(version: str, words: str | None) -> None:
     [("7.17", SHIPPED), ("7.18.2", TCP), ("7.21.5", SHIPPED)],
     ids=["7.17", "7.18.2-tcp", "7.21.5"],
 )
-def test_the_script_makes_a_member_and_leaves_no_key_in_a_file(version: str, pilot: Inventory) -> None:
+def test_script_creates_the_client_and_leaves_no_key_file(version: str, pilot: Inventory) -> None:
     theirs = Console.of(version)
     for _ in range(2):
         theirs.put(FILE, routeros.profile(pilot, IDENTITY).reveal())
@@ -95,7 +95,7 @@ def test_the_script_makes_a_member_and_leaves_no_key_in_a_file(version: str, pil
         assert theirs.device.is_wrapped("ovpn-atlantis")
 
 
-def test_on_an_older_version_the_script_fails_and_leaves_no_key_in_a_file() -> None:
+def test_script_on_an_older_version_fails_and_leaves_no_key_file() -> None:
     theirs = Console.of("7.16")
     theirs.put(FILE, routeros.profile(SHIPPED, IDENTITY).reveal())
     theirs.put(SCRIPT, routeros.script(SHIPPED, IDENTITY, FILE))
@@ -115,18 +115,18 @@ def test_neither_secret_nor_password_is_in_the_script() -> None:
     assert "password" not in script
 
 
-def test_a_name_longer_than_routeros_takes_is_cut() -> None:
+def test_name_too_long_for_routeros_is_cut() -> None:
     member = replace(IDENTITY.member, name="a" * 48)
     assert len(routeros.handed_out(SHIPPED, replace(IDENTITY, member=member)).user) == 27
 
 
-def test_the_mark_follows_the_keys() -> None:
+def test_mark_depends_on_the_keys() -> None:
     other = rehearsed_identity(SHIPPED, ROUTER)
     assert routeros.mark(IDENTITY) == routeros.mark(IDENTITY) != routeros.mark(other)
     assert routeros.mark(IDENTITY).startswith("02:")
 
 
-def test_openvpn_itself_takes_the_profile(tmp_path: Path) -> None:
+def test_openvpn_accepts_the_profile(tmp_path: Path) -> None:
     path = tmp_path / FILE
     path.touch(mode=0o600)
     path.write_text(routeros.profile(SHIPPED, IDENTITY).reveal())
@@ -151,12 +151,12 @@ WRAP = "<tls-crypt>\nkey\n</tls-crypt>\n"
         (GOOD + "<secret>\nx\n</secret>\n", "unsupported option '<secret>'"),
     ],
 )
-def test_a_router_takes_no_other_file(text: str, words: str) -> None:
+def test_invalid_profile_is_refused(text: str, words: str) -> None:
     with pytest.raises(OvpnError, match=f"^{words}$"):
         read_ovpn(text, wraps=True)
 
 
-def test_a_router_reads_what_it_takes() -> None:
+def test_valid_profile_is_parsed() -> None:
     read = read_ovpn(GOOD.replace("\n", "\r\n") + WRAP, wraps=True)
     assert read.values["connect-to"] == "v.example.org"
     assert (read.values["mode"], read.values["protocol"], read.values["cipher"]) == ("ip", "udp", "aes256-gcm")

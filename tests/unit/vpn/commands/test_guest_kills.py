@@ -100,7 +100,7 @@ class Pier:
     ],
 )
 @pytest.mark.parametrize("command", ["add", "end"])
-def test_a_kill_before_a_change_leaves_what_the_next_command_completes(
+def test_kill_at_any_step_is_completed_or_undone_by_the_next_command(
     tmp_path: Path,
     tmp_path_factory: pytest.TempPathFactory,
     monkeypatch: pytest.MonkeyPatch,

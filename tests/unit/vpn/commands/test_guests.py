@@ -95,7 +95,7 @@ def quay(
     return Quay(tmp_path, capsys)
 
 
-def test_from_nothing_to_a_signed_checklist_and_away_again(quay: Quay) -> None:
+def test_guest_is_added_checked_and_removed_without_a_trace(quay: Quay) -> None:
     """Commands alone; 0 files edited by hand; the declaration is as it was, byte for byte."""
     before = quay.files()
     printed = quay.add()
@@ -129,7 +129,7 @@ def test_from_nothing_to_a_signed_checklist_and_away_again(quay: Quay) -> None:
     assert quay.authority.check() == []
 
 
-def test_no_certificate_is_good_beyond_the_last_day(quay: Quay) -> None:
+def test_no_certificate_is_valid_beyond_the_last_day(quay: Quay) -> None:
     quay.add()
     (member,) = guests.members_of(quay.authority, "lauv")
     zone = ZoneInfo(load(quay.inventory).pilot.time_zone)
@@ -144,7 +144,7 @@ def test_no_certificate_is_good_beyond_the_last_day(quay: Quay) -> None:
     assert f"`days=90`: the guest `lauv` is here until {UNTIL}" in printed
 
 
-def test_a_plan_says_what_would_be_done_and_does_nothing(quay: Quay) -> None:
+def test_plan_shows_changes_and_changes_nothing(quay: Quay) -> None:
     before, authority = quay.files(), quay.files("vpn")
     printed = quay.add("--plan", code=2, passphrase=None)
     assert "would declare lauv in group_vars/all/guests.yml: gps, wifi, ethernet, tested at coastal" in printed
@@ -161,14 +161,14 @@ def test_a_plan_says_what_would_be_done_and_does_nothing(quay: Quay) -> None:
     assert (quay.files(), quay.files("vpn")) == (there, authority)
 
 
-def test_repeating_makes_nothing_new(quay: Quay) -> None:
+def test_repeated_add_changes_nothing(quay: Quay) -> None:
     quay.add()
     there, authority = quay.files(), quay.files("vpn")
     assert "udg-lauv: already so" in quay.add(passphrase=None)
     assert (quay.files(), quay.files("vpn")) == (there, authority)
 
 
-def test_another_guest_of_that_name_is_ended_as_it_is_advised(quay: Quay) -> None:
+def test_different_guest_of_the_same_name_is_refused_with_the_end_command(quay: Quay) -> None:
     before = quay.files()
     quay.add()
     words = (*LAUV[:-1], "cells=gps", f"until={UNTIL}", "--no-push")
@@ -180,13 +180,13 @@ def test_another_guest_of_that_name_is_ended_as_it_is_advised(quay: Quay) -> Non
     assert quay.files() == before
 
 
-def test_the_checklist_that_is_named_is_the_guests(quay: Quay) -> None:
+def test_printed_checklist_command_is_for_the_guest(quay: Quay) -> None:
     printed = said(quay.add(), "its checklist: provision check site={} vehicle={}")
     (typed,) = advised(printed)
     assert "lauv/gps: LAUV knows where it is" in quay.type(*typed, "--rehearse", code=6)
 
 
-def test_after_a_stop_all_of_it_is_taken_back_as_it_is_advised(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_add_can_be_undone_as_suggested(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
     before = quay.files()
 
     def stop(*_: object, **__: object) -> None:
@@ -203,7 +203,7 @@ def test_after_a_stop_all_of_it_is_taken_back_as_it_is_advised(quay: Quay, monke
 
 
 @pytest.mark.parametrize("onward", ["add", "end"])
-def test_a_kill_between_declaring_and_issuing_is_completed_or_taken_back(
+def test_kill_between_declaring_and_issuing_can_be_completed_or_undone(
     quay: Quay, onward: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The process dies behind the first step: what a killed one leaves is the entry, and no member."""
@@ -228,7 +228,7 @@ def test_a_kill_between_declaring_and_issuing_is_completed_or_taken_back(
 
 
 @pytest.mark.parametrize("step", ["write", "remove_packages", "left_over"])
-def test_a_kill_while_it_ends_is_completed(quay: Quay, step: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_killed_end_is_completed_by_repeating(quay: Quay, step: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before = quay.files()
     quay.add()
 
@@ -248,7 +248,7 @@ class _KilledError(BaseException):
     """In place of SIGKILL."""
 
 
-def test_who_comes_second_waits_for_the_first_and_none_is_lost(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_concurrent_add_waits_and_neither_is_lost(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
     """A second one typed while the first is at work: after it, both are there."""
     other = ("name=old", "title=OLD", *LAUV[2:], f"until={UNTIL}", "--no-push")
     seconds: list[str] = []
@@ -311,7 +311,7 @@ def test_comments_and_other_guests_stay(quay: Quay) -> None:
         (("link=wire",), 3, "`link=`: `wire` is not known"),
     ],
 )
-def test_what_does_not_fit_is_told_and_nothing_is_written(
+def test_invalid_request_is_reported_and_nothing_is_written(
     quay: Quay, words: Sequence[str], code: int, says: str
 ) -> None:
     before, authority = quay.files(), quay.files("vpn")
@@ -321,7 +321,7 @@ def test_what_does_not_fit_is_told_and_nothing_is_written(
     assert (quay.files(), quay.files("vpn")) == (before, authority)
 
 
-def test_a_name_that_was_revoked_never_returns_and_leaves_no_entry(quay: Quay) -> None:
+def test_revoked_name_is_never_reused_and_leaves_no_entry(quay: Quay) -> None:
     before = quay.files()
     quay.add()
     quay.end()
@@ -353,9 +353,7 @@ class Told:
         return DeployResult(("no session of udg-lauv",))
 
 
-def test_the_server_is_told_and_a_repeat_tells_it_again_until_it_answers(
-    quay: Quay, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_revocation_is_pushed_again_until_the_server_answers(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
     there = Told(away=True)
 
     def server(*_: Any) -> Told:  # noqa: ANN401 - as the command calls it
@@ -371,7 +369,7 @@ def test_the_server_is_told_and_a_repeat_tells_it_again_until_it_answers(
     assert len(there.cuts) == 2
 
 
-def test_what_is_left_is_named_and_is_not_green(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_leftovers_are_named_and_fail_the_command(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
     quay.add()
     monkeypatch.setattr(guests, "remove_packages", lambda *_: None)
     printed = quay.end(code=6)

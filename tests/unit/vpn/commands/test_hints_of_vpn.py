@@ -489,7 +489,7 @@ SITUATIONS: dict[str, Situation] = {
 
 
 @pytest.mark.parametrize("name", SITUATIONS)
-def test_what_is_advised_is_typed(name: str, laptop: Laptop) -> None:
+def test_suggested_commands_work(name: str, laptop: Laptop) -> None:
     brings, hint, code, says = SITUATIONS[name]
     commands = advised(said(brings(laptop), hint))
     assert commands

@@ -11,7 +11,7 @@ from atlantis_netcfg.core.printable import line as printable_line
 OURS = [name for name in COMMANDS if name.startswith("vpn ")]
 
 
-def test_the_first_word_alone_is_answered_with_what_may_follow(capsys: pytest.CaptureFixture[str]) -> None:
+def test_bare_vpn_command_lists_its_subcommands(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["vpn"]) == ExitCode.USAGE
     said = capsys.readouterr().err
     assert all(name.removeprefix("vpn ") in said for name in OURS)
@@ -22,7 +22,7 @@ def test_the_first_word_alone_is_answered_with_what_may_follow(capsys: pytest.Ca
         assert "  run " not in told
 
 
-def test_an_error_moves_no_cursor(capsys: pytest.CaptureFixture[str]) -> None:
+def test_error_prints_no_terminal_escapes(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["vpn", "list", "partner=a", "\x1b[2J\u202e\x9b\udcff=x"]) == ExitCode.USAGE
     said = capsys.readouterr().err
     assert "\\u001b[2J\\u202e\\u009b\\udcff" in said
@@ -30,7 +30,7 @@ def test_an_error_moves_no_cursor(capsys: pytest.CaptureFixture[str]) -> None:
     assert printable_line("čaj 🤖") == "čaj 🤖"
 
 
-def test_who_stops_a_command_is_told_that_the_record_stands(
+def test_interrupted_command_says_to_repeat_it(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stopped(_arguments: object) -> None:

@@ -61,7 +61,7 @@ def good(word: str, one: Hostile) -> bool:
 
 
 @pytest.mark.parametrize("word", WORDS)
-def test_every_name_is_refused_or_good(word: str, desk: Desk) -> None:
+def test_every_hostile_name_is_refused_or_accepted_correctly(word: str, desk: Desk) -> None:
     before = desk.files()
     for one in hostile_names()[:: EVERY.get(word, 20)]:
         code, out, err = desk.type(*line(word, one.text))
@@ -73,7 +73,7 @@ def test_every_name_is_refused_or_good(word: str, desk: Desk) -> None:
     assert {path.name for path in desk.folder.parent.iterdir()} == {"desk"}
 
 
-def test_a_name_in_a_place_of_its_own_is_no_option(desk: Desk) -> None:
+def test_hostile_positional_argument_is_a_usage_error(desk: Desk) -> None:
     before = desk.files()
     for one in hostile_names()[::10]:
         if one.text not in {"--help", "-h", "--json"}:
@@ -84,7 +84,7 @@ def test_a_name_in_a_place_of_its_own_is_no_option(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["yml", "csv"])
-def test_every_name_in_a_file_is_refused_with_its_line(suffix: str, desk: Desk, tmp_path: Path) -> None:
+def test_every_invalid_name_in_a_file_is_refused_with_its_line(suffix: str, desk: Desk, tmp_path: Path) -> None:
     """NUL can only come this way: no argument of a program holds one."""
     bad = [one.text for one in hostile_names() if not one.legitimate and can_be_written(one.text)]
     assert len(bad) > 2000
@@ -114,14 +114,14 @@ def write(file: Path, devices: list[str]) -> None:
 
 
 @pytest.mark.parametrize("text", JINJA)
-def test_a_template_in_a_file_is_not_even_read_as_a_name(text: str, desk: Desk, tmp_path: Path) -> None:
+def test_jinja_expression_in_a_file_is_refused(text: str, desk: Desk, tmp_path: Path) -> None:
     write(tmp_path / "batch.yml", ["auv1", f"{text} 7*7 "])
     code, _, err = desk.type("onboard", f"batch={tmp_path / 'batch.yml'}", NO_PUSH)
     assert (code, "batch.yml:4: this is a Jinja expression" in err) == (3, True), err
 
 
 @pytest.mark.parametrize("text", SAMPLE, ids=lambda text: ascii(text)[:20])
-def test_a_process_of_its_own_says_the_same(text: str, desk: Desk) -> None:
+def test_separate_process_gives_the_same_error(text: str, desk: Desk) -> None:
     before = desk.files()
     done = subprocess.run(
         [sys.executable, "-c", START, "vpn", *line("device", text), f"authority={desk.authority}"],

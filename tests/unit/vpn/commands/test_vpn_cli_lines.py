@@ -16,7 +16,7 @@ CASES = [block.partition("\n")[::2] for block in GOLDEN.read_text(encoding="utf-
 
 
 @pytest.mark.parametrize(("line", "said"), CASES, ids=[line for line, _ in CASES])
-def test_what_is_said_about_a_mistake(  # noqa: PLR0913, PLR0917 - a case, and fixtures
+def test_mistake_is_reported_and_changes_nothing(  # noqa: PLR0913, PLR0917 - a case, and fixtures
     line: str,
     said: str,
     tmp_path: Path,

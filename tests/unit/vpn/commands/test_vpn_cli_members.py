@@ -69,7 +69,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
         ((PASSPHRASE, PASSPHRASE[:-1]), "the two are not the same, so nothing was made"),
     ],
 )
-def test_a_passphrase_that_cannot_be_taken(
+def test_unacceptable_passphrase_is_refused(
     answers: tuple[str, ...], said: str, desk: Desk, terminal: Callable[..., list[str]]
 ) -> None:
     terminal(*answers)
@@ -78,7 +78,7 @@ def test_a_passphrase_that_cannot_be_taken(
     assert not (desk.folder / "new").exists()
 
 
-def test_on_a_terminal_it_is_asked_for_twice_to_make_and_once_to_use(
+def test_terminal_asks_twice_for_a_new_passphrase_and_once_to_use_it(
     desk: Desk, terminal: Callable[..., list[str]]
 ) -> None:
     asked = terminal(PASSPHRASE, PASSPHRASE, PASSPHRASE)
@@ -96,7 +96,7 @@ def test_on_a_terminal_it_is_asked_for_twice_to_make_and_once_to_use(
 
 
 @pytest.mark.parametrize("text", ["x" * 5000, "\udcff\udcfe", ""])
-def test_a_descriptor_that_gives_nonsense(text: str, desk: Desk) -> None:
+def test_invalid_passphrase_descriptor_content_is_refused(text: str, desk: Desk) -> None:
     before = desk.files()
     with over_a_pipe("") as number:
         code, _, err = desk.type(*LAPTOP, f"--passphrase-fd={number}")
@@ -117,7 +117,7 @@ def test_the_wrong_passphrase_opens_nothing(desk: Desk) -> None:
 # --- onboarding --------------------------------------------------------------------------------------------------
 
 
-def test_the_one_time_passphrase_is_printed_once_and_opens_the_file(desk: Desk) -> None:
+def test_one_time_passphrase_is_printed_once_and_opens_the_package(desk: Desk) -> None:
     code, out, err = desk.type(*onboarding("iqua", "sparus2", "robot"), passphrase=PASSPHRASE)
     assert (code, err) == (0, "")
     (shown,) = [line.split()[1] for line in out.splitlines() if line.startswith("  passphrase  ")]
@@ -129,9 +129,7 @@ def test_the_one_time_passphrase_is_printed_once_and_opens_the_file(desk: Desk) 
     assert (code, "already so" in again, shown in again) == (0, True, False)
 
 
-def test_who_stops_it_while_the_server_is_asked_keeps_the_passphrase(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interrupt_during_deployment_still_shows_the_passphrase(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(*_: object) -> DeployResult:
         raise KeyboardInterrupt
 
@@ -142,7 +140,7 @@ def test_who_stops_it_while_the_server_is_asked_keeps_the_passphrase(
     assert (code, "  passphrase  " in out, "stopped by Ctrl-C" in err) == (5, True, True)
 
 
-def test_a_repeat_makes_nothing_and_another_wish_is_refused(desk: Desk) -> None:
+def test_repeated_request_issues_nothing_and_a_different_one_is_refused(desk: Desk) -> None:
     desk.told(*LAPTOP, passphrase=PASSPHRASE)
     before = desk.files()
     (row,) = desk.told(*LAPTOP)["members"]
@@ -164,7 +162,7 @@ CSV = "partner;device;kind;link;recipient;days\niqua;sparus2;robot;satellite;{0}
 
 
 @pytest.mark.parametrize(("suffix", "text"), [("yml", YAML), ("csv", CSV)])
-def test_a_list_of_devices(suffix: str, text: str, desk: Desk, tmp_path: Path) -> None:
+def test_batch_file_issues_all_listed_devices(suffix: str, text: str, desk: Desk, tmp_path: Path) -> None:
     key = pyrage.x25519.Identity.generate()
     (tmp_path / f"list.{suffix}").write_text(text.format(key.to_public()))
     words = ("onboard", f"batch={tmp_path / f'list.{suffix}'}", f"recipient={NOBODY}", "--no-push")
@@ -199,7 +197,7 @@ BAD: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_list_that_cannot_be_taken_names_the_line(name: str, desk: Desk, tmp_path: Path) -> None:
+def test_invalid_batch_file_is_refused_with_its_line(name: str, desk: Desk, tmp_path: Path) -> None:
     data, said = BAD[name]
     (tmp_path / name).write_bytes(data)
     before = desk.files()
@@ -211,7 +209,7 @@ def test_a_list_that_cannot_be_taken_names_the_line(name: str, desk: Desk, tmp_p
 # --- the record --------------------------------------------------------------------------------------------------
 
 
-def test_all_that_is_told_of_members(desk: Desk) -> None:
+def test_list_audit_and_status_report_the_members(desk: Desk) -> None:
     desk.told(*LAPTOP, passphrase=PASSPHRASE)
     desk.told(*onboarding("eca", "rov", "robot"), f"recipient={NOBODY}", passphrase=PASSPHRASE)
     assert [one["name"] for one in desk.told("list")["members"]] == ["iqua-laptop", "eca-rov"]
@@ -228,7 +226,7 @@ def test_all_that_is_told_of_members(desk: Desk) -> None:
     assert desk.told("status", "--no-push")["told"][0]["verdict"] == "PASS"
 
 
-def test_everybody_of_a_partner_is_put_out_and_stays_so(desk: Desk) -> None:
+def test_revoking_a_partner_removes_all_its_members_for_good(desk: Desk) -> None:
     desk.told(*LAPTOP, passphrase=PASSPHRASE)
     words = ("revoke", "partner=iqua", "reason=the project has ended", "--no-push")
     code, _, err = desk.type(*words, passphrase=PASSPHRASE)
@@ -241,7 +239,7 @@ def test_everybody_of_a_partner_is_put_out_and_stays_so(desk: Desk) -> None:
     assert "was revoked: the project has ended" in again["errors"][0]["message"]
 
 
-def test_a_record_that_somebody_has_changed_is_told(desk: Desk) -> None:
+def test_tampered_ledger_is_reported(desk: Desk) -> None:
     desk.told(*LAPTOP, passphrase=PASSPHRASE)
     ledger = desk.authority / "ledger.jsonl"
     ledger.write_bytes(ledger.read_bytes().replace(b"iqua-laptop", b"iqua-lapdog", 1))
@@ -251,7 +249,7 @@ def test_a_record_that_somebody_has_changed_is_told(desk: Desk) -> None:
     assert desk.told(*LAPTOP, passphrase=PASSPHRASE, code=4)["errors"]
 
 
-def test_an_identity_that_was_handed_out_is_taken_on_another_laptop(desk: Desk, tmp_path: Path) -> None:
+def test_identity_can_be_accepted_on_another_laptop(desk: Desk, tmp_path: Path) -> None:
     key = pyrage.x25519.Identity.generate()
     (tmp_path / "age.key").write_text(f"# mine\n{key}\n")
     (tmp_path / "stick").mkdir()
@@ -272,9 +270,7 @@ def test_an_identity_that_was_handed_out_is_taken_on_another_laptop(desk: Desk, 
 # --- the server's own certificate --------------------------------------------------------------------------------
 
 
-def test_a_server_by_another_name_gets_a_certificate_once(
-    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_renamed_server_gets_one_new_certificate(desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(checkout() / "inventory", tmp_path / "inventory")
     pilot = tmp_path / "inventory" / "group_vars" / "all" / "pilot.yml"
     pilot.write_text(pilot.read_text().replace("endpoint_name: vpn.example.org", "endpoint_name: tunnel.example.org"))

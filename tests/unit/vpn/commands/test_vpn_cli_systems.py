@@ -54,14 +54,14 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_the_openvpn_of_a_declared_robot(case: str) -> None:
+def test_openvpn_version_follows_from_the_vehicle(case: str) -> None:
     declaration, version = CASES[case]
     assert systems.openvpn(declaration, MemberKind.ROBOT, "sparus") == version
     assert systems.wrap_for(version) is (Wrap.TLS_CRYPT if version is OLD else Wrap.TLS_CRYPT_V2)
     assert systems.wrap_for(version, force_cookie=True) is (Wrap.TLS_CRYPT_V2 if version is NEW else Wrap.TLS_CRYPT)
 
 
-def test_every_release_has_its_ubuntu_and_every_kind_its_systems() -> None:
+def test_every_distribution_has_an_ubuntu_and_every_kind_its_systems() -> None:
     assert set(systems.UBUNTU) == set(RosDistribution)
     assert set(SYSTEMS) == set(MemberKind)
     assert {system for some in SYSTEMS.values() for system in some} == set(ClientSystem)
@@ -74,7 +74,7 @@ def wrap(desk: Desk, *words: str) -> str:
     return newest
 
 
-def test_what_is_issued_follows_from_the_declaration_and_the_words(desk: Desk) -> None:
+def test_key_wrapping_follows_from_inventory_and_arguments(desk: Desk) -> None:
     assert wrap(desk, *onboarding("iqua", "sparus2", "robot")) == "tls-crypt"  # the shipped pilot has foxy
     assert wrap(desk, *onboarding("iqua", "auv1", "robot", "distribution=humble")) == "tls-crypt-v2"
     assert wrap(desk, *onboarding("iqua", "auv2", "robot", "openvpn=2.6")) == "tls-crypt-v2"
@@ -83,7 +83,7 @@ def test_what_is_issued_follows_from_the_declaration_and_the_words(desk: Desk) -
     assert wrap(desk, *onboarding("iqua", "router1", "router")) == "tls-crypt-v2"
 
 
-def test_a_server_that_insists_on_a_cookie_gives_others_the_shared_key(
+def test_server_requiring_a_cookie_gives_older_clients_the_shared_key(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert wrap(desk, *onboarding("iqua", "router1", "router")) == "tls-crypt-v2"
@@ -101,7 +101,7 @@ def test_a_server_that_insists_on_a_cookie_gives_others_the_shared_key(
     assert "answers such clients from OpenVPN 2.6 on alone" in error["message"]
 
 
-def test_a_word_that_the_vehicle_contradicts_is_refused(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_argument_contradicting_the_vehicle_is_refused(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     changed = pilot({"distribution": HUMBLE, "openvpn": NEW}, distribution=FOXY)
     monkeypatch.setattr(_common, "load_inventory", lambda _arguments: changed)
     words = onboarding("iqua", "sparus2", "robot", "distribution=foxy", "openvpn=2.4")
@@ -112,7 +112,7 @@ def test_a_word_that_the_vehicle_contradicts_is_refused(desk: Desk, monkeypatch:
     assert wrap(desk, *onboarding("iqua", "sparus2", "robot", "distribution=humble")) == "tls-crypt-v2"
 
 
-def test_a_renewal_gives_a_key_that_can_be_read(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_renewal_uses_a_key_format_the_client_can_read(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     renew = ("renew", "name=iqua-sparus2", "--no-push")
     assert wrap(desk, *onboarding("iqua", "sparus2", "robot", "openvpn=2.6")) == "tls-crypt-v2"
     told = desk.told(*renew, "wrap=tls-crypt-v2", passphrase=PASSPHRASE, code=3)
@@ -123,7 +123,7 @@ def test_a_renewal_gives_a_key_that_can_be_read(desk: Desk, monkeypatch: pytest.
     assert wrap(desk, *renew, "wrap=tls-crypt-v2") == "tls-crypt-v2"
 
 
-def test_the_system_is_kept_and_renewed(desk: Desk) -> None:
+def test_client_system_is_stored_and_reused_on_renewal(desk: Desk) -> None:
     key = pyrage.x25519.Identity.generate()
     words = (*onboarding("iqua", "laptop", "laptop", "system=windows"), f"recipient={key.to_public()}")
     (row,) = desk.told(*words, passphrase=PASSPHRASE)["members"]
@@ -150,7 +150,7 @@ def opened(row: dict[str, Any], key: pyrage.x25519.Identity) -> dict[str, str]:
     return open_package(Path(row["file"]).read_bytes(), Secret(str(key)))
 
 
-def test_the_cover_note_lies_beside_the_file_and_goes_to_the_stick(desk: Desk, tmp_path: Path) -> None:
+def test_cover_note_is_stored_beside_the_package_and_copied_to_the_stick(desk: Desk, tmp_path: Path) -> None:
     stick = tmp_path / "stick"
     stick.mkdir()
     words = (*onboarding("iqua", "sparus2", "robot"), f"to={stick}", "contact=Ana Example, +351 000")

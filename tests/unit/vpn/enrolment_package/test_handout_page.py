@@ -44,7 +44,7 @@ def declaration() -> Inventory:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_page(kind: str, declaration: Inventory) -> None:
+def test_text_page_matches_the_golden_file(kind: str, declaration: Inventory) -> None:
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)["README.txt"]
     assert told == (PAGES / f"{kind}.txt").read_text()
     assert [line for line in told.splitlines() if len(line) > 80 and not line.startswith("    ")] == []
@@ -74,7 +74,7 @@ class Reader(HTMLParser):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_page_for_a_browser_says_the_same(kind: str, declaration: Inventory) -> None:
+def test_html_page_has_the_same_text(kind: str, declaration: Inventory) -> None:
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
     reader = Reader()
     reader.feed(told["README.html"])
@@ -85,20 +85,20 @@ def test_the_page_for_a_browser_says_the_same(kind: str, declaration: Inventory)
     assert reader.text.split() == text.split()
 
 
-def test_what_the_operator_types_is_text(declaration: Inventory) -> None:
+def test_operator_input_is_escaped_in_html(declaration: Inventory) -> None:
     told = contents(declaration, identity(), contact="<script>alert(1)</script> & Sons")["README.html"]
     assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; Sons" in told
     assert "<script>" not in told
 
 
 @pytest.mark.parametrize("contact", ["", "  ", "two\nlines", "bell\x07", "x" * 201])
-def test_a_contact_that_is_none(contact: str, declaration: Inventory) -> None:
+def test_invalid_contact_is_refused(contact: str, declaration: Inventory) -> None:
     with pytest.raises(UsageError, match="whom a partner calls has to be one line of at most 200 characters"):
         contents(declaration, identity(), contact=contact)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_key_but_in_its_file(kind: str, declaration: Inventory) -> None:
+def test_keys_are_only_in_the_profile_file(kind: str, declaration: Inventory) -> None:
     told = identity(KINDS[kind])
     secrets = [line for text in (told.key, told.wrap_key) for line in text.reveal().splitlines() if "-" not in line]
     holding = {
@@ -118,7 +118,7 @@ FLOWS = {
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "host"])
-def test_the_page_says_of_declared_hosts_what_the_firewall_does(kind: str, declaration: Inventory) -> None:
+def test_page_lists_exactly_the_hosts_the_firewall_allows(kind: str, declaration: Inventory) -> None:
     addresses = {name: getattr(host.device, "vpn_address", None) for name, host in declaration.hosts.items()}
     wanted = [Wanted(name, MemberKind.HOST, None, str(address)) for name, address in addresses.items() if address]
     others = {one.name: identity(one).member for one in wanted if one.name != KINDS[kind].name}
@@ -136,7 +136,7 @@ def test_the_page_says_of_declared_hosts_what_the_firewall_does(kind: str, decla
         assert said[name] == allowed
 
 
-def test_who_sees_a_robot_and_whom_it_is_told_of(declaration: Inventory) -> None:
+def test_page_lists_partners_that_see_a_robot_and_robots_a_partner_sees(declaration: Inventory) -> None:
     partner = declaration.partners["vtt"].model_copy(update={"sees": ("sparus", "zarco")})
     seeing = replace(declaration, partners={**declaration.partners, "vtt": partner})
     robot = contents(seeing, identity(KINDS["robot"]), contact=CONTACT)["README.txt"]
@@ -146,7 +146,7 @@ def test_who_sees_a_robot_and_whom_it_is_told_of(declaration: Inventory) -> None
     assert "also reached" not in other
 
 
-def test_a_pilot_without_dds_or_services(declaration: Inventory) -> None:
+def test_page_without_dds_or_services(declaration: Inventory) -> None:
     vpn = declaration.pilot.vpn.model_copy(update={"services": ()})
     plain = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": None, "vpn": vpn}))
     told = contents(plain, identity(), contact=CONTACT)

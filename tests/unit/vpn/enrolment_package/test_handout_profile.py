@@ -27,7 +27,7 @@ def options(text: Secret) -> list[str]:
 """What a server may push in vain."""
 
 
-def test_a_laptop(declaration: Inventory) -> None:
+def test_laptop_profile_has_the_expected_options(declaration: Inventory) -> None:
     assert options(profile(declaration, identity())) == [
         "client",
         "proto udp4",
@@ -78,12 +78,14 @@ def test_a_laptop(declaration: Inventory) -> None:
     ],
     ids=["robot", "satellite", "client of 2.4", "gateway", "host of the server's site"],
 )
-def test_what_differs(declaration: Inventory, wanted: Wanted, added: set[str], gone: set[str]) -> None:
+def test_profile_options_that_differ_by_request(
+    declaration: Inventory, wanted: Wanted, added: set[str], gone: set[str]
+) -> None:
     plain, other = (set(options(profile(declaration, identity(one)))) for one in (Wanted(), wanted))
     assert (other - plain, plain - other) == (added, gone)
 
 
-def test_over_tcp(declaration: Inventory) -> None:
+def test_profile_over_tcp(declaration: Inventory) -> None:
     vpn = declaration.pilot.vpn.model_copy(update={"transport": "tcp", "port": 443})
     other = replace(declaration, pilot=declaration.pilot.model_copy(update={"vpn": vpn}))
     assert {"proto tcp4-client", "remote 203.0.113.2 443"} <= set(options(profile(other, identity())))
@@ -98,7 +100,7 @@ EVERY = [
 
 
 @pytest.mark.parametrize("wanted", EVERY, ids=lambda wanted: wanted.name)
-def test_read_back(declaration: Inventory, wanted: Wanted) -> None:
+def test_identity_can_be_read_back(declaration: Inventory, wanted: Wanted) -> None:
     """From the file of a host and from a profile, also one that Windows has had in its hands."""
     told = identity(wanted)
     for text in (identity_file(told), profile(declaration, told)):
@@ -107,7 +109,7 @@ def test_read_back(declaration: Inventory, wanted: Wanted) -> None:
 
 
 @pytest.mark.parametrize("wanted", EVERY, ids=lambda wanted: wanted.name)
-def test_no_line_is_too_long_for_2_4(declaration: Inventory, wanted: Wanted) -> None:
+def test_no_line_is_too_long_for_openvpn_2_4(declaration: Inventory, wanted: Wanted) -> None:
     assert max(map(len, profile(declaration, identity(wanted)).reveal().splitlines())) < 255
 
 
@@ -139,7 +141,7 @@ def identity_key(text: str) -> str:
 
 
 @pytest.mark.parametrize("case", MISFITS)
-def test_refused(case: str) -> None:
+def test_invalid_identity_is_refused(case: str) -> None:
     spoil, why = MISFITS[case]
     text = identity_file(identity()).reveal()
     with pytest.raises(NotAnIdentity) as refused:
@@ -148,7 +150,7 @@ def test_refused(case: str) -> None:
     assert "PRIVATE" not in repr(refused.value) + repr(refused.value.__cause__)
 
 
-def test_another_ca() -> None:
+def test_certificate_of_another_ca_is_refused() -> None:
     told = identity()
     with pytest.raises(NotAnIdentity, match="its certificate is of another CA"):
         read_identity(identity_file(replace(told, ca=told.cert)).reveal())

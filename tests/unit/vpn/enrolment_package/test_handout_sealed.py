@@ -55,7 +55,7 @@ def sealed(declaration: Inventory, wanted: Wanted, key: pyrage.x25519.Identity) 
 
 
 class TestSealing:
-    def test_by_a_passphrase_that_is_told(self, declaration: Inventory) -> None:
+    def test_package_opens_with_its_one_time_passphrase(self, declaration: Inventory) -> None:
         told = identity()
         made = build_package(declaration, told, OneTimePassphrase(), contact=CONTACT)
         assert made.passphrase is not None
@@ -76,10 +76,10 @@ class TestSealing:
             ("correct horse battery", "correct horse battery"),
         ],
     )
-    def test_digits_as_people_type_them(self, typed: str, read: str) -> None:
+    def test_typed_passphrase_digits_are_normalised(self, typed: str, read: str) -> None:
         assert _as_made(Secret(typed)).reveal() == read
 
-    def test_for_a_key(self, declaration: Inventory, key: pyrage.x25519.Identity) -> None:
+    def test_package_opens_with_the_recipient_key(self, declaration: Inventory, key: pyrage.x25519.Identity) -> None:
         made = build_package(
             declaration, identity(Wanted(generation=3)), Recipient(str(key.to_public())), contact=CONTACT
         )
@@ -88,7 +88,7 @@ class TestSealing:
         with pytest.raises(WrongKey, match="this key does not open the hand-out"):
             open_package(made.data, Secret(str(pyrage.x25519.Identity.generate())))
 
-    def test_for_a_key_that_is_none(self, declaration: Inventory) -> None:
+    def test_invalid_recipient_key_is_refused(self, declaration: Inventory) -> None:
         with pytest.raises(pki.InvalidRecipientError):
             build_package(declaration, identity(), Recipient("age1nonsense"), contact=CONTACT)
 
@@ -97,13 +97,13 @@ class TestSealing:
         [lambda data: data[:-60], lambda _: b"", lambda data: b"client\n" + data, lambda data: data.lower()],
         ids=["cut", "empty", "another text", "changed"],
     )
-    def test_damaged(
+    def test_damaged_package_is_refused(
         self, spoil: Callable[[bytes], bytes], declaration: Inventory, key: pyrage.x25519.Identity
     ) -> None:
         with pytest.raises(InvalidPackage, match="it is not sealed, or was damaged on its way"):
             open_package(spoil(sealed(declaration, Wanted(), key)), Secret(str(key)))
 
-    def test_age_and_tar_open_it_and_keep_it_private(
+    def test_age_and_tar_open_the_package_with_private_files(
         self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
     ) -> None:
         """As docs/vpn-partner.md says it, for a key of age and for one of SSH."""
@@ -124,7 +124,7 @@ class TestSealing:
 
 
 class TestArchive:
-    def test_the_same_bytes_for_the_same_wish(self, declaration: Inventory) -> None:
+    def test_package_is_reproducible(self, declaration: Inventory) -> None:
         told = identity()
         first, second = (handouts.contents(declaration, told, contact=CONTACT) for _ in range(2))
         packed = pack("inesc-laptop1", first, 1793491200)
@@ -139,7 +139,7 @@ class TestArchive:
     @pytest.mark.parametrize(
         "name", ["../x", "/etc/passwd", "a/../../x", "a", "a/b/c", ".ssh/id", "a/.bashrc", "a/b\n", "a/", "A/b", "a/-x"]
     )
-    def test_names_that_lead_elsewhere(self, name: str) -> None:
+    def test_archive_names_outside_the_folder_are_refused(self, name: str) -> None:
         packed = io.BytesIO()
         with tarfile.open(fileobj=packed, mode="w") as archive:
             archive.addfile(tarfile.TarInfo(name))
@@ -149,7 +149,7 @@ class TestArchive:
     @pytest.mark.parametrize(
         "kind", [tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.DIRTYPE, tarfile.FIFOTYPE, tarfile.CHRTYPE]
     )
-    def test_what_is_no_file(self, kind: bytes) -> None:
+    def test_archive_entry_that_is_no_regular_file_is_refused(self, kind: bytes) -> None:
         packed, entry = io.BytesIO(), tarfile.TarInfo("a/b")
         entry.type, entry.linkname = kind, "/etc/passwd"
         with tarfile.open(fileobj=packed, mode="w") as archive:
@@ -168,11 +168,11 @@ class TestArchive:
         ],
         ids=["empty", "cut", "noise", "large", "many"],
     )
-    def test_what_is_no_archive(self, packed: bytes, why: str) -> None:
+    def test_invalid_archive_is_refused(self, packed: bytes, why: str) -> None:
         with pytest.raises(InvalidPackage, match=f"^this is no hand-out of the VPN: {re.escape(why)}$"):
             unpack(packed)
 
-    def test_two_folders_and_one_name_twice(self) -> None:
+    def test_archive_with_two_folders_or_a_duplicate_name_is_refused(self) -> None:
         first, second = pack("a", {"b": "1"}, 0)[:1024], pack("c", {"d": "2"}, 0)
         with pytest.raises(InvalidPackage, match="it contains more than one folder"):
             unpack(first + second)
@@ -181,7 +181,7 @@ class TestArchive:
 
 
 class TestAccept:
-    def test_kept_for_its_owner_alone(
+    def test_accepted_identity_is_private(
         self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
     ) -> None:
         data, folder = sealed(declaration, GATEWAY, key), tmp_path / "vpn"
@@ -192,7 +192,7 @@ class TestAccept:
         assert read_identity(first.path.read_text()) == first.identity
         assert [one.name for one in first.path.parent.iterdir()] == ["coastal-gateway.identity"]
 
-    def test_a_newer_one_takes_its_place_and_an_older_one_does_not(
+    def test_newer_identity_replaces_an_older_one_but_not_vice_versa(
         self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
     ) -> None:
         old = sealed(declaration, GATEWAY, key)
@@ -216,14 +216,16 @@ class TestAccept:
         ],
         ids=["a partner's", "another inventory's", "another address", "expired"],
     )
-    def test_refused(
+    def test_unsuitable_identity_is_refused(
         self, wanted: Wanted, why: str, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
     ) -> None:
         with pytest.raises((UsageError, NotAnIdentity), match=why):
             accept(declaration, sealed(declaration, wanted, key), Secret(str(key)), tmp_path / "vpn", now=NOW)
         assert not (tmp_path / "vpn").exists()
 
-    def test_a_router_of_ours(self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path) -> None:
+    def test_identity_of_our_router_can_be_accepted(
+        self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
+    ) -> None:
         """Its identity takes the same way; the toolkit itself brings it to the device."""
         wanted = Wanted("coastal-router", MemberKind.ROUTER, None, "10.80.0.11", wrap=Wrap.TLS_CRYPT)
         device = declaration.hosts["coastal-router"].device

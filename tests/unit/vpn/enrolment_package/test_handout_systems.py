@@ -43,7 +43,7 @@ def declaration() -> Inventory:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_files_of_each_system(kind: str, declaration: Inventory) -> None:
+def test_package_contains_the_files_of_each_system(kind: str, declaration: Inventory) -> None:
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
     key_file = f"{KINDS[kind].name}.{'identity' if kind == 'host' else 'ovpn'}"
     assert set(told) == {key_file, *_PAGE, *FILES[kind]}
@@ -53,14 +53,14 @@ def test_the_files_of_each_system(kind: str, declaration: Inventory) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_nothing_is_a_picture(kind: str, declaration: Inventory) -> None:
+def test_package_contains_no_pictures(kind: str, declaration: Inventory) -> None:
     """A code to scan would be a key that everybody may photograph."""
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
     assert not any(re.search(r"<img|<svg|data:image|\u2588", text) for text in told.values())
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_cover_note(kind: str, declaration: Inventory) -> None:
+def test_cover_note_matches_the_golden_file_without_keys(kind: str, declaration: Inventory) -> None:
     given = identity(KINDS[kind])
     made = build_package(declaration, given, Recipient(KEY), contact=CONTACT)
     note = made.cover_note.replace(made.sha256, "SHA256")
@@ -71,7 +71,7 @@ def test_the_cover_note(kind: str, declaration: Inventory) -> None:
     assert not any(secret in note for secret in secrets)
 
 
-def test_the_cover_note_of_a_file_with_a_passphrase_does_not_have_it(declaration: Inventory) -> None:
+def test_cover_note_does_not_contain_the_passphrase(declaration: Inventory) -> None:
     made = build_package(declaration, identity(), OneTimePassphrase(), contact=CONTACT)
     assert made.passphrase is not None
     assert "You need the passphrase of 25 digits." in made.cover_note
@@ -85,7 +85,7 @@ DDS = [kind for kind, files in FILES.items() if "cyclonedds.xml" in files]
 
 
 @pytest.mark.parametrize("kind", DDS)
-def test_the_dds_profiles_are_of_the_member(kind: str, declaration: Inventory) -> None:
+def test_dds_profiles_list_the_peers_of_the_member(kind: str, declaration: Inventory) -> None:
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
     cyclone, fast = (ET.fromstring(told[name]) for name in ("cyclonedds.xml", "fastdds.xml"))  # noqa: S314 - our own
     peers = [peer.attrib["Address"] for peer in cyclone.iter("{https://cdds.io/config}Peer")]
@@ -107,7 +107,7 @@ def test_the_dds_profiles_are_of_the_member(kind: str, declaration: Inventory) -
         ("laptop", "Cyclone DDS 0.7", "NetworkInterfaceAddress"),
     ],
 )
-def test_the_dds_profile_is_of_the_release(kind: str, version: str, element: str, declaration: Inventory) -> None:
+def test_dds_profile_matches_the_release(kind: str, version: str, element: str, declaration: Inventory) -> None:
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
     assert f"<{element}>" in told["cyclonedds.xml"]
     assert version in told["cyclonedds.xml"]
@@ -115,7 +115,7 @@ def test_the_dds_profile_is_of_the_release(kind: str, version: str, element: str
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_a_shell_reads_the_settings(shell: str, declaration: Inventory, tmp_path: Path) -> None:
+def test_shell_can_source_the_dds_settings(shell: str, declaration: Inventory, tmp_path: Path) -> None:
     """Beside the profiles by their folder; a shell that does not know where it reads from takes the installed ones."""
     folder = tmp_path / "with a blank"
     folder.mkdir()
@@ -134,7 +134,7 @@ def test_a_shell_reads_the_settings(shell: str, declaration: Inventory, tmp_path
 
 
 @pytest.mark.parametrize("kind", ["robot", "robot-foxy"])
-def test_the_shell_reads_install_sh(kind: str, declaration: Inventory) -> None:
+def test_install_sh_has_valid_shell_syntax(kind: str, declaration: Inventory) -> None:
     """Its grammar; tests/integration/vpn/clients run it."""
     text = contents(declaration, identity(KINDS[kind]), contact=CONTACT)["install.sh"]
     for shell in ("sh", "bash"):
@@ -142,7 +142,7 @@ def test_the_shell_reads_install_sh(kind: str, declaration: Inventory) -> None:
     assert ("2.4) stop" in text) == (kind == "robot")
 
 
-def test_the_language_of_the_page_is_said_to_browsers(declaration: Inventory, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_html_page_declares_its_language(declaration: Inventory, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(language, "_current_language", language.Language.PORTUGUESE)
     told = contents(declaration, identity(), contact=CONTACT)
     assert '<html lang="pt">' in told["README.html"]
@@ -150,7 +150,7 @@ def test_the_language_of_the_page_is_said_to_browsers(declaration: Inventory, mo
 
 
 @pytest.mark.parametrize("kind", ["robot", "laptop-windows"])
-def test_all_but_what_is_typed_is_translated(
+def test_everything_except_commands_is_translated(
     kind: str, declaration: Inventory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Block by block: a heading, a paragraph, an item of a list is one message, without line breaks."""

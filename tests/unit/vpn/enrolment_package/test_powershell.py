@@ -52,7 +52,7 @@ def found(program: str, kind: str) -> set[str]:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_its_grammar_is_powershells(name: str) -> None:
+def test_script_has_valid_powershell_syntax(name: str) -> None:
     program = text(name)
     assert not _PARSER.parse(program.encode()).root_node.has_error
     assert program.isascii()  # PowerShell 5.1 reads a file without a mark in the code page of the computer
@@ -60,11 +60,11 @@ def test_its_grammar_is_powershells(name: str) -> None:
 
 
 @pytest.mark.parametrize("spoil", ["}", "'", "(", "foreach ($x in"])
-def test_the_parser_finds_a_mistake(spoil: str) -> None:
+def test_parser_detects_a_syntax_error(spoil: str) -> None:
     assert _PARSER.parse(f"{text('self-test.ps1')}\n{spoil}\n".encode()).root_node.has_error
 
 
-def test_it_uses_what_windows_powershell_has() -> None:
+def test_script_uses_only_windows_powershell_features() -> None:
     program = text("self-test.ps1")
     own = found(program, "function_name")
     assert own == {"Write-Step", "Test-Echo", "Get-Time"}
@@ -74,7 +74,7 @@ def test_it_uses_what_windows_powershell_has() -> None:
     assert {name.lower() for name in assigned} & AUTOMATIC == set()
 
 
-def test_it_passes_by_one_way_alone() -> None:
+def test_self_test_has_exactly_one_success_exit() -> None:
     """The only exit with 0 stands below the answer of the server and the absence of every fault."""
     program = text("self-test.ps1")
     assert re.findall(r"exit (\d)", program) == ["0", "6"]
@@ -82,7 +82,7 @@ def test_it_passes_by_one_way_alone() -> None:
     assert re.findall(r"\$answered = (.*)", program) == ["$false", "Test-Echo $facts.server 56"]
 
 
-def test_what_it_reads_is_in_the_facts() -> None:
+def test_facts_read_by_the_script_exist() -> None:
     program, facts = text("self-test.ps1"), text("self-test.json")
     read = set(re.findall(r"\$facts\.(\w+)", program))
     assert {name for name in read if f'"{name}":' not in facts} == set()

@@ -95,7 +95,7 @@ def same(capsys: pytest.CaptureFixture[str], case: str) -> bool:
 
 
 @pytest.mark.parametrize("case", WORDS)
-def test_of_openvpns_words(
+def test_openvpn_messages_are_diagnosed(
     case: str, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     facts = unpacked(tmp_path)
@@ -105,7 +105,7 @@ def test_of_openvpns_words(
 
 
 @pytest.mark.parametrize("case", [case for case, words in WORDS.items() if "TLS: Initial packet" not in words])
-def test_nothing_is_said_of_a_server_that_was_not_heard(
+def test_silent_server_leads_to_no_statement_about_the_far_end(
     case: str, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without a first packet of the server, of what is at the other end nothing is known: not even that it is there."""
@@ -141,7 +141,7 @@ def cut(profile: Path) -> None:
 
 
 @pytest.mark.parametrize("case", BEFORE_THE_TUNNEL)
-def test_before_the_tunnel(
+def test_diagnosis_before_the_tunnel_is_up(
     case: str, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -161,7 +161,7 @@ def test_before_the_tunnel(
         ("core 3.8", Wrap.TLS_CRYPT_V2, "openvpn-of-another-kind"),
     ],
 )
-def test_versions(  # noqa: PLR0913, PLR0917 - fixtures
+def test_diagnosis_of_openvpn_versions(  # noqa: PLR0913, PLR0917 - fixtures
     version: str,
     wrap: Wrap,
     case: str,
@@ -177,7 +177,7 @@ def test_versions(  # noqa: PLR0913, PLR0917 - fixtures
 
 
 class TestWithoutOpenvpn:
-    def test_nothing_is_known(
+    def test_missing_openvpn_fails_the_self_test(
         self, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
         monkeypatch.setenv("PATH", str(tmp_path))
@@ -185,7 +185,7 @@ class TestWithoutOpenvpn:
         assert program.main(["--facts", str(unpacked(tmp_path))]) == 6
         assert same(capsys, "no-openvpn")
 
-    def test_a_closed_port_is_told(
+    def test_closed_port_is_reported(
         self, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
         """A real socket, to a port of this computer at which nobody listens."""
@@ -207,7 +207,7 @@ THROUGH: dict[str, tuple[set[tuple[str, int]], bool]] = {
 
 
 @pytest.mark.parametrize("case", THROUGH)
-def test_through_a_tunnel_that_is_up(
+def test_diagnosis_through_an_existing_tunnel(
     case: str, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     answered, closed = THROUGH[case]
@@ -220,7 +220,7 @@ def test_through_a_tunnel_that_is_up(
     assert same(capsys, case)
 
 
-def test_a_profile_that_somebody_has_changed_may_still_pass(
+def test_edited_profile_may_still_pass(
     program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     facts = unpacked(tmp_path)
@@ -235,7 +235,9 @@ def test_a_profile_that_somebody_has_changed_may_still_pass(
 
 
 @pytest.mark.parametrize("kind", [socket.SOCK_DGRAM, socket.SOCK_RAW])
-def test_pings_this_computer(kind: int, program: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ping_detects_responses_of_this_computer(
+    kind: int, program: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """By either kind of socket, as far as this user may; the kernel answers, and our own question is no answer."""
     try:
         socket.socket(socket.AF_INET, kind, socket.IPPROTO_ICMP).close()
@@ -252,7 +254,7 @@ def test_pings_this_computer(kind: int, program: ModuleType, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("spoil", [lambda facts: facts.unlink(), lambda facts: facts.write_text("{")])
-def test_without_what_came_with_it(
+def test_missing_or_damaged_facts_file_is_reported(
     spoil: Callable[[Path], object],
     program: ModuleType,
     tmp_path: Path,
@@ -266,7 +268,7 @@ def test_without_what_came_with_it(
     assert capsys.readouterr().out == said
 
 
-def test_finds_openvpn_where_an_ordinary_user_does_not_look(
+def test_openvpn_is_located_outside_the_path_of_a_user(
     program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     in_openvpns_place(tmp_path, monkeypatch, WORDS["silence"])

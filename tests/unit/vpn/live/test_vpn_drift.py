@@ -82,7 +82,7 @@ CASES: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: str(case).replace(" ", "-"))
-def test_drift_is_told_in_words(case: str) -> None:
+def test_drift_messages_match_the_list(case: str) -> None:
     words = LISTED[case]
     assert drift(replace(SOUND, **CASES[case]), WANTED, ROLL) == ((words,) if words is not None else ())
 
@@ -91,7 +91,7 @@ def test_every_case_is_listed() -> None:
     assert list(LISTED) == list(CASES)
 
 
-def test_the_stamp_of_the_firewall_is_that_of_the_roles_unit() -> None:
+def test_firewall_stamp_belongs_to_the_unit_of_the_role() -> None:
     unit = next(one for one in server.system_units(()) if one.name == PLACE["firewall_unit"])
     assert unit.after == (PLACE["firewall"],)
     assert unit.reload
@@ -133,7 +133,7 @@ LOOKED: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("lacks", LOOKED)
-def test_what_an_answer_lacks_is_the_servers_fault(lacks: str) -> None:
+def test_incomplete_response_is_reported(lacks: str) -> None:
     told = Told(**{name: value for name, value in LOOKED.items() if name != lacks})
     with pytest.raises(AnswerLost, match=f"the server's answer to `look` makes no sense .KeyError: '{lacks}'"):
         observe(told)
@@ -143,7 +143,7 @@ def test_what_an_answer_lacks_is_the_servers_fault(lacks: str) -> None:
     "kind", ["x", 7, -1e300, [7], [{}], {"seen": {"a": {"last": 1e300}}}, True, ["::1/128"]], ids=ascii
 )
 @pytest.mark.parametrize("name", LOOKED)
-def test_an_answer_of_another_kind_is_told_in_words(name: str, kind: Any) -> None:  # noqa: ANN401 - JSON
+def test_response_of_a_wrong_type_is_reported_or_treated_as_text(name: str, kind: Any) -> None:  # noqa: ANN401 - JSON
     """Or is taken for text, and judged."""
     with suppress(AnswerLost):
         state = observe(Told(**{**LOOKED, name: kind}))
@@ -151,7 +151,7 @@ def test_an_answer_of_another_kind_is_told_in_words(name: str, kind: Any) -> Non
 
 
 @pytest.mark.parametrize("lacks", ["out", "dead", "left", "told"])
-def test_nothing_but_a_whole_answer_says_that_somebody_is_dead(lacks: str) -> None:
+def test_only_a_complete_response_confirms_a_revocation(lacks: str) -> None:
     whole: dict[str, Any] = {"out": True, "dead": True, "left": [], "told": []}
     evidence = live.RevocationEvidence((), (), {}, out=False, dead=False, left=(), notes=())
     assert live.verify(Told("verify", **whole), evidence).is_confirmed
@@ -174,7 +174,7 @@ def test_nothing_but_a_whole_answer_says_that_somebody_is_dead(lacks: str) -> No
         ({"format": 1, "seen": {"a": {"last": 1795330618}, "b": {"last": "x"}, "c": 7}}, {"a"}),
     ],
 )
-def test_what_a_server_has_noted_is_read_with_care(seen: Any, names: set[str]) -> None:  # noqa: ANN401 - JSON
+def test_malformed_session_notes_are_tolerated(seen: Any, names: set[str]) -> None:  # noqa: ANN401 - JSON
     told = Told(**{**LOOKED, "seen": seen})
     state = observe(told)
     assert state.last_sessions.keys() == names

@@ -92,7 +92,7 @@ def end(server: OpenVpn, *addresses: str) -> SessionTermination:
 UNHEARD = "unheard: ip saddr 192.0.2.7 meta l4proto { tcp, udp } th sport 40000 drop"
 
 
-def test_in_this_order() -> None:
+def test_sessions_are_ended_in_the_right_order() -> None:
     server = OpenVpn([session(7, "iqua-d0"), session(8, "vtt-d0", "192.0.2.8:1", "10.80.20.1")])
     ending = end(server)
     assert server.acts == ["halt 7", "meanwhile", UNHEARD, f"kill {REAL}", "heard again"]
@@ -101,7 +101,7 @@ def test_in_this_order() -> None:
     assert [one["common_name"] for one in server.sessions_there] == ["vtt-d0"]
 
 
-def test_what_is_kept_away_already_costs_nothing_more() -> None:
+def test_existing_block_is_not_repeated() -> None:
     server = OpenVpn([session(7, "iqua-d0")])
     ending = SessionTermination(["iqua-d0"])
     unheard = ClientBlock(cast("ManagedServer", server), ending.look(cast("ManagedServer", server)))
@@ -112,12 +112,12 @@ def test_what_is_kept_away_already_costs_nothing_more() -> None:
     assert ClientBlock(cast("ManagedServer", server), ()).text == ""
 
 
-def test_an_address_counts_whatever_its_name() -> None:
+def test_session_is_ended_by_address_regardless_of_name() -> None:
     server = OpenVpn([session(7, "another", virtual="10.80.17.9")])
     assert [one["cid"] for one in end(server, "10.80.17.9").ended] == [7]
 
 
-def test_who_comes_back_is_ended_again_and_not_for_ever() -> None:
+def test_returning_client_is_ended_again_a_limited_number_of_times() -> None:
     assert end(OpenVpn([session(7, "iqua-d0")], returns=2)).left == []
     server = OpenVpn([session(7, "iqua-d0")], returns=99)
     assert [one["cid"] for one in end(server).left] == [7 + vpn_disconnect._ROUNDS]
@@ -135,7 +135,9 @@ def test_who_comes_back_is_ended_again_and_not_for_ever() -> None:
     ],
     ids=["heard", "no nft", "IPv6"],
 )
-def test_who_is_heard_still_is_not_killed(server: OpenVpn, told: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_client_that_still_sends_is_not_killed(
+    server: OpenVpn, told: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """OpenVPN would end for everybody."""
     monkeypatch.setattr(vpn_disconnect, "_QUIET_S", 0)
     ending = end(server)
@@ -146,7 +148,7 @@ def test_who_is_heard_still_is_not_killed(server: OpenVpn, told: list[str], monk
 
 
 @pytest.mark.parametrize(("asking", "does"), [(ManagementBusy, "held"), (ConnectionEnd, "held"), (ServerDown, "down")])
-def test_what_goes_on_meanwhile_is_done_in_any_case(asking: type[Exception], does: str) -> None:
+def test_meanwhile_action_runs_in_any_case(asking: type[Exception], does: str) -> None:
     server = OpenVpn(asking=asking)
     ending = end(server)
     assert (ending.management, server.acts) == (does, ["meanwhile"])
@@ -167,5 +169,5 @@ def test_what_goes_on_meanwhile_is_done_in_any_case(asking: type[Exception], doe
         ("", None),
     ],
 )
-def test_a_peer_is_an_address_and_a_port(real: str, told: tuple[str, int] | None) -> None:
+def test_peer_is_parsed_into_address_and_port(real: str, told: tuple[str, int] | None) -> None:
     assert peer(real) == told

@@ -27,7 +27,7 @@ def listed(number: int = 7, ca: pki.Ca = CA, at: datetime = NOW, days: int = 90)
     return pki.new_crl(ca, [pki.RevokedSerial(SERIAL, at)], number, at, days)
 
 
-def test_a_list_is_read_as_openssl_reads_it(tmp_path: Path) -> None:
+def test_revocation_list_fields_are_read(tmp_path: Path) -> None:
     found = read(tmp_path, listed())
     assert found is not None
     assert (found.number, found.is_signed) == (7, True)
@@ -38,7 +38,7 @@ def test_a_list_is_read_as_openssl_reads_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ca", [NAMESAKE, OTHER], ids=["of the same name", "of another name"])
-def test_a_list_of_another_authority_is_known(tmp_path: Path, ca: pki.Ca) -> None:
+def test_list_of_another_authority_is_refused(tmp_path: Path, ca: pki.Ca) -> None:
     found = read(tmp_path, listed(ca=ca))
     assert found is not None
     assert not found.is_signed
@@ -47,7 +47,7 @@ def test_a_list_of_another_authority_is_known(tmp_path: Path, ca: pki.Ca) -> Non
 
 
 @pytest.mark.parametrize("pem", [b"", b"no list\n", listed()[:200]], ids=["empty", "text", "cut"])
-def test_what_is_no_list_is_none(tmp_path: Path, pem: bytes) -> None:
+def test_invalid_list_is_refused(tmp_path: Path, pem: bytes) -> None:
     assert read(tmp_path, pem) is None
     with pytest.raises(ModuleError, match="cannot be read"):
         vpn_server.accept(None, None, NOW.timestamp())
@@ -61,13 +61,13 @@ def test_what_is_no_list_is_none(tmp_path: Path, pem: bytes) -> None:
         (8, 91, "has expired: nobody could connect"),
     ],
 )
-def test_a_list_that_would_harm_is_refused(tmp_path: Path, number: int, day: int, words: str) -> None:
+def test_harmful_list_is_refused(tmp_path: Path, number: int, day: int, words: str) -> None:
     old, new = read(tmp_path, listed(7)), read(tmp_path, listed(number))
     with pytest.raises(ModuleError, match=words):
         vpn_server.accept(new, old, (NOW + timedelta(days=day)).timestamp())
 
 
-def test_a_number_says_nothing_beside_a_list_of_another_authority(tmp_path: Path) -> None:
+def test_list_number_is_ignored_beside_a_list_of_another_authority(tmp_path: Path) -> None:
     old, new = read(tmp_path, listed(9, NAMESAKE)), read(tmp_path, listed(1))
     assert vpn_server.accept(new, old, NOW.timestamp()) == new
 
@@ -79,7 +79,7 @@ def revoking(number: int, *some: pki.RevokedSerial) -> bytes:
     return pki.new_crl(CA, some, number, NOW)
 
 
-def test_the_serials_are_read(tmp_path: Path) -> None:
+def test_revoked_serials_are_read(tmp_path: Path) -> None:
     found = read(tmp_path, revoking(7, A, B))
     assert found is not None
     assert {int(one, 16) for one in found.serials} == {A.serial, B.serial}
@@ -107,7 +107,7 @@ def test_a_list_of_a_restored_authority_is_refused(tmp_path: Path, new: bytes, w
 
 
 @pytest.mark.parametrize("more", [(), (B,)], ids=["the same", "one more"])
-def test_a_list_that_follows_is_taken(tmp_path: Path, more: tuple[pki.RevokedSerial, ...]) -> None:
+def test_successor_list_is_accepted(tmp_path: Path, more: tuple[pki.RevokedSerial, ...]) -> None:
     old, new = read(tmp_path, revoking(7, A)), read(tmp_path, revoking(8, A, *more))
     assert vpn_server.accept(new, old, NOW.timestamp()) == new
     assert vpn_server.accept(old, old, NOW.timestamp()) == old

@@ -81,7 +81,7 @@ def served(
 
 @pytest.mark.parametrize("single", [False, True], ids=["whole", "bytewise"])
 @pytest.mark.parametrize("notices", ["", NOTICES], ids=["quiet", "notices"])
-def test_a_conversation(single: bool, notices: str) -> None:  # noqa: FBT001 - a case
+def test_management_dialogue(single: bool, notices: str) -> None:  # noqa: FBT001 - a case
     replies = (
         notices + STATUS.replace(ROW, f"{ROW}\r\n{notices.rstrip()}" if notices else ROW),
         notices + "SUCCESS: client-kill command succeeded\r\n" + notices,
@@ -96,18 +96,18 @@ def test_a_conversation(single: bool, notices: str) -> None:  # noqa: FBT001 - a
 
 
 @pytest.mark.parametrize("real", ["192.0.2.7:1\nkill x", "iqua-d0", "", "192.0.2.7", "a b:1", "192.0.2.7:1\n", "x;y:1"])
-def test_only_an_address_is_killed_by_address(real: str) -> None:
+def test_kill_accepts_only_an_address(real: str) -> None:
     with served() as (management, heard), pytest.raises(ValueError, match="no address"):
         management.kill(real)
     assert heard == []
 
 
-def test_a_session_is_halted_by_number_alone() -> None:
+def test_halt_accepts_only_a_session_number() -> None:
     with served() as (management, _), pytest.raises(ValueError, match="invalid literal"):
         management.halt("7 HALT\nkill all")  # type: ignore[arg-type] # what must not come this far
 
 
-def test_who_is_connected_and_not_served_hears_nothing(tmp_path: Path) -> None:
+def test_unserved_connection_times_out(tmp_path: Path) -> None:
     path = str(tmp_path / "management.sock")
     with closing(socket.socket(socket.AF_UNIX)) as server:
         server.bind(path)
@@ -120,7 +120,7 @@ def test_who_is_connected_and_not_served_hears_nothing(tmp_path: Path) -> None:
         pass
 
 
-def test_a_full_backlog_is_silence_too(tmp_path: Path) -> None:
+def test_full_backlog_is_reported_as_busy(tmp_path: Path) -> None:
     path = str(tmp_path / "management.sock")
     with contextlib.ExitStack() as stack:
         server = stack.enter_context(closing(socket.socket(socket.AF_UNIX)))
@@ -132,7 +132,7 @@ def test_a_full_backlog_is_silence_too(tmp_path: Path) -> None:
             pass
 
 
-def test_a_path_that_is_too_long_for_a_socket(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_socket_path_that_is_too_long_is_shortened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / ("a" * 100)
     folder.mkdir()
     monkeypatch.chdir(folder)
@@ -145,21 +145,21 @@ def test_a_path_that_is_too_long_for_a_socket(tmp_path: Path, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("replies", [(), (STATUS[:200],), (NOTICES,)], ids=["at once", "in a reply", "before a reply"])
-def test_a_server_that_ends_is_told(replies: tuple[str, ...]) -> None:
+def test_closed_management_socket_is_reported(replies: tuple[str, ...]) -> None:
     with served(*replies) as (management, _):
         management.wait_for_greeting()
         with pytest.raises(ConnectionEnd, match="closed its management socket"):
             management.sessions()
 
 
-def test_a_server_that_does_not_tell_its_status() -> None:
+def test_server_refusing_its_status_is_reported() -> None:
     with served("ERROR: unknown command\r\n") as (management, _):
         management.wait_for_greeting()
         with pytest.raises(ConnectionEnd, match="unknown command"):
             management.sessions()
 
 
-def test_columns_are_found_by_their_names() -> None:
+def test_columns_are_located_by_name() -> None:
     header = (
         "HEADER\tCLIENT_LIST\tClient ID\tNew\tCommon Name\tBytes Sent\tBytes Received\tConnected Since (time_t)"
         "\tVirtual Address\tReal Address"
@@ -188,6 +188,6 @@ def test_columns_are_found_by_their_names() -> None:
         ([HEADER.replace("Client ID", "Number"), ROW, "END"], "not as it should be: 'Client ID'"),
     ],
 )
-def test_half_a_status_is_none(lines: list[str], words: str) -> None:
+def test_incomplete_status_is_refused(lines: list[str], words: str) -> None:
     with pytest.raises(IncompleteStatus, match=words):
         sessions(lines)

@@ -26,7 +26,7 @@ ACCESS = {
 }
 
 
-def test_the_options_are_those_of_ansible(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_ssh_options_match_ansible(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("ANSIBLE_SSH_CONTROL_PATH_DIR", str(tmp_path / "cp"))
     monkeypatch.delenv("ANSIBLE_SSH_ARGS", raising=False)
     settings = configparser.ConfigParser(comment_prefixes=(";", "#"))
@@ -47,7 +47,7 @@ def test_the_options_are_those_of_ansible(monkeypatch: pytest.MonkeyPatch, tmp_p
         assert words[words.index(option) - 1] == "-o"
 
 
-def test_the_connection_that_ansible_keeps_is_shared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_ansible_control_connection_is_shared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("ANSIBLE_SSH_CONTROL_PATH_DIR", str(tmp_path / "cp"))
     theirs = Connection._create_control_path("192.0.2.10", 2222, "tech")
     assert control_path("192.0.2.10", 2222, "tech") == theirs % {"directory": tmp_path / "cp"}
@@ -77,7 +77,7 @@ def test_the_connection_that_ansible_keeps_is_shared(monkeypatch: pytest.MonkeyP
         (127, "sh: 1: python3: not found\n", ServerAway, "has no python3", "apt-get install python3"),
     ],
 )
-def test_what_ssh_says_is_told_in_words(code: int, said: str, kind: type[ServerAway], words: str, hint: str) -> None:
+def test_ssh_errors_are_explained(code: int, said: str, kind: type[ServerAway], words: str, hint: str) -> None:
     trouble = ssh_error("scc-vpn", ACCESS, code, said)
     assert type(trouble) is kind
     assert str(trouble).startswith("scc-vpn")

@@ -31,7 +31,7 @@ def usage(certificate: x509.Certificate) -> set[str]:
     return {name for name in names if getattr(said, name)}
 
 
-def test_the_authority_signs_devices_and_lists_for_ten_years() -> None:
+def test_ca_certificate_signs_only_devices_and_lists_for_ten_years() -> None:
     ca = authority().certificate
     assert ca.subject == ca.issuer == x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, NAME)])
     assert extension(ca, x509.BasicConstraints) == x509.BasicConstraints(ca=True, path_length=0)
@@ -41,7 +41,7 @@ def test_the_authority_signs_devices_and_lists_for_ten_years() -> None:
     assert ca.not_valid_after_utc == NOW.replace(microsecond=0) + timedelta(days=3652)
 
 
-def test_a_client_is_a_client_and_nothing_else() -> None:
+def test_client_certificate_is_valid_only_for_a_client() -> None:
     made = client(authority())
     assert list(extension(made, x509.ExtendedKeyUsage)) == [ExtendedKeyUsageOID.CLIENT_AUTH]
     assert usage(made) == {"digital_signature"}
@@ -55,7 +55,7 @@ def test_a_client_is_a_client_and_nothing_else() -> None:
     assert extension(made, x509.SubjectKeyIdentifier).digest != mine.digest
 
 
-def test_a_server_says_where_it_is() -> None:
+def test_server_certificate_contains_its_names() -> None:
     made = server(authority())
     assert list(extension(made, x509.ExtendedKeyUsage)) == [ExtendedKeyUsageOID.SERVER_AUTH]
     names = extension(made, x509.SubjectAlternativeName)
@@ -66,19 +66,19 @@ def test_a_server_says_where_it_is() -> None:
     assert made.not_valid_before_utc == NOW.replace(microsecond=0) - timedelta(days=30)
 
 
-def test_what_a_reader_must_understand_is_critical() -> None:
+def test_required_extensions_are_critical() -> None:
     must = {"BasicConstraints", "KeyUsage"}
     for made in (authority().certificate, server(authority()), client(authority())):
         assert {type(one.value).__name__ for one in made.extensions if one.critical} == must
 
 
-def test_an_rsa_server_can_be_sent_a_key() -> None:
+def test_rsa_server_allows_key_encipherment() -> None:
     key = pki.new_key(KeyType.RSA)
     made = pki.new_server(authority(), key.public_key(), "scc", [], [], pki.new_serial(), NOW)
     assert usage(made) == {"digital_signature", "key_encipherment"}
 
 
-def test_keys_are_what_clients_can_use() -> None:
+def test_key_types_are_p256_and_rsa_2048() -> None:
     curve, old = pki.new_key(KeyType.EC), pki.new_key(KeyType.RSA)
     assert isinstance(curve, ec.EllipticCurvePrivateKey)
     assert isinstance(curve.curve, ec.SECP256R1)
@@ -102,12 +102,12 @@ def test_a_name_that_openvpn_would_misread_is_not_signed(name: str) -> None:
         client(authority(), name)
 
 
-def test_an_authority_has_a_plain_name() -> None:
+def test_ca_name_must_be_plain() -> None:
     with pytest.raises(pki.InvalidCertificateError, match="no name for a certificate authority"):
         pki.new_ca("a/b", NOW)
 
 
-def test_nothing_outlives_the_authority() -> None:
+def test_certificate_cannot_outlive_the_ca() -> None:
     late = NOW + timedelta(days=3652 - 396)
     with pytest.raises(pki.InvalidCertificateError, match="would outlive") as refused:
         client(authority(), days=397, now=late)
@@ -115,7 +115,7 @@ def test_nothing_outlives_the_authority() -> None:
     assert client(authority(), days=396, now=late).not_valid_after_utc == authority().certificate.not_valid_after_utc
 
 
-def test_nothing_begins_before_the_authority() -> None:
+def test_certificate_never_begins_before_the_ca() -> None:
     early = NOW - timedelta(days=29)
     assert server(authority(), early).not_valid_before_utc == authority().certificate.not_valid_before_utc
 
@@ -126,7 +126,7 @@ def test_the_authority_signs_from_its_first_second() -> None:
 
 
 @pytest.mark.parametrize("days", [-31, 3652])
-def test_a_wrong_clock_is_told(days: int) -> None:
+def test_wrong_clock_is_reported(days: int) -> None:
     with pytest.raises(pki.InvalidCertificateError, match="this computer's date is"):
         client(authority(), days=1, now=NOW + timedelta(days=days))
 
@@ -137,19 +137,19 @@ def test_a_certificate_lasts_a_day_at_least() -> None:
 
 
 @pytest.mark.parametrize("serial", [0, -1, 1 << 159])
-def test_a_serial_has_159_bits(serial: int) -> None:
+def test_serial_outside_159_bits_is_refused(serial: int) -> None:
     with pytest.raises(pki.InvalidCertificateError, match="serial"):
         pki.new_client(authority(), authority().key.public_key(), "a", serial, 1, NOW)
 
 
-def test_who_has_issued_is_told_by_the_signature() -> None:
+def test_issuer_is_verified_by_signature() -> None:
     made = client(authority())
     assert pki.issued_by(made, authority().certificate)
     assert not pki.issued_by(made, authority(nth=2).certificate)
     assert not pki.issued_by(made, authority("ANOTHER").certificate)
 
 
-def test_texts_come_back() -> None:
+def test_ca_round_trips_as_text() -> None:
     ca = authority()
     back = pki.load_ca(pki.cert_pem(ca.certificate), pki.key_pem(ca.key))
     assert back.certificate == ca.certificate
@@ -157,13 +157,13 @@ def test_texts_come_back() -> None:
     assert len(pki.sha256(ca.certificate)) == 64
 
 
-def test_a_key_of_another_authority_is_told() -> None:
+def test_key_of_another_ca_is_refused() -> None:
     with pytest.raises(pki.CorruptKeyError, match="not the key of the CA's certificate"):
         pki.load_ca(pki.cert_pem(authority().certificate), pki.key_pem(authority(nth=2).key))
 
 
 @pytest.mark.parametrize("text", ["", "nothing", "-----BEGIN PRIVATE KEY-----\ncanary\n-----END PRIVATE KEY-----\n"])
-def test_what_is_no_key_is_told_without_its_text(text: str) -> None:
+def test_invalid_key_is_refused_without_showing_its_text(text: str) -> None:
     with pytest.raises(pki.CorruptKeyError) as refused:
         pki.load_key(Secret(text))
     assert "canary" not in str(refused.value)
@@ -172,13 +172,13 @@ def test_what_is_no_key_is_told_without_its_text(text: str) -> None:
         pki.load_cert(text)
 
 
-def test_an_authority_does_not_print_its_key() -> None:
+def test_repr_of_the_ca_does_not_show_its_key() -> None:
     middle = pki.key_pem(authority().key).reveal().splitlines()[1]
     assert middle not in repr(authority())
     assert replace(authority()) == authority()
 
 
-def test_openssl_agrees(tmp_path: Path) -> None:
+def test_openssl_verifies_the_certificate_purposes(tmp_path: Path) -> None:
     ca = pki.new_ca(NAME, TODAY)
     (tmp_path / "ca.crt").write_text(pki.cert_pem(ca.certificate))
     for purpose, made in (("sslserver", server(ca, TODAY)), ("sslclient", client(ca, now=TODAY))):

@@ -34,7 +34,7 @@ def refused(pem: bytes, *, above: int | None = ABOVE, now: datetime = NOW) -> st
     return str(why.value)
 
 
-def test_what_a_list_says() -> None:
+def test_list_contents_are_read() -> None:
     facts = check(GOOD)
     assert facts.number == ABOVE + 1
     assert facts.serials == {7, 1 << 158}
@@ -46,17 +46,17 @@ def test_what_a_list_says() -> None:
     assert check(crl(CA, 5, serials=())).serials == frozenset()
 
 
-def test_lists_of_others_are_told() -> None:
+def test_list_of_another_ca_is_refused() -> None:
     assert "another certificate authority" in refused(crl(authority("ANOTHER"), 5))
     assert "whatever it calls itself" in refused(crl(authority(nth=2), 5))
 
 
 @pytest.mark.parametrize("number", [0, ABOVE - 1, ABOVE])
-def test_an_older_list_is_told(number: int) -> None:
+def test_older_list_is_refused(number: int) -> None:
     assert f"its number is {number}, and number 4 was published already" in refused(crl(CA, number))
 
 
-def test_a_list_of_another_time_is_told() -> None:
+def test_list_not_valid_now_is_refused() -> None:
     assert "not valid before 2026-06-01 12:00 UTC" in refused(GOOD, now=NOW - timedelta(seconds=1))
     assert "has expired on 2026-08-30 12:00 UTC" in refused(GOOD, now=NOW + timedelta(days=90))
 
@@ -67,7 +67,7 @@ def test_a_list_is_good_from_its_first_second_to_its_last() -> None:
     assert "has expired" in refused(GOOD, now=facts.next_update)
 
 
-def test_no_cut_list_passes() -> None:
+def test_truncated_list_is_refused() -> None:
     for length in range(len(GOOD)):
         assert "damaged" in refused(GOOD[:length])
 
@@ -79,7 +79,7 @@ def test_no_list_with_a_flipped_bit_passes() -> None:
         refused(bytes(changed))
 
 
-def test_a_signature_that_ends_within_a_byte_is_told(tmp_path: Path) -> None:
+def test_signature_with_leftover_bits_is_refused(tmp_path: Path) -> None:
     signed = (base64.b64decode(b"".join(crl(CA, 5).splitlines()[1:-1])) for _ in range(1000))
     even = next(der for der in signed if not der[-1] & 1)
     signature = x509.load_der_x509_crl(even).signature
@@ -95,7 +95,7 @@ def test_a_signature_that_ends_within_a_byte_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("around", [b"\n", b" ", b"# comment\n", GOOD, crl(authority(nth=2), 5)])
-def test_a_file_holds_a_list_and_nothing_more(around: bytes) -> None:
+def test_file_with_anything_besides_a_list_is_refused(around: bytes) -> None:
     for pem in (around + GOOD, GOOD + around, GOOD.replace(b"\n", b"\r\n")):
         assert "damaged" in refused(pem)
 
@@ -123,7 +123,7 @@ def difference(builder: Builder) -> Builder:
 
 
 @pytest.mark.parametrize("change", [without_number, partial, difference])
-def test_lists_of_other_kinds_are_told(change: Callable[[Builder], Builder]) -> None:
+def test_list_with_other_extensions_is_refused(change: Callable[[Builder], Builder]) -> None:
     whole = NOW.replace(microsecond=0)
     builder = x509.CertificateRevocationListBuilder(CA.certificate.subject, whole, whole + timedelta(days=1))
     assert "other extensions" in refused(change(builder).sign(CA.key, SHA256()).public_bytes(Encoding.PEM))
@@ -152,7 +152,7 @@ SPLICED = st.tuples(st.integers(0, 200), st.binary(max_size=20)).map(lambda at: 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(pem=st.sampled_from(sorted(WRONG.values())) | CUT | FLIPPED | SPLICED.filter(lambda pem: pem != GOOD))
-def test_no_wrong_list_comes_in_place_of_a_good_one(tmp_path: Path, pem: bytes) -> None:
+def test_invalid_list_never_replaces_a_valid_one(tmp_path: Path, pem: bytes) -> None:
     path = tmp_path / "crl.pem"
     path.write_bytes(GOOD)
     before = path.stat()
@@ -166,7 +166,7 @@ def test_no_wrong_list_comes_in_place_of_a_good_one(tmp_path: Path, pem: bytes) 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seconds=st.lists(st.integers(-3600, 3600), min_size=2, max_size=6))
-def test_openvpn_sees_each_new_list_whatever_the_clock_does(tmp_path: Path, seconds: list[int]) -> None:
+def test_new_list_always_has_a_later_modification_time(tmp_path: Path, seconds: list[int]) -> None:
     path = tmp_path / "crl.pem"
     path.unlink(missing_ok=True)
     seen: list[int] = []
@@ -178,7 +178,7 @@ def test_openvpn_sees_each_new_list_whatever_the_clock_does(tmp_path: Path, seco
     assert all(later > earlier for earlier, later in itertools.pairwise(seen))
 
 
-def test_a_list_replaced_within_the_second_is_a_second_younger(tmp_path: Path) -> None:
+def test_list_replaced_within_a_second_gets_the_next_second(tmp_path: Path) -> None:
     path = tmp_path / "crl.pem"
     first = put(path, GOOD)
     assert path.stat().st_mtime == int(NOW.timestamp())
@@ -188,7 +188,7 @@ def test_a_list_replaced_within_the_second_is_a_second_younger(tmp_path: Path) -
     assert second.number == 6
 
 
-def test_a_list_for_a_server_can_be_read_whatever_the_umask(tmp_path: Path) -> None:
+def test_server_list_is_readable_regardless_of_umask(tmp_path: Path) -> None:
     before = os.umask(0o077)
     try:
         pki.publish(tmp_path / "crl.pem", GOOD, CA.certificate, above=ABOVE, now=NOW, mode=0o644)
@@ -197,15 +197,13 @@ def test_a_list_for_a_server_can_be_read_whatever_the_umask(tmp_path: Path) -> N
     assert (tmp_path / "crl.pem").stat().st_mode & 0o777 == 0o644
 
 
-def test_a_scratch_file_of_a_killed_command_is_in_nobodys_way(tmp_path: Path) -> None:
+def test_scratch_file_of_a_killed_command_is_removed(tmp_path: Path) -> None:
     (tmp_path / f".crl.pem.{7:016}").write_bytes(GOOD[:100])
     put(tmp_path / "crl.pem", GOOD)
     assert [*tmp_path.iterdir()] == [tmp_path / "crl.pem"]
 
 
-def test_a_list_is_on_disk_before_it_is_in_place_and_its_place_after(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_list_is_synced_before_and_its_folder_after_the_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, seen = tmp_path / "crl.pem", []
 
     def sync(descriptor: int) -> None:
@@ -221,7 +219,7 @@ def test_a_list_is_on_disk_before_it_is_in_place_and_its_place_after(
     assert seen == [("file", False), ("folder", True)]
 
 
-def test_a_disk_that_refuses_leaves_the_old_list(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_write_error_leaves_the_old_list(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "crl.pem"
     put(path, GOOD)
 
@@ -235,7 +233,7 @@ def test_a_disk_that_refuses_leaves_the_old_list(tmp_path: Path, monkeypatch: py
     assert [*tmp_path.iterdir()] == [path]
 
 
-def test_openssl_agrees(tmp_path: Path) -> None:
+def test_openssl_verifies_against_the_list(tmp_path: Path) -> None:
     today = datetime.now(UTC)
     ca = pki.new_ca("ATLANTIS VPN", today)
     good, bad = client(ca, "good", now=today), client(ca, "bad", now=today)

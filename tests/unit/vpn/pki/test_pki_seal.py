@@ -50,21 +50,21 @@ def test_a_passphrase_opens_what_it_sealed() -> None:
     assert pki.unseal(sealed(), RIGHT) == DATA
 
 
-def test_a_wrong_passphrase_is_told() -> None:
+def test_wrong_passphrase_is_reported() -> None:
     assert told(lambda: pki.unseal(sealed(), WRONG), pki.WrongPassphrase) == "the passphrase does not open it"
 
 
-def test_a_changed_content_is_told() -> None:
+def test_changed_content_is_reported() -> None:
     changed = body(lambda data: data[:-1] + bytes([data[-1] ^ 1]))
     assert told(lambda: pki.unseal(changed, RIGHT), pki.CorruptSealError) == "the sealed file is cut or damaged"
 
 
 @pytest.mark.parametrize("keep", [0, 20, 100, -10])
-def test_a_cut_file_is_told_before_scrypt_is_asked(keep: int) -> None:
+def test_truncated_file_is_reported_before_scrypt_runs(keep: int) -> None:
     assert told(lambda: pki.unseal(sealed()[:keep], RIGHT), pki.CorruptSealError) == "the sealed file is cut or damaged"
 
 
-def test_a_file_for_a_key_is_opened_by_no_passphrase() -> None:
+def test_file_for_a_key_cannot_be_opened_with_a_passphrase() -> None:
     other = pki.seal_for(DATA, str(IDENTITY.to_public()))
     assert "no file that age has sealed with a passphrase" in told(
         lambda: pki.unseal(other, RIGHT), pki.CorruptSealError
@@ -73,7 +73,7 @@ def test_a_file_for_a_key_is_opened_by_no_passphrase() -> None:
 
 @pytest.mark.parametrize("seal", [pki.seal, pki.vault_seal])
 @pytest.mark.parametrize("short", ["", "canary"])
-def test_a_short_passphrase_seals_nothing(seal: Callable[[bytes, Secret], bytes], short: str) -> None:
+def test_short_passphrase_is_refused(seal: Callable[[bytes, Secret], bytes], short: str) -> None:
     assert ("too weak" if short else "is empty") in told(lambda: seal(DATA, Secret(short)), pki.WeakPassphrase)
 
 
@@ -81,18 +81,18 @@ def test_a_short_passphrase_seals_nothing(seal: Callable[[bytes, Secret], bytes]
     "weak",
     ["correct horse", "Passw0rd!Passw0rd!", "12345678901234567890", "qwertyuiop asdfghjkl", "canary-canary-canary-12"],
 )
-def test_a_long_passphrase_that_is_easy_to_guess_seals_nothing(weak: str) -> None:
+def test_long_but_guessable_passphrase_is_refused(weak: str) -> None:
     assert "guesses find it" in told(lambda: pki.check_passphrase(Secret(weak), pki.SEAL_GUESSES), pki.WeakPassphrase)
 
 
 @pytest.mark.parametrize(
     "strong", ["mackerel lantern orbit velvet", "xK4-uW9-pQ2-rT7-mN", "vermelho barco cinco ondas " * 4]
 )
-def test_one_that_is_hard_to_guess_is_taken(strong: str) -> None:
+def test_strong_passphrase_is_accepted(strong: str) -> None:
     pki.check_passphrase(Secret(strong), pki.VAULT_GUESSES)
 
 
-def test_a_vault_needs_a_stronger_one() -> None:
+def test_vault_requires_a_stronger_passphrase() -> None:
     """Its guesses are a thousand times cheaper."""
     middling = Secret("lantern velvet mackerel"[:18])
     pki.check_passphrase(middling, pki.SEAL_GUESSES)
@@ -100,9 +100,7 @@ def test_a_vault_needs_a_stronger_one() -> None:
         pki.check_passphrase(middling, pki.VAULT_GUESSES)
 
 
-def test_what_opening_takes_is_known_and_a_computer_without_that_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_needed_to_open_is_known_and_a_lack_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(STRENGTH, REAL)
     strong = pki.seal(DATA, RIGHT)
     needed = pki.opening_bytes(strong)
@@ -129,7 +127,7 @@ def test_a_recipient_opens_what_was_sealed_for_it() -> None:
     assert "no key of age" in told(lambda: pki.unseal_with(made, Secret("canary")), pki.InvalidRecipientError)
 
 
-def test_several_recipients_open_it_each() -> None:
+def test_each_of_several_recipients_can_open_it() -> None:
     others = [pyrage.x25519.Identity.generate() for _ in range(2)]
     made = pki.seal_for(DATA, *(str(one.to_public()) for one in others))
     assert [pki.unseal_with(made, Secret(str(one))) for one in others] == [DATA, DATA]
@@ -159,7 +157,7 @@ def test_an_ssh_key_opens_what_was_sealed_for_it() -> None:
     ],
     ids=["empty", "cut", "no-key", "capitals", "newline", "blank", "ssh-cut", "dss", "option", "two-lines"],
 )
-def test_what_is_no_recipient_is_told(text: str) -> None:
+def test_invalid_recipient_is_reported(text: str) -> None:
     assert "no key of a recipient" in told(lambda: pki.check_recipient(text), pki.InvalidRecipientError)
 
 
@@ -173,12 +171,12 @@ def test_a_secret_key_given_for_a_public_one_is_not_repeated(text: str) -> None:
     assert said == "that is a secret key; the recipient's public one is needed"
 
 
-def test_of_a_long_text_only_the_beginning_is_told() -> None:
+def test_long_invalid_recipient_is_shortened_in_the_message() -> None:
     said = told(lambda: pki.check_recipient("x" * 30 + "canary"), pki.InvalidRecipientError)
     assert said == f"no key of a recipient: '{'x' * 30}…'"
 
 
-def test_a_vault_is_ansibles() -> None:
+def test_vault_format_is_that_of_ansible() -> None:
     made = pki.vault_seal(DATA, RIGHT)
     assert made.startswith(b"$ANSIBLE_VAULT;1.1;AES256\n")
     assert pki.vault_unseal(made, RIGHT) == DATA

@@ -30,7 +30,7 @@ def inside(pem: Secret) -> bytes:
     return base64.b64decode("".join(pem.reveal().splitlines()[1:-1]))
 
 
-def test_a_wrapped_key_is_what_the_specification_says() -> None:
+def test_wrapped_key_matches_the_specification() -> None:
     server = pki.server_key()
     data = inside(pki.client_key(server, b"cn=iqua-sparus2"))
     key, tag, sealed, length = data[:256], data[256:288], data[288:-2], data[-2:]
@@ -49,12 +49,12 @@ def test_metadata_has_a_limit() -> None:
 
 
 @pytest.mark.parametrize("change", [("server key", "client key"), ("=", ""), ("\n", "\n!")])
-def test_what_is_no_server_key_is_told(change: tuple[str, str]) -> None:
+def test_invalid_server_key_is_refused(change: tuple[str, str]) -> None:
     with pytest.raises(pki.CorruptKeyError, match="no tls-crypt-v2 key of a server"):
         pki.client_key(Secret(pki.server_key().reveal().replace(*change)), b"")
 
 
-def test_keys_differ() -> None:
+def test_generated_keys_are_unique() -> None:
     server = pki.server_key()
     assert len({pki.client_key(server, b"").reveal() for _ in range(20)}) == 20
     assert len({pki.shared_key().reveal() for _ in range(20)}) == 20
@@ -137,17 +137,17 @@ def test_openvpn_admits_a_member(stand: Stand, kind: KeyType, wraps: tuple[tuple
     assert UP in stand.shake("member", wraps)
 
 
-def test_openvpn_refuses_whom_the_list_names(stand: Stand) -> None:
+def test_openvpn_refuses_a_revoked_member(stand: Stand) -> None:
     stand.publish(entity(stand.folder, stand.ca, "member").serial_number)
     assert "certificate revoked" in stand.shake("member")
 
 
-def test_openvpn_refuses_a_member_of_an_authority_of_the_same_name(stand: Stand) -> None:
+def test_openvpn_refuses_a_member_of_a_namesake_ca(stand: Stand) -> None:
     entity(stand.folder, pki.new_ca(NAME, datetime.now(UTC)), "member")
     assert "VERIFY ERROR" in stand.shake("member")
 
 
-def test_openvpn_refuses_a_server_as_a_member(stand: Stand) -> None:
+def test_openvpn_refuses_a_server_certificate_as_a_client(stand: Stand) -> None:
     entity(stand.folder, stand.ca, "member", serves=True)
     assert "unsuitable certificate purpose" in stand.shake("member")
 

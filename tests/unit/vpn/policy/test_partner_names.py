@@ -68,11 +68,11 @@ def test_hostile_keys_are_refused(inventory: Path) -> None:
     assert refused(inventory, keys) == set(keys)
 
 
-def test_a_key_that_yaml_itself_refuses(inventory: Path) -> None:
+def test_overlong_yaml_key_is_refused(inventory: Path) -> None:
     assert refused(inventory, ["x" * 3000, "in/esc"]) == {"x" * 3000}
 
 
-def test_odd_keys_that_harm_nobody_are_taken(inventory: Path) -> None:
+def test_odd_but_harmless_keys_are_accepted(inventory: Path) -> None:
     keys = [key for key in HARMLESS if not key.endswith("-")]
     assert refused(inventory, keys) == set()
     assert all(NAME.fullmatch(key) for key in keys)
@@ -81,7 +81,7 @@ def test_odd_keys_that_harm_nobody_are_taken(inventory: Path) -> None:
 @pytest.mark.parametrize(
     "examples", [pytest.param(8, id="sample"), pytest.param(40, id="campaign", marks=pytest.mark.campaign)]
 )
-def test_keys_that_nobody_thought_of(inventory: Path, examples: int) -> None:
+def test_generated_keys_are_refused_only_if_harmful(inventory: Path, examples: int) -> None:
     @settings(max_examples=examples, suppress_health_check=_HEALTH)
     @given(st.lists(_TEXTS, min_size=60, max_size=120, unique=True))
     def each(keys: list[str]) -> None:

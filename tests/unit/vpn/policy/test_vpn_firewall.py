@@ -137,7 +137,7 @@ def expected() -> list[_Expected]:
     return found
 
 
-def test_the_text_does_what_the_policy_says(expected: list[_Expected]) -> None:
+def test_firewall_text_implements_the_policy(expected: list[_Expected]) -> None:
     text, _ = declared()
     assert wrong(text, expected) == []
     assert len(expected) > 3000
@@ -160,7 +160,7 @@ def killed(mutant: str, expected: list[_Expected]) -> bool:
         return True
 
 
-def test_no_line_is_missed(expected: list[_Expected]) -> None:
+def test_every_firewall_line_is_tested(expected: list[_Expected]) -> None:
     """But for the type of a set, which is nft's to miss: see below."""
     text, _ = declared()
     found = [(line, mutant) for line, mutant in mutants(text) if not _OF_SETS.fullmatch(line)]
@@ -183,7 +183,7 @@ def nft(text: str, *words: str) -> str:
 
 
 @pytest.mark.namespace
-def test_nft_misses_what_a_set_is() -> None:
+def test_removed_type_or_flags_of_a_set_are_refused_by_nft() -> None:
     text, _ = declared()
     assert nft(text) == ""
     found = {line: mutant for line, mutant in mutants(text) if _OF_SETS.fullmatch(line)}
@@ -195,7 +195,7 @@ def test_nft_misses_what_a_set_is() -> None:
 
 
 @pytest.mark.namespace
-def test_loading_is_whole_and_leaves_others_alone(tmp_path: Path) -> None:
+def test_loading_is_idempotent_and_leaves_other_tables_alone(tmp_path: Path) -> None:
     text, _ = declared()
     file = tmp_path / "vpn.nft"
     file.write_text(text, encoding="utf-8")
@@ -211,7 +211,7 @@ def test_loading_is_whole_and_leaves_others_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.namespace
-def test_an_address_leaves_the_set_of_members_alone() -> None:
+def test_removing_an_address_keeps_its_neighbours_in_the_set() -> None:
     """Its neighbours stay: a set of intervals takes what stands beside each other for one range in some versions."""
     neighbours = [
         member(f"inesc-{last}", f"10.80.16.{last}", kind=MemberKind.LAPTOP, partner="inesc") for last in range(1, 7)
@@ -236,7 +236,7 @@ _TEXTS = st.text(st.characters(categories=("L", "N", "P", "S", "Zs")), min_size=
     services=st.lists(_TEXTS, max_size=4),
     admitted=st.integers(0, 40),
 )
-def test_nft_takes_every_declaration(keys: list[str], services: list[str], admitted: int) -> None:
+def test_nft_accepts_every_inventory(keys: list[str], services: list[str], admitted: int) -> None:
     declaration = pilot(
         services=[VpnService(name=name, host="scc-control", port=1000 + index) for index, name in enumerate(services)]
     )

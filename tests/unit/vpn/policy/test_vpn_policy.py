@@ -74,7 +74,7 @@ def matrix() -> Policy:
 
 
 @pytest.mark.parametrize("source", WHO)
-def test_table(matrix: Policy, source: str) -> None:
+def test_permissions_match_the_table(matrix: Policy, source: str) -> None:
     told = dict(zip(TABLE, TABLE.get(source, ("",) * len(TABLE)), strict=True))
     for destination in WHO:
         if destination != source:
@@ -89,7 +89,7 @@ BEGUN = (SSH, Flow(Protocol.TCP, 445), Flow(Protocol.TCP, 8729), Flow(Protocol.T
 
 @for_each_row("robot", ["10.64.1.22", "10.64.1.23", "10.64.1.150", "10.64.2.26", "10.64.0.77"])
 @for_each_row("there", ["10.64.0.1", "10.64.0.11", "10.64.2.1", "10.64.2.10", "10.64.1.1", "10.64.1.10"])
-def test_a_robot_in_a_lan_opens_nothing_at_another_site(matrix: Policy, robot: str, there: str) -> None:
+def test_lan_robot_cannot_connect_to_another_site(matrix: Policy, robot: str, there: str) -> None:
     """As by a partner's, plugged in on the quay: SSH, SMB, the routers' API."""
     members = (*MEMBERS, member("te4sea-router", "10.80.0.31"))
     found = policy(pilot({"inesc": ("sparus",)}), membership(*members))
@@ -100,7 +100,7 @@ def test_a_robot_in_a_lan_opens_nothing_at_another_site(matrix: Policy, robot: s
     assert not matrix.permissions[0].source.holds(one.address)  # type: ignore[union-attr] # our hosts
 
 
-def test_our_own_hosts_meet_wherever_they_are(matrix: Policy) -> None:
+def test_our_own_hosts_reach_each_other_across_sites(matrix: Policy) -> None:
     """The neighbour of the case above."""
     hosts = [
         Party(name, IPv4Address(address)) for name, address in (("gateway", "10.64.1.10"), ("centre", "10.64.0.11"))
@@ -109,7 +109,7 @@ def test_our_own_hosts_meet_wherever_they_are(matrix: Policy) -> None:
         assert all(matrix.allows(one, other, flow) for flow in (*BEGUN, PING, *DDS))
 
 
-def test_a_service_of_a_computer_is_for_the_partners_that_it_names(matrix: Policy) -> None:
+def test_computer_service_is_open_to_its_named_partners_only(matrix: Policy) -> None:
     """The shipped control centre's `example-websocket` names iqua; the others of its services name nobody."""
     named, ours = Flow(Protocol.TCP, 18081), Flow(Protocol.TCP, 18080)
     assert [letter for letter in "AZIPMLEBU" if matrix.allows(party(letter), party("C"), named)] == ["I", "P"]
@@ -119,20 +119,20 @@ def test_a_service_of_a_computer_is_for_the_partners_that_it_names(matrix: Polic
     assert not matrix.allows(party("I"), party("G"), named), "it is no service of the gateway"
 
 
-def test_the_server_is_itself_by_its_address_in_the_lan(matrix: Policy) -> None:
+def test_server_lan_address_is_treated_as_the_server(matrix: Policy) -> None:
     lan = Party("server", IPv4Address("10.64.0.10"))
     assert [matrix.allows(party("G"), lan, flow) for flow in (PING, SSH)] == [True, False]
     assert matrix.allows(party("T"), lan, SSH)
     assert not matrix.allows(party("A"), lan, SSH)
 
 
-def test_dds_is_its_unicast_ports(matrix: Policy) -> None:
+def test_dds_allows_only_its_unicast_ports(matrix: Policy) -> None:
     assert all(matrix.allows(party("A"), party("C"), flow) for flow in DDS)
     assert not any(matrix.allows(party("A"), party("C"), flow) for flow in NOT_DDS)
 
 
 @pytest.mark.parametrize(("domain", "participants", "first", "last"), [(0, 1, 7410, 7411), (101, 50, 32660, 32759)])
-def test_dds_ports_of_other_domains(domain: int, participants: int, first: int, last: int) -> None:
+def test_dds_ports_depend_on_domain_and_participants(domain: int, participants: int, first: int, last: int) -> None:
     dds = Dds(distribution=RosDistribution.FOXY, domain=domain, participants=participants)
     declaration = pilot()
     changed = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
@@ -142,7 +142,7 @@ def test_dds_ports_of_other_domains(domain: int, participants: int, first: int, 
     assert ports == list(range(first, last + 1))
 
 
-def test_without_dds_there_are_pings() -> None:
+def test_without_dds_only_ping_is_allowed() -> None:
     declaration = pilot()
     changed = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": None}))
     found = policy(changed, membership(*MEMBERS))
@@ -151,7 +151,7 @@ def test_without_dds_there_are_pings() -> None:
     assert not any(found.allows(party("A"), party("C"), flow) for flow in DDS)
 
 
-def test_dds_of_the_lans() -> None:
+def test_dds_over_lan_reaches_lan_addresses() -> None:
     declaration = pilot()
     dds = Dds(distribution=RosDistribution.FOXY, over=DdsPath.LAN)
     changed = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
@@ -160,7 +160,7 @@ def test_dds_of_the_lans() -> None:
     assert not policy(declaration, membership(*MEMBERS)).allows(party("A"), centre, DDS[0])
 
 
-def test_sees_is_both_ways_and_of_the_robot_alone() -> None:
+def test_sees_is_mutual_and_limited_to_the_robot() -> None:
     found = policy(pilot({"inesc": ("sparus",)}), membership(*MEMBERS))
     assert found.allows(party("P"), party("A"), DDS[0])
     assert not found.allows(party("P"), party("A"), SSH)
@@ -169,7 +169,7 @@ def test_sees_is_both_ways_and_of_the_robot_alone() -> None:
     assert not without.allows(party("P"), party("A"), PING)
 
 
-def test_services_of_the_server_and_of_udp() -> None:
+def test_services_on_the_server_and_over_udp() -> None:
     found = policy(pilot(services=(MINE, TIME)), membership(*MEMBERS))
     for guest in "AZIPM":
         assert found.allows(party(guest), party("S"), Flow(Protocol.TCP, 8080))
@@ -179,7 +179,7 @@ def test_services_of_the_server_and_of_udp() -> None:
     assert not found.allows(party("G"), party("S"), Flow(Protocol.TCP, 8080))
 
 
-def test_without_its_router_a_site_is_nobody() -> None:
+def test_site_without_its_router_has_no_access() -> None:
     found = policy(pilot(), membership(*(one for one in MEMBERS if one.name != ROUTER)))
     for letter in "LTR":
         assert not found.allows(party("G"), party(letter), PING)
@@ -187,7 +187,7 @@ def test_without_its_router_a_site_is_nobody() -> None:
         assert not found.allows(party("S"), party(letter), PING)
 
 
-def test_what_goes_when_a_member_goes(matrix: Policy) -> None:
+def test_networks_of_each_member_are_listed(matrix: Policy) -> None:
     assert matrix.members["inesc-zarco"] == (IPv4Network("10.80.16.2/32"),)
     networks = ("10.80.0.11/32", "10.64.1.0/24", "10.64.101.0/24")
     assert matrix.members[ROUTER] == tuple(map(IPv4Network, networks))
@@ -195,13 +195,13 @@ def test_what_goes_when_a_member_goes(matrix: Policy) -> None:
     assert set(matrix.member_zone.networks) == {one for networks in matrix.members.values() for one in networks}
 
 
-def test_a_partners_device_that_is_called_like_a_router_brings_no_network() -> None:
+def test_partner_device_named_like_a_router_gets_no_network() -> None:
     found = policy(pilot(), membership(member(ROUTER, "10.80.16.9", kind=MemberKind.ROUTER, partner="inesc")))
     assert found.members[ROUTER] == (IPv4Network("10.80.16.9/32"),)
     assert not found.allows(Party("it", IPv4Address("10.80.16.9")), party("E"), PING)
 
 
-def test_a_host_that_is_declared_no_more_is_nobody() -> None:
+def test_undeclared_host_has_no_access() -> None:
     assert policy(pilot(), membership(member("te4sea-old", "10.80.0.99"))).members == {}
 
 
@@ -210,13 +210,13 @@ def test_every_zone_has_one_name(matrix: Policy) -> None:
     assert len({zone.name for zone in named}) == len(named) == len(matrix.zones)
 
 
-def test_names_of_partners_and_of_our_own_zones_never_meet(matrix: Policy) -> None:
+def test_partner_zone_names_never_collide_with_ours(matrix: Policy) -> None:
     partners = {f"p_{name}" for name in pilot().partners}
     own = {zone.name for zone in matrix.zones} - partners
     assert {name for name in own if "_" not in name[2:]} == {"p_members"}
 
 
-def test_nobody_is_in_an_empty_roll() -> None:
+def test_without_members_nobody_has_access() -> None:
     found = policy(pilot(), membership())
     assert found.member_zone.networks == ()
     assert not found.allows(party("A"), party("C"), PING)

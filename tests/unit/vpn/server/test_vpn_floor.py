@@ -54,7 +54,7 @@ def held(upstream: str, package: str = "", **how: bool) -> str:
         ("2.6.21", "2.6.14-0+deb12u1"),  # a newer one beside the package
     ],
 )
-def test_what_is_mended_passes(upstream: str, package: str) -> None:
+def test_patched_version_passes(upstream: str, package: str) -> None:
     assert held(upstream, package).startswith(upstream)
 
 
@@ -73,13 +73,13 @@ def test_what_is_mended_passes(upstream: str, package: str) -> None:
         ("2.4.12", ""),
     ],
 )
-def test_what_is_not_is_refused_with_what_to_do(upstream: str, package: str) -> None:
+def test_vulnerable_version_is_refused_with_the_command(upstream: str, package: str) -> None:
     with pytest.raises(ModuleError, match="holes that are known") as refused:
         held(upstream, package)
     assert "apt-get install openvpn" in refused.value.hint
 
 
-def test_in_a_plan_what_is_not_there_yet_passes() -> None:
+def test_absent_package_passes_only_in_a_plan() -> None:
     assert held("", absent_passes=True) == ""
     with pytest.raises(ModuleError, match="does not tell its version"):
         held("")
@@ -107,7 +107,7 @@ def noted(folder: Path, text: str | None) -> dict[str, dict[str, object]]:
     return json.loads(place.read_text())["seen"] if place.exists() else {}
 
 
-def test_who_is_listed_is_noted_and_kept(tmp_path: Path) -> None:
+def test_listed_clients_are_recorded_and_preserved(tmp_path: Path) -> None:
     first = noted(tmp_path, status(100, "inesc-a", "inesc-b", "UNDEF"))
     assert first.keys() == {"inesc-a", "inesc-b"}
     assert first["inesc-b"] == {"last": 100, "real": "192.0.2.7:51", "address": "10.80.16.1"}
@@ -116,12 +116,12 @@ def test_who_is_listed_is_noted_and_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", [None, "", "TITLE\tOpenVPN\n", status(100, "inesc-a", end="")])
-def test_half_a_status_is_no_news(tmp_path: Path, text: str | None) -> None:
+def test_incomplete_status_is_ignored(tmp_path: Path, text: str | None) -> None:
     assert noted(tmp_path, text) == {}
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 2, "seen": {}}', '{"format": 1}'])
-def test_a_file_that_cannot_be_read_is_begun_again(tmp_path: Path, text: str) -> None:
+def test_unreadable_file_is_recreated(tmp_path: Path, text: str) -> None:
     (tmp_path / "seen.json").write_text(text)
     assert noted(tmp_path, status(100, "inesc-a")).keys() == {"inesc-a"}
 
@@ -130,9 +130,7 @@ def test_a_file_that_cannot_be_read_is_begun_again(tmp_path: Path, text: str) ->
     ("installed", "archived", "code"),
     [("2.6.14-0+deb12u2", "2.6.14-0+deb12u2", 0), ("2.6.14-0+deb12u1", "2.6.14-0+deb12u2", 1), ("2.7.5", "2.6.14", 0)],
 )
-def test_a_server_that_is_older_than_its_archive_is_told(
-    tmp_path: Path, installed: str, archived: str, code: int
-) -> None:
+def test_server_older_than_its_archive_is_detected(tmp_path: Path, installed: str, archived: str, code: int) -> None:
     policy = f"openvpn:\n  Installed: {installed}\n  Candidate: {archived}\n  Version table:\n"
     for name, text in (("dpkg-query", installed), ("apt-cache", policy)):
         (tmp_path / name).write_text(f"#!/bin/sh\ncat <<'END'\n{text}\nEND\n")

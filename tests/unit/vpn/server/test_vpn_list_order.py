@@ -35,13 +35,13 @@ def accepted(declared: Inventory, folder: Path, new: bytes, here: bytes | None) 
 
 
 @pytest.mark.parametrize(("new", "here"), [(1, None), (10, 9), (17, 10), (256, 255)])
-def test_a_list_that_follows_is_taken(declaration: Inventory, tmp_path: Path, new: int, here: int | None) -> None:
+def test_successor_list_is_accepted(declaration: Inventory, tmp_path: Path, new: int, here: int | None) -> None:
     before = pki.new_crl(OURS, [], here, NOW) if here is not None else None
     assert accepted(declaration, tmp_path, pki.new_crl(OURS, [], new, NOW), before).returncode == 0
 
 
 @pytest.mark.parametrize(("new", "here"), [(9, 10), (10, 17), (255, 256)])
-def test_a_list_of_before_is_refused(declaration: Inventory, tmp_path: Path, new: int, here: int) -> None:
+def test_earlier_list_is_refused(declaration: Inventory, tmp_path: Path, new: int, here: int) -> None:
     """A run that was planned before a revocation, and is applied after it."""
     said = accepted(declaration, tmp_path, pki.new_crl(OURS, [], new, NOW), pki.new_crl(OURS, [], here, NOW))
     assert said.returncode == 1
@@ -52,7 +52,7 @@ SERIALS = [pki.RevokedSerial(pki.new_serial(), NOW) for _ in range(3)]
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
-def test_a_list_that_is_in_place_is_taken_again(declaration: Inventory, tmp_path: Path, count: int) -> None:
+def test_installed_list_is_accepted_again(declaration: Inventory, tmp_path: Path, count: int) -> None:
     here = pki.new_crl(OURS, SERIALS[:count], 9, NOW)
     assert accepted(declaration, tmp_path, here, here).returncode == 0
     assert accepted(declaration, tmp_path, pki.new_crl(OURS, SERIALS, 10, NOW), here).returncode == 0

@@ -68,7 +68,7 @@ def pilot(**vpn: Any) -> Inventory:  # noqa: ANN401 - of the VPN
     return replace(SHIPPED, pilot=SHIPPED.pilot.model_copy(update={"vpn": changed}))
 
 
-def test_it_is_final_data_without_secrets(authority: Path) -> None:
+def test_result_is_final_data_without_secrets(authority: Path) -> None:
     told = openvpn_server(SHIPPED, SERVER, membership(member("inesc-a", "10.80.16.1")), authority).as_dict()
     text = json.dumps(told)
     assert json.loads(text) == told
@@ -79,14 +79,14 @@ def test_it_is_final_data_without_secrets(authority: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["ca.crt", "crl.pem", *SECRETS])
-def test_without_a_whole_authority_nothing_is_told(authority: Path, name: str) -> None:
+def test_incomplete_authority_is_refused(authority: Path, name: str) -> None:
     (authority / name).unlink()
     with pytest.raises(UsageError, match=name) as refused:
         openvpn_server(SHIPPED, SERVER, membership(), authority)
     assert "provision vpn init" in (refused.value.hint or "")
 
 
-def test_its_kernel_takes_no_route_from_others(authority: Path) -> None:
+def test_kernel_ignores_redirects_and_router_advertisements(authority: Path) -> None:
     files = openvpn_server(SHIPPED, SERVER, membership(), authority).configuration.files
     text = next(file.content for file in files if file.path == "/etc/sysctl.d/60-atlantis-vpn.conf")
     for interface in ("all", "default", "*"):
@@ -94,7 +94,7 @@ def test_its_kernel_takes_no_route_from_others(authority: Path) -> None:
         assert f"-net.ipv6.conf.{interface}.accept_ra = 0" in text.splitlines()
 
 
-def test_the_tunnel_starts_anew_for_its_own_files_alone(authority: Path) -> None:
+def test_tunnel_restarts_only_for_its_own_files(authority: Path) -> None:
     configuration = openvpn_server(SHIPPED, SERVER, membership(), authority).configuration
     tunnel = next(unit for unit in configuration.units if unit.name.startswith("openvpn-server@"))
     live = {file.path for file in live_files(SHIPPED, membership(member("inesc-a", "10.80.16.1")), b"")}
@@ -105,7 +105,7 @@ def test_the_tunnel_starts_anew_for_its_own_files_alone(authority: Path) -> None
     assert configuration.only == (CCD,)
 
 
-def test_its_configuration_holds_what_keeps_members_apart() -> None:
+def test_configuration_isolates_members() -> None:
     lines = server_conf(SHIPPED, SERVER).splitlines()
     for line in (
         *("proto udp4", "local 10.64.0.10", "port 1194", "dev tun0", "topology subnet", "ccd-exclusive"),
@@ -120,14 +120,14 @@ def test_its_configuration_holds_what_keeps_members_apart() -> None:
     assert not [line for line in lines if line.startswith("route 10.64.0.")], "its own LAN is no route of the tunnel"
 
 
-def test_the_declared_cipher_comes_first_and_tcp_tells_nobody_goodbye() -> None:
+def test_declared_cipher_is_first_and_tcp_has_no_exit_notify() -> None:
     text = server_conf(pilot(cipher="aes128-gcm", transport=SHIPPED.pilot.vpn.transport.__class__("tcp")), SERVER)
     assert "data-ciphers AES-128-GCM:AES-256-GCM:CHACHA20-POLY1305\n" in text
     assert "proto tcp4-server\n" in text
     assert "explicit-exit-notify" not in text
 
 
-def test_openvpn_itself_reads_it(tmp_path: Path) -> None:
+def test_openvpn_accepts_the_configuration(tmp_path: Path) -> None:
     (tmp_path / "server.conf").write_text(server_conf(SHIPPED, SERVER))
     words = ["openvpn", "--config", str(tmp_path / "server.conf"), "--show-ciphers"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
@@ -152,7 +152,7 @@ def test_timers_follow_the_link(link: MemberLink) -> None:
     )
 
 
-def test_a_router_that_is_its_sites_end_brings_the_sites_networks() -> None:
+def test_site_router_brings_the_networks_of_its_site() -> None:
     router = member("coastal-router", "10.80.0.11", kind=MemberKind.ROUTER, partner=None)
     text = ccd(router, router.certificates[0], SHIPPED)
     assert "iroute 10.64.1.0 255.255.255.0\niroute 10.64.101.0 255.255.255.0\n" in text
@@ -160,7 +160,7 @@ def test_a_router_that_is_its_sites_end_brings_the_sites_networks() -> None:
         assert "iroute" not in ccd(other, other.certificates[0], SHIPPED), "a partner's device has no network of ours"
 
 
-def test_each_good_certificate_has_a_file_and_no_other() -> None:
+def test_each_valid_certificate_has_a_file_and_no_other() -> None:
     old, new = certificate("inesc-a", CertificateStatus.SEEN), certificate("inesc-a.2")
     gone = certificate("inesc-b", CertificateStatus.REVOKED), certificate("inesc-c", CertificateStatus.SUPERSEDED)
     members = (
@@ -180,7 +180,7 @@ def test_each_good_certificate_has_a_file_and_no_other() -> None:
 @pytest.mark.parametrize(
     "name", ["", "..", "../x", "inesc-a\n", "inesc-a\0b", ".hidden", "Inesc-a", "inesc-a.0", "a/b"]
 )
-def test_what_is_no_name_of_ours_is_no_file(name: str) -> None:
+def test_invalid_common_name_is_refused(name: str) -> None:
     one = member("inesc-a", "10.80.16.1", certificate(name))
     with pytest.raises(UsageError, match="no common name"):
         live_files(SHIPPED, membership(one), b"")

@@ -27,13 +27,13 @@ def said(data: bytes, *, transport: str = "tcp") -> Listen:
 
 
 @pytest.mark.parametrize("query", READS)
-def test_a_query_passes(query: str) -> None:
+def test_query_is_allowed(query: str) -> None:
     assert modem.ask_at(query, b"").data == f"+++{query}\n".encode()
     assert allowed_messages.find_refusal(said(f"+++{query}\n".encode()), active=False) is None
 
 
 @for_each_row("command", DENIED)
-def test_what_does_more_does_not(command: str) -> None:
+def test_command_that_does_more_is_refused(command: str) -> None:
     with pytest.raises(modem.NeverSaid):
         modem.ask_at(command, b"")
     assert modem.refused_reason(f"+++{command}\n".encode(), active=False)
@@ -48,28 +48,28 @@ FORMS = [
 
 
 @pytest.mark.parametrize("query", READS)
-def test_a_query_in_another_form_does_not(query: str) -> None:
+def test_query_in_another_form_is_refused(query: str) -> None:
     for form in FORMS:
         assert modem.refused_reason(form.format(q=query).encode(), active=True), form
 
 
 @pytest.mark.parametrize("query", READS)
-def test_a_query_in_small_letters_does_not(query: str) -> None:
+def test_query_in_lower_case_is_refused(query: str) -> None:
     assert modem.refused_reason(f"+++{query.lower()}\n".encode(), active=True)
 
 
 @pytest.mark.parametrize("number", SEATRAC_READS)
-def test_a_reading_command_passes(number: int) -> None:
+def test_reading_command_is_allowed(number: int) -> None:
     assert modem.refused_reason(modem.ask_seatrac(number, b"").data, active=False) is None
     assert modem.refused_reason(seatrac.command(bytes([number, 1])), active=True), "a parameter"
 
 
 @pytest.mark.parametrize("number", [*SEATRAC_NEVER, *SEATRAC_ACTIVE])
-def test_a_command_that_does_more_does_not(number: int) -> None:
+def test_non_reading_command_is_refused_except_a_ping(number: int) -> None:
     _passes_at_most_as_one_ping(number)
 
 
-def test_no_number_that_nobody_knows_does() -> None:
+def test_other_numbers_are_refused_except_a_ping() -> None:
     for number in range(256):
         if number not in SEATRAC_READS:
             _passes_at_most_as_one_ping(number)
@@ -83,7 +83,7 @@ def _passes_at_most_as_one_ping(number: int) -> None:
     assert (modem.refused_reason(seatrac.command(bytes([number, 2, 4])), active=True) is None) == (number == 0x40)
 
 
-def test_the_tables_are_those_of_the_facts() -> None:
+def test_command_table_matches_the_known_facts() -> None:
     by_use = {use: [number for number, one in modem.SEATRAC.items() if one.use is use] for use in modem.ModemUse}
     assert by_use == {
         modem.ModemUse.READ: SEATRAC_READS,
@@ -93,7 +93,7 @@ def test_the_tables_are_those_of_the_facts() -> None:
 
 
 @pytest.mark.parametrize("payload", [b"\x01", b"\x15", b"\x40\x02\x04"])
-def test_a_frame_must_be_whole_and_alone(payload: bytes) -> None:
+def test_malformed_or_repeated_frame_is_refused(payload: bytes) -> None:
     data = seatrac.command(payload)
     wrong = b"#" + payload.hex().upper().encode() + b"0000\n\r"
     whole = {data[:-1], data[:-2], data + data, b" " + data, data.lower(), wrong, data[:-2] + b"\r\n", b"$" + data[1:]}
@@ -101,7 +101,7 @@ def test_a_frame_must_be_whole_and_alone(payload: bytes) -> None:
         assert modem.refused_reason(other, active=True), other
 
 
-def test_a_message_needs_consent_and_water() -> None:
+def test_message_and_ping_need_consent_in_the_water() -> None:
     assert modem.refused_reason(modem.message("ATLANTIS", 2, CONSENT, b"", within_s=1).data, active=True) is None
     for consent in (None, Consent("Sparus may transmit")):
         with pytest.raises(modem.NeverSaid, match="nobody has consented"):
@@ -113,28 +113,28 @@ def test_a_message_needs_consent_and_water() -> None:
 @pytest.mark.parametrize(
     ("text", "to"), [("A" * 65, 2), ("", 2), ("A B", 2), ("A\nB", 2), ("A", 0), ("A", 255), ("A", -1)]
 )
-def test_a_message_is_short_plain_and_to_one_modem(text: str, to: int) -> None:
+def test_long_odd_or_broadcast_message_is_refused(text: str, to: int) -> None:
     with pytest.raises(modem.NeverSaid):
         modem.message(text, to, CONSENT, b"", within_s=1)
 
 
 @pytest.mark.parametrize("data", [b"+++AT*SENDIM,4,2,ack,hello\n", b"+++AT*SENDIM,5,2,ack,he\n+++AT&W\n", b"hello\n"])
-def test_a_message_is_as_long_as_it_says(data: bytes) -> None:
+def test_message_with_wrong_length_is_refused(data: bytes) -> None:
     assert modem.refused_reason(data, active=True)
 
 
 @pytest.mark.parametrize("beacon", [0, 16, 255])
-def test_a_ping_goes_to_one_beacon(beacon: int) -> None:
+def test_ping_to_an_invalid_beacon_is_refused(beacon: int) -> None:
     with pytest.raises(modem.NeverSaid):
         modem.ping(beacon, CONSENT, b"", within_s=1)
 
 
-def test_nothing_is_sent_to_a_stream_that_only_arrives() -> None:
+def test_nothing_is_sent_to_a_receive_only_stream() -> None:
     assert allowed_messages.find_refusal(said(b"+++AT?S\n", transport="udp"), active=True)
 
 
 @pytest.mark.parametrize("data", [b'?WATCH={"enable":true,"json":true}\n', b"?VERSION;\n"])
-def test_gpsd_is_asked_in_its_own_words(data: bytes) -> None:
+def test_gpsd_allows_only_its_fixed_requests(data: bytes) -> None:
     assert allowed_messages.find_refusal(said(data), active=False) is None
     assert allowed_messages.find_refusal(said(data + data), active=False)
     assert allowed_messages.find_refusal(said(b'?DEVICE={"path":"/dev/ttyUSB0","bps":4800}\n'), active=False)
@@ -152,7 +152,7 @@ ANYTHING = st.one_of(
 
 @settings(max_examples=150)
 @given(ANYTHING)
-def test_nothing_else_passes(data: bytes) -> None:
+def test_only_listed_commands_are_allowed(data: bytes) -> None:
     passes = {f"+++{query}\n".encode() for query in [*READS, *(f"ATI{n}" for n in range(10))]}
     passes |= {seatrac.command(bytes([number])) for number in SEATRAC_READS}
     assert (modem.refused_reason(data, active=False) is None) == (data in passes)

@@ -48,7 +48,7 @@ def _bytes(value: str | list[str]) -> bytes | list[bytes]:
 
 
 @for_each_row("case", CASES, ids=[f"{case['item']}: {case['case']}" for case in CASES])
-def test_what_is_found(declaration: Inventory, case: dict[str, Any]) -> None:
+def test_findings_match_the_case(declaration: Inventory, case: dict[str, Any]) -> None:
     step = the_step(declaration, case["item"])
     assert step.probe is not None
     there = twins(declaration, case.get("moods", {}))
@@ -64,7 +64,7 @@ def test_what_is_found(declaration: Inventory, case: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("item", sorted({case["item"] for case in CASES}))
-def test_every_script_is_on_the_lists(declaration: Inventory, item: str) -> None:
+def test_every_script_is_allowed(declaration: Inventory, item: str) -> None:
     step = the_step(declaration, item)
     assert step.probe is not None
     for question in step.probe.asks():
@@ -73,13 +73,13 @@ def test_every_script_is_on_the_lists(declaration: Inventory, item: str) -> None
         assert (registry.find_refusal(question, active=False) is not None) == (step.kind is ItemKind.ACTIVE)
 
 
-def test_one_modem_is_one_question(declaration: Inventory) -> None:
+def test_items_of_one_modem_share_one_request(declaration: Inventory) -> None:
     asked = [set(_probe(declaration, item).asks()) for item in ("sparus/acoustic", "sparus/usbl")]
     assert asked[0] == asked[1]
     assert asked[0] < set(_probe(declaration, "girona500/acoustic/fleet").asks())
 
 
-def test_only_the_first_row_has_the_fleet(declaration: Inventory) -> None:
+def test_only_first_row_has_the_fleet_item(declaration: Inventory) -> None:
     named = {
         row: [step.name for step in acoustic.steps(Cell(declaration, SITE, row, "acoustic"))]
         for row in declaration.vehicles
@@ -95,13 +95,13 @@ def test_only_the_first_row_has_the_fleet(declaration: Inventory) -> None:
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-def test_where_nothing_is_declared_a_person_looks_in_the_water(declaration: Inventory, column: str) -> None:
+def test_undeclared_modem_is_for_a_person_in_the_water(declaration: Inventory, column: str) -> None:
     (step,) = COLUMNS[column](Cell(declaration, SITE, "eca-rov", column))
     assert (step.kind, step.phase, bool(step.do), bool(step.look_for)) == (ItemKind.PERSON, "in water", True, True)
 
 
 @pytest.mark.parametrize("item", ["girona500/acoustic/message", "zarco/usbl/ping"])
-def test_what_transmits_asks_a_person_whether_it_is_in_the_water(declaration: Inventory, item: str) -> None:
+def test_transmitting_step_asks_for_consent_in_the_water(declaration: Inventory, item: str) -> None:
     step = the_step(declaration, item)
     assert (step.kind, step.phase) == (ItemKind.ACTIVE, "in water")
     assert step.consent is not None

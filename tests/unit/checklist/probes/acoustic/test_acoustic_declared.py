@@ -73,7 +73,9 @@ SAID_OF_NOTHING = {
 
 @for_each_row("met", [*Trouble, None], ids=lambda met: str(met or "nothing said"))
 @for_each_row(("column", "step"), [("acoustic", 0), ("acoustic", 1), ("usbl", 0)])
-def test_a_modem_that_tells_nothing(shipped: Inventory, met: Trouble | None, column: str, step: int) -> None:
+def test_silent_or_unreachable_modem_is_reported(
+    shipped: Inventory, met: Trouble | None, column: str, step: int
+) -> None:
     probe = at(shipped, "sparus", column)[step].probe
     assert probe is not None
     (question,) = probe.asks()
@@ -81,7 +83,7 @@ def test_a_modem_that_tells_nothing(shipped: Inventory, met: Trouble | None, col
     assert f"{verdict} {code}: {message}" == SAID_OF_NOTHING[met]
 
 
-def test_a_modem_in_use_names_the_way_that_disturbs_nobody(shipped: Inventory) -> None:
+def test_hint_for_a_busy_modem_is_unobtrusive(shipped: Inventory) -> None:
     probe: Probe | None = at(shipped, "sparus", "acoustic")[0].probe
     assert probe is not None
     (question,) = probe.asks()
@@ -91,7 +93,7 @@ def test_a_modem_in_use_names_the_way_that_disturbs_nobody(shipped: Inventory) -
     assert "only if the vehicle's crew agrees" in finding.hint
 
 
-def test_a_serial_port_is_asked_where_it_is(shipped: Inventory) -> None:
+def test_serial_port_is_read_at_the_declared_place(shipped: Inventory) -> None:
     step, *_ = at(having(shipped, "mares", acoustic=AcousticEndpoint(**SEATRAC_PORT)), "mares", "acoustic")
     question = asked(step)
     assert (question.transport, question.device, question.baud) == ("serial", "/dev/ttyUSB0", 115200)
@@ -99,7 +101,7 @@ def test_a_serial_port_is_asked_where_it_is(shipped: Inventory) -> None:
     assert question.name == "modem at /dev/ttyUSB0 of this laptop"
 
 
-def test_a_rate_of_a_serial_port_is_the_declared_one(shipped: Inventory) -> None:
+def test_baud_rate_is_declared_or_default(shipped: Inventory) -> None:
     endpoint = AcousticEndpoint(driver="evologics", device="/dev/ttyS1", baud=57600)
     assert asked(at(having(shipped, "mares", acoustic=endpoint), "mares", "acoustic")[0]).baud == 57600
     endpoint = AcousticEndpoint(driver="evologics", device="/dev/ttyS1")
@@ -117,7 +119,7 @@ def test_a_modem_without_an_address_is_for_a_person(shipped: Inventory, column: 
     assert "is not declared" in step.do
 
 
-def test_only_known_languages_transmit(shipped: Inventory) -> None:
+def test_unsupported_drivers_do_not_transmit(shipped: Inventory) -> None:
     changed = having(shipped, "zarco", acoustic=AcousticEndpoint(driver="seatrac", port=9300, partner=2))
     changed = having(changed, "sparus", usbl=UsblEndpoint(driver="evologics", ping=1))
     (message,) = [step for step in at(changed, "zarco", "acoustic") if step.name == "message"]
@@ -125,14 +127,14 @@ def test_only_known_languages_transmit(shipped: Inventory) -> None:
     assert (message.kind, ping.kind) == (ItemKind.PERSON, ItemKind.PERSON)
 
 
-def test_without_a_partner_nothing_transmits(shipped: Inventory) -> None:
+def test_nothing_transmits_without_a_partner(shipped: Inventory) -> None:
     changed = having(shipped, "sparus", acoustic=AcousticEndpoint(driver="evologics"))
     assert [step.kind for step in at(changed, "sparus", "acoustic")] == [ItemKind.AUTOMATIC]
     changed = having(shipped, "zarco", usbl=UsblEndpoint(driver="seatrac", port=9300))
     assert [step.kind for step in at(changed, "zarco", "usbl")] == [ItemKind.AUTOMATIC]
 
 
-def test_what_transmits_waits_for_its_turn(shipped: Inventory) -> None:
+def test_transmitting_steps_take_turns(shipped: Inventory) -> None:
     active = [
         step for row in ("girona500", "sparus") for step in at(shipped, row, "acoustic") if step.kind is ItemKind.ACTIVE
     ]
@@ -141,12 +143,12 @@ def test_what_transmits_waits_for_its_turn(shipped: Inventory) -> None:
     assert asked(at(shipped, "girona500", "acoustic")[0]).turn == ""
 
 
-def test_a_listening_on_nothing_takes_no_time(shipped: Inventory) -> None:
+def test_nothing_to_listen_for_takes_no_time(shipped: Inventory) -> None:
     question = asked(at(having(shipped, "sparus", usbl=None), "sparus", "acoustic")[0])
     assert (question.listen_s, question.enough) == (0.0, b"")
 
 
-def test_nobody_waits_for_fixes_that_are_not_put_out(shipped: Inventory) -> None:
+def test_probe_does_not_wait_for_disabled_fixes(shipped: Inventory) -> None:
     step = at(shipped, "sparus", "usbl")[0]
     assert step.probe is not None
     ended = {}
@@ -158,7 +160,7 @@ def test_nobody_waits_for_fixes_that_are_not_put_out(shipped: Inventory) -> None
     assert ended == {False: 0, True: 30}
 
 
-def test_one_modem_of_the_site_hears_all(shipped: Inventory) -> None:
+def test_site_modem_is_heard_once_for_all_vehicles(shipped: Inventory) -> None:
     """Two vehicles are heard by one modem: one question, as long as the longer wish, judged for each."""
     of_site = IPv4Address("10.64.1.50")
     for row, hears, listen_s in (("girona500", (1,), 20.0), ("sparus", (2,), 40.0)):
@@ -179,7 +181,7 @@ def test_one_modem_of_the_site_hears_all(shipped: Inventory) -> None:
         assert found == codes
 
 
-def test_the_site_s_own_modem_is_one_of_the_fleet(shipped: Inventory) -> None:
+def test_site_modem_belongs_to_the_fleet(shipped: Inventory) -> None:
     endpoint = AcousticEndpoint(driver="evologics", address=IPv4Address("10.64.1.50"), acoustic_address=2)
     changed = having(shipped, None, acoustic=endpoint)
     (fleet,) = [step for step in at(changed, "girona500", "acoustic") if step.name == "fleet"]
@@ -195,7 +197,7 @@ def test_the_site_s_own_modem_is_one_of_the_fleet(shipped: Inventory) -> None:
     assert [step.name for step in at(changed, None, "acoustic")] == [""]
 
 
-def test_a_third_modem_in_use_leaves_the_others_compared(shipped: Inventory) -> None:
+def test_busy_third_modem_leaves_the_others_compared(shipped: Inventory) -> None:
     endpoint = AcousticEndpoint(driver="evologics", address=IPv4Address("10.64.1.50"))
     (fleet,) = [
         step for step in at(having(shipped, None, acoustic=endpoint), "girona500", "acoustic") if step.name == "fleet"
@@ -211,7 +213,7 @@ def test_a_third_modem_in_use_leaves_the_others_compared(shipped: Inventory) -> 
     ]
 
 
-def test_anybody_s_fixes_are_enough_where_none_is_named(shipped: Inventory) -> None:
+def test_any_fix_counts_if_no_target_is_declared(shipped: Inventory) -> None:
     changed = having(shipped, "sparus", usbl=UsblEndpoint(driver="evologics"))
     step = at(changed, "sparus", "usbl")[0]
     assert step.probe is not None
@@ -223,7 +225,7 @@ def test_anybody_s_fixes_are_enough_where_none_is_named(shipped: Inventory) -> N
     ]
 
 
-def test_a_laptop_may_be_where_it_is_asked_from(shipped: Inventory) -> None:
+def test_modem_can_be_probed_from_the_laptop(shipped: Inventory) -> None:
     endpoint = AcousticEndpoint(driver="evologics", seen_from=SeenFrom.LAPTOP)
     assert (
         asked(at(having(shipped, "sparus", acoustic=endpoint, usbl=None), "sparus", "acoustic")[0]).place
@@ -238,7 +240,7 @@ def test_a_laptop_may_be_where_it_is_asked_from(shipped: Inventory) -> None:
         (AcousticEndpoint(driver="seatrac"), "10.64.1.22:9200", SeatracSpec(beacon=9, hears=())),
     ],
 )
-def test_any_modem_would_do_where_no_address_is_declared(
+def test_any_modem_counts_if_no_address_is_declared(
     shipped: Inventory, endpoint: AcousticEndpoint, address: str, spec: EvologicsSpec | SeatracSpec
 ) -> None:
     step = at(having(shipped, "sparus", acoustic=endpoint, usbl=None), "sparus", "acoustic")[0]
@@ -270,12 +272,12 @@ TIMED = EvologicsSpec(local_address=2, hears=(1,), fix_every_s=0.5, clock_ahead_
     ("ahead_s", "codes"),
     [(0.0, ["heard"]), (-4.0, ["heard"]), (-3600.0, ["clock-differs"]), (86_400.0, ["clock-differs"])],
 )
-def test_a_clock_that_was_set_is_compared_with_ours(shipped: Inventory, ahead_s: float, codes: list[str]) -> None:
+def test_modem_clock_is_compared_with_ours(shipped: Inventory, ahead_s: float, codes: list[str]) -> None:
     spec = TIMED.model_copy(update={"clock_ahead_s": ahead_s})
     assert judged_fixes(shipped, spec, began=time.time()) == codes
 
 
-def test_fixes_that_were_kept_back_are_not_of_now(shipped: Inventory) -> None:
+def test_delayed_fixes_are_reported(shipped: Inventory) -> None:
     """The same lines, all of them at once: the modem's clock goes on by seconds while ours stands still."""
     probe = at(shipped, "sparus", "usbl")[0].probe
     assert probe is not None
@@ -287,7 +289,7 @@ def test_fixes_that_were_kept_back_are_not_of_now(shipped: Inventory) -> None:
     assert [one.code for one in probe.judge({question.name: at_once}).findings] == ["heard", "out-of-step"]
 
 
-def test_a_log_in_a_loop_tells_what_it_has_told_before(shipped: Inventory) -> None:
+def test_looped_log_is_reported_as_repeated(shipped: Inventory) -> None:
     probe = at(shipped, "zarco", "usbl")[0].probe
     assert probe is not None
     (question,) = probe.asks()
@@ -299,7 +301,7 @@ def test_a_log_in_a_loop_tells_what_it_has_told_before(shipped: Inventory) -> No
     assert [found.code for found in probe.judge({question.name: looped}).findings] == ["repeated"]
 
 
-def test_nothing_that_is_valid_is_no_fix(shipped: Inventory) -> None:
+def test_response_without_range_or_direction_is_no_fix(shipped: Inventory) -> None:
     """A response whose flags name neither range nor direction says only that somebody has answered."""
     probe = at(shipped, "zarco", "usbl")[0].probe
     assert probe is not None
@@ -313,7 +315,7 @@ def test_nothing_that_is_valid_is_no_fix(shipped: Inventory) -> None:
     assert [found.code for found in probe.judge({question.name: several}).findings] == ["no-fixes"]
 
 
-def test_far_away_is_believed_where_the_site_is_declared_that_wide(shipped: Inventory) -> None:
+def test_distant_fix_is_accepted_within_the_declared_radius(shipped: Inventory) -> None:
     far = EvologicsSpec(local_address=2, hears=(1,), fix_every_s=0.5, range_m=5200.0)
     found = {}
     for radius_m in (None, 1000.0, 4000.0):
@@ -325,7 +327,7 @@ def test_far_away_is_believed_where_the_site_is_declared_that_wide(shipped: Inve
     assert found == {None: ["far-away"], 1000.0: ["too-far"], 4000.0: ["heard"]}
 
 
-def test_an_answer_to_another_ping_is_none_to_ours(shipped: Inventory) -> None:
+def test_response_to_another_ping_does_not_count(shipped: Inventory) -> None:
     """The vehicle's own software pings as well: its answer came before ours was sent."""
     (ping,) = [step for step in at(shipped, "zarco", "usbl") if step.name == "ping"]
     assert ping.probe is not None

@@ -30,7 +30,7 @@ LISTING = (
 )
 
 
-def test_bare_and_framed_fixes() -> None:
+def test_bare_and_framed_fixes_are_read() -> None:
     bare, framed = evologics.fixes(evologics.pieces(BARE_FIX + FRAMED_FIX))
     assert (bare.remote, bare.position_m, bare.propagation_us) == (2, (13.6015, 3.1369, 1.7311), 9377)
     assert (bare.rssi_db, bare.integrity, bare.accuracy, round(bare.clock_s - bare.measured_s, 3)) == (
@@ -42,7 +42,7 @@ def test_bare_and_framed_fixes() -> None:
     assert (framed.remote, framed.propagation_us, framed.rssi_db, framed.integrity) == (1, 1073, -37, 146)
 
 
-def test_a_direction_is_a_fix_without_a_place() -> None:
+def test_direction_is_a_fix_without_a_position() -> None:
     line = b"USBLANGLES,455.6,455.3,3,0.1,0.2,0.3,0.4,0.0,0.0,0.0,-40,120,0.01\r\n"
     (fix,) = evologics.fixes(evologics.pieces(line))
     assert (fix.remote, fix.position_m, fix.propagation_us, fix.rssi_db, fix.integrity) == (3, None, None, -40, 120)
@@ -58,7 +58,7 @@ def test_a_direction_is_a_fix_without_a_place() -> None:
         BARE_FIX[:-2],
     ],
 )
-def test_half_a_fix_is_none(line: bytes) -> None:
+def test_incomplete_fix_is_ignored(line: bytes) -> None:
     assert evologics.fixes(evologics.pieces(line)) == ()
 
 
@@ -67,12 +67,12 @@ def test_a_body_may_be_binary() -> None:
     assert (piece.command, piece.body[-5:], piece.end) == ("AT", b"12\x01\x005", len(MESSAGE))
 
 
-def test_an_answer_may_have_many_lines() -> None:
+def test_response_may_have_many_lines() -> None:
     (piece,) = evologics.pieces(MULTIPATH)
     assert (piece.command, len(piece.body), piece.body.count(b"\n")) == ("AT?P", 96, 8)
 
 
-def test_a_frame_inside_a_frame_is_not_read() -> None:
+def test_nested_frame_is_not_read() -> None:
     inner = b"x\r\n+++AT?S:13:OFFLINE ALARM\r\ny"
     stream = b"raw\x00data+++AT:%d:%b\r\n+++AT?S:23:INITIATION LISTEN 16384\r\n" % (len(inner), inner)
     heard = evologics.pieces(stream)
@@ -81,20 +81,20 @@ def test_a_frame_inside_a_frame_is_not_read() -> None:
 
 
 @pytest.mark.parametrize("cut", range(1, 60, 7))
-def test_what_is_inside_a_cut_frame_is_not_read(cut: int) -> None:
+def test_content_of_a_cut_frame_is_not_read(cut: int) -> None:
     inner = b"x\r\n+++AT?S:13:OFFLINE ALARM\r\n" + b"y" * 60
     stream = b"+++AT:%d:%b\r\n" % (len(inner), inner)
     assert evologics.state(evologics.pieces(stream[:-cut])) is None
 
 
-def test_a_length_that_leads_nowhere_is_no_frame() -> None:
+def test_frame_with_wrong_length_is_ignored() -> None:
     heard = evologics.pieces(b"+++AT?S:5:INITIATION LISTEN 16384\r\n+++AT?E:3:-54\r\n")
     assert evologics.state(heard) is None
     assert evologics.answer(heard, "AT?E") == "-54"
 
 
 @pytest.mark.parametrize("frame", [b"%b", b"+++AT&V:%d:%b\r\n"])
-def test_the_listing(frame: bytes) -> None:
+def test_listing_is_read(frame: bytes) -> None:
     body = LISTING[:-2]
     stream = frame % LISTING if frame == b"%b" else frame % (len(body), body)
     told = evologics.settings(evologics.pieces(stream))
@@ -107,7 +107,7 @@ def test_the_listing(frame: bytes) -> None:
     )
 
 
-def test_changes_are_pending_and_other_names_skipped() -> None:
+def test_pending_changes_are_read_and_unknown_names_skipped() -> None:
     stream = (
         LISTING.replace(b"Gain", b"[*]Gain").replace(b"IM Rerty", b"[*]IM Retry").replace(b"Hold", b"Colour: 7\r\nHold")
     )
@@ -129,7 +129,7 @@ def test_changes_are_pending_and_other_names_skipped() -> None:
         (b"", None),
     ],
 )
-def test_states(stream: bytes, state: str | None) -> None:
+def test_states_are_read(stream: bytes, state: str | None) -> None:
     assert evologics.state(evologics.pieces(stream)) == state
 
 
@@ -146,11 +146,11 @@ def test_states(stream: bytes, state: str | None) -> None:
         (None, None),
     ],
 )
-def test_numbers(text: str | None, number: float | None) -> None:
+def test_numbers_are_read(text: str | None, number: float | None) -> None:
     assert evologics.number(text) == number
 
 
-def test_the_payloads_of_the_beacon() -> None:
+def test_beacon_payloads_are_encoded_and_read() -> None:
     assert [seatrac.command(bytes([number])).strip() for number in (0x01, 0x02, 0x15, 0x3A)] == [
         *(b"#01C1C0", b"#0281C1", b"#15C1CF", b"#3A8013")
     ]
@@ -164,7 +164,7 @@ def test_the_payloads_of_the_beacon() -> None:
     assert seatrac.count_damaged(stream) == 1
 
 
-def test_records_of_the_beacon() -> None:
+def test_beacon_records_are_read() -> None:
     spec = SeatracSpec(beacon=7, in_water=True, auto_sound_speed=False, sound_speed_mps=1483.2, suspect=True)
     records = spec.records()
     told = seatrac.settings(records[0x15])
@@ -185,7 +185,7 @@ def test_records_of_the_beacon() -> None:
     assert seatrac.info(records[0x02]) == "SeaTrac X150, serial number 1, firmware 2.2.1000"
 
 
-def test_cut_records_are_none() -> None:
+def test_cut_records_are_ignored() -> None:
     for whole, read in ((SeatracSpec().fix(3), seatrac.fix), (SeatracSpec().records()[0x02], seatrac.info)):
         assert [read(whole[:end]) for end in range(16 if read is seatrac.fix else 20)] == [None] * (
             16 if read is seatrac.fix else 20
@@ -195,7 +195,7 @@ def test_cut_records_are_none() -> None:
     assert seatrac.status(bytes(8)) is None
 
 
-def test_a_shorter_status_tells_nothing() -> None:
+def test_short_status_has_no_values() -> None:
     assert seatrac.status(SeatracSpec(environment=False).records()[0x10]) == seatrac.BeaconStatus()
 
 
@@ -224,7 +224,7 @@ STREAMS = st.one_of(
 
 @settings(max_examples=150)
 @given(STREAMS)
-def test_nothing_raises(stream: bytes) -> None:
+def test_readers_never_raise(stream: bytes) -> None:
     heard = evologics.pieces(stream)
     assert all(0 < piece.end <= len(stream) for piece in heard)
     evologics.fixes(heard)
@@ -238,19 +238,19 @@ def test_nothing_raises(stream: bytes) -> None:
 
 @settings(max_examples=50)
 @given(st.binary(max_size=80), st.binary(max_size=20))
-def test_any_body_comes_out_as_it_went_in(body: bytes, raw: bytes) -> None:
+def test_any_body_round_trips(body: bytes, raw: bytes) -> None:
     stream = raw.replace(b"+", b"") + b"+++AT:%d:%b\r\n" % (len(body), body)
     assert [piece.body for piece in evologics.pieces(stream) if piece.command] == [body]
 
 
 @settings(max_examples=50)
 @given(st.binary(min_size=1, max_size=40))
-def test_any_record_comes_out_as_it_went_in(payload: bytes) -> None:
+def test_any_record_round_trips(payload: bytes) -> None:
     command = seatrac.command(payload)
     assert seatrac.payload_of(command) == payload
     (answer,) = seatrac.answers(b"$" + command[1:])
     assert bytes([answer.number]) + answer.record == payload
 
 
-def test_the_twin_lists_as_the_facts_do() -> None:
+def test_emulated_listing_matches_the_known_facts() -> None:
     assert EvologicsSpec(local_address=2, carrier=1).listing() + b"\r\n" == LISTING

@@ -34,7 +34,7 @@ def told(findings: tuple[LinkFinding, ...]) -> list[str]:
 
 
 @for_each_row("name", CASES, ids=str)
-def test_a_case_says_what_it_lists_and_nothing_else(name: str) -> None:
+def test_findings_match_the_case(name: str) -> None:
     case = CASES[name]
     found = judged(case, case.transcript).findings
     assert told(found) == LISTED[name]
@@ -42,13 +42,13 @@ def test_a_case_says_what_it_lists_and_nothing_else(name: str) -> None:
 
 
 @for_each_row("name", CASES, ids=str)
-def test_byte_by_byte_is_the_same(name: str) -> None:
+def test_byte_by_byte_arrival_gives_the_same_findings(name: str) -> None:
     case = CASES[name]
     assert judged(case, bytewise(case.transcript)) == judged(case, case.transcript)
 
 
 @for_each_row("name", CASES, ids=str)
-def test_in_one_piece_the_same_is_read(name: str) -> None:
+def test_arrival_in_one_piece_gives_the_same_reports(name: str) -> None:
     case = CASES[name]
     reader = gpsd_reader if case.driver.value == "gpsd" else nmea_reader
     one = (case.transcript.chunks[-1][0] if case.transcript.chunks else 0.0, case.transcript.data)
@@ -93,7 +93,7 @@ def test_the_hint_names_the_cause(name: str, words: str) -> None:
     assert words in (judged(case, case.transcript).findings[0].hint or "")
 
 
-def test_what_was_seen_stands_beside_the_verdict() -> None:
+def test_evidence_is_listed() -> None:
     case = CASES["gpsd, healthy"]
     assert {one.what: one.value for one in judged(case, case.transcript).evidence} == {
         "source": "gpsd 3.22 at 10.64.1.22:2947, /dev/ttyACM0",
@@ -138,16 +138,16 @@ def is_enough(chunks: tuple[tuple[float, bytes], ...]) -> bool:
 
 
 @pytest.mark.parametrize("chunks", ENOUGH)
-def test_listening_ends_when_enough_was_heard(chunks: tuple[tuple[float, bytes], ...]) -> None:
+def test_listening_ends_when_enough_is_received(chunks: tuple[tuple[float, bytes], ...]) -> None:
     assert is_enough(chunks)
 
 
 @pytest.mark.parametrize("chunks", TOO_LITTLE)
-def test_listening_goes_on_before(chunks: tuple[tuple[float, bytes], ...]) -> None:
+def test_listening_continues_until_enough_is_received(chunks: tuple[tuple[float, bytes], ...]) -> None:
     assert not is_enough(chunks)
 
 
-def test_a_long_stream_that_is_never_enough_is_searched_in_no_time() -> None:
+def test_long_insufficient_stream_is_searched_quickly() -> None:
     wanted = replace(WANTED[GpsDriver.GPSD], reports=100)
     (question,) = StreamGps(wanted, Place.GATEWAY).asks()
     assert isinstance(question, Listen)

@@ -32,7 +32,7 @@ OBJECTS = some.dictionaries(some.sampled_from((*NAMES, "satellites", "message", 
 
 @settings(max_examples=60)
 @given(some.lists(some.tuples(some.sampled_from(CLASSES), OBJECTS), max_size=6), some.binary(max_size=30))
-def test_whatever_comes_something_is_said(objects: list[tuple[str, dict[str, Any]]], noise: bytes) -> None:
+def test_any_stream_gives_findings(objects: list[tuple[str, dict[str, Any]]], noise: bytes) -> None:
     pieces = [said({"class": kind, **values}) for kind, values in objects]
     transcript = heard([(0.5 * place, piece) for place, piece in enumerate([*pieces, noise])])
     found = judged(transcript)
@@ -40,7 +40,7 @@ def test_whatever_comes_something_is_said(objects: list[tuple[str, dict[str, Any
     assert all(one.value for one in found.evidence)
 
 
-def test_of_several_receivers_the_one_with_a_fix_is_judged() -> None:
+def test_receiver_with_a_fix_is_judged() -> None:
     other = {**NO_FIX, "device": "/dev/ttyS9"}
     found = read(heard(gpsd(*[one for second in range(5) for one in (other, tpv(second))])))
     assert (found.device, found.others, len(found.fixes)) == (PATH, ("/dev/ttyS9",), 5)
@@ -62,12 +62,12 @@ def test_of_several_receivers_the_one_with_a_fix_is_judged() -> None:
         (77, Nature.MEASURED),
     ],
 )
-def test_status_tells_how_a_position_came_about_and_its_absence_nothing(status: int | None, nature: Nature) -> None:
+def test_status_gives_the_nature_of_a_position(status: int | None, nature: Nature) -> None:
     (report,) = read(heard(gpsd(tpv(0, status=status)))).reports
     assert report.nature is nature
 
 
-def test_satellites_are_counted_where_they_are_not_told() -> None:
+def test_satellites_are_counted_if_not_reported() -> None:
     sky = {
         "class": "SKY",
         "satellites": [{"PRN": 1, "used": True}, {"PRN": 2, "used": False}, {"PRN": 3, "used": True}],
@@ -76,19 +76,19 @@ def test_satellites_are_counted_where_they_are_not_told() -> None:
     assert (found.satellites, found.hdop) == (2, None)
 
 
-def test_its_own_complaints_are_kept_in_its_own_words() -> None:
+def test_errors_of_gpsd_are_kept_verbatim() -> None:
     error = {"class": "ERROR", "message": "Unrecognized request '?FOO;'"}
     found = judged(heard([(0.05, greeting(DEVICE)), (0.1, said(error))], 15.0))
     assert [one.value for one in found.evidence if one.what == "complaint of the source"] == [error["message"]]
 
 
-def test_of_foreign_words_little_is_shown_and_nothing_that_a_terminal_obeys() -> None:
+def test_foreign_text_is_shortened_and_stripped_of_control_characters() -> None:
     error = {"class": "ERROR", "message": "\x1b[2J\n" + "x" * 100_000}
     (complaint,) = read(heard([(0.05, said(error))])).complaints
     assert complaint == "?[2J?" + "x" * 115
 
 
-def test_an_object_whose_end_has_not_come_is_left_out() -> None:
+def test_incomplete_object_is_ignored() -> None:
     cut = json.dumps(tpv(1)).encode()[:-3]
     found = read(heard([(0.05, greeting(DEVICE)), (0.2, said(VERSION, tpv(0), SKY) + cut)]))
     assert (len(found.reports), found.bad) == (1, 0)

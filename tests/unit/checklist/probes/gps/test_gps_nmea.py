@@ -27,7 +27,7 @@ def reports(*lines: bytes) -> tuple[Report, ...]:
 
 
 @pytest.mark.parametrize("line", VIANA)
-def test_a_sentence_counts_with_its_checksum_and_without_it_does_not(line: str) -> None:
+def test_sentence_needs_a_correct_checksum(line: str) -> None:
     body, _, told = line[1:].partition("*")
     assert f"{checksum(body.encode()):02X}" == told
     assert sentence(line.encode()) == body.split(",")
@@ -46,7 +46,7 @@ def test_three_epochs_are_three_reports() -> None:
 
 
 @pytest.mark.parametrize("talker", ["GP", "GN", "GL", "GA", "GB", "GQ", "II"])
-def test_any_talker_is_heard(talker: str) -> None:
+def test_any_talker_is_read(talker: str) -> None:
     (found,) = reports(gga(0, talker=talker), gsa(talker=talker), rmc(0, talker=talker))
     assert (found.mode, found.time is None) == (3, False)
 
@@ -72,7 +72,7 @@ def test_the_order_within_an_epoch_does_not_matter(order: tuple[int, int, int]) 
         (gga(0) + rmc(0, status="V"), 1),
     ],
 )
-def test_dimensions_are_told_by_gsa_or_by_an_altitude(line: bytes, mode: int | None) -> None:
+def test_mode_is_read_from_gsa_or_an_altitude(line: bytes, mode: int | None) -> None:
     (found,) = reports(b"\r\n", line)
     assert found.mode == (1 if mode is None else mode)
 
@@ -89,7 +89,7 @@ def test_dimensions_are_told_by_gsa_or_by_an_altitude(line: bytes, mode: int | N
         (8, "", Nature.SIMULATED),
     ],
 )
-def test_how_a_position_came_about(quality: int, indicator: str, nature: Nature) -> None:
+def test_nature_of_a_position_is_read(quality: int, indicator: str, nature: Nature) -> None:
     (found,) = reports(epoch(0, quality=quality, mode=indicator))
     assert found.nature is nature
 
@@ -97,12 +97,12 @@ def test_how_a_position_came_about(quality: int, indicator: str, nature: Nature)
 @pytest.mark.parametrize(
     ("date", "year"), [("201126", 2026), ("010180", 1980), ("311279", 2079), ("060199", 1999), ("320126", None)]
 )
-def test_the_century_is_the_nearer_one(date: str, year: int | None) -> None:
+def test_nearer_century_is_chosen(date: str, year: int | None) -> None:
     (found,) = reports(framed(f"GPRMC,101500.00,A,4141.18520,N,00850.32959,W,0.05,10.0,{date},,,A"))
     assert (None if found.time is None else datetime.fromtimestamp(found.time, UTC).year) == year
 
 
-def test_midnight_passes() -> None:
+def test_midnight_is_crossed_correctly() -> None:
     late = framed("GPRMC,235959.50,A,4141.18520,N,00850.32959,W,0.05,10.0,201126,,,A")
     early = framed("GPRMC,000000.50,A,4141.18520,N,00850.32959,W,0.05,10.0,211126,,,A")
     before, after = (found.time for found in reports(late, early))
@@ -111,12 +111,12 @@ def test_midnight_passes() -> None:
     assert after - before == pytest.approx(1.0)
 
 
-def test_the_first_line_may_be_cut_and_a_last_one_without_its_end_is_left_out() -> None:
+def test_cut_first_line_and_unfinished_last_line_are_ignored() -> None:
     found = read(heard([(0.1, b"185,N,1*00\r\n" + epoch(0) + gga(1)[:-9])]))
     assert (len(found.reports), found.good, found.bad) == (1, 3, 0)
 
 
-def test_ships_and_makers_own_sentences_are_no_positions() -> None:
+def test_ais_and_proprietary_sentences_are_no_positions() -> None:
     others = framed("PUBX,00,101500.00,4141.18520,N") + b"!AIVDM,1,1,,A,14eG;o@034o8sd<L9i:a;WF>062D,0*7D\r\n"
     found = read(heard(nmea(others)))
     assert (found.reports, found.good, found.bad) == ((), 2, 0)
@@ -146,7 +146,7 @@ def test_no_stream_makes_the_reader_fail(pieces: list[bytes]) -> None:
 
 
 @given(some.floats(-90, 90), some.floats(-180, 180))
-def test_a_position_survives_its_sentence(latitude: float, longitude: float) -> None:
+def test_position_round_trips(latitude: float, longitude: float) -> None:
     def minutes(value: float, digits: int) -> str:
         whole, rest = divmod(round(abs(value) * 60 * 100_000), 60 * 100_000)
         return f"{whole:0{digits}}{rest / 100_000:08.5f}"

@@ -55,12 +55,12 @@ def told(found: ProbeResult) -> list[str]:
     "query", [gps.GPS_MONITOR, gps.GPS_SETTINGS, gps.CLOCK_QUERY], ids=["monitor", "settings", "clock"]
 )
 @pytest.mark.parametrize("tree", trees.TREES, ids=trees.VERSIONS)
-def test_every_version_knows_what_is_asked(tree: trees.Tree, query: Query) -> None:
+def test_every_version_has_the_queried_commands(tree: trees.Tree, query: Query) -> None:
     assert tree.has_command(query.menu, query.command)
     assert {name for name, _ in query.arguments} <= tree.arguments(query.menu, query.command)
 
 
-def test_all_is_asked_of_the_router() -> None:
+def test_router_is_asked_for_monitor_settings_and_clock() -> None:
     asked = {"monitor": gps.GPS_MONITOR, "settings": gps.GPS_SETTINGS, "clock": gps.CLOCK_QUERY}
     assert PROBE.asks() == tuple(RouterOsQuery(name, "off-router", query) for name, query in asked.items())
 
@@ -99,7 +99,7 @@ CASES: dict[str, dict[str, str] | None] = {
 
 
 @for_each_row("case", CASES)
-def test_judged(case: str) -> None:
+def test_findings_match_the_case(case: str) -> None:
     assert told(judged(CASES[case])) == LISTED[case]
 
 
@@ -107,18 +107,18 @@ def test_every_case_is_listed() -> None:
     assert list(LISTED) == list(CASES)
 
 
-def test_a_device_without_the_package() -> None:
+def test_missing_gps_package_is_reported() -> None:
     found = judged(None, Rows(None, rows=None))
     assert told(found) == ["FAIL driver-not-started: off-router does not know `/system gps`"]
     assert found.findings[0].hint == "install the package gps of its RouterOS version"
 
 
-def test_a_receiver_that_is_switched_off() -> None:
+def test_disabled_receiver_is_reported() -> None:
     found = judged({}, Rows(None, rows=({"enabled": "false"},)))
     assert told(found) == ["FAIL driver-not-started: the receiver of off-router is not switched on"]
 
 
-def test_positions_count_though_the_settings_were_not_told() -> None:
+def test_position_counts_without_settings() -> None:
     assert [one.code for one in judged(ROW, Rows(Trouble.SILENT, "no answer")).findings] == ["fix"]
 
 
@@ -138,7 +138,7 @@ def test_positions_count_though_the_settings_were_not_told() -> None:
         ),
     ],
 )
-def test_a_router_that_was_not_reached(trouble: Trouble, expected: str) -> None:
+def test_unreachable_router_is_reported(trouble: Trouble, expected: str) -> None:
     answer = Rows(trouble, "no route")
     assert told(PROBE.judge({"monitor": answer, "settings": answer, "clock": answer})) == [expected]
 
@@ -157,12 +157,12 @@ def test_a_router_that_was_not_reached(trouble: Trouble, expected: str) -> None:
         ("4 1 2 3", None),
     ],
 )
-def test_coordinates_in_the_forms_of_coordinate_format(text: str, value: float | None) -> None:
+def test_all_coordinate_formats_are_read(text: str, value: float | None) -> None:
     (report,) = gps.read_monitor(Rows(None, rows=({**ROW, "latitude": text},))).reports
     assert report.latitude == (None if value is None else pytest.approx(value, abs=1e-6))
 
 
-def test_one_position_is_all_that_it_tells() -> None:
+def test_only_the_latest_position_is_available() -> None:
     found = judged(ROW, wanted=replace(WANTED, fence=Geofence(latitude=41.6864, longitude=-8.8388, radius_m=50.0)))
     assert {one.what: one.value for one in found.evidence}[
         "reports"
@@ -170,7 +170,7 @@ def test_one_position_is_all_that_it_tells() -> None:
     assert {one.what: one.value for one in found.evidence}["age of the last position"] == "1.0 s"
 
 
-def test_a_time_zone_counts_only_where_the_router_tells_it() -> None:
+def test_time_zone_counts_only_if_the_router_reports_it() -> None:
     row = {**ROW, "date-and-time": "2026-11-20 11:14:59"}
     for clock in (Rows(None, rows=({"gmt-offset": "+00:00"},)), Rows(Trouble.SILENT), Rows(None, rows=())):
         assert told(judged(row, clock=clock)) == [
@@ -178,7 +178,7 @@ def test_a_time_zone_counts_only_where_the_router_tells_it() -> None:
         ]
 
 
-def test_a_position_whose_time_nobody_has_compared_does_not_pass() -> None:
+def test_position_without_a_compared_clock_does_not_pass() -> None:
     unheard = replace(ON, response_time=0.0, rows=(ROW,))
     found = PROBE.judge({"monitor": unheard, "settings": ON, "clock": CLOCK})
     assert told(found) == [

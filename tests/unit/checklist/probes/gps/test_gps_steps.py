@@ -36,7 +36,13 @@ def stream(step: Step) -> StreamGps:
         ("stork", "10.64.1.24", 2947, True),
     ],
 )
-def test_a_stream_is_listened_to(declaration: Inventory, vehicle: str, address: str, port: int, three: bool) -> None:  # noqa: FBT001
+def test_declared_stream_is_listened_to(
+    declaration: Inventory,
+    vehicle: str,
+    address: str,
+    port: int,
+    three: bool,  # noqa: FBT001
+) -> None:
     step = of(declaration, vehicle)
     probe = stream(step)
     assert (step.name, step.kind, step.phase, step.concerns) == (
@@ -51,14 +57,14 @@ def test_a_stream_is_listened_to(declaration: Inventory, vehicle: str, address: 
 
 
 @pytest.mark.parametrize("vehicle", ["sparus", "girona500"])
-def test_what_is_said_is_on_the_list_of_what_may_be(declaration: Inventory, vehicle: str) -> None:
+def test_requests_are_allowed(declaration: Inventory, vehicle: str) -> None:
     (question,) = stream(of(declaration, vehicle)).asks()
     assert isinstance(question, Listen)
     assert find_refusal(question, active=False) is None
     assert bool(question.say) is (vehicle == "sparus")
 
 
-def test_a_serial_port_is_of_the_computer_that_listens(declaration: Inventory) -> None:
+def test_serial_port_belongs_to_the_listening_computer(declaration: Inventory) -> None:
     gps = {"driver": "nmea_serial", "device": "/dev/ttyUSB0", "baud": 4800, "seen_from": "laptop", "reports": 3}
     step = of(declaration, "sparus", gps)
     (question,) = stream(step).asks()
@@ -74,20 +80,20 @@ def test_a_serial_port_is_of_the_computer_that_listens(declaration: Inventory) -
 
 
 @pytest.mark.parametrize(("gps", "host"), [({}, "coastal-router"), ({"seen_by": "coastal-cpe"}, "coastal-cpe")])
-def test_a_router_is_asked(declaration: Inventory, gps: dict[str, Any], host: str) -> None:
+def test_declared_router_is_queried(declaration: Inventory, gps: dict[str, Any], host: str) -> None:
     step = of(declaration, "sparus", {"driver": "routeros", **gps})
     assert isinstance(step.probe, RouterosGps)
     assert (step.probe.host, step.concerns) == (host, (host,))
 
 
-def test_nothing_declared_is_a_persons_step(declaration: Inventory) -> None:
+def test_undeclared_receiver_is_for_a_person(declaration: Inventory) -> None:
     step = of(declaration, "stork", declared=False)
     assert (step.name, step.kind, step.phase) == ("", ItemKind.PERSON, Phase.QUAY)
     assert "3D fix" in step.look_for
     assert "2D or 3D fix" in of(declaration, "sparus", declared=False).look_for
 
 
-def test_an_address_that_nobody_has_declared_is_told(declaration: Inventory) -> None:
+def test_undeclared_address_is_reported(declaration: Inventory) -> None:
     site = declaration.sites["coastal"]
     lan = site.lan.model_copy(update={"reservations": ()})
     changed = replace(declaration, sites={**declaration.sites, "coastal": site.model_copy(update={"lan": lan})})

@@ -152,7 +152,7 @@ SITUATIONS: dict[str, tuple[Callable[[], World], str, int, list[str]]] = {
 
 
 @pytest.mark.parametrize("name", SITUATIONS)
-def test_what_a_check_advises_is_typed(name: str, laptop: Laptop, reached: list[str]) -> None:
+def test_advised_commands_work_when_typed(name: str, laptop: Laptop, reached: list[str]) -> None:
     world, hint, code, devices = SITUATIONS[name]
     commands = advised(said(hints(world()), hint))
     assert commands

@@ -74,27 +74,27 @@ def _changed(spec: ComputerSpec, changes: dict[str, Any]) -> ComputerSpec:
     return spec.model_copy(update={"interfaces": tuple(map(radio, spec.interfaces))})
 
 
-def test_there_is_no_item_where_the_gateway_opens_no_network() -> None:
+def test_gateway_without_a_network_has_no_item() -> None:
     assert item(SHIPPED) is None
 
 
-def test_the_network_is_open_and_both_stations_are_known() -> None:
+def test_open_network_with_known_stations_passes() -> None:
     assert codes() == {"network-open": "PASS", "stations": "PASS"}
 
 
-def test_an_open_network_that_nobody_has_joined() -> None:
+def test_open_network_without_stations_passes() -> None:
     assert codes(stations=()) == {"network-open": "PASS"}
 
 
-def test_hostapd_does_not_run() -> None:
+def test_stopped_hostapd_fails() -> None:
     assert codes(type="managed", association=None)["network-closed"] == "FAIL"
 
 
-def test_the_radio_is_not_plugged_in() -> None:
+def test_missing_radio_fails() -> None:
     assert codes(name="wlan9") == {"radio-missing": "FAIL"}
 
 
-def test_it_listens_for_radar() -> None:
+def test_radar_wait_is_inconclusive() -> None:
     assert codes(association=None) == {"network-not-yet-open": "INCONCLUSIVE"}
 
 
@@ -102,7 +102,7 @@ def test_it_listens_for_radar() -> None:
     ("field", "value", "code", "verdict"),
     [("ssid", "EXAMPLE-OLD", "other-network", "FAIL"), ("frequency_mhz", 5580, "other-channel", "WARN")],
 )
-def test_another_network_than_declared(field: str, value: object, code: str, verdict: str) -> None:
+def test_network_different_from_inventory_is_reported(field: str, value: object, code: str, verdict: str) -> None:
     spec = gateway_computer(declared(), declared().hosts["coastal-gateway"], VEHICLES)
     radio = spec.interface("wlan3")
     assert radio is not None
@@ -110,7 +110,7 @@ def test_another_network_than_declared(field: str, value: object, code: str, ver
     assert codes(association=radio.association.model_copy(update={field: value}))[code] == verdict
 
 
-def test_somebody_who_is_no_declared_vehicle_has_the_key() -> None:
+def test_unknown_station_is_a_warning() -> None:
     spec = gateway_computer(declared(), declared().hosts["coastal-gateway"], VEHICLES)
     radio = spec.interface("wlan3")
     assert radio is not None

@@ -32,7 +32,7 @@ POE = "/interface/ethernet/poe"
 
 
 @pytest.mark.parametrize("version", trees.VERSIONS)
-def test_the_router_has_the_words(version: str) -> None:
+def test_router_has_the_queried_commands(version: str) -> None:
     tree = trees.Tree(version)
     for query in QUERIES:
         if query.menu == POE:  # hardware that the trees' Cloud Hosted Router lacks
@@ -45,7 +45,7 @@ def test_the_router_has_the_words(version: str) -> None:
         assert words <= tree.arguments(query.menu, query.command)
 
 
-def test_the_properties_are_those_of_the_menus() -> None:
+def test_queried_properties_exist_in_their_menus() -> None:
     offered = trees.offered()
     for query in QUERIES:
         known = offered.get(f"{query.path} proplist")
@@ -54,7 +54,7 @@ def test_the_properties_are_those_of_the_menus() -> None:
             assert set(query.proplist) <= {*known, *computed}, query
 
 
-def test_nothing_but_reading_is_asked_for() -> None:
+def test_only_read_requests_are_sent() -> None:
     assert {query.command for query in QUERIES} == {"print", "monitor", "ping"}
     assert all(("arp-ping", "yes") in query.arguments for query in QUERIES if query.command == "ping")
     assert {type(one) for one in EVERY} == {
@@ -70,7 +70,7 @@ def test_nothing_but_reading_is_asked_for() -> None:
     assert not {name for name in asked if "password" in name or "secret" in name}
 
 
-def test_every_program_is_on_the_list() -> None:
+def test_every_program_is_allowed() -> None:
     programs = [one.argv for one in EVERY if isinstance(one, RunProgram)]
     assert programs
     assert [argv for argv in programs if not is_allowed(argv)] == []
@@ -94,7 +94,7 @@ def test_every_program_is_on_the_list() -> None:
         "chronyc -n -c makestep",
     ],
 )
-def test_what_is_not_on_the_list_is_refused(words: str) -> None:
+def test_unlisted_program_is_refused(words: str) -> None:
     assert not is_allowed(tuple(words.split()))
 
 
@@ -103,14 +103,14 @@ def test_paths_are_those_that_the_toolkit_writes() -> None:
     assert set(FILES) == {tool.path for tool in parts._TOOLS.values()}
 
 
-def test_pings_go_to_nobody_outside_the_site() -> None:
+def test_pings_stay_within_the_site_and_vpn() -> None:
     """Five to the VPN's own server through the tunnel; ARP does not leave the LAN."""
     targets = {one.argv[-1] for one in EVERY if isinstance(one, RunProgram) and one.argv[0] == "ping"}
     server = declaration().hosts[declaration().pilot.vpn.server].device
     assert targets == {str(getattr(server, "vpn_address", None))}
 
 
-def test_messages_go_to_the_control_centre_alone() -> None:
+def test_messages_go_only_to_the_control_centre() -> None:
     asked = [one for one in EVERY if isinstance(one, ReflectRequest)]
     centre = declaration().hosts["scc-control"].device
     assert [(one.source, one.address, one.port) for one in asked] == [
@@ -118,7 +118,7 @@ def test_messages_go_to_the_control_centre_alone() -> None:
     ]
 
 
-def test_hints_name_commands_that_there_are() -> None:
+def test_hints_name_existing_commands() -> None:
     text = "".join(path.read_text(encoding="utf-8") for path in Path(site_checks.__path__[0]).glob("*.py"))
     named = set(re.findall(r"`provision ((?:vpn )?[a-z]+)[` ]", text))
     assert "vpn renew" in named

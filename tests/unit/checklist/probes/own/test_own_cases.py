@@ -33,7 +33,7 @@ OF_A_MEASURED_LINK = {
 
 
 @for_each_row("name", list(BROKEN))
-def test_exactly_what_is_broken_is_told(name: str) -> None:
+def test_exactly_the_fault_is_reported(name: str) -> None:
     assert BROKEN[name]().findings() == {**LISTED["healthy"], **LISTED[name]}
 
 
@@ -66,13 +66,13 @@ def of(site: str) -> tuple[Step, ...]:
     return steps(Cell(declaration(), site, None, "site"))
 
 
-def test_what_is_not_declared_at_a_site_is_skipped_by_name() -> None:
+def test_undeclared_parts_of_a_site_are_skipped_by_name() -> None:
     skipped = {step.name: step.unless for step in of("scc") if step.unless}
     assert skipped == {"satellite-filter": "the site has no satellite"}
     assert [step.name for step in of("te4sea") if step.unless] == []
 
 
-def test_the_control_centre_is_looked_from_at_a_site_without_a_gateway() -> None:
+def test_site_without_a_gateway_is_checked_from_the_control_centre() -> None:
     assert not [step.name for step in of("scc") if step.kind is ItemKind.PERSON]
     found = {step.name: step for step in of("scc")}
     assert found["dds"].title == "DDS answers on the control centre"
@@ -81,7 +81,7 @@ def test_the_control_centre_is_looked_from_at_a_site_without_a_gateway() -> None
     )
 
 
-def test_what_no_program_can_see_at_a_site_is_for_a_person() -> None:
+def test_checks_without_a_usable_computer_are_for_a_person() -> None:
     """A site whose only computer is an operator's: its programs are not ours to ask."""
     control = declaration().hosts["scc-control"]
     kept = control.device.model_dump(include={"mac", "address", "vpn_address"})
@@ -98,7 +98,7 @@ def test_what_no_program_can_see_at_a_site_is_for_a_person() -> None:
     assert all(step.do and step.look_for and step.concerns for step in found.values())
 
 
-def test_where_nobody_is_declared_in_the_vpn_or_to_talk_dds_both_are_still_asked_for() -> None:
+def test_vpn_and_dds_items_remain_if_undeclared() -> None:
     hosts = {name: host for name, host in declaration().hosts.items() if name != "scc-control"}
     server = hosts["scc-vpn"]
     hosts["scc-vpn"] = replace(server, device=server.device.model_copy(update={"vpn_address": None}))
@@ -112,7 +112,7 @@ def test_where_nobody_is_declared_in_the_vpn_or_to_talk_dds_both_are_still_asked
     assert "The pilot declares no DDS" in found["dds"].do
 
 
-def test_a_site_without_a_router_has_every_item_too() -> None:
+def test_site_without_a_router_still_has_every_item() -> None:
     hosts = {name: host for name, host in declaration().hosts.items() if name != f"{SITE}-router"}
     without = replace(declaration(), hosts=hosts)
     found = steps(Cell(without, SITE, None, "site"))

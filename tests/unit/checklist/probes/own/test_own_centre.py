@@ -45,20 +45,20 @@ def test_every_gateway_is_asked_and_has_its_finding() -> None:
     ]
 
 
-def test_a_gateway_that_is_silent_may_be_switched_off() -> None:
+def test_silent_gateway_is_inconclusive() -> None:
     assert told(te4sea_gateway=probes.ReflectResult(None, "", TOKENS))[1:] == [
         "INCONCLUSIVE gateway-silent: te4sea-gateway has answered none of 3 messages: it may be off"
     ]
 
 
-def test_an_answer_of_the_other_gateway_does_not_count() -> None:
+def test_response_of_another_gateway_does_not_count() -> None:
     other = answered("coastal-gateway", "10.80.0.22")
     assert told(te4sea_gateway=other)[1:] == [
         "FAIL other-computer: coastal-gateway answers at 10.80.0.22, the address of te4sea-gateway"
     ]
 
 
-def test_where_nobody_is_in_the_vpn_a_person_looks() -> None:
+def test_missing_vpn_members_leave_the_step_to_a_person() -> None:
     shipped = declaration()
     hosts = {
         name: replace(host, device=host.device.model_copy(update={"vpn_address": None}))

@@ -36,7 +36,7 @@ def with_file(text: str | None) -> World:
     return World(pc=spec, steps=own(with_gateway(network=NETWORK)))
 
 
-def test_the_promised_file_is_compared_word_by_word() -> None:
+def test_declared_network_file_is_compared_exactly() -> None:
     whole = with_gateway(network=NETWORK)
     promised = computer_network(whole, whole.hosts[f"{SITE}-gateway"])
     assert promised is not None
@@ -54,7 +54,7 @@ def test_the_promised_file_is_compared_word_by_word() -> None:
     assert of(with_file(None), "static-addresses") == [router, gone]
 
 
-def test_a_declared_interface_is_asked_for_offers_by_its_name() -> None:
+def test_dhcp_offers_are_requested_on_the_declared_interface() -> None:
     step = next(one for one in own(with_gateway(network=NETWORK)) if one.name == "rogue-dhcp")
     assert step.probe is not None
     assert [one.interface for one in step.probe.asks() if isinstance(one, DhcpDiscoverRequest)] == ["eth7"]
@@ -67,7 +67,7 @@ def leased() -> tuple[Step, ...]:
     return own(with_gateway(image=device.image.model_copy(update={"address_by": AddressBy.DHCP})))
 
 
-def test_a_gateway_that_gets_its_address_by_reservation() -> None:
+def test_gateway_address_by_reservation_is_judged() -> None:
     router = "PASS router-as-declared: coastal-router has its 5 declared addresses, none of them leased"
     fine = "PASS gateway-as-declared: coastal-gateway has 10.64.1.10/24, and will have it after a restart"
     world = World(pc=with_address("10.64.1.10/24", 3000, instead=True), steps=leased())
@@ -76,7 +76,7 @@ def test_a_gateway_that_gets_its_address_by_reservation() -> None:
     assert of(World(steps=leased()), "static-addresses") == [router, by_hand]
 
 
-def test_a_worse_link_that_costs_nothing_only_warns() -> None:
+def test_worse_link_that_is_not_metered_only_warns() -> None:
     whole = declaration()
     site = whole.sites[SITE]
     free = tuple(one.model_copy(update={"metered": False, "billing": None}) for one in site.bearers)
@@ -87,7 +87,7 @@ def test_a_worse_link_that_costs_nothing_only_warns() -> None:
     ]
 
 
-def test_ports_that_feed_nobody_who_is_declared() -> None:
+def test_ports_that_feed_no_declared_device_pass() -> None:
     whole = declaration()
     hosts = {
         name: replace(host, device=host.device.model_copy(update={"powered_by": None}))
@@ -106,7 +106,7 @@ def certificates_of_scc(whole: Inventory) -> list[str]:
     return of(world, "certificates")
 
 
-def test_a_site_with_one_certificate() -> None:
+def test_site_with_one_certificate_passes() -> None:
     whole = declaration()
     control = whole.hosts["scc-control"]
     outside = replace(control, device=control.device.model_copy(update={"vpn_address": None}))
@@ -114,13 +114,13 @@ def test_a_site_with_one_certificate() -> None:
     assert found == ["PASS valid: the one certificate is valid until 2036-11-18"]
 
 
-def test_a_control_centre_in_the_vpn_has_an_identity_of_its_own() -> None:
+def test_control_centre_in_the_vpn_needs_its_own_identity() -> None:
     (line,) = certificates_of_scc(declaration())
     assert line.startswith("FAIL other-identity: the VPN identity of scc-control holds EXAMPLE VPN authority and")
     assert line.endswith("coastal-gateway, and no certificate of scc-control")
 
 
-def test_a_port_that_is_forced_on_feeds_nobody_for_sure() -> None:
+def test_port_forced_on_does_not_prove_that_it_feeds() -> None:
     whole = declaration()
     router = whole.hosts[f"{SITE}-router"]
     assert isinstance(router.device, Router)
@@ -145,7 +145,7 @@ def test_a_port_that_is_forced_on_feeds_nobody_for_sure() -> None:
         assert line.startswith(expected)
 
 
-def test_a_vpn_server_of_which_nobody_knows_the_address_is_not_asked() -> None:
+def test_vpn_server_without_an_address_is_not_asked() -> None:
     whole = declaration()
     server = whole.hosts[whole.pilot.vpn.server]
     unknown = replace(server, device=server.device.model_copy(update={"vpn_address": None}))

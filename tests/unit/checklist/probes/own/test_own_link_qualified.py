@@ -64,14 +64,14 @@ def answer(record: QualifyRecord | None) -> LinkRecordResult:
     return LinkRecordResult(None, "", record, NOW)
 
 
-def test_a_far_end_of_others_qualifies_no_link() -> None:
+def test_foreign_far_end_qualifies_no_link() -> None:
     end = real().run.far_end.model_copy(update={"name": "192.0.2.7", "authenticated": False})
     verdict, codes, message = judged(answer(real(far_end=end)))
     assert (verdict, codes) == (Verdict.INCONCLUSIVE, {"other-far-end": Verdict.INCONCLUSIVE})
     assert message == "192.0.2.7, which answered the measurement of satellite, is no far end of ours"
 
 
-def test_items_are_there_where_measurements_are_declared_and_one_for_each_link() -> None:
+def test_each_link_has_an_item_if_measurements_are_declared() -> None:
     without = replace(SHIPPED, pilot=SHIPPED.pilot.model_copy(update={"qualify": None}))
     assert not [step for step in steps(Cell(without, "coastal", None, "site")) if "qualified" in step.name]
     names = [step.name for step in steps(Cell(declared(), "coastal", None, "site")) if "qualified" in step.name]
@@ -82,7 +82,7 @@ def test_items_are_there_where_measurements_are_declared_and_one_for_each_link()
     assert made.concerns == ("coastal-router", "coastal-sat")
 
 
-def test_a_measurement_that_holds_is_green_and_says_what_it_stands_on() -> None:
+def test_valid_measurement_passes_with_its_evidence() -> None:
     probe = item(declared()).probe
     assert probe is not None
     found = probe.judge({"record": answer(real())})
@@ -92,7 +92,7 @@ def test_a_measurement_that_holds_is_green_and_says_what_it_stands_on() -> None:
     assert any(each.what == "FTD, round trip, 95 %" and "PASS" in (each.value or "") for each in found.evidence)
 
 
-def test_without_a_measurement_nothing_is_known() -> None:
+def test_missing_or_unreadable_measurement_is_inconclusive() -> None:
     assert judged(answer(None))[:2] == (Verdict.INCONCLUSIVE, {"never-measured": Verdict.INCONCLUSIVE})
     broken = LinkRecordResult(Trouble.MISSING, "EXAMPLE cannot be read", None, NOW)
     assert judged(broken)[:2] == (Verdict.INCONCLUSIVE, {"not-readable": Verdict.INCONCLUSIVE})
@@ -109,13 +109,13 @@ def test_without_a_measurement_nothing_is_known() -> None:
         (-timedelta(minutes=6), 30, "of-the-future"),
     ],
 )
-def test_an_old_one_and_one_of_the_future_prove_nothing(age: timedelta, days: int, code: str) -> None:
+def test_old_or_future_measurement_proves_nothing(age: timedelta, days: int, code: str) -> None:
     verdict, codes, _ = judged(answer(real(replace(SATELLITE, age=age))), qualified_within_days=days)
     assert [*codes] == [code]
     assert verdict is (Verdict.PASS if code == "qualified" else Verdict.INCONCLUSIVE)
 
 
-def test_thirty_days_are_the_default() -> None:
+def test_default_validity_is_thirty_days() -> None:
     assert SHIPPED.sites["coastal"].checklist.qualified_within_days == 30
 
 
@@ -133,12 +133,12 @@ def test_thirty_days_are_the_default() -> None:
         (real(emulated=True), Verdict.INCONCLUSIVE, {"emulated"}),
     ],
 )
-def test_what_is_not_proved_is_not_green(record: QualifyRecord, verdict: Verdict, codes: set[str]) -> None:
+def test_unproved_link_is_not_green(record: QualifyRecord, verdict: Verdict, codes: set[str]) -> None:
     found = judged(answer(record))
     assert (found[0], {*found[1]}) == (verdict, codes)
 
 
-def test_a_criterion_that_is_open_keeps_it_from_green() -> None:
+def test_open_criterion_is_inconclusive() -> None:
     record = real()
     open_ = replace(record.judgements[0], verdict=Verdict.INCONCLUSIVE)
     verdict, codes, message = judged(answer(record.model_copy(update={"judgements": (open_, *record.judgements[1:])})))
@@ -146,7 +146,7 @@ def test_a_criterion_that_is_open_keeps_it_from_green() -> None:
     assert message == "the measurement of satellite leaves open: FTD, round trip, 95 %"
 
 
-def test_what_is_advised_can_be_typed(
+def test_advised_commands_can_be_typed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The figures are shown, and the list names what cannot be read; nothing is measured here."""
@@ -198,7 +198,7 @@ def ask(state: Path, declaration: Inventory = SHIPPED) -> LinkRecordResult:
     return result
 
 
-def test_the_newest_real_one_of_this_computer_is_read_and_judged_from_its_samples(tmp_path: Path) -> None:
+def test_newest_real_measurement_is_judged_from_its_samples(tmp_path: Path) -> None:
     assert ask(tmp_path).record is None
     put(tmp_path, replace(SATELLITE, age=timedelta(days=3)), rehearsed=True)
     put(tmp_path, replace(SATELLITE, age=timedelta(hours=1)), emulated=True)
@@ -218,7 +218,7 @@ def test_the_newest_real_one_of_this_computer_is_read_and_judged_from_its_sample
     assert "is damaged" in broken.words
 
 
-def test_it_is_judged_by_what_is_declared_now(tmp_path: Path) -> None:
+def test_measurement_is_judged_by_the_current_inventory(tmp_path: Path) -> None:
     put(tmp_path, SATELLITE)
     assert ask(tmp_path).record is not None
     site = SHIPPED.sites["coastal"]
@@ -234,7 +234,7 @@ def test_it_is_judged_by_what_is_declared_now(tmp_path: Path) -> None:
     assert record.run.thresholds_name == "satellite"
 
 
-def test_a_rehearsal_measures_no_link_and_calls_none_good() -> None:
+def test_rehearsal_passes_no_link() -> None:
     """What is made up shows a fault; it never passes, and is evidence of nothing."""
     world = healthy(SHIPPED, "coastal")
     world.link("4g", age=timedelta(days=60))
@@ -258,6 +258,6 @@ def test_a_rehearsal_measures_no_link_and_calls_none_good() -> None:
             )
 
 
-def test_a_rehearsal_has_a_measurement_of_every_kind_of_link_that_holds() -> None:
+def test_simulated_measurement_passes_for_every_kind_of_link() -> None:
     for kind in LinkKind:
         assert MeasuredLink("EXAMPLE", kind).record("coastal", NOW).verdict is Verdict.PASS

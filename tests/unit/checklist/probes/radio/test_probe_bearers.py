@@ -179,7 +179,7 @@ def test_proof(case: Case) -> None:
     check(case, LISTED["proofs"], AllowListProbe("satellite", "coastal"), {})
 
 
-def test_every_code_of_ours_has_its_case() -> None:
+def test_every_code_has_its_case() -> None:
     tables = {"bridges": BRIDGES, "units": UNITS, "terminals": TERMINALS, "proofs": PROOFS}
     assert {kind: list(cases) for kind, cases in LISTED.items()} == {
         kind: [case.name for case in table] for kind, table in tables.items()
@@ -190,6 +190,6 @@ def test_every_code_of_ours_has_its_case() -> None:
     }
 
 
-def test_one_question_serves() -> None:
+def test_probe_sends_one_request() -> None:
     assert LinkProbe("4g").asks() == (LinkStatusRequest("look", "4g"),)
     assert AllowListProbe("satellite", "coastal").asks() == (AllowListTestRequest("prove", "satellite"),)

@@ -157,7 +157,7 @@ def probe(case: Case) -> CabledProbe:
 
 
 @for_each_row("case", CASES, ids=str)
-def test_judged(case: Case) -> None:
+def test_findings_match_the_case(case: Case) -> None:
     check(case, LISTED, probe(case), HEALTHY)
 
 
@@ -172,7 +172,7 @@ def test_every_code_has_its_case() -> None:
 
 
 @pytest.mark.parametrize("version", trees.VERSIONS)
-def test_the_router_has_the_words(version: str) -> None:
+def test_router_has_the_queried_commands(version: str) -> None:
     tree = trees.Tree(version)
     asked = [one.query for one in probe(CASES[0]).asks() if isinstance(one, RouterOsQuery)]
     assert len(asked) == 2
@@ -181,7 +181,7 @@ def test_the_router_has_the_words(version: str) -> None:
         assert {name for name, _ in query.arguments} <= tree.arguments(query.menu, query.command)
 
 
-def test_every_program_is_on_the_list() -> None:
+def test_every_program_is_allowed() -> None:
     asked = [one for one in probe(CASES[0]).asks() if isinstance(one, RunProgram)]
     assert [" ".join(one.argv) for one in asked] == [
         "ip -j route get 10.64.1.26",

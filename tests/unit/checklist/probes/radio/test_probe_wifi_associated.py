@@ -119,7 +119,7 @@ def probe(case: Case) -> AssociatedProbe:
 
 
 @for_each_row("case", CASES, ids=str)
-def test_judged(case: Case) -> None:
+def test_findings_match_the_case(case: Case) -> None:
     check(case, LISTED, probe(case), HEALTHY)
 
 
@@ -134,7 +134,7 @@ def test_every_code_has_its_case() -> None:
     }
 
 
-def test_everything_that_is_asked_is_on_the_list() -> None:
+def test_every_program_is_allowed() -> None:
     asked = [one for one in probe(CASES[0]).asks() if isinstance(one, RunProgram)]
     assert all(is_allowed(one.argv) for one in asked)
     assert [" ".join(one.argv) for one in asked] == [
@@ -150,7 +150,7 @@ def test_a_name_in_any_script_is_read() -> None:
     assert link.ssid == "Praia do Norte café"
 
 
-def test_of_several_stations_the_right_one_is_read() -> None:
+def test_matching_station_is_read() -> None:
     two = stations("-80 dBm", "-80 dBm", "02:00:5e:00:01:77").out + stations().out
     station = read_station(two, BSSID.upper())
     assert station is not None

@@ -94,7 +94,7 @@ def probe(case: Case) -> RegisteredProbe:
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_judged(case: Case) -> None:
+def test_findings_match_the_case(case: Case) -> None:
     check(case, LISTED, probe(case), HEALTHY)
 
 
@@ -108,14 +108,14 @@ def test_every_code_has_its_case() -> None:
 
 
 @pytest.mark.parametrize("version", trees.VERSIONS)
-def test_the_device_has_the_words(version: str) -> None:
+def test_device_has_the_queried_commands(version: str) -> None:
     tree = trees.Tree(version)
     asked = [one for one in probe(CASES[0]).asks() if isinstance(one, RouterOsQuery)]
     assert {one.host for one in asked} == {"coastal-ap"}
     assert all(tree.has_command(one.query.menu, one.query.command) for one in asked)
 
 
-def test_without_an_access_point_of_ours_only_a_ping_is_sent() -> None:
+def test_only_a_ping_is_sent_without_our_own_access_point() -> None:
     asked = probe(Case("", endpoint={"seen_by": None})).asks()
     assert [one.name for one in asked] == ["route", "ping"]
     assert all(isinstance(one, RunProgram) and is_allowed(one.argv) for one in asked)

@@ -20,7 +20,7 @@ def short(address: str) -> RunProgram:
     return type(asked)(asked.name, asked.place, tuple("2" if one == str(_ping.COUNT) else one for one in asked.argv))
 
 
-def test_ip_is_read_as_it_prints() -> None:
+def test_real_output_of_ip_is_read() -> None:
     assert ping.read_route(run(ping.route_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") == ping.NeighbourRoute("lo")
     assert ping.read_card(run(ping.card_request(Place.LAPTOP, "lo"))) == ping.NetworkCard(up=True, carrier=True)
     missing = run(ping.card_request(Place.LAPTOP, "nosuchif0"))
@@ -29,7 +29,7 @@ def test_ip_is_read_as_it_prints() -> None:
     assert ping.read_neighbour(run(ping.neighbour_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") is None
 
 
-def test_ping_is_read_as_it_prints(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_real_output_of_ping_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = _ping.NeighbourPing("loopback", "127.0.0.1", Place.LAPTOP, 0.0, 10.0)
     ran = run(short("127.0.0.1"))
     echoes = _ping.read_ping(ran.out, "127.0.0.1")
@@ -53,7 +53,7 @@ def test_iw_has_the_commands() -> None:
 
 
 @pytest.mark.parametrize("words", [("dev", "nosuchif0", "link"), ("dev", "nosuchif0", "station", "dump")])
-def test_iw_says_what_the_probe_knows_where_there_is_no_radio(words: tuple[str, ...]) -> None:
+def test_iw_without_a_radio_prints_the_expected_error(words: tuple[str, ...]) -> None:
     """Without a driver of radios in the kernel, as in most machines that test, it says so."""
     said = iw(*words)
     assert said.rc

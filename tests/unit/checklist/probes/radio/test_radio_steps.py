@@ -28,7 +28,7 @@ def with_location(
     return replace(declaration, sites={**declaration.sites, "coastal": changed})
 
 
-def test_a_vehicle_is_seen_where_its_endpoint_is_declared(declaration: Inventory) -> None:
+def test_vehicle_is_checked_where_its_endpoint_is_declared(declaration: Inventory) -> None:
     sparus = steps_of(Cell(declaration, "coastal", "sparus", "wifi"))
     assert told(sparus) == [("", "automatic", ("coastal-gateway",))]
     assert sparus[0].title == "Access point of Sparus is heard well, and answers without loss"
@@ -42,7 +42,7 @@ def test_a_vehicle_is_seen_where_its_endpoint_is_declared(declaration: Inventory
     assert steps_of(Cell(declaration, "coastal", "eca-rov", "wifi")) == ()
 
 
-def test_a_location_has_its_bearers(declaration: Inventory) -> None:
+def test_location_has_a_step_for_each_link(declaration: Inventory) -> None:
     def of(endpoint: str) -> list[tuple[str, str, tuple[str, ...]]]:
         return told(steps_of(Cell(declaration, "coastal", None, endpoint)))
 
@@ -56,7 +56,7 @@ def test_a_location_has_its_bearers(declaration: Inventory) -> None:
     ]
 
 
-def test_a_second_link_of_a_kind_has_a_name(declaration: Inventory) -> None:
+def test_second_link_of_a_kind_is_named(declaration: Inventory) -> None:
     bearers = declaration.sites["coastal"].bearers
     twice = tuple(two for one in bearers for two in (one, one.model_copy(update={"name": f"{one.name}-b"})))
     changed = with_location(declaration, bearers=twice)
@@ -75,7 +75,7 @@ def test_a_second_link_of_a_kind_has_a_name(declaration: Inventory) -> None:
     ]
 
 
-def test_a_location_has_its_own_endpoints_beside(declaration: Inventory) -> None:
+def test_location_also_has_its_own_endpoints(declaration: Inventory) -> None:
     ends = {"wifi": {"role": "station", "seen_by": "coastal-cpe"}, "ethernet": {"router_port": "ether4"}}
     changed = with_location(declaration, ends)
     wifi = steps_of(Cell(changed, "coastal", None, "wifi"))
@@ -87,7 +87,7 @@ def test_a_location_has_its_own_endpoints_beside(declaration: Inventory) -> None
 
 
 @pytest.mark.parametrize("endpoint", ["wifi", "satellite", "4g", "ethernet"])
-def test_without_a_link_a_person_looks(declaration: Inventory, endpoint: str) -> None:
+def test_missing_link_is_for_a_person(declaration: Inventory, endpoint: str) -> None:
     changed = with_location(declaration, bearers=())
     (step,) = steps_of(Cell(changed, "coastal", None, endpoint))
     assert step.kind is ItemKind.PERSON
@@ -102,14 +102,14 @@ def test_a_vehicle_with_a_long_haul_link_is_for_a_person(declaration: Inventory,
     assert "Stork" in step.title
 
 
-def test_the_proof_is_consented_to_with_its_cost(declaration: Inventory) -> None:
+def test_consent_to_the_allow_list_test_shows_its_cost(declaration: Inventory) -> None:
     proof = steps_of(Cell(declaration, "coastal", None, "satellite"))[1]
     assert proof.consent is not None
     assert proof.consent.cost
     assert "90 s" in proof.consent.prompt
 
 
-def test_what_the_terminal_may_let_through_is_listed(declaration: Inventory) -> None:
+def test_permitted_destinations_of_the_terminal_are_listed(declaration: Inventory) -> None:
     firewall = steps_of(Cell(declaration, "coastal", None, "satellite"))[2]
     vpn = declaration.pilot.vpn
     assert f"VPN server ({vpn.endpoint} udp {vpn.port})" in firewall.look_for

@@ -30,7 +30,7 @@ def judged(case: Case, transcript: Transcript) -> ProbeResult:
 
 
 @for_each_row("name", CASES, ids=str)
-def test_a_case_says_what_it_lists_and_nothing_else(name: str) -> None:
+def test_findings_match_the_case(name: str) -> None:
     case = CASES[name]
     found = judged(case, case.transcript).findings
     assert [f"{one.verdict} {one.code}: {one.message}" for one in found] == LISTED[name]
@@ -38,7 +38,7 @@ def test_a_case_says_what_it_lists_and_nothing_else(name: str) -> None:
 
 
 @for_each_row("name", CASES, ids=str)
-def test_byte_by_byte_the_same_is_found(name: str) -> None:
+def test_byte_by_byte_arrival_gives_the_same_codes(name: str) -> None:
     case = CASES[name]
 
     # Between two frames a piece of noise may count as several: the words name how many.
@@ -61,7 +61,7 @@ def test_every_code_has_its_case() -> None:
     }
 
 
-def test_what_was_seen_stands_beside_the_verdict() -> None:
+def test_evidence_is_listed() -> None:
     transcript = heard([Says().second(1500, 1500, 1000, UNUSED, rssi=190 + second) for second in range(6)])
     found = RcHeard(WANTED, Place.GATEWAY).judge({"stream": transcript})
     assert {one.what: one.value for one in found.evidence} == {
@@ -75,14 +75,14 @@ def test_what_was_seen_stands_beside_the_verdict() -> None:
     }
 
 
-def test_the_telemetry_radio_is_not_the_remote_control() -> None:
+def test_telemetry_radio_is_not_mistaken_for_the_remote_control() -> None:
     """RADIO_STATUS has an rssi as well."""
     transcript = heard([[Says().heartbeat(), Says().status(), Says().radio()]] * 6)
     found = RcHeard(WANTED, Place.GATEWAY).judge({"stream": transcript})
     assert "rssi" not in {one.what for one in found.evidence}
 
 
-def test_way_of_each_channel_that_moved_is_evidence() -> None:
+def test_range_of_each_moved_channel_is_evidence() -> None:
     case = CASES["sticks moved"]
     assert [one.value for one in judged(case, case.transcript).evidence if one.what == "channel 2"] == [
         "1100 to 1900 us"
@@ -103,7 +103,7 @@ def ends(*seconds: list[bytes], system: int = 1) -> bool:
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_listening_ends_when_enough_of_the_vehicle_was_heard(version: int) -> None:
+def test_listening_ends_when_enough_is_received(version: int) -> None:
     says = Says(version=version)
     assert ends(*[says.second()] * 5)
     assert not ends(*[says.second()] * 4)
@@ -113,7 +113,7 @@ def test_listening_ends_when_enough_of_the_vehicle_was_heard(version: int) -> No
     assert ends(*[Says(ord("*"), version).second()] * 5, system=ord("*"))
 
 
-def test_the_sticks_are_listened_to_until_the_end_for_it_may_be_armed_at_any_moment() -> None:
+def test_sticks_are_observed_until_the_end() -> None:
     (question,) = StickMovementProbe(WANTED, Place.GATEWAY).asks()
     assert isinstance(question, Listen)
     assert not question.enough
@@ -145,7 +145,7 @@ def told(made: tuple[Step, ...]) -> list[tuple[str, ItemKind, Phase]]:
     return [(step.name, step.kind, step.phase) for step in made]
 
 
-def test_a_stream_is_listened_to_sticks_need_consent_and_the_rest_is_a_persons(declaration: Inventory) -> None:
+def test_stream_is_automatic_and_sticks_need_consent(declaration: Inventory) -> None:
     made = of(declaration, "stork")
     assert told(made) == [
         ("", ItemKind.AUTOMATIC, Phase.BENCH),
@@ -165,7 +165,7 @@ def test_a_stream_is_listened_to_sticks_need_consent_and_the_rest_is_a_persons(d
     assert consent.prompt.startswith("ask the pilot of Stork to move both sticks")
 
 
-def test_a_vehicle_without_a_stream_has_a_persons_steps_only(declaration: Inventory) -> None:
+def test_vehicle_without_a_stream_has_only_steps_for_a_person(declaration: Inventory) -> None:
     made = of(declaration, "stork", {})
     assert told(made) == [
         ("", ItemKind.PERSON, Phase.BENCH),
@@ -176,7 +176,7 @@ def test_a_vehicle_without_a_stream_has_a_persons_steps_only(declaration: Invent
     assert "30 m" in made[-1].do
 
 
-def test_the_declared_values_are_those_of_the_probe(declaration: Inventory) -> None:
+def test_probe_uses_the_declared_values(declaration: Inventory) -> None:
     made = of(declaration, "stork", {"rc_rf": {"port": 14560, "system_id": 7, "rssi_low": 90, "seen_from": "laptop"}})
     wanted = RcExpectation("Stork", "this computer", 14560, 7, 90, "10.64.1.24")
     assert made[0].probe == RcHeard(wanted, Place.LAPTOP)

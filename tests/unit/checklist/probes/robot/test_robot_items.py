@@ -82,7 +82,7 @@ def codes(found: ProbeResult) -> list[str]:
     return [finding.code for finding in found.findings]
 
 
-def test_every_finding_about_robots_belongs_to_one_item() -> None:
+def test_every_robot_finding_belongs_to_one_item() -> None:
     text = Path(observed.__file__).read_text(encoding="utf-8")
     said = set(re.findall(r'LinkFinding\(\s*(?:Verdict\.\w+|verdict),\s*f?"([a-z-]+)', text))
     said = (said - {"topic-rate-"}) | {"topic-rate-above", "topic-rate-below"}
@@ -92,7 +92,7 @@ def test_every_finding_about_robots_belongs_to_one_item() -> None:
     assert robot.item_of("topic-rate-above", TopicKind.POSE) is robot.RobotItem.RATES
 
 
-def test_every_item_of_honest_robots_passes(declaration: Inventory, coastal: Checklist) -> None:
+def test_honest_robots_pass_every_item(declaration: Inventory, coastal: Checklist) -> None:
     items = asked(declaration, probed(coastal, "robot"))
     assert len(items) == 6 * 6 - 1 + 1, "the pose of one goes through the library, and the site has one of its own"
     assert {item.verdict for item in items.values()} == {Verdict.PASS}
@@ -101,7 +101,7 @@ def test_every_item_of_honest_robots_passes(declaration: Inventory, coastal: Che
 
 
 @pytest.mark.parametrize("fault", OF_ROBOTS)
-def test_a_fault_turns_exactly_its_items(declaration: Inventory, coastal: Checklist, fault: str) -> None:
+def test_fault_changes_exactly_its_items(declaration: Inventory, coastal: Checklist, fault: str) -> None:
     entries = probed(coastal, "robot")
     items, well = asked(declaration, entries, FAULTS[fault].spoil), asked(declaration, entries)
     changed = turned(items, well)
@@ -111,7 +111,7 @@ def test_a_fault_turns_exactly_its_items(declaration: Inventory, coastal: Checkl
     assert Verdict.PASS not in {verdict for verdict, _ in changed.values()}
 
 
-def test_one_listening_serves_all_items(coastal: Checklist) -> None:
+def test_one_observation_serves_all_items(coastal: Checklist) -> None:
     probes = [entry.step.probe for entry in probed(coastal, "robot")]
     questions = [replace(question, name="") for probe in probes if probe is not None for question in probe.asks()]
     assert set(questions) == {
@@ -121,13 +121,13 @@ def test_one_listening_serves_all_items(coastal: Checklist) -> None:
     }
 
 
-def test_the_files_are_read_once_for_a_list(declaration: Inventory) -> None:
+def test_robot_files_are_read_once_per_list(declaration: Inventory) -> None:
     with patch(f"{reading.__name__}.read_declared", wraps=reading.read_declared) as read:
         plan(declaration, "coastal")
     assert read.call_count == 1
 
 
-def test_silence_is_never_green(coastal: Checklist) -> None:
+def test_silence_is_inconclusive(coastal: Checklist) -> None:
     silence = RobotObservation(20.0)
     for name in (*OF_SPARUS[1:], "coastal/robot/strangers"):
         found = judged(coastal, name, heard(silence))
@@ -137,7 +137,7 @@ def test_silence_is_never_green(coastal: Checklist) -> None:
     assert codes(judged(coastal, "coastal/robot/strangers", heard(silence))) == ["nobody-heard"]
 
 
-def test_what_could_not_be_asked_is_never_green(coastal: Checklist) -> None:
+def test_failed_observation_is_inconclusive(coastal: Checklist) -> None:
     for name in (*OF_SPARUS[1:], "coastal/robot/strangers"):
         found = judged(coastal, name, RobotsHeardResult(Trouble.NO_PLACE, "no way to 10.64.1.0/24"))
         assert (found.verdict, codes(found)) == (Verdict.INCONCLUSIVE, ["not-listened"])
@@ -146,7 +146,7 @@ def test_what_could_not_be_asked_is_never_green(coastal: Checklist) -> None:
     assert (found.verdict, codes(found)) == (Verdict.INCONCLUSIVE, ["not-asked"])
 
 
-def test_topics_of_which_none_was_heard_have_no_rate(declaration: Inventory, coastal: Checklist) -> None:
+def test_unheard_topics_have_no_rate(declaration: Inventory, coastal: Checklist) -> None:
     silent = SimulatedRobots.honest(declaration, "coastal").here
     silent.writers = [row for row in silent.writers if row.participant != "sparus"]
     found = judged(coastal, "sparus/robot/rates", heard(silent))
@@ -154,7 +154,7 @@ def test_topics_of_which_none_was_heard_have_no_rate(declaration: Inventory, coa
     assert codes(judged(coastal, "sparus/robot/telemetry", heard(silent))) == ["topic-missing"] * 5
 
 
-def test_a_configuration_with_fewer_topics_hides_none_of_the_file(declaration: Inventory, coastal: Checklist) -> None:
+def test_smaller_configuration_does_not_hide_missing_topics(declaration: Inventory, coastal: Checklist) -> None:
     seen = SimulatedRobots.honest(declaration, "coastal").here
     (row,) = (each for each in seen.configurations if each.writer.participant == "sparus")
     row.text = row.text.replace(b"    - {topic: leak, label: Leak}\n", b"")
@@ -163,7 +163,7 @@ def test_a_configuration_with_fewer_topics_hides_none_of_the_file(declaration: I
     assert codes(judged(coastal, "sparus/robot/discovered", heard(seen))) == ["configuration-differs"]
 
 
-def test_a_token_that_nobody_has_opened_is_a_warning(declaration: Inventory) -> None:
+def test_sealed_token_is_a_warning(declaration: Inventory) -> None:
     listed = plan(declaration, "coastal")
     (files,) = {id(entry.cell.robots): entry.cell.robots for entry in listed.entries}.values()
     assert files is not None
@@ -183,7 +183,7 @@ VAULTED = "!vault |\n  $ANSIBLE_VAULT;1.1;AES256\n  3063\n"
     ("token", "code"),
     [("EXAMPLE-sparus-token\n", "introduced"), ("another", "token"), (None, "token-sealed")],
 )
-def test_a_vaulted_token_is_compared_once_it_is_opened(inventory: Path, token: str | None, code: str) -> None:
+def test_vaulted_token_is_compared_after_decryption(inventory: Path, token: str | None, code: str) -> None:
     def decrypt(text: str) -> str:
         assert text.startswith("$ANSIBLE_VAULT;")
         if token is None:
@@ -234,13 +234,13 @@ VPN: Mapping[str, tuple[tuple[VpnMember, ...], Verdict, str]] = {
 
 
 @pytest.mark.parametrize("case", VPN)
-def test_the_robots_own_member_is_connected(coastal: Checklist, case: str) -> None:
+def test_vpn_member_of_a_robot_is_judged(coastal: Checklist, case: str) -> None:
     members, verdict, code = VPN[case]
     found = judged(coastal, OF_SPARUS[0], VpnMembersResult(None, "", members))
     assert (found.verdict, codes(found)) == (verdict, [code])
 
 
-def test_a_robot_that_is_neither_in_the_vpn_nor_in_the_lan_fails(declaration: Inventory) -> None:
+def test_robot_in_neither_vpn_nor_lan_fails(declaration: Inventory) -> None:
     site = declaration.sites["coastal"]
     bare = site.model_copy(update={"lan": site.lan.model_copy(update={"reservations": ()})})
     listed = plan(replace(declaration, sites={**declaration.sites, "coastal": bare}), "coastal")
@@ -248,7 +248,7 @@ def test_a_robot_that_is_neither_in_the_vpn_nor_in_the_lan_fails(declaration: In
     assert (found.verdict, codes(found)) == (Verdict.FAIL, ["no-member"])
 
 
-def test_a_file_with_errors_hinders_no_list_and_is_not_green(
+def test_faulty_robot_file_is_not_green_and_does_not_block_the_list(
     inventory: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (inventory / "robots" / "sparus.yml").write_text("namespace: [\n")
@@ -264,14 +264,14 @@ def test_a_file_with_errors_hinders_no_list_and_is_not_green(
 
 
 @pytest.mark.parametrize("keys", ["keys: [\n", "keys: {namespace: 3}\n"])
-def test_wrong_names_of_keys_leave_no_robot_to_compare_with(inventory: Path, keys: str) -> None:
+def test_faulty_keys_file_disables_comparison_of_robots(inventory: Path, keys: str) -> None:
     (inventory / "robots" / "keys.yml").write_text(keys)
     listed = plan(load(inventory), "coastal", Scope(endpoints=("robot",)))
     assert len(listed.entries) == 7
     assert {entry.item.id.rpartition("/")[2] for entry in listed.entries} == {"discovered", "strangers"}
 
 
-def test_a_vehicle_without_a_file_is_named_in_a_note(inventory: Path) -> None:
+def test_vehicle_without_a_file_is_noted(inventory: Path) -> None:
     (inventory / "robots" / "sparus.yml").unlink()
     (inventory / "robots" / "zarco.yml").unlink()
     listed = plan(load(inventory), "coastal")
@@ -283,13 +283,13 @@ def test_a_vehicle_without_a_file_is_named_in_a_note(inventory: Path) -> None:
     assert not [entry for entry in without.entries if entry.item.endpoint == "robot"]
 
 
-def test_guests_have_no_items_of_robots(declaration: Inventory) -> None:
+def test_guests_have_no_robot_items(declaration: Inventory) -> None:
     guest = declaration.vehicles["sparus"].model_copy(update={"guest": True, "partner": "iqua"})
     listed = plan(replace(declaration, vehicles={**declaration.vehicles, "sparus": guest}), "coastal")
     assert not [entry for entry in listed.entries if entry.item.id.startswith("sparus/robot")]
 
 
-def test_without_a_control_centre_a_person_looks(declaration: Inventory) -> None:
+def test_missing_control_centre_leaves_the_step_to_a_person(declaration: Inventory) -> None:
     hosts = {key: host for key, host in declaration.hosts.items() if key != "scc-control"}
     files = robot_files.RobotFiles.read(declaration, "coastal")
     cell = Cell(replace(declaration, hosts=hosts), "coastal", "sparus", "robot", robots=files)
@@ -298,7 +298,7 @@ def test_without_a_control_centre_a_person_looks(declaration: Inventory) -> None
     assert step.do.startswith("No control centre is declared")
 
 
-def test_the_real_site_says_why_it_could_not_ask(declaration: Inventory) -> None:
+def test_real_site_reports_why_it_could_not_be_asked(declaration: Inventory) -> None:
     """No packet leaves for the addresses of an example."""
     request = NOWHERE.model_copy(update={"rehearsed": False})
     questions: list[tuple[str, Question]] = [
@@ -316,7 +316,7 @@ def test_the_real_site_says_why_it_could_not_ask(declaration: Inventory) -> None
     assert answers["there"].words
 
 
-def test_no_token_stands_in_the_text_of_a_list(coastal: Checklist) -> None:
+def test_list_contains_no_token(coastal: Checklist) -> None:
     text = repr(coastal)
     assert "sparus/robot/discovered" in text
     assert "-token" not in text.replace("token-sealed", "")
@@ -344,7 +344,7 @@ def record(*members: tuple[str, str | None, tuple[Certificate, ...]]) -> SimpleN
 
 
 @pytest.mark.parametrize("is_live", [True, False])
-def test_who_is_connected_is_the_servers_word_of_now(declaration: Inventory, *, is_live: bool) -> None:
+def test_only_current_sessions_of_the_server_count_as_connected(declaration: Inventory, *, is_live: bool) -> None:
     """A certificate that was revoked, a handshake, and sessions that the server has written down long ago: none."""
     good, gone = CertificateStatus.SEEN, CertificateStatus.REVOKED
     authority = record(
@@ -374,7 +374,7 @@ def test_who_is_connected_is_the_servers_word_of_now(declaration: Inventory, *, 
     )
 
 
-def test_what_is_advised_can_be_typed(declaration: Inventory, coastal: Checklist) -> None:
+def test_advised_commands_can_be_typed(declaration: Inventory, coastal: Checklist) -> None:
     seen = SimulatedRobots.honest(declaration, "coastal").here
     (depth,) = (row for row in seen.writers if row.topic == "/sparus/depth")
     depth.messages = 2
