@@ -1,5 +1,6 @@
 """Every refusal, on trees of /sys and /proc as the kernel shows them; the device node is only looked at."""
 
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -169,3 +170,10 @@ def test_the_disk_that_this_computer_runs_from_is_refused() -> None:
     uses = {name: BlockTree().disk(Path("/dev") / name).uses for name in admitted}
     assert all(use == () for use in uses.values())
     assert not any(name.startswith(("loop", "vd", "nvme", "dm-", "md")) for name in admitted)
+    number = Path("/var/tmp").stat().st_dev  # noqa: S108 - where this computer's system lies
+    place = Path(f"/sys/dev/block/{os.major(number)}:{os.minor(number)}")
+    if place.exists():  # else: a file system without a disk, as in a container
+        part = place.resolve()
+        system = part.parent if (part / "partition").exists() else part
+        with pytest.raises(BlockDeviceError):
+            require_writable_disk(BlockTree(), Path("/dev") / system.name)

@@ -35,10 +35,12 @@ async def hears_nothing(peer: Peer) -> None:
 
 
 def test_close_without_a_connection_does_nothing() -> None:
-    async def use() -> None:
-        TlsTransport(asyncio.Protocol(), "device", Traffic()).close()
+    async def use() -> Traffic:
+        traffic = Traffic()
+        TlsTransport(asyncio.Protocol(), "device", traffic).close()
+        return traffic
 
-    asyncio.run(use())
+    assert asyncio.run(use()) == Traffic(), "nothing was sent"
 
 
 def test_changed_certificate_is_refused_before_login(tmp_path: Path) -> None:
