@@ -33,7 +33,7 @@ MARKERS = (
     "smoke(*cases): a slow test, or these of its cases, that `make test` runs too: one of each command and counterpart",
     "namespace: runs in a network namespace of its own and may connect beyond loopback there",
 )
-MACHINES = ("machine", "gateway", "bundle", "vpn_machine")
+MACHINES = ("emulator/lab", "computers/gateway", "computers/bundle", "vpn/server")
 """Folders whose tests start real systemd hosts; a rehearsal in any other test goes without them."""
 SYSTEM_PROGRAMS = ("/usr/local/sbin", "/usr/sbin", "/sbin")
 COSTS = Path(__file__).with_name("costs.tsv")
@@ -305,7 +305,7 @@ def portuguese() -> Generator[None, None, None]:
 @pytest.fixture(autouse=True)
 def no_machines(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rehearse without systemd hosts, unless the test is about them."""
-    if request.path.parent.name not in MACHINES:
+    if "/".join(request.path.parts[-3:-1]) not in MACHINES:
         monkeypatch.setenv("ATLANTIS_NO_MACHINES", "tests")
 
 

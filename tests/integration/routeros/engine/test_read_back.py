@@ -143,7 +143,7 @@ LOCKED_OUT = '/ip firewall filter\nadd action=drop chain=input comment="atlantis
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"cost_policy": Dear(), "bearer": SATELLITE}, "too dear"),
+        ({"cost_policy": Dear(), "link": SATELLITE}, "too dear"),
         ({"agreed_hash": "another plan"}, "the device has changed since the plan was shown"),
         ({"desired_state": desired.read(LOCKED_OUT)}, "would drop a new session of yours"),
     ],

@@ -24,9 +24,9 @@ def crash(*_: object, **__: object) -> None:
 
 if __name__ == "__main__":
     connected.over_ssh = lambda *_: lambda: LocalLink("scc-vpn", ENTER)
-    whole = vars(enrolment_package)["handout"]
+    whole = vars(enrolment_package)["build_package"]
     for line in json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")):
-        vars(enrolment_package)["handout"] = crash if CRASH in line else whole
+        vars(enrolment_package)["build_package"] = crash if CRASH in line else whole
         typed = [word for word in line if word != CRASH]
         sys.stdout.write(f"$ provision {' '.join(typed)}\n")
         code = main(typed)  # it may put another stream in place of standard output
