@@ -229,11 +229,11 @@ def is_picture(path: Path) -> bool:
 
 def keep(book: Path, files: Iterable[Path]) -> tuple[CopiedFile, ...]:
     """Copy all files into the checklist's folder, or none. Raises ChecklistUsageError, JournalError."""
-    data = [(path.name, _picture(path, _bytes(path))) for path in files]
+    data = [(path.name, _picture(path, _read_evidence(path))) for path in files]
     return tuple(_store_copy(book, name, item) for name, item in data)
 
 
-def _bytes(path: Path) -> bytes:
+def _read_evidence(path: Path) -> bytes:
     wrong = evidence_problem(path)
     if wrong is not None:
         raise _signing.ChecklistUsageError(wrong[0], hint=wrong[1])

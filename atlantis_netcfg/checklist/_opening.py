@@ -63,7 +63,7 @@ def find_open_book(
     for run in reversed(runs(folder)):
         lines = _ledger.read(run / _ledger.FILE)
         document = _ledger.rebuild_document(lines)
-        if document is None or _of_another_list(document, checklist) or _over(run, lines):
+        if document is None or _is_other_checklist(document, checklist) or _is_closed(run, lines):
             continue
         if lines.damage:
             words = words or f"the checklist {run.name} is damaged ({lines.damage})"
@@ -72,14 +72,14 @@ def find_open_book(
             with _ledger.ChecklistLog(run / _ledger.FILE, now) as ledger:
                 ledger.write(_ledger.SupersedeResultRecord(why=why))
             return FoundBook(None, f"the checklist {run.name} stays unfinished, and a new one is begun: {why}")
-        _go_on(run, document, checklist, head, now)
+        _record_reopening(run, document, checklist, head, now)
         tail_note = f"; {lines.tail_error}, and what it said is asked again" if lines.tail_error else ""
         gone_on = f"the checklist {run.name} is gone on with{tail_note}{_old(now() - document.started)}"
         return FoundBook(run, f"{words}; {gone_on}" if words else gone_on)
     return FoundBook(None, f"{words}: a new one is begun" if words else "")
 
 
-def _of_another_list(document: Document, checklist: Checklist) -> bool:
+def _is_other_checklist(document: Document, checklist: Checklist) -> bool:
     return (document.scope, document.mission) != (checklist.scope.as_dict(), checklist.scope.mission)
 
 
@@ -91,7 +91,7 @@ def _old(age: timedelta) -> str:
     return f"; it was begun {ago} ago, and what was seen then stands: `--anew` looks at all of it again"
 
 
-def _over(run: Path, lines: _ledger.Lines) -> bool:
+def _is_closed(run: Path, lines: _ledger.Lines) -> bool:
     return (run / MANIFEST).exists() or any(
         isinstance(record.record, _ledger.SupersedeResultRecord) for record in lines.records
     )
@@ -108,7 +108,9 @@ def _other(document: Document, head: BookHead) -> str:
     return ""
 
 
-def _go_on(run: Path, before: Document, checklist: Checklist, head: BookHead, now: Callable[[], datetime]) -> None:
+def _record_reopening(
+    run: Path, before: Document, checklist: Checklist, head: BookHead, now: Callable[[], datetime]
+) -> None:
     document = _document(run.name, before.started, checklist, head)
     same = document.model_copy(update={"items": ()}) == before.model_copy(update={"items": ()})
     same = same and [item.id for item in document.items] == [item.id for item in before.items]

@@ -54,12 +54,12 @@ def render_json(data: object) -> bytes:
 def parse_json(data: bytes) -> Any:  # noqa: ANN401 - what JSON holds
     """Read it. Raises ValueError for what two readers could read differently: a key twice, NaN, no UTF-8."""
     try:
-        return json.loads(data.decode(), object_pairs_hook=_once, parse_constant=_reject_constant)
+        return json.loads(data.decode(), object_pairs_hook=_reject_duplicate_keys, parse_constant=_reject_constant)
     except RecursionError:
         raise ValueError("nested too deeply") from None
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) != len(pairs):
         raise ValueError("a key stands twice")
@@ -129,7 +129,7 @@ class SigningKey:
     @property
     def public(self) -> str:
         """Public key: raw, base64."""
-        return _text(self.private.public_key().public_bytes(Encoding.Raw, PublicFormat.Raw))
+        return _encode_base64(self.private.public_key().public_bytes(Encoding.Raw, PublicFormat.Raw))
 
     @property
     def fingerprint(self) -> str:
@@ -138,12 +138,12 @@ class SigningKey:
 
     def sign(self, data: bytes) -> str:
         """Return the signature, base64."""
-        return _text(self.private.sign(data))
+        return _encode_base64(self.private.sign(data))
 
 
 def fingerprint(public: str) -> str:
     """SHA-256 over the raw public key, base64 without padding, as OpenSSH writes fingerprints. Raises ValueError."""
-    return "SHA256:" + _text(hashlib.sha256(_raw(public)).digest()).rstrip("=")
+    return "SHA256:" + _encode_base64(hashlib.sha256(_raw(public)).digest()).rstrip("=")
 
 
 def verify_signature(public: str, signature: str, data: bytes) -> bool:
@@ -166,14 +166,14 @@ def _parse_private_key(data: bytes, path: Path) -> Ed25519PrivateKey:
     return key
 
 
-def _text(data: bytes) -> str:
+def _encode_base64(data: bytes) -> str:
     return base64.b64encode(data).decode()
 
 
 def _raw(text: str) -> bytes:
     """Decode canonical base64, in which data have exactly one encoding. Raises ValueError."""
     data = base64.b64decode(text, validate=True)
-    if _text(data) != text:
+    if _encode_base64(data) != text:
         raise ValueError("not as it is written")
     return data
 
@@ -242,7 +242,7 @@ def broken_seal(
         )
 
 
-def _goes_on(document: dict[str, Any]) -> str:
+def _continue_hint(document: dict[str, Any]) -> str:
     rehearse_option = " --rehearse" if document["rehearsed"] else ""
     return (
         f"nobody vouches for it: `provision check site={document['site']}{rehearse_option}` goes on with it, "
@@ -264,7 +264,7 @@ def check_report(data: bytes, trusted_keys: Collection[str], *, is_explicit: boo
         return
     block = document.get("signed")
     if block is None:
-        yield SigningTrouble(REPORT, "is not signed", _goes_on(document))
+        yield SigningTrouble(REPORT, "is not signed", _continue_hint(document))
         return
     if block["digest"] != digest(document):
         yield SigningTrouble(REPORT, "was changed after it was signed", "do not rely on it; ask for the original")

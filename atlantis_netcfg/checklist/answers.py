@@ -200,23 +200,23 @@ class _CheckAnswer:
     def findings(self) -> Iterator[Finding]:
         for part, fits in _FITS.items():
             for name in self._names(part):
-                yield from self._item(part, name, fits)
+                yield from self._check_item(part, name, fits)
         for name in self._names("answers"):
-            yield from self._answer(name)
+            yield from self._check_answer(name)
         for name in self._names("overrides"):
-            yield from self._by(("overrides", name))
+            yield from self._check_person(("overrides", name))
         if self._answers is not None:
             yield from self._people(self._answers)
             yield from self._evidence(self._answers)
-        yield from self._twice("leave", ("answers", "consents", "overrides"))
-        yield from self._twice("answers", ("consents",))
-        yield from self._name()
+        yield from self._find_duplicates("leave", ("answers", "consents", "overrides"))
+        yield from self._find_duplicates("answers", ("consents",))
+        yield from self._require_name()
 
     def _names(self, part: str) -> list[str]:
         node = self._keys.get(part)
         return list(node.keys) if node is not None else []
 
-    def _item(self, part: str, name: str, fits: Callable[[Item], tuple[str, str] | None]) -> Iterator[Finding]:
+    def _check_item(self, part: str, name: str, fits: Callable[[Item], tuple[str, str] | None]) -> Iterator[Finding]:
         if (part == "consents" and name == ALL) or name in self._beyond:
             return
         item = self._items.get(name)
@@ -228,10 +228,10 @@ class _CheckAnswer:
         elif (wrong := fits(item)) is not None:
             yield self._block.wrong_key((part, name), *wrong)
 
-    def _answer(self, name: str) -> Iterator[Finding]:
+    def _check_answer(self, name: str) -> Iterator[Finding]:
         path = ("answers", name)
         keys = self._block.root.at(*path).keys
-        yield from self._by(path)
+        yield from self._check_person(path)
         verdict = keys["verdict"].value if "verdict" in keys else None
         if "note" not in keys and isinstance(verdict, str) and verdict in set(SAYABLE) - {Verdict.PASS}:
             yield self._block.wrong((*path, "verdict"), f"{verdict} needs words", "add `note:` with what was seen")
@@ -265,21 +265,21 @@ class _CheckAnswer:
             if wrong is not None:
                 yield self._block.wrong_key(("answers", item), *wrong)
 
-    def _by(self, path: tuple[str, str]) -> Iterator[Finding]:
+    def _check_person(self, path: tuple[str, str]) -> Iterator[Finding]:
         node = self._block.root.at(*path)
         if isinstance(node.value, dict) and "by" not in node.keys and "name" not in self._keys:
             yield self._block.wrong_key(
                 path, f"nobody stands for `{path[1]}`", "add `by:` here, or `name:` to the file"
             )
 
-    def _twice(self, part: str, others: tuple[str, ...]) -> Iterator[Finding]:
+    def _find_duplicates(self, part: str, others: tuple[str, ...]) -> Iterator[Finding]:
         for name in self._names(part):
             for other in others:
                 if name in self._names(other):
                     message = f"`{name}` stands below `{other}` as well"
                     yield self._block.wrong_key((part, name), message, "remove it here or there")
 
-    def _name(self) -> Iterator[Finding]:
+    def _require_name(self) -> Iterator[Finding]:
         if "name" in self._keys:
             return
         sign = self._keys.get("sign")
@@ -289,13 +289,13 @@ class _CheckAnswer:
             yield self._block.wrong_key(("consents",), "nobody consents", "add `name:` to the file")
 
 
-def _answerable(item: Item) -> tuple[str, str] | None:
+def _answer_problem(item: Item) -> tuple[str, str] | None:
     if item.kind is ItemKind.AUTOMATIC:
         return f"`{item.id}` is looked at by the tool: nobody can answer it", "remove it, or write it below `overrides`"
     return None
 
 
-def _consentable(item: Item) -> tuple[str, str] | None:
+def _consent_problem(item: Item) -> tuple[str, str] | None:
     if item.kind is not ItemKind.ACTIVE:
         return (
             f"`{item.id}` needs no consent",
@@ -304,13 +304,13 @@ def _consentable(item: Item) -> tuple[str, str] | None:
     return None
 
 
-def _anything(_item: Item) -> None:
+def _no_problem(_item: Item) -> None:
     return None
 
 
 _FITS: Mapping[str, Callable[[Item], tuple[str, str] | None]] = {
-    "consents": _consentable,
-    "answers": _answerable,
-    "overrides": _anything,
-    "leave": _anything,
+    "consents": _consent_problem,
+    "answers": _answer_problem,
+    "overrides": _no_problem,
+    "leave": _no_problem,
 }

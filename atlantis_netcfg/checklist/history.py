@@ -84,11 +84,11 @@ def _load_signed(run: Path) -> SavedChecklist:
 
 def filter_by_scope(document: report.Document, scope: Mapping[str, tuple[str, ...]]) -> report.Document:
     """Return the document with only the items of a scope."""
-    items = tuple(item for item in document.items if _inside(item, scope))
+    items = tuple(item for item in document.items if _is_in_scope(item, scope))
     return document.model_copy(update={"items": items})
 
 
-def _inside(item: report.Item, scope: Mapping[str, tuple[str, ...]]) -> bool:
+def _is_in_scope(item: report.Item, scope: Mapping[str, tuple[str, ...]]) -> bool:
     have = {"vehicle": item.vehicle, "endpoint": item.endpoint, "phase": str(item.phase)}
     return all(have[name] in choices for name, choices in scope.items())
 
@@ -134,10 +134,10 @@ def changes(green: report.Document, now: report.Document) -> tuple[report.ItemCh
     """Return every changed item: other verdict or reason, override added or removed, new, open, or gone."""
     before = {item.id: item for item in filter_by_scope(green, now.scope).items}
     after = {item.id: item for item in now.items}
-    return (*_of_now(before, after), *_find_removed_items(before, after))
+    return (*_changed_items(before, after), *_find_removed_items(before, after))
 
 
-def _of_now(before: Mapping[str, report.Item], after: Mapping[str, report.Item]) -> Iterator[report.ItemChange]:
+def _changed_items(before: Mapping[str, report.Item], after: Mapping[str, report.Item]) -> Iterator[report.ItemChange]:
     for name, item in after.items():
         old = before.get(name)
         if old is not None and _state(old) == _state(item):

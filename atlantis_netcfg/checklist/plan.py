@@ -88,9 +88,9 @@ def plan(inventory: Inventory, site: str, scope: Scope | None = None) -> Checkli
     whole = tuple(_every_row(inventory, site, scope.mission, robots))
     every = [entry for row in whole for entry in _entries(inventory, site, row, scope.mission, robots)]
     entries = [entry for entry in every if scope.has(entry.item)]
-    selection = tuple(entry for entry in entries if _inside(entry, scope))
+    selection = tuple(entry for entry in entries if _is_in_scope(entry, scope))
     if not selection:
-        raise _nothing(site, scope)
+        raise _empty_scope_error(site, scope)
     items = {entry.item.id for entry in selection}
     return Checklist(
         site=site,
@@ -112,20 +112,20 @@ def plan(inventory: Inventory, site: str, scope: Scope | None = None) -> Checkli
 
 def _refuse_unknown(inventory: Inventory, site: str, scope: Scope) -> None:
     if site not in inventory.sites:
-        raise _unknown("site", site, inventory.sites)
+        raise _unknown_name_error("site", site, inventory.sites)
     here = inventory.sites[site].checklist.vehicles
     for vehicle in scope.vehicles:
         if vehicle not in inventory.vehicles:
-            raise _unknown("vehicle", vehicle, inventory.vehicles)
+            raise _unknown_name_error("vehicle", vehicle, inventory.vehicles)
         if here is not None and vehicle not in here:
             hint = f"its vehicles are: {', '.join(here) or 'none'}; `checklist.vehicles` of the site says so"
             raise errors.NoMatchError(f"`{vehicle}` is not tested at {site}", hint=hint)
     for endpoint in scope.endpoints:
         if endpoint not in registry.TITLES:
-            raise _unknown("endpoint", endpoint, registry.TITLES)
+            raise _unknown_name_error("endpoint", endpoint, registry.TITLES)
     missions = [mission.name for mission in inventory.sites[site].checklist.missions]
     if scope.mission and scope.mission not in missions:
-        raise _unknown("mission", scope.mission, missions)
+        raise _unknown_name_error("mission", scope.mission, missions)
     _refuse_mixed(inventory, site, scope)
 
 
@@ -143,7 +143,7 @@ def _refuse_mixed(inventory: Inventory, site: str, scope: Scope) -> None:
         raise errors.UsageError(f"the items of {scope.alone} are a checklist of their own", hint=hint)
 
 
-def _unknown(what: str, word: str, names: Iterable[str]) -> errors.NoMatchError:
+def _unknown_name_error(what: str, word: str, names: Iterable[str]) -> errors.NoMatchError:
     every = list(names)
     near = errors.nearest(word, every)
     choices = f"there are: {', '.join(every) or 'none'}"
@@ -152,7 +152,7 @@ def _unknown(what: str, word: str, names: Iterable[str]) -> errors.NoMatchError:
     )
 
 
-def _nothing(site: str, scope: Scope) -> errors.NoMatchError:
+def _empty_scope_error(site: str, scope: Scope) -> errors.NoMatchError:
     if scope.alone is report.Phase.INTEGRATION:
         hint = f"put its file into robots/{scope.vehicles[0]}.yml of the inventory: docs/robots.md says how"
         return errors.NoMatchError(
@@ -259,7 +259,7 @@ _OPEN = {
 }
 
 
-def _inside(entry: PlanEntry, scope: Scope) -> bool:
+def _is_in_scope(entry: PlanEntry, scope: Scope) -> bool:
     item = entry.item
     return (
         (not scope.vehicles or item.vehicle in scope.vehicles)
@@ -272,7 +272,7 @@ def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.Lef
     """Yield what the scope excludes, cell by cell."""
     words = " ".join(f"{name}={','.join(values)}" for name, values in scope.as_dict().items())
     away = dict.fromkeys(
-        (entry.cell.name, registry.TITLES[entry.item.endpoint]) for entry in entries if not _inside(entry, scope)
+        (entry.cell.name, registry.TITLES[entry.item.endpoint]) for entry in entries if not _is_in_scope(entry, scope)
     )
     for name, title in away:
         yield report.LeftOut(what=f"{name}: {title}", why=f"left out by `{words}`")
@@ -348,7 +348,7 @@ class _DrawingBuilder:
         self._server = inventory.hosts[inventory.pilot.vpn.server]
 
     def drawing(self) -> report.Drawing:
-        nodes = {node.key: node for node in chain(self._far(), self._here(), self._vehicles())}
+        nodes = {node.key: node for node in chain(self._far(), self._site_nodes(), self._vehicles())}
         links = chain(self._vpn_links(), self._links(), self._local(), self._vehicle_links())
         valid_links = [link for link in links if link.a in nodes and link.b in nodes and link.a != link.b]
         return report.Drawing(nodes=tuple(nodes.values()), links=tuple(valid_links))
@@ -390,7 +390,7 @@ class _DrawingBuilder:
         for link in self._site_config.served_links:
             yield report.DrawnNode(key=link.carries, label=self._inventory.sites[link.carries].title, kind="site")
 
-    def _here(self) -> Iterator[report.DrawnNode]:
+    def _site_nodes(self) -> Iterator[report.DrawnNode]:
         for host in self._hosts:
             yield self._host(host)
         if self._router is None and self._gateway is None:
@@ -401,7 +401,7 @@ class _DrawingBuilder:
     def _host(self, host: Host) -> report.DrawnNode:
         item_ids = [entry.item.id for entry in self._entries if host.name in entry.step.concerns]
         local = [
-            item for link in self._site_config.bearers if link.device == host.name for item in self._carrying(link)
+            item for link in self._site_config.bearers if link.device == host.name for item in self._link_item_ids(link)
         ]
         rest = self._general_items() if host.name == self._middle else ()
         return report.DrawnNode(
@@ -442,7 +442,7 @@ class _DrawingBuilder:
     def _site_entries(self) -> Iterator[PlanEntry]:
         return (entry for entry in self._entries if entry.item.endpoint == probes.SITE)
 
-    def _carrying(self, link: model.Link) -> tuple[str, ...]:
+    def _link_item_ids(self, link: model.Link) -> tuple[str, ...]:
         column = link.kind.traits.column
         return tuple(
             entry.item.id
@@ -459,7 +459,11 @@ class _DrawingBuilder:
         for site_link in self._site_config.bearers:
             column, near = site_link.kind.traits.column, site_link.device or self._middle
             yield report.DrawnLink(
-                a=near, b=self._other_end, label=registry.TITLES[column], kind=column, items=self._carrying(site_link)
+                a=near,
+                b=self._other_end,
+                label=registry.TITLES[column],
+                kind=column,
+                items=self._link_item_ids(site_link),
             )
         for link in self._site_config.served_links:
             yield report.DrawnLink(

@@ -172,7 +172,7 @@ class ChecklistSession:
         rest = [name for name in waiting if name not in leave]
         if rest:
             raise _signing.SigningError(
-                f"{len(rest)} of {len(self.items)} items are open: {_few(rest)}",
+                f"{len(rest)} of {len(self.items)} items are open: {_join_few(rest)}",
                 hint="settle them, override them with a reason, or leave them open on purpose with a reason",
             )
         reasons = {name: confirmations.clean_text(leave[name], "the reason to leave it open") for name in waiting}
@@ -191,5 +191,5 @@ class ChecklistSession:
             )
 
 
-def _few(names: list[str]) -> str:
+def _join_few(names: list[str]) -> str:
     return ", ".join(names[:_FEW]) + (" …" if len(names) > _FEW else "")

@@ -56,11 +56,11 @@ def close_book(folder: Path, document: Document, pages: Mapping[str, bytes], key
     with os_errors_as("the report", folder):
         for name, data in files.items():
             write_atomically(folder / name, data)
-        manifest = _contents(folder, document, list_files(folder))
+        manifest = _build_manifest(folder, document, list_files(folder))
         write_atomically(folder / MANIFEST, render_json(sign_data(manifest, key)))
 
 
-def _contents(folder: Path, document: Document, names: list[str]) -> dict[str, object]:
+def _build_manifest(folder: Path, document: Document, names: list[str]) -> dict[str, object]:
     data = {name: (folder / name).read_bytes() for name in names}
     files = {name: {"sha256": hashlib.sha256(item).hexdigest(), "bytes": len(item)} for name, item in data.items()}
     by = document.signed.by if document.signed is not None else ""

@@ -201,7 +201,7 @@ def _open_streams() -> None:
                 stream.reconfigure(encoding="ascii", errors=ASCII)
         if number == 0:
             continue
-        if _number_of(stream) == number and not isinstance(getattr(stream.buffer, "raw", None), _PatientStream):
+        if _file_descriptor(stream) == number and not isinstance(getattr(stream.buffer, "raw", None), _PatientStream):
             writer = io.BufferedWriter(_PatientStream(number, "w", closefd=False))
             how = (stream.encoding, stream.errors)
             stream = io.TextIOWrapper(writer, *how, line_buffering=stream.line_buffering)
@@ -213,7 +213,7 @@ def _shows_ascii_only(stream: io.TextIOWrapper) -> bool:
     return os.environ.get("LC_ALL") in {"C", "POSIX"} and stream.isatty()
 
 
-def _number_of(stream: object) -> int | None:
+def _file_descriptor(stream: object) -> int | None:
     if not isinstance(stream, io.TextIOWrapper):
         return None
     try:

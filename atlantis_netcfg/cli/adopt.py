@@ -69,8 +69,8 @@ def run_adopt(arguments: syntax.Arguments) -> ExitCode:
         notify = stack.enter_context(progress(quiet=arguments.flag("json")))
         adoption = _adoption(arguments, inventory, host, notify, stack.enter_context)
         if arguments.flag("plan"):
-            return _close(arguments, adoption.plan())
-        return _close(arguments, adoption.carry_out(_agree(arguments)))
+            return _print_result(arguments, adoption.plan())
+        return _print_result(arguments, adoption.carry_out(_agreement_callback(arguments)))
 
 
 def _load_inventory(arguments: syntax.Arguments) -> tuple[Inventory, Host]:
@@ -151,14 +151,14 @@ def _passwords(arguments: syntax.Arguments, name: str) -> Iterator[Secret]:
 
     file = arguments.optional("password-file")
     if file is not None:
-        yield _from(Path(file))
+        yield _read_secret_file(Path(file))
         return
     yield Secret("")
     if sys.stdin.isatty() and not arguments.flag("json"):
         yield Secret(getpass(f"Password of the factory's user on {name} (see its sticker): "))
 
 
-def _from(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the command only
+def _read_secret_file(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the command only
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.secret import Secret
 
@@ -171,7 +171,7 @@ def _from(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the com
     return Secret(text.rstrip("\r\n"))
 
 
-def _agree(arguments: syntax.Arguments) -> Callable[[AdoptionOutcome], None]:
+def _agreement_callback(arguments: syntax.Arguments) -> Callable[[AdoptionOutcome], None]:
     def agree(adoption: AdoptionOutcome) -> None:
         from atlantis_netcfg.cli.base.consent import require_agreement
 
@@ -191,7 +191,7 @@ def _show(state: str, steps: tuple[str, ...]) -> None:
         print(translate(f"  {number}. {printable.line(step)}"), flush=True)
 
 
-def _close(arguments: syntax.Arguments, result: AdoptionResult) -> ExitCode:
+def _print_result(arguments: syntax.Arguments, result: AdoptionResult) -> ExitCode:
     from atlantis_netcfg.core import printable
 
     if arguments.flag("json"):
@@ -259,14 +259,14 @@ def _trust_device(inventory: Inventory, host: Host, request: Request) -> ExitCod
 
     try:
         if is_computer(host):
-            return _computer(inventory, host, request)
-        return worst([_device(identity, request) for identity in identities(inventory, host, request)])
+            return _trust_computer(inventory, host, request)
+        return worst([_trust_identity(identity, request) for identity in identities(inventory, host, request)])
     except NetcfgError as error:
         tell([error])
         return ExitCode.FAILED
 
 
-def _device(identity: DeviceIdentity, request: Request) -> ExitCode:
+def _trust_identity(identity: DeviceIdentity, request: Request) -> ExitCode:
     from atlantis_netcfg.cli.base.consent import require_agreement
     from atlantis_netcfg.core.errors import DeviceError, ExitCode
     from atlantis_netcfg.operations.trust import agree
@@ -297,7 +297,7 @@ def _device(identity: DeviceIdentity, request: Request) -> ExitCode:
     return ExitCode.DONE
 
 
-def _computer(inventory: Inventory, host: Host, request: Request) -> ExitCode:
+def _trust_computer(inventory: Inventory, host: Host, request: Request) -> ExitCode:
     from atlantis_netcfg.core.errors import DeviceError, ExitCode
     from atlantis_netcfg.operations.trust import KeyState, TrustedComputer
 

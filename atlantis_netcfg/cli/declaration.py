@@ -52,7 +52,7 @@ def run_validate(arguments: syntax.Arguments) -> ExitCode:
     except InventoryInvalid as error:
         return _refuse(error, inventory, as_json=arguments.flag("json"))
     warnings = [finding for source in sources for finding in source.warnings]
-    return _confirm(pilot_inventory, sorted((*warnings, *_warnings(pilot_inventory))), arguments)
+    return _print_valid(pilot_inventory, sorted((*warnings, *_warnings(pilot_inventory))), arguments)
 
 
 def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitCode:
@@ -66,7 +66,7 @@ def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitC
     return error.exit
 
 
-def _confirm(inventory: Inventory, warnings: Sequence[Finding], arguments: syntax.Arguments) -> ExitCode:
+def _print_valid(inventory: Inventory, warnings: Sequence[Finding], arguments: syntax.Arguments) -> ExitCode:
     import dataclasses
     from collections import Counter
 

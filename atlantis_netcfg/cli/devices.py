@@ -444,13 +444,13 @@ def run_upgrade(arguments: syntax.Arguments) -> ExitCode:
             waiting=WaitingUpgrade(poll_s=1.0, connect_s=10.0) if site_session.is_rehearsal else WaitingUpgrade(),
         )
         if not preparation.upgrade.send:
-            return _close(site_session, preparation.unchanged_result())
+            return _print_result(site_session, preparation.unchanged_result())
         _show(site_session, preparation)
         preparation.affordable(request)
         if arguments.flag("plan"):
-            return _close(site_session, preparation.plan_result())
+            return _print_result(site_session, preparation.plan_result())
         accepted_request = _ask(site_session, preparation, request)
-        return _close(site_session, preparation.carry_out(site_session.inventory, accepted_request))
+        return _print_result(site_session, preparation.carry_out(site_session.inventory, accepted_request))
 
 
 def _show(session: CommandSession, preparation: PreparedUpgrade) -> None:
@@ -492,7 +492,7 @@ def _ask(session: CommandSession, preparation: PreparedUpgrade, request: Request
     return request
 
 
-def _close(session: CommandSession, result: UpgradeResult) -> ExitCode:
+def _print_result(session: CommandSession, result: UpgradeResult) -> ExitCode:
     from atlantis_netcfg.core import printable
 
     if session.as_json:

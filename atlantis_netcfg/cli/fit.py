@@ -164,7 +164,7 @@ def _link(link: LinkFit) -> Iterator[Row]:
         f"at these rates, with what the site sends by itself: {link.up_bps / up:.0%} of the capacity up, "
         f"{link.down_bps / down:.0%} down"
     )
-    yield from _money(link, is_thinned=False)
+    yield from _cost_rows(link, is_thinned=False)
     if not link.fits:
         yield from _thinning_rows(link)
     for words in link.warnings:
@@ -179,7 +179,7 @@ def _thinning_rows(link: LinkFit) -> Iterator[Row]:
     with_it = f"{link.thinned_up_bps / up:.0%} of the capacity up, {link.thinned_down_bps / down:.0%} down"
     if link.fits_thinned:
         yield from _message(f"thinned: {with_it}")
-        yield from _money(link, is_thinned=True)
+        yield from _cost_rows(link, is_thinned=True)
     else:
         yield from _message(f"also at the lowest useful rates it does not fit: {with_it}")
         for topic in link.topics:
@@ -187,7 +187,7 @@ def _thinning_rows(link: LinkFit) -> Iterator[Row]:
                 yield from _message(f"{topic.topic.topic} alone would fit up to {topic.most_hz:g} Hz")
 
 
-def _money(link: LinkFit, *, is_thinned: bool) -> Iterator[Row]:
+def _cost_rows(link: LinkFit, *, is_thinned: bool) -> Iterator[Row]:
     from atlantis_netcfg.links.cost import size
     from atlantis_netcfg.links.standing_traffic import DAY_S
 

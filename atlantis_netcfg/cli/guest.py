@@ -118,7 +118,7 @@ def _add(arguments: syntax.Arguments) -> ExitCode:
             packages = onboarding.issue([request], passphrase)
     elif text is not None:
         inventory_files.write(before.root, guests.FILE, text)
-    _say(arguments, _lines_of_add(entry, already=text is None))
+    _print_lines(arguments, _lines_of_add(entry, already=text is None))
     more = {"guest": entry.name, "declared": guests.FILE, "until": entry.until, "sites": list(entry.sites)}
     return members.close(arguments, inventory, packages, server, authority, more=more)
 
@@ -260,7 +260,7 @@ def _lines_of_add(entry: GuestEntry, *, already: bool) -> list[str]:
     return [f"{entry.name}: {how} {FILE}, a guest until {entry.until}", *checks]
 
 
-def _say(arguments: syntax.Arguments, lines: Sequence[str]) -> None:
+def _print_lines(arguments: syntax.Arguments, lines: Sequence[str]) -> None:
     from atlantis_netcfg.core import printable
 
     for line in () if arguments.flag("json") else lines:
@@ -345,7 +345,7 @@ def _agree(arguments: syntax.Arguments, name: str, steps: Sequence[str]) -> None
     from atlantis_netcfg.cli.base.consent import require_agreement
 
     if not arguments.flag("yes"):
-        _say(arguments, [f"  {step}" for step in steps])
+        _print_lines(arguments, [f"  {step}" for step in steps])
         require_agreement(f"End the stay of {name} now?")
 
 

@@ -48,7 +48,7 @@ def run_init(arguments: syntax.Arguments) -> ExitCode:
     refuse_used(folder)
     if source == "example":
         inventory = create(folder, {**example_files(_example_folder()), README: _readme(folder, is_encrypted=None)})
-        return _confirm(folder, inventory, is_encrypted=None, as_json=as_json)
+        return _print_created(folder, inventory, is_encrypted=None, as_json=as_json)
     result = _ask_person() if source == "questions" else _read(Path(source))
     if isinstance(result, InventoryInvalid):
         return _refuse(result, "in the answers; nothing was written", as_json=as_json)
@@ -59,7 +59,7 @@ def run_init(arguments: syntax.Arguments) -> ExitCode:
         inventory = create(folder, files)
     except InventoryInvalid as error:
         return _keep(error, folder, raw_answers if source == "questions" else None, as_json=as_json)
-    return _confirm(folder, inventory, is_encrypted=encrypt is not None, as_json=as_json)
+    return _print_created(folder, inventory, is_encrypted=encrypt is not None, as_json=as_json)
 
 
 def _source(arguments: syntax.Arguments) -> str:
@@ -204,7 +204,7 @@ def _keep(error: InventoryInvalid, folder: Path, raw_answers: Mapping[str, Any] 
     return code
 
 
-def _confirm(folder: Path, inventory: Inventory, *, is_encrypted: bool | None, as_json: bool) -> ExitCode:
+def _print_created(folder: Path, inventory: Inventory, *, is_encrypted: bool | None, as_json: bool) -> ExitCode:
     import dataclasses
 
     from atlantis_netcfg.core.language import translate

@@ -53,7 +53,7 @@ def run_links(arguments: syntax.Arguments) -> ExitCode:
     """Run `links`: read all devices of the site's links at once, and report."""
     from atlantis_netcfg.cli.base.session import session
 
-    _one_site(arguments.word("site"))
+    _require_one_site(arguments.word("site"))
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as site_session:
         if site_session.rehearsal is not None:
             site_session.configure_emulators()
@@ -62,7 +62,7 @@ def run_links(arguments: syntax.Arguments) -> ExitCode:
     return report.exit
 
 
-def _one_site(site: str) -> None:
+def _require_one_site(site: str) -> None:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.inventory import ALL
 

@@ -74,7 +74,7 @@ def run_image(arguments: syntax.Arguments) -> ExitCode:
     card = None if file is not None else _card(arguments, inventory)
     as_json = arguments.flag("json")
     with progress(quiet=as_json) as notify, prepare_image(order, notify) as ready:
-        return _end_image(order, ready, _keep(ready, file, card), as_json=as_json)
+        return _print_image_result(order, ready, _keep(ready, file, card), as_json=as_json)
 
 
 def _file(arguments: syntax.Arguments) -> Path | None:
@@ -157,7 +157,7 @@ def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, A
     return {"device": disk, "written": asdict(write_result), "receipt": str(receipt)}
 
 
-def _end_image(order: ImageOrder, ready: MadeImage, outcome: dict[str, Any], *, as_json: bool) -> ExitCode:
+def _print_image_result(order: ImageOrder, ready: MadeImage, outcome: dict[str, Any], *, as_json: bool) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
 
     if as_json:
@@ -286,7 +286,7 @@ def _make(arguments: syntax.Arguments, inventory: Inventory, hosts: tuple[Host, 
 
     with progress(quiet=as_json) as notify:
         manifest = make_bundle(bundle_request, notify, show_size)
-    return _end_bundle(manifest, bundle_request.place, as_json=as_json)
+    return _print_bundle_result(manifest, bundle_request.place, as_json=as_json)
 
 
 def _check(
@@ -295,10 +295,10 @@ def _check(
     from atlantis_netcfg.operations.bundle import open_for_hosts
 
     bundle = open_for_hosts(inventory, hosts, place, request, accept=arguments.optional("key"))
-    return _end_bundle(bundle.manifest, place, as_json=arguments.flag("json"))
+    return _print_bundle_result(bundle.manifest, place, as_json=arguments.flag("json"))
 
 
-def _end_bundle(manifest: Manifest, place: Path, *, as_json: bool) -> ExitCode:
+def _print_bundle_result(manifest: Manifest, place: Path, *, as_json: bool) -> ExitCode:
     if as_json:
         document: dict[str, Any] = {
             "exit": int(ExitCode.DONE),

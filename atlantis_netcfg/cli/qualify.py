@@ -90,7 +90,7 @@ def run_qualify(arguments: syntax.Arguments) -> ExitCode:
         site = arguments.word("site")
         choose(inventory, site, ())
         links = links_of_site(inventory, site, arguments.optional("link"))
-        outside = () if _over_vpn(arguments) else links
+        outside = () if _is_over_vpn(arguments) else links
         _far_end(inventory, arguments).refuse(_selection(arguments), outside, inventory)
         router = router_of(inventory, site)
         return (router, *(unit for link in links if (unit := _unit(inventory, link)) is not None))
@@ -138,11 +138,11 @@ def _not_rehearsed(session: CommandSession) -> tuple[str, ...]:
         return ()
     from atlantis_netcfg.operations.qualify.emulation import not_rehearsed
 
-    over_vpn = _over_vpn(session.arguments)
+    over_vpn = _is_over_vpn(session.arguments)
     return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(session.rehearsal, over_vpn=over_vpn))
 
 
-def _over_vpn(arguments: syntax.Arguments) -> bool:
+def _is_over_vpn(arguments: syntax.Arguments) -> bool:
     return arguments.optional("over") is not None
 
 
@@ -150,7 +150,7 @@ def _far_end(inventory: Inventory, arguments: syntax.Arguments) -> MeasuredFarEn
     """Return the remote end of the measurement. Raises NothingToQualify, UsageError."""
     from atlantis_netcfg.operations.qualify.far_end import far_end_of
 
-    return far_end_of(inventory, over_vpn=_over_vpn(arguments), other=arguments.optional("far"))
+    return far_end_of(inventory, over_vpn=_is_over_vpn(arguments), other=arguments.optional("far"))
 
 
 def _selection(arguments: syntax.Arguments) -> Selection:
@@ -213,14 +213,16 @@ def _measure(session: CommandSession, limits: BudgetLimits) -> SeveralResults:
             open_far_end(session.inventory, session.request(Mode.DRIFT))
         stack.enter_context(session.store.lock(session.site, f"provision qualify site={session.site}"))
         result = measure_each(
-            links, limits, lambda link, remaining_limits: _link(session, link, selection, remaining_limits, notify)
+            links,
+            limits,
+            lambda link, remaining_limits: _qualify_link(session, link, selection, remaining_limits, notify),
         )
     if len(links) == 1 and result.results[0].failure is not None:
         raise result.results[0].failure
     return result
 
 
-def _link(
+def _qualify_link(
     session: CommandSession, link: Link, selection: Selection, limits: BudgetLimits, notify: Subscriber
 ) -> QualifyResult:
     from contextlib import ExitStack
@@ -241,7 +243,7 @@ def _link(
     with os_errors_as("the measurement", runs_folder):
         folder = new_run(make_private(runs_folder), now, f"{link.name}-{now:%Y%m%dT%H%M%SZ}")
     with ExitStack() as stack:
-        over_vpn = _over_vpn(session.arguments)
+        over_vpn = _is_over_vpn(session.arguments)
         far, emulation = _far_end(session.inventory, session.arguments), None
         if session.rehearsal is not None:
             emulation = stack.enter_context(emulated_link(link, far.key, session.rehearsal, over_vpn=over_vpn))
@@ -287,7 +289,7 @@ def _pay(session: CommandSession, links: tuple[Link, ...], selection: Selection,
     if not session.as_json:
         for each in previews:
             print(translate(f"{each.words}, in about {max(1, round(each.bill.seconds / 60))} min"), flush=True)
-        if _over_vpn(session.arguments):
+        if _is_over_vpn(session.arguments):
             print(translate(_LED_ALONG), flush=True)
     dear = [each.words for each in previews if each.link.is_metered]
     if session.is_rehearsal:
@@ -306,7 +308,7 @@ def _preview(session: CommandSession, site_link: Link, selection: Selection, lim
 
     link = link_of(session.inventory, session.site, site_link.name)
     far = _far_end(session.inventory, session.arguments)
-    over_vpn = _over_vpn(session.arguments)
+    over_vpn = _is_over_vpn(session.arguments)
     plan = build_plan(site_link, selection, is_rehearsal=session.is_rehearsal, over_vpn=over_vpn, confirms=far.is_ours)
     if limits.max_price is not None and link.is_metered and (link.tariff is None or link.tariff.currency != "EUR"):
         raise UsageError(

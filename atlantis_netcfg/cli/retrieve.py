@@ -86,14 +86,14 @@ def run_retrieve(arguments: syntax.Arguments) -> ExitCode:
             site_session.inventory, sources[0], site_session.confirm_cost(site_session.request(Mode.DRIFT))
         )
         if order is not None:
-            return _ended_or_told(site_session, program, order)
+            return _end_or_print_status(site_session, program, order)
         selection = RetrievalSelection(arguments.optional("files") or "*", arguments.flag("again"))
         look = program.look(selection)
         if not look["files"]:
             return _nothing(site_session, program, look)
         plan = _make_plan(site_session, sources[0], look)
         if not site_session.as_json or arguments.flag("plan"):
-            _say(site_session, program, plan.lines(), plan.as_dict(), ExitCode.CHANGES)
+            _print_answer(site_session, program, plan.lines(), plan.as_dict(), ExitCode.CHANGES)
         if arguments.flag("plan"):
             return ExitCode.CHANGES
         return _begin(site_session, program, plan, selection)
@@ -135,7 +135,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
             program = transfer.program
             transfer_plan = plan(example_inventory, source, link.name, program.look(RetrievalSelection()))
             if not site_session.as_json:
-                _say(
+                _print_answer(
                     site_session, program, [*([example] if example else []), *transfer_plan.lines()], {}, ExitCode.DONE
                 )
             status = transfer.run(transfer_plan)
@@ -144,7 +144,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
             untold = [*NOT_REHEARSED, *([ROBOT_NOT_REHEARSED] if transfer_plan.robot is not None else [])]
             document = {**status.as_dict(), "rehearsed": True, "same": same, "not_rehearsed": untold}
             code = status.exit if same else max(status.exit, ExitCode.CHECKS_FAILED)
-            return _say(
+            return _print_answer(
                 site_session, program, [*lines, *(f"  not rehearsed: {each}" for each in untold)], document, code
             )
 
@@ -175,7 +175,7 @@ def _nothing(session: CommandSession, program: retrieve.RetrievalProgram, look: 
     is_done = look["kept"] and not look["writing"] and not look["unnamed"]
     lines = ["nothing to send" if is_done else "no file to send", *left_out(look)]
     document = {name: look[name] for name in ("files", "bytes", "kept", "writing", "unnamed")}
-    return _say(session, program, lines, document, ExitCode.DONE if is_done else ExitCode.NOTHING)
+    return _print_answer(session, program, lines, document, ExitCode.DONE if is_done else ExitCode.NOTHING)
 
 
 def _make_plan(session: CommandSession, source: retrieve.Source, look: dict[str, Any]) -> retrieve.RetrievalPlan:
@@ -231,7 +231,7 @@ def _begin(
         status = program.status()
         lines = ["begun: the gateway sends by itself", shown_by(program.host, program.source)]
         code = ExitCode.DONE if status.runs or status.whole else status.exit
-        return _say(session, program, lines, status.as_dict(), code)
+        return _print_answer(session, program, lines, status.as_dict(), code)
     return _watch(session, program)
 
 
@@ -254,7 +254,7 @@ def _watch(session: CommandSession, program: retrieve.RetrievalProgram) -> ExitC
             f"nobody watches any more; {name} goes on sending by itself",
             hint=shown_by(program.host, program.source),
         ) from None
-    return _tell(session, program, status)
+    return _print_status(session, program, status)
 
 
 _OFTEN_S, _SLOWLY_S = 2.0, 30.0
@@ -271,25 +271,27 @@ def _patient(program: retrieve.RetrievalProgram) -> retrieve.RetrievalStatus | N
         return None
 
 
-def _ended_or_told(session: CommandSession, program: retrieve.RetrievalProgram, order: str) -> ExitCode:
+def _end_or_print_status(session: CommandSession, program: retrieve.RetrievalProgram, order: str) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
 
     if order == "status":
-        return _tell(session, program, program.status())
+        return _print_status(session, program, program.status())
     before = program.status()
     if not before.runs:
         lines = ["nothing goes on, so there is nothing to stop"]
-        return _say(session, program, lines, before.as_dict(), ExitCode.NOTHING)
+        return _print_answer(session, program, lines, before.as_dict(), ExitCode.NOTHING)
     after = program.stop()
     code = ExitCode.DONE if not after.runs else ExitCode.FAILED
-    return _say(session, program, after.lines(session.site), after.as_dict(), code)
+    return _print_answer(session, program, after.lines(session.site), after.as_dict(), code)
 
 
-def _tell(session: CommandSession, program: retrieve.RetrievalProgram, status: retrieve.RetrievalStatus) -> ExitCode:
-    return _say(session, program, status.lines(session.site), status.as_dict(), status.exit)
+def _print_status(
+    session: CommandSession, program: retrieve.RetrievalProgram, status: retrieve.RetrievalStatus
+) -> ExitCode:
+    return _print_answer(session, program, status.lines(session.site), status.as_dict(), status.exit)
 
 
-def _say(
+def _print_answer(
     session: CommandSession,
     program: retrieve.RetrievalProgram,
     lines: Sequence[str],

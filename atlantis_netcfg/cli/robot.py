@@ -54,9 +54,17 @@ def run_robot_validate(arguments: syntax.Arguments) -> ExitCode:
         raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
     code = ExitCode.USAGE if findings else ExitCode.DONE
     if arguments.flag("json"):
-        print(json_text({"exit": int(code), "errors": _rows(findings), "robots": [_as_json(each) for each in sources]}))
+        print(
+            json_text(
+                {
+                    "exit": int(code),
+                    "errors": _findings_as_json(findings),
+                    "robots": [_as_json(each) for each in sources],
+                }
+            )
+        )
     else:
-        _tell(sources)
+        _print_sources(sources)
     return code
 
 
@@ -87,11 +95,11 @@ def _sources(arguments: syntax.Arguments, inventory: Inventory, names: KeyNames)
     return sources
 
 
-def _tell(sources: Sequence[RobotSource]) -> None:
+def _print_sources(sources: Sequence[RobotSource]) -> None:
     from atlantis_netcfg.inventory import report
 
     for source in sources:
-        for line in _lines(source):
+        for line in _source_lines(source):
             print(line)
     if warnings := [finding for source in sources for finding in source.warnings]:
         print(translate(report(warnings, "in robots' files", warnings=True)))
@@ -99,7 +107,7 @@ def _tell(sources: Sequence[RobotSource]) -> None:
     print(translate(f"{count}: no errors. What a robot really publishes was not looked at."))
 
 
-def _lines(source: RobotSource) -> Iterator[str]:
+def _source_lines(source: RobotSource) -> Iterator[str]:
     from collections import Counter
 
     from atlantis_netcfg.inventory.loader import shown_path
@@ -473,7 +481,7 @@ def _counts(counter: dict[str, int]) -> str:
     return ", ".join(f"{word.replace('_', ' ')} {count}" for word, count in counter.items())
 
 
-def _rows(findings: Sequence[Finding]) -> list[dict[str, object]]:
+def _findings_as_json(findings: Sequence[Finding]) -> list[dict[str, object]]:
     import dataclasses
 
     return [dataclasses.asdict(finding) for finding in findings]
@@ -488,6 +496,6 @@ def _as_json(source: RobotSource) -> dict[str, object]:
         "bytes": source.size,
         "topics": {topic.name: topic.message_type for topic in robot.topics()} if robot is not None else {},
         "actions": {action.name: action.action_type for action in robot.actions()} if robot is not None else {},
-        "errors": _rows(source.findings),
-        "warnings": _rows(source.warnings),
+        "errors": _findings_as_json(source.findings),
+        "warnings": _findings_as_json(source.warnings),
     }

@@ -67,20 +67,20 @@ def run_survey(arguments: syntax.Arguments) -> ExitCode:
     plan = _plan(arguments)
     coast = _coast(arguments)
     if arguments.optional("from") is not None:
-        return _made_again(arguments, coast)
+        return _rebuild_exports(arguments, coast)
 
     def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
         choose(inventory, arguments.word("site"), ())
         link = find_survey_link(inventory, arguments.word("site"), arguments.optional("link"))
         return (find_lte_unit(inventory, link),)
 
-    _one_site(arguments)
+    _check_arguments(arguments)
     with session(arguments, rehearse=arguments.flag("rehearse"), choose_hosts=choose_hosts) as site_session:
         folder = _measure(site_session, plan)
         return _report(site_session.arguments, folder, coast, site_session.is_rehearsal)
 
 
-def _one_site(arguments: syntax.Arguments) -> None:
+def _check_arguments(arguments: syntax.Arguments) -> None:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.inventory import ALL
 
@@ -119,7 +119,7 @@ def _coast(arguments: syntax.Arguments) -> Coast | None:
     return None if coast_name is None else find_coast(coast_name)
 
 
-def _made_again(arguments: syntax.Arguments, coast: Coast | None) -> ExitCode:
+def _rebuild_exports(arguments: syntax.Arguments, coast: Coast | None) -> ExitCode:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.records.survey.archive import find_survey, folder_of
     from atlantis_netcfg.runs import Store

@@ -200,11 +200,11 @@ def base_view(inventory: Inventory, host: Host) -> BaseView:
         interfaces=(*(() if device.network is None else (device.network.interface,)), *air),
         radios=air,
         access_point_interface=None if access_point is None else access_point.interface,
-        way_out=None if access_point is None or not access_point.vpn else _way_out(inventory, access_point),
+        way_out=None if access_point is None or not access_point.vpn else _access_point_uplink(inventory, access_point),
     )
 
 
-def _way_out(inventory: Inventory, access_point: model.GatewayAccessPoint) -> AccessPointUplink:
+def _access_point_uplink(inventory: Inventory, access_point: model.GatewayAccessPoint) -> AccessPointUplink:
     vpn = inventory.pilot.vpn
     return AccessPointUplink(str(access_point.network), str(vpn.endpoint), vpn.transport, vpn.port)
 
@@ -364,7 +364,7 @@ def gateway_base(
             units=(*_units(view), *air.units),
             brought=air.plugged_devices,
             checks=(*CHECKS, *air.checks),
-            way_in=SshRequirements(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
+            way_in=SshRequirements(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_admit_hint(view)),
         )
         .merge(reflector(host))
         .merge(dds_link_unit(view.dds_link))
@@ -434,7 +434,7 @@ def _units(view: BaseView) -> Iterator[Unit]:
         yield Unit("gpsd.service", enabled=True, active=True, after=(_GPS,))
 
 
-def _hint(view: BaseView) -> str:
+def _admit_hint(view: BaseView) -> str:
     return (
         f"add the network of your computer to `site.management.admit` in group_vars/{view.site}.yml, "
         f"or work from the LAN of the site ({view.lan})"

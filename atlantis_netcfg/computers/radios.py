@@ -273,18 +273,18 @@ class GatewayRadios:
     @property
     def plugged_devices(self) -> tuple[parts.UserSuppliedFile, ...]:
         """Radios that a person has to plug in."""
-        notes = {radio.interface: self._joins(radio) for radio in self.radios}
+        notes = {radio.interface: self._missing_join_text(radio) for radio in self.radios}
         if self.access_point is not None:
-            notes[self.access_point.interface] = self._opens(self.access_point)
+            notes[self.access_point.interface] = self._missing_network_text(self.access_point)
         return tuple(parts.UserSuppliedFile(f"/sys/class/net/{name}", note) for name, note in notes.items())
 
-    def _joins(self, radio: JoiningRadio) -> str:
+    def _missing_join_text(self, radio: JoiningRadio) -> str:
         name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
         if self.is_rehearsal:
             return f"not rehearsed: {name} joins the access point of {vehicles}, for this machine has no radio"
         return f"there is no radio {name} here, which joins the access point of {vehicles}: plug it in"
 
-    def _opens(self, access_point: OpenedNetwork) -> str:
+    def _missing_network_text(self, access_point: OpenedNetwork) -> str:
         name, ssid = access_point.interface, access_point.radio.ssid
         if self.is_rehearsal:
             return f"not rehearsed: {name} opens the network {ssid}, for this machine has no radio"

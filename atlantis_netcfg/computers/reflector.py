@@ -60,7 +60,7 @@ def reflector(host: Host) -> parts.Configuration:
         ),
         steps=(away,),
         units=(parts.Unit(SERVICE, enabled=True, active=True, after=(_UNIT, PROGRAM)),),
-        checks=(_holds(SERVICE, model.REFLECTOR_PORT, "nothing answers the checklists of other sites"),),
+        checks=(_port_check(SERVICE, model.REFLECTOR_PORT, "nothing answers the checklists of other sites"),),
     )
 
 
@@ -116,7 +116,7 @@ def stop_step(words: str, service: str) -> parts.ConvergeStep:
     return parts.ConvergeStep(words, ("sh", "-c", _TAKE_AWAY, "sh", service), (f"{_UNITS}/{service}",))
 
 
-def _holds(service: str, port: int, finding: str) -> parts.Check:
+def _port_check(service: str, port: int, finding: str) -> parts.Check:
     return parts.Check(
         ("sh", "-c", HOLDS_PORT, "sh", service, "u", str(port)),
         f"{finding} at UDP port {port}",

@@ -63,7 +63,9 @@ def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: da
         keys = openpgp.public_keys(content)
         packets = openpgp.binary(content)
     except openpgp.NotAKey as why:
-        raise UsageError(f"{FOLDER}/{name} of the inventory is no public key: {why}", hint=_fetch(archive)) from None
+        raise UsageError(
+            f"{FOLDER}/{name} of the inventory is no public key: {why}", hint=_fetch_hint(archive)
+        ) from None
     if len(keys) != 1:
         raise UsageError(
             f"{FOLDER}/{name} of the inventory holds {len(keys)} keys, and an archive is signed by one",
@@ -73,7 +75,9 @@ def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: da
     if key_file is None and key.fingerprint != archive.fingerprint:
         raise UsageError(
             f"{FOLDER}/{name} of the inventory is another key: {key.fingerprint}, not {archive.fingerprint}",
-            hint=f"{_fetch(archive)}; if the archive has a new key, ask who keeps it, and declare it as `key_file`",
+            hint=(
+                f"{_fetch_hint(archive)}; if the archive has a new key, ask who keeps it, and declare it as `key_file`"
+            ),
         )
     if key.expires is None:
         return ArchiveKey(packets, key.fingerprint)
@@ -81,7 +85,7 @@ def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: da
     if now >= expires:
         raise UsageError(
             f"the key of the archive of ROS 2 expired on {expires:%Y-%m-%d}: {FOLDER}/{name} of the inventory",
-            hint=f"{_fetch(archive)}; the same key is renewed now and then, with a later end",
+            hint=f"{_fetch_hint(archive)}; the same key is renewed now and then, with a later end",
         )
     text = f"the key of the archive of ROS 2 expires on {expires:%Y-%m-%d}: fetch the renewed one before"
     return ArchiveKey(packets, key.fingerprint, text if now >= expires - _WARN else None)
@@ -94,11 +98,11 @@ def _read(path: Path, archive: Archive) -> bytes:
         why = "is missing" if isinstance(error, FileNotFoundError) else f"cannot be read: {error.strerror}"
         raise UsageError(
             f"the key that signs the archive of ROS 2 {why}: {FOLDER}/{path.name} of the inventory",
-            hint=_fetch(archive),
+            hint=_fetch_hint(archive),
         ) from error
 
 
-def _fetch(archive: Archive) -> str:
+def _fetch_hint(archive: Archive) -> str:
     return (
         f"fetch it where there is internet: curl -fsSL '{archive.key_url}' -o inventory/{FOLDER}/{archive.key_file}; "
         f"its fingerprint has to be {archive.fingerprint}"

@@ -136,10 +136,10 @@ def vpn_bound_step(words: str, service: str) -> parts.ConvergeStep:
 
 def vpn_bound_check(finding: str, service: str) -> parts.Check:
     """Return the check that the service runs while the VPN interface is present."""
-    return parts.Check(("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service), finding, _tells_why(service))
+    return parts.Check(("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service), finding, _log_hint(service))
 
 
-def _tells_why(unit: str) -> str:
+def _log_hint(unit: str) -> str:
     return f"on the computer: `systemctl status {unit}` and `journalctl -eu {unit}` tell why"
 
 
@@ -182,7 +182,8 @@ def services(computer: model.ServerComputer, images: Mapping[str, str] | None = 
         ),
         units=(*(containers.UNITS if boxes else ()), *map(_build_unit, service_by_name.values())),
         brought=tuple(
-            parts.UserSuppliedFile(program.path, _not_brought(service, program)) for service, program in programs
+            parts.UserSuppliedFile(program.path, _missing_program_text(service, program))
+            for service, program in programs
         ),
         checks=(
             *(box.check() for box in boxes),
@@ -215,7 +216,7 @@ def secret_placeholders(computer: model.ServerComputer) -> tuple[str, ...]:
     )
 
 
-def _stem(name: str) -> str:
+def _unit_stem(name: str) -> str:
     return f"atlantis-service-{name}"
 
 
@@ -231,7 +232,7 @@ def _build_service(service: model.HostedService) -> StartedService | None:
     else:
         command = runtime.command
     return StartedService(
-        name=f"{_stem(service.name)}.service",
+        name=f"{_unit_stem(service.name)}.service",
         title=f"service {service.name}",
         user=user,
         folder=folder,
@@ -250,7 +251,7 @@ def _container(service: model.HostedService, config: model.ServiceContainer, use
         for each in config.environment
     )
     return PodmanContainer(
-        name=_stem(service.name),
+        name=_unit_stem(service.name),
         service=service.name,
         archive=config.archive,
         sha256=config.sha256.lower(),
@@ -285,7 +286,7 @@ def bridged_topics(config: model.Ros1Bridge) -> str:
 
 def _bridge(config: model.Ros1Bridge, archive: str) -> StartedService:
     """Build the bridge between the ROS 1 master and DDS over the VPN, with the usual DDS profile."""
-    user, stem = f"svc-{model.ROS1_BRIDGE}", _stem(model.ROS1_BRIDGE)
+    user, stem = f"svc-{model.ROS1_BRIDGE}", _unit_stem(model.ROS1_BRIDGE)
     topics = f"{containers.FOLDER}/{stem}.yaml"
     box = PodmanContainer(
         name=stem,
@@ -332,21 +333,21 @@ def _build_unit(service: StartedService) -> parts.Unit:
     return parts.Unit(service.name, enabled=True, active=None if service.dds else True, after=after, wait=False)
 
 
-def _not_brought(service: model.HostedService, program: model.ServiceProgram) -> str:
+def _missing_program_text(service: model.HostedService, program: model.ServiceProgram) -> str:
     return f"{program.path} of the service `{service.name}` is not there: once its partner has brought it, it starts"
 
 
 def _checks(service: model.HostedService) -> Iterator[parts.Check]:
-    unit = f"{_stem(service.name)}.service"
+    unit = f"{_unit_stem(service.name)}.service"
     if service.port is None:
         finding = f"the service `{service.name}` does not stay up"
-        yield parts.Check(("sh", "-c", _RUNS, "sh", unit), finding, _tells_why(unit))
+        yield parts.Check(("sh", "-c", _RUNS, "sh", unit), finding, _log_hint(unit))
     else:
         kind = "t" if service.transport.value == "tcp" else "u"
         yield parts.Check(
             ("sh", "-c", HOLDS_PORT, "sh", unit, kind, str(service.port)),
             f"the service `{service.name}` does not listen at {service.transport} port {service.port}",
-            _tells_why(unit),
+            _log_hint(unit),
         )
     if service.container is not None:
         folder = service.container.data or f"/var/lib/svc-{service.name}"

@@ -272,9 +272,9 @@ class Catalogue:
             return self._lists[text]
         if self._tried > _MOST_TRIED:
             return None
-        return self._remember(self._lists, text, self._of_list(text))
+        return self._remember(self._lists, text, self._translate_list(text))
 
-    def _of_list(self, text: str) -> str | None:
+    def _translate_list(self, text: str) -> str | None:
         if text in self._whole:
             return None
         for match in reversed(list(re.finditer(", ", text))):

@@ -107,10 +107,10 @@ def nearest(word: str, candidates: Iterable[str]) -> str | None:
     """Return the known word most similar to `word`, or None; ignores case, `-`, `_` and spaces."""
     from difflib import get_close_matches  # noqa: PLC0415 - only errors need it
 
-    by_key = {_key(candidate): candidate for candidate in candidates}
-    close = get_close_matches(_key(word), by_key, n=1, cutoff=_ALIKE)
+    by_key = {_comparison_key(candidate): candidate for candidate in candidates}
+    close = get_close_matches(_comparison_key(word), by_key, n=1, cutoff=_ALIKE)
     return by_key[close[0]] if close else None
 
 
-def _key(word: str) -> str:
+def _comparison_key(word: str) -> str:
     return word.lower().replace("-", "_").replace(" ", "_")

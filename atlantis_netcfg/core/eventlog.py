@@ -72,14 +72,14 @@ class EventLog:
 
     def end_torn_line(self) -> None:
         """Terminate a line left unfinished by a killed process."""
-        with self._closed_if_it_fails():
+        with self._close_on_error():
             size = os.fstat(self._descriptor).st_size
             if size and os.pread(self._descriptor, 1, size - 1) != b"\n":
                 write_all(self._descriptor, b"\n")
 
     def cut(self, size: int) -> None:
         """Truncate the file to `size` bytes, removing an incomplete end."""
-        with self._closed_if_it_fails():
+        with self._close_on_error():
             os.ftruncate(self._descriptor, size)
             os.fsync(self._descriptor)
 
@@ -103,7 +103,7 @@ class EventLog:
             failure.add_note(f"nor could the half record be removed: {second}")
 
     @contextmanager
-    def _closed_if_it_fails(self) -> Iterator[None]:
+    def _close_on_error(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:

@@ -65,7 +65,7 @@ def remove_orphans(*places: Path) -> tuple[Path, ...]:
     """
     every = dict.fromkeys((_SMALL, _LARGE, large_temp_dir(), Path(tempfile.gettempdir()), *places))
     folders = [path for place in every for path in _find_by_name(_FOLDER_NAME, place) if _remove_orphan(path)]
-    sockets = [path for path in _find_by_name(_CONTROL_SOCKET, _control_sockets()) if _remove_dead(path)]
+    sockets = [path for path in _find_by_name(_CONTROL_SOCKET, _control_socket_folder()) if _remove_dead(path)]
     return (*folders, *sockets)
 
 
@@ -114,7 +114,7 @@ def _find_by_name(pattern: re.Pattern[str], place: Path) -> list[Path]:
     return []
 
 
-def _control_sockets() -> Path:
+def _control_socket_folder() -> Path:
     usual = Path(os.environ.get("HOME", "/"), ".ansible", "cp")
     return Path(os.environ.get("ANSIBLE_SSH_CONTROL_PATH_DIR") or usual)
 

@@ -53,7 +53,9 @@ class Coverage:
 
     def at(self, latitude: float, longitude: float) -> PlaceTruth:
         """Return the radio conditions at a position."""
-        levels = sorted(((_level(mast, latitude, longitude), mast) for mast in self.masts), key=lambda pair: -pair[0])
+        levels = sorted(
+            ((_signal_level(mast, latitude, longitude), mast) for mast in self.masts), key=lambda pair: -pair[0]
+        )
         best, serving = levels[0]
         other = levels[1][0] if len(levels) > 1 else -140.0
         rsrp = round(max(-139.0, min(-50.0, best)))
@@ -62,7 +64,7 @@ class Coverage:
         return PlaceTruth(serving.cell_id, rsrp, round(max(-18.0, min(-6.0, -14 + sinr / 3))), sinr, share, 2 - share)
 
 
-def _level(mast: Mast, latitude: float, longitude: float) -> float:
+def _signal_level(mast: Mast, latitude: float, longitude: float) -> float:
     north = (latitude - mast.latitude) * _METRES
     east = (longitude - mast.longitude) * _METRES * math.cos(math.radians(mast.latitude))
     return mast.level_dbm - 35.0 * math.log10(max(100.0, math.hypot(north, east)) / 100.0)
@@ -88,15 +90,15 @@ class Track:
         legs = list(zip(self.places, self.places[1:], strict=False))
         way = seconds * self.speed_m_s
         for begin, end in (*legs, *((end, begin) for begin, end in reversed(legs))):
-            length = _length(begin, end)
+            length = _distance_m(begin, end)
             if way <= length:
                 share = way / length if length else 0.0
                 return tuple(a + (b - a) * share for a, b in zip(begin, end, strict=True))  # type: ignore[return-value]
             way -= length
-        return self.at(way / self.speed_m_s) if any(_length(*leg) for leg in legs) else self.places[0]
+        return self.at(way / self.speed_m_s) if any(_distance_m(*leg) for leg in legs) else self.places[0]
 
 
-def _length(begin: tuple[float, float], end: tuple[float, float]) -> float:
+def _distance_m(begin: tuple[float, float], end: tuple[float, float]) -> float:
     north = (end[0] - begin[0]) * _METRES
     return math.hypot(north, (end[1] - begin[1]) * _METRES * math.cos(math.radians(begin[0])))
 

@@ -57,9 +57,9 @@ class Rounds:
             return []
         if spec.garbage:
             return [b"$GPGGA,not,MAVLink*00\r\n"]
-        return [self._damage(frame) for frame in self._round()]
+        return [self._damage_frame(frame) for frame in self._build_frames()]
 
-    def _round(self) -> Iterator[bytes]:
+    def _build_frames(self) -> Iterator[bytes]:
         spec = self.spec
         is_armed = spec.is_armed or (spec.armed_after is not None and self.round_count > spec.armed_after)
         if spec.heartbeat:
@@ -104,7 +104,7 @@ class Rounds:
         packer.seq = (packer.seq + 1) % 256
         return bytes(frame)
 
-    def _damage(self, frame: bytes) -> bytes:
+    def _damage_frame(self, frame: bytes) -> bytes:
         self._frames += 1
         if self.spec.corruption_interval and not self._frames % self.spec.corruption_interval:
             return frame[:-1] + bytes([frame[-1] ^ 0x5A])
@@ -169,9 +169,9 @@ class RunningAutopilot:
                 self._hear()
             if time.monotonic() >= due:
                 due += self.spec.every_s
-                self._send(self._datagrams(self._rounds.next()))
+                self._send(self._split_datagrams(self._rounds.next()))
 
-    def _datagrams(self, frames: list[bytes]) -> list[bytes]:
+    def _split_datagrams(self, frames: list[bytes]) -> list[bytes]:
         if not self.spec.split:
             return frames
         whole = self._rest + b"".join(frames)
@@ -184,7 +184,7 @@ class RunningAutopilot:
         with suppress(BlockingIOError):
             while True:
                 self._socket.recvmsg(0, _LONGEST, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)
-                self._begin_anew()
+                self._restart()
         with suppress(OSError):
             self.forbidden.append(self._socket.recv(_LONGEST, socket.MSG_DONTWAIT))
 
@@ -193,9 +193,9 @@ class RunningAutopilot:
             for datagram in datagrams:
                 self._socket.sendto(datagram, (self.host, self.port))
         except ConnectionRefusedError:
-            self._begin_anew()
+            self._restart()
 
-    def _begin_anew(self) -> None:
+    def _restart(self) -> None:
         self._rounds, self._rest = Rounds(self.spec), b""
 
 

@@ -137,13 +137,13 @@ class RunningModem:
             waiting += os.read(self._ours, 4096)
             *lines, waiting = waiting.split(b"\r")
             for line in lines:
-                self._hear(line.decode("ascii", "replace").strip("\n"))
+                self._answer_line(line.decode("ascii", "replace").strip("\n"))
 
     def _nobody(self) -> None:
         """Pause briefly: with a closed far end, poll returns at once every time."""
         select.select([self._stop], [], [], 0.01)
 
-    def _hear(self, line: str) -> None:
+    def _answer_line(self, line: str) -> None:
         if not line:
             return
         self.inputs.append(line)

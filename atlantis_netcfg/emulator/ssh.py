@@ -68,7 +68,7 @@ def _serve(connection: socket.socket, command: Sequence[str], environment: Mappi
         with lock, contextlib.suppress(OSError):
             connection.sendall(_FRAME.pack(kind, number) + data)
 
-    def alive() -> None:
+    def send_keepalives() -> None:
         while not end_event.wait(_ALIVE_S):
             frame(_ALIVE, 0)
 
@@ -90,7 +90,7 @@ def _serve(connection: socket.socket, command: Sequence[str], environment: Mappi
         threading.Thread(target=_copy, args=(stream, process.stdin), daemon=True).start()
         errors = threading.Thread(target=frames, args=(process.stderr, _ERROR), daemon=True)
         errors.start()
-        threading.Thread(target=alive, daemon=True).start()
+        threading.Thread(target=send_keepalives, daemon=True).start()
         frames(process.stdout, _OUT)
         errors.join()
         end_event.set()
@@ -107,7 +107,7 @@ def _copy(source: IO[bytes], target: IO[bytes]) -> None:
         target.close()
 
 
-def _ssh(words: Sequence[str]) -> int:
+def _emulate_ssh(words: Sequence[str]) -> int:
     options, rest = {}, list(words)
     while rest and rest[0].startswith("-"):
         name, _, value = (rest.pop(1) if rest[0] in _VALUES else "").partition("=")
@@ -127,7 +127,7 @@ def _ssh(words: Sequence[str]) -> int:
     threading.Thread(target=_copy, args=(sys.stdin.buffer, way.stdin), daemon=True).start()
     last_frame = [time.monotonic()]
     silence_s = float(options["ServerAliveInterval"]) * float(options["ServerAliveCountMax"])
-    threading.Thread(target=_watch, args=(last_frame, silence_s), daemon=True).start()
+    threading.Thread(target=_exit_on_silence, args=(last_frame, silence_s), daemon=True).start()
     while len(head := way.stdout.read(_FRAME.size)) == _FRAME.size:
         last_frame[0] = time.monotonic()
         kind, number = _FRAME.unpack(head)
@@ -140,7 +140,7 @@ def _ssh(words: Sequence[str]) -> int:
     return _LOST_CODE
 
 
-def _watch(last_frame: Sequence[float], silence_s: float) -> None:
+def _exit_on_silence(last_frame: Sequence[float], silence_s: float) -> None:
     while time.monotonic() < last_frame[0] + silence_s:
         time.sleep(_ALIVE_S)
     sys.stderr.write("Timeout, server not responding.\n")
@@ -148,7 +148,7 @@ def _watch(last_frame: Sequence[float], silence_s: float) -> None:
     os._exit(_LOST_CODE)
 
 
-def _systemctl(words: Sequence[str]) -> int:
+def _emulate_systemctl(words: Sequence[str]) -> int:
     with Path(os.environ[LOCK]).open("a+") as lock_file:
         try:
             fcntl.flock(lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -176,6 +176,6 @@ def _systemctl(words: Sequence[str]) -> int:
 
 if __name__ == "__main__":
     # Threads may wait for what never comes: nothing is waited for at the end.
-    CODE = {"ssh": _ssh, "systemctl": _systemctl}[sys.argv[1]](sys.argv[2:])
+    CODE = {"ssh": _emulate_ssh, "systemctl": _emulate_systemctl}[sys.argv[1]](sys.argv[2:])
     sys.stdout.flush()
     os._exit(CODE)

@@ -32,7 +32,7 @@ class TcpLink:
     def __init__(self, up: LinkShape, down: LinkShape, seed: int = 0) -> None:
         self.up = LinkModel(up, random.Random(seed))  # noqa: S311 - an emulation
         self.down = LinkModel(down, random.Random(seed + 1))  # noqa: S311
-        self.connect_s = _typical_s(up) + _typical_s(down)
+        self.connect_s = _typical_delay_s(up) + _typical_delay_s(down)
         """Time to open a TCP connection: one round trip."""
         self._begin: float | None = None
 
@@ -44,5 +44,5 @@ class TcpLink:
         return self._begin + model.carry(size, now - self._begin, retransmission_s(self.connect_s))
 
 
-def _typical_s(shape: LinkShape) -> float:
+def _typical_delay_s(shape: LinkShape) -> float:
     return median(shape.delays_s) if shape.delays_s else shape.delay_s

@@ -244,7 +244,9 @@ class UdpRelay:
         self._ended = False
         self._count = 0
         self._begin = time.monotonic()
-        self._threads = [threading.Thread(target=self._take, args=(up_way,), daemon=True) for up_way in (True, False)]
+        self._threads = [
+            threading.Thread(target=self._relay_datagrams, args=(up_way,), daemon=True) for up_way in (True, False)
+        ]
         self._threads.append(threading.Thread(target=self._deliver, daemon=True))
 
     @property
@@ -267,7 +269,7 @@ class UdpRelay:
         self._near.close()
         self._far.close()
 
-    def _take(self, up: bool) -> None:  # noqa: FBT001 - a thread's argument
+    def _relay_datagrams(self, up: bool) -> None:  # noqa: FBT001 - a thread's argument
         end, model = (self._near, self.up) if up else (self._far, self.down)
         end.settimeout(_WAIT_S)
         while not self._ended:

@@ -127,10 +127,10 @@ def explain(
     """Convert one validation error of block `name`; `key_of` returns keys as the file names them."""
     path = error["loc"]
     if error["type"] == "missing":
-        return _missing(path, root, model, name, key_of)
+        return _missing_key_finding(path, root, model, name, key_of)
     node, field = root.at(*path), at(model, path)
     label = label_of(path, name, key_of)
-    message, hint = _of_value(error, node, field, label)
+    message, hint = _explain_value(error, node, field, label)
     place = node.place if isinstance(node.value, dict | list) else node.mark
     return Finding.at(place, message, hint)
 
@@ -144,13 +144,15 @@ def label_of(path: _Path, name: str, key_of: Callable[[_Path], str] = model_key)
     return f"`{key_of(path)}`"
 
 
-def _missing(path: _Path, root: Node, model: type[BaseModel], name: str, key_of: Callable[[_Path], str]) -> Finding:
+def _missing_key_finding(
+    path: _Path, root: Node, model: type[BaseModel], name: str, key_of: Callable[[_Path], str]
+) -> Finding:
     parent, key = path[:-1], key_of(path)
     hint = f"add `{key}:` with {expected_type(at(model, path))}"
     return Finding.at(root.at(*parent).place, f"{label_of(parent, name, key_of)} has no `{key}`", hint)
 
 
-def _of_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[str, str]:  # noqa: ANN401 - a type
+def _explain_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[str, str]:  # noqa: ANN401 - a type
     if error["type"] == WRONG:
         return str(error["ctx"]["what"]), str(error["ctx"]["hint"])
     if what := _wrong_shape(error, node):
@@ -172,11 +174,11 @@ def _wrong_shape(error: ErrorDetails, node: Node) -> str:
     if error["type"] == "too_short":
         return f"has too few entries: {error['ctx']['min_length']} is the least"
     if error["type"] in _STRUCTURE or isinstance(node.value, dict | list):
-        return f"is {_shape(node)}"
+        return f"is {_describe_shape(node)}"
     return ""
 
 
-def _shape(node: Node) -> str:
+def _describe_shape(node: Node) -> str:
     if isinstance(node.value, dict):
         return "a block of keys here"
     return "a list here" if isinstance(node.value, list) else "a single value here"
@@ -200,56 +202,56 @@ def _explain_unquoted(node: Node, field: Any, label: str, what: str) -> tuple[st
     return f"YAML reads `{node.text}` as {what}, {label} wants a text", f'write it in quotes: "{node.text}"'
 
 
-def _number(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+def _explain_number(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     if isinstance(node.value, str) and node.text.strip().replace(".", "", 1).isdigit():
         return f"{label} wants a number, here is a text", f"write it without quotes: {node.text.strip()}"
     kind = "a whole number" if isinstance(node.value, float) else "a number"
     return f"{label} wants {kind}, here is `{node.text}`", "write digits only"
 
 
-def _flag(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+def _explain_flag(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     return f"{label} wants true or false, here is `{node.text}`", "write true or false, without quotes"
 
 
-def _word(label: str, node: Node, context: Mapping[str, Any], field: object) -> tuple[str, str]:
+def _explain_choice(label: str, node: Node, context: Mapping[str, Any], field: object) -> tuple[str, str]:
     if isinstance(next(iter(choices_of(field)), None), int) and not node.plain:
-        return _number(label, node, context, field)
+        return _explain_number(label, node, context, field)
     return f"`{node.text}` is no word for {label}", suggest(node.text, map(str, choices_of(field)), none="")
 
 
-def _least(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+def _explain_minimum(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     bound = context.get("ge", context.get("gt"))
     if "gt" in context:
         return f"{label} is {node.text}: it must be more than {bound:g}", f"write a number above {bound:g}"
     return f"{label} is {node.text}: {bound:g} is the least", f"write {bound:g} or more"
 
 
-def _most(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+def _explain_maximum(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     return f"{label} is {node.text}: {context['le']:g} is the most", f"write {context['le']:g} or less"
 
 
-def _long(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+def _explain_too_long(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     most = context["max_length"]
     return f"{label} has {len(str(node.value))} characters: {most} are the most", "choose a shorter one"
 
 
-def _finite(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+def _explain_not_finite(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     return f"{label} is `{node.text}`, which is no number to count with", "write digits only"
 
 
 _TEXTUAL = frozenset({NOT_TEXT, "string_type", "enum", "literal_error"})
 _STRUCTURE = frozenset({"model_type", "model_attributes_type", "dict_type", "tuple_type"})
 _WORDS: dict[str, Callable[[str, Node, Mapping[str, Any], Any], tuple[str, str]]] = {
-    "int_type": _number,
-    "int_from_float": _number,
-    "float_type": _number,
-    "bool_type": _flag,
-    "enum": _word,
-    "literal_error": _word,
-    "greater_than_equal": _least,
-    "greater_than": _least,
-    "less_than_equal": _most,
-    "string_too_long": _long,
-    "too_long": _long,
-    "finite_number": _finite,
+    "int_type": _explain_number,
+    "int_from_float": _explain_number,
+    "float_type": _explain_number,
+    "bool_type": _explain_flag,
+    "enum": _explain_choice,
+    "literal_error": _explain_choice,
+    "greater_than_equal": _explain_minimum,
+    "greater_than": _explain_minimum,
+    "less_than_equal": _explain_maximum,
+    "string_too_long": _explain_too_long,
+    "too_long": _explain_too_long,
+    "finite_number": _explain_not_finite,
 }

@@ -333,7 +333,7 @@ class _Converter:
     def _mark(self, node: Any) -> findings.Mark:  # noqa: ANN401 - a node or an event
         return findings.Mark(self.file_name, node.start_mark.line + 1, node.start_mark.column + 1)
 
-    def _wrong(self, node: yaml.Node, message: str, hint: str) -> None:
+    def _add_finding(self, node: yaml.Node, message: str, hint: str) -> None:
         self.findings.append(findings.Finding.at(self._mark(node), message, hint))
 
     def _node(self, node: yaml.Node, key: findings.Mark | None = None) -> Node:
@@ -352,7 +352,7 @@ class _Converter:
 
     def _expect_tag(self, node: MappingNode | SequenceNode, tag: str) -> None:
         if node.tag != _STANDARD + tag:
-            self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "remove it")
+            self._add_finding(node, "a `!` begins a tag, and only `!vault` is used here", "remove it")
 
     def _alias(self, node: yaml.Node) -> None:
         """Report aliases at their own places, which only the event stream has."""
@@ -373,14 +373,14 @@ class _Converter:
                 continue
             name, colon, _ = name.partition(":")
             if colon:
-                self._wrong(
+                self._add_finding(
                     key,
                     f"a space is missing after `{findings.shown_key(name)}:`",
                     f"write `{findings.shown_key(name)}: …`",
                 )
             if name in result:
                 first = result[name].place.line
-                self._wrong(
+                self._add_finding(
                     key, f"`{findings.shown_key(name)}` stands here twice (first in line {first})", "keep one of them"
                 )
                 continue
@@ -394,17 +394,19 @@ class _Converter:
 
     def _key(self, key: yaml.Node) -> str | None:
         if isinstance(key, yaml.MappingNode):
-            self._wrong(key, _IS_JINJA, "write the value itself")
+            self._add_finding(key, _IS_JINJA, "write the value itself")
             return None
         if not isinstance(key, yaml.ScalarNode) or key.tag != _STANDARD + "str":
             text = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "a list"
             hint = f'write it in quotes: "{key.value}"' if isinstance(key, yaml.ScalarNode) else "write a word as key"
             if key.tag == _STANDARD + "merge":
                 hint = "write the keys out"
-            self._wrong(key, f"{text} is not read as text, so it cannot be a key", hint)
+            self._add_finding(key, f"{text} is not read as text, so it cannot be a key", hint)
             return None
         if any(mark in key.value for mark in _JINJA):
-            self._wrong(key, "a key holds a Jinja expression; an inventory holds final values", "write the name itself")
+            self._add_finding(
+                key, "a key holds a Jinja expression; an inventory holds final values", "write the name itself"
+            )
             return None
         return str(key.value)
 
@@ -420,14 +422,16 @@ class _Converter:
         """Return the value of a plain or quoted scalar; its text if invalid."""
         kind = node.tag.removeprefix(_STANDARD)
         if kind not in _SCALARS:
-            self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes")
+            self._add_finding(
+                node, "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes"
+            )
         elif any(part in text for part in _JINJA):
-            self._wrong(node, _IS_JINJA, "write the value itself")
+            self._add_finding(node, _IS_JINJA, "write the value itself")
         elif kind != "str":
             try:
                 value: Scalar = self.constructor.construct_object(node)
             except (ValueError, yaml.YAMLError):
-                self._wrong(node, "this looks like a number or a date but is none", "write it in quotes")
+                self._add_finding(node, "this looks like a number or a date but is none", "write it in quotes")
             else:
                 return value
         return text
@@ -436,5 +440,5 @@ class _Converter:
         try:
             return unseal(text, self.decrypt)
         except VaultError as error:
-            self._wrong(node, str(error), error.hint or "")
+            self._add_finding(node, str(error), error.hint or "")
             return unseal(text, None, strict=False)

@@ -88,14 +88,21 @@ def legal(country: str, band: str, width: int, *, outdoors: bool) -> tuple[int, 
 
 def why_illegal(country: str, band: str, frequency: int, width: int, *, outdoors: bool) -> str | None:
     """Return the rule that forbids a channel, or None; one allowed extension of the channel is enough."""
-    reasons = [_why_not(country, band, low, low + width, outdoors=outdoors) for low in _lower_edges(frequency, width)]
+    reasons = [
+        _explain_forbidden_channel(country, band, low, low + width, outdoors=outdoors)
+        for low in _lower_edges(frequency, width)
+    ]
     return None if None in reasons else reasons[0]
 
 
 def lower_edge(country: str, band: str, frequency: int, width: int, *, outdoors: bool) -> float:
     """Return a channel's lower edge in MHz: of its possible extensions, the first that is allowed."""
     edges = _lower_edges(frequency, width)
-    good = (edge for edge in edges if _why_not(country, band, edge, edge + width, outdoors=outdoors) is None)
+    good = (
+        edge
+        for edge in edges
+        if _explain_forbidden_channel(country, band, edge, edge + width, outdoors=outdoors) is None
+    )
     return next(good, edges[0])
 
 
@@ -107,7 +114,7 @@ def eirp_dbm(country: str, band: str, frequency: int, width: int, *, outdoors: b
     return min(item.eirp_dbm for item in RANGES[country][band] if item.low < low + width and low < item.high)
 
 
-def _why_not(country: str, band: str, low: float, high: float, *, outdoors: bool) -> str | None:
+def _explain_forbidden_channel(country: str, band: str, low: float, high: float, *, outdoors: bool) -> str | None:
     ranges = [item for item in RANGES[country][band] if item.low < high and low < item.high]
     for entry in ranges:
         if not (entry.outdoors if outdoors else entry.indoors):

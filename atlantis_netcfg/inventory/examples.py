@@ -47,16 +47,16 @@ def by_line(examples: Iterable[Example]) -> list[str]:
 
 def examples_in(nodes: Iterable[Node]) -> tuple[Example, ...]:
     """Return all examples at or below the nodes, sorted by place."""
-    return tuple(sorted({example for node in nodes for example in _below(node, "")}))
+    return tuple(sorted({example for node in nodes for example in _walk_examples(node, "")}))
 
 
-def _below(node: Node, key: str) -> Iterator[Example]:
+def _walk_examples(node: Node, key: str) -> Iterator[Example]:
     if isinstance(node.value, dict):
         for name, value in node.value.items():
-            yield from _below(value, name)
+            yield from _walk_examples(value, name)
     elif isinstance(node.value, list):
         for item in node.value:
-            yield from _below(item, key)
+            yield from _walk_examples(item, key)
     else:
         reason = recognise(node.value)
         if node.example or reason:

@@ -68,19 +68,19 @@ class InventoryInvalid(UsageError):
         """Single errors, up to MOST_SHOWN, and the number of remaining ones."""
         errors = [UsageError(str(finding), hint=finding.hint) for finding in self.findings[:MOST_SHOWN]]
         more = len(self.findings) - MOST_SHOWN
-        return (*errors, *([UsageError(_more(more))] if more > 0 else []))
+        return (*errors, *([UsageError(_omitted_text(more))] if more > 0 else []))
 
 
 def report(findings: Sequence[Finding], where: str = _WHERE, *, warnings: bool = False) -> str:
     """Format errors or warnings for a technician: place, problem, correction; and the count at the end."""
     lines = [f"{finding}\n  -> {finding.hint}" for finding in findings[:MOST_SHOWN]]
-    lines += [_more(len(findings) - MOST_SHOWN)] if len(findings) > MOST_SHOWN else []
+    lines += [_omitted_text(len(findings) - MOST_SHOWN)] if len(findings) > MOST_SHOWN else []
     alone, many = ("1 warning", f"{len(findings)} warnings") if warnings else ("1 error", f"{len(findings)} errors")
     count = alone if len(findings) == 1 else many
     return "\n".join([*lines, f"{count} {where}"])
 
 
-def _more(number: int) -> str:
+def _omitted_text(number: int) -> str:
     return f"{number} more are not shown: correct these first"
 
 

@@ -180,29 +180,29 @@ def _blocks() -> Iterator[_BlockOfKeys]:
     roots += [(f"device: {kind}", model) for kind, model in _schema.DEVICES.items()]
     roots.append(("robot", RobotFile))
     for title, model in roots:
-        yield from _below(title, model, seen_models)
+        yield from _walk_blocks(title, model, seen_models)
 
 
-def _below(title: str, model: type[BaseModel], seen_models: set[type[BaseModel]]) -> Iterator[_BlockOfKeys]:
+def _walk_blocks(title: str, model: type[BaseModel], seen_models: set[type[BaseModel]]) -> Iterator[_BlockOfKeys]:
     if model in seen_models:
         return
     seen_models.add(model)
     many = "One such block for each name. " if title in {"partners", "vehicles", "guests"} else ""
     yield _BlockOfKeys(title, model, many + " ".join(sentence(inspect.getdoc(model)).split()))
     for name, field in model.model_fields.items():
-        inner = _schema.model_of(_item(field.annotation))
+        inner = _schema.model_of(_unwrap_item(field.annotation))
         if inner is not None:
-            yield from _below(f"{title.removeprefix('device: ')}.{name}", inner, seen_models)
+            yield from _walk_blocks(f"{title.removeprefix('device: ')}.{name}", inner, seen_models)
 
 
-def _item(annotation: Any) -> Any:  # noqa: ANN401 - a type
+def _unwrap_item(annotation: Any) -> Any:  # noqa: ANN401 - a type
     item = _schema.item_of(annotation)
     return annotation if item is None else item
 
 
 def _row(model: type[BaseModel], name: str, titles: Mapping[type[BaseModel], str], examples: Mapping[_Key, str]) -> str:
     field = model.model_fields[name]
-    inner = _schema.model_of(_item(field.annotation))
+    inner = _schema.model_of(_unwrap_item(field.annotation))
     example = f"[below](#{_anchor(titles[inner])})" if inner is not None else f"`{example_of(model, name, examples)}`"
     cells = (f"`{name}`", _type(field), _unit(name, field), _default(field), key_description(model, name), example)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
@@ -214,7 +214,7 @@ def _anchor(title: str) -> str:
 
 def _type(field: FieldInfo) -> str:
     item = _schema.item_of(field.annotation)
-    words = _kind_of_text(field) or _word_for(field.annotation if item is None else item)
+    words = _kind_of_text(field) or _type_name(field.annotation if item is None else item)
     bounds = _bounds(field)
     return f"list of: {words}{bounds}" if item is not None else f"{words}{bounds}"
 
@@ -244,7 +244,7 @@ _TEXTS: Mapping[str, str] = {
 }
 
 
-def _word_for(annotation: Any) -> str:  # noqa: ANN401 - a type
+def _type_name(annotation: Any) -> str:  # noqa: ANN401 - a type
     plain = _schema.unwrap(annotation)
     if words := _schema.choices_of(plain):
         return "one of " + ", ".join(f"`{word}`" for word in words)
@@ -286,7 +286,7 @@ def _annotations(annotation: Any) -> Iterator[object]:  # noqa: ANN401 - a type
 
 
 def _unit(name: str, field: FieldInfo) -> str:
-    if _schema.unwrap(_item(field.annotation)) not in {int, float} and not _is_number(field):
+    if _schema.unwrap(_unwrap_item(field.annotation)) not in {int, float} and not _is_number(field):
         return ""
     return next((unit for end, unit in _UNITS if name == end or (end[0] == "_" and name.endswith(end))), "")
 
@@ -326,9 +326,9 @@ def example_of(model: type[BaseModel], name: str, examples: Mapping[_Key, str]) 
     if not field.is_required() and field.default not in (None, ()) and not isinstance(field.default, BaseModel):
         default = field.default
         return _render(default.value if isinstance(default, Enum) else default)
-    if words := _schema.choices_of(_item(field.annotation)):
+    if words := _schema.choices_of(_unwrap_item(field.annotation)):
         return str(words[0])
-    return _EXAMPLES.get(_schema.unwrap(_item(field.annotation)), "")
+    return _EXAMPLES.get(_schema.unwrap(_unwrap_item(field.annotation)), "")
 
 
 _EXAMPLES: Mapping[Any, str] = {
@@ -368,7 +368,7 @@ def _collect(node: Node, variable: str, examples: dict[_Key, str]) -> None:
 
 def _walk(node: Node, model: type[BaseModel], examples: dict[_Key, str]) -> None:
     for name, value in node.keys.items():
-        inner = _schema.model_of(_item(model.model_fields[name].annotation))
+        inner = _schema.model_of(_unwrap_item(model.model_fields[name].annotation))
         nodes = value.value if isinstance(value.value, list) else [value]
         if inner is not None:
             for below in nodes:

@@ -79,29 +79,29 @@ class _Gatherer:
     def gather(self) -> Variables:
         """Read all files, in an order independent of the file system."""
         groups, hosts = self.sources.group_vars, self.sources.host_vars
-        self._of_all(groups.get("all", []))
+        self._gather_common(groups.get("all", []))
         for name in sorted(groups.keys() - {"all"}):
-            self._group(name, groups[name])
+            self._gather_group(name, groups[name])
         for name in sorted(hosts):
-            self._host(name, hosts[name])
+            self._gather_host(name, hosts[name])
         for site, mark in self.layout.sites.items():
-            self._expect(site, mark, groups, "site", "group_vars")
+            self._require_file(site, mark, groups, "site", "group_vars")
         for host, mark in self.layout.marks.items():
-            self._expect(host, mark, hosts, "device", "host_vars")
+            self._require_file(host, mark, hosts, "device", "host_vars")
         return self.result
 
-    def _wrong(self, mark: Mark, message: str, hint: str) -> None:
+    def _add_finding(self, mark: Mark, message: str, hint: str) -> None:
         self.result.findings.append(Finding.at(mark, message, hint))
 
-    def _of_all(self, paths: list[Path]) -> None:
+    def _gather_common(self, paths: list[Path]) -> None:
         variables, complete = self._variables(paths, (*_OF_ALL, *_IF_ANY))
         self.result.all = variables
         for name in _OF_ALL:
             if name not in variables and complete:
                 hint = f"write `{name}:` in {self.sources.display_name}/{_HOMES[name]}"
-                self._wrong(self.layout.start, f"nothing declares `{name}`", hint)
+                self._add_finding(self.layout.start, f"nothing declares `{name}`", hint)
 
-    def _group(self, name: str, paths: list[Path]) -> None:
+    def _gather_group(self, name: str, paths: list[Path]) -> None:
         if name in self.layout.sites:
             variables, complete = self._variables(paths, ("site",))
             self._keep(name, paths, variables.get("site"), self.result.sites, "site", complete=complete)
@@ -109,14 +109,14 @@ class _Gatherer:
             self._variables(paths, ())
         else:
             names = ["all", *self.layout.sites]
-            self._orphan(paths, f"no site or group is called `{name}`", name, names, "group_vars")
+            self._report_orphans(paths, f"no site or group is called `{name}`", name, names, "group_vars")
 
-    def _host(self, name: str, paths: list[Path]) -> None:
+    def _gather_host(self, name: str, paths: list[Path]) -> None:
         if name in self.layout.hosts:
             variables, complete = self._variables(paths, ("device",))
             self._keep(name, paths, variables.get("device"), self.result.devices, "device", complete=complete)
         else:
-            self._orphan(paths, f"no host is called `{name}`", name, self.layout.hosts, "host_vars")
+            self._report_orphans(paths, f"no host is called `{name}`", name, self.layout.hosts, "host_vars")
 
     def _keep(  # noqa: PLR0913 - one step of two callers
         self,
@@ -131,9 +131,9 @@ class _Gatherer:
         if node is not None:
             into[name] = node
         elif complete and paths:
-            self._wrong(Mark(self.sources.name(paths[0]), 1, 1), f"there is no `{variable}:` here", "write it")
+            self._add_finding(Mark(self.sources.name(paths[0]), 1, 1), f"there is no `{variable}:` here", "write it")
 
-    def _orphan(
+    def _report_orphans(
         self, paths: list[Path], message: str, name: str, names: Mapping[str, object] | list[str], folder: str
     ) -> None:
         near = nearest(name, names)
@@ -145,16 +145,16 @@ class _Gatherer:
                 if near
                 else f"add it to {self.sources.display_name}/hosts.yml"
             )
-            self._wrong(Mark(file_name, 1, 1), message, hint)
+            self._add_finding(Mark(file_name, 1, 1), message, hint)
 
-    def _expect(self, name: str, mark: Mark, files: Mapping[str, list[Path]], variable: str, folder: str) -> None:
+    def _require_file(self, name: str, mark: Mark, files: Mapping[str, list[Path]], variable: str, folder: str) -> None:
         if files.get(name) or name in self.sources.strays:
             return
         names = self.layout.sites if folder == "group_vars" else self.layout.hosts
         orphans = [other for other in files if other not in names and nearest(other, names) == name]
         if not orphans:
             hint = f"write `{variable}:` in {self.sources.display_name}/{folder}/{name}.yml"
-            self._wrong(mark, f"`{name}` has no file in {folder}/", hint)
+            self._add_finding(mark, f"`{name}` has no file in {folder}/", hint)
 
     def _variables(self, paths: list[Path], allowed_names: tuple[str, ...]) -> tuple[dict[str, _yaml.Node], bool]:
         """Return the allowed variables of the files, and whether all files were readable."""
@@ -168,13 +168,13 @@ class _Gatherer:
                 continue
             if not isinstance(node.value, dict):
                 complete = False
-                self._wrong(node.mark, "a file holds `name:` and below it, indented, the values", "write it so")
+                self._add_finding(node.mark, "a file holds `name:` and below it, indented, the values", "write it so")
                 continue
             for name, value in node.value.items():
-                self._variable(name, value, allowed_names, variables)
+                self._gather_variable(name, value, allowed_names, variables)
         return variables, complete
 
-    def _variable(
+    def _gather_variable(
         self, name: str, value: _yaml.Node, allowed_names: tuple[str, ...], variables: dict[str, _yaml.Node]
     ) -> None:
         if name.startswith("ansible_"):
@@ -182,14 +182,18 @@ class _Gatherer:
         near = name if name in allowed_names else nearest(name, allowed_names)
         if name in allowed_names and name in variables:
             first = variables[name].place
-            self._wrong(value.place, f"`{name}` is declared twice, first in {first.file}:{first.line}", "keep one")
+            self._add_finding(
+                value.place, f"`{name}` is declared twice, first in {first.file}:{first.line}", "keep one"
+            )
         elif name in allowed_names:
             variables[name] = value
         elif name in _HOMES:
-            self._wrong(value.place, f"`{name}` does not belong here", f"move it to {_HOMES[name]}")
+            self._add_finding(value.place, f"`{name}` does not belong here", f"move it to {_HOMES[name]}")
         else:
             none = "only variables of Ansible itself, `ansible_…`, may stand here"
-            self._wrong(value.place, f"`{shown_key(name)}` is not known here", suggest(name, allowed_names, none=none))
+            self._add_finding(
+                value.place, f"`{shown_key(name)}` is not known here", suggest(name, allowed_names, none=none)
+            )
             if near is not None:
                 variables.setdefault(near, value)
 
@@ -305,7 +309,7 @@ def _is_folder_for_file(sources: InventorySources, entry: Path) -> bool:
         return False
     file_name = sources.name(entry)
     sources.strays.add(entry.stem)
-    _tell(
+    _add_source_finding(
         sources,
         entry,
         "a folder stands in place of a file",
@@ -326,25 +330,25 @@ def _stray(sources: InventorySources, entry: Path, expected_names: tuple[str, ..
         hint = (
             f"did you mean `{near}`?" if near else f"put its files where they are read, or remove it: rm -r {file_name}"
         )
-        _tell(sources, inside, f"nobody reads the folder `{entry.name}`", hint)
+        _add_source_finding(sources, inside, f"nobody reads the folder `{entry.name}`", hint)
     elif entry.name.endswith(_BACKUPS):
-        _tell(sources, entry, "this copy is not read, and may hold secrets", f"remove it: rm {file_name}")
+        _add_source_finding(sources, entry, "this copy is not read, and may hold secrets", f"remove it: rm {file_name}")
     elif entry.suffix not in _DOCUMENTS:
         stem = entry.name.removesuffix(entry.suffix) if entry.suffix in {".yaml", ".json", ".ini", ""} else entry.stem
         name = nearest(f"{stem}.yml", expected_names) or f"{stem}.yml"
-        _tell(
+        _add_source_finding(
             sources,
             entry,
             f"nobody reads the file `{entry.name}`",
-            f"rename it: mv {file_name} {_beside(file_name, name)}",
+            f"rename it: mv {file_name} {_sibling_name(file_name, name)}",
         )
 
 
-def _tell(sources: InventorySources, path: Path, message: str, hint: str) -> None:
+def _add_source_finding(sources: InventorySources, path: Path, message: str, hint: str) -> None:
     sources.findings.append(Finding.at(Mark(sources.name(path), 1, 1), message, hint))
 
 
-def _beside(file_name: str, name: str) -> str:
+def _sibling_name(file_name: str, name: str) -> str:
     return f"{file_name.rpartition('/')[0]}/{name}"
 
 
@@ -584,7 +588,7 @@ def validate(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> list[F
 
 
 def _examine(inventory: Path, decrypt: _yaml.Decrypt | None) -> tuple[InventorySources, Draft | None, list[Finding]]:
-    sources = scan(_existing(inventory), shown_path(inventory))
+    sources = scan(_check_inventory_folder(inventory), shown_path(inventory))
     root, findings = sources.read(inventory / HOSTS, decrypt)
     if root is None and findings:
         return sources, None, sorted({*findings, *sources.findings})
@@ -647,7 +651,7 @@ def _inventories_beside(inventory: Path) -> list[str]:
     return result
 
 
-def _existing(inventory: Path) -> Path:
+def _check_inventory_folder(inventory: Path) -> Path:
     try:
         return _require_inventory(inventory)
     except OSError as error:

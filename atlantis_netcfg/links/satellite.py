@@ -122,14 +122,14 @@ def judge_evidence(
             ),
         )
     return (
-        *_age(name, evidence, today),
-        *_filter(name, evidence),
-        *_backup(name, evidence, backup),
-        *_firmware(name, evidence, confirmed_firmware),
+        *_check_evidence_age(name, evidence, today),
+        *_check_allow_list(name, evidence),
+        *_check_backup(name, evidence, backup),
+        *_check_firmware(name, evidence, confirmed_firmware),
     )
 
 
-def _age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[LinkFinding]:
+def _check_evidence_age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[LinkFinding]:
     days = (today - evidence.seen_on).days
     text = f"{evidence.by} looked at the terminal {name} on {evidence.seen_on.isoformat()}"
     if days > STALE_AFTER_DAYS:
@@ -142,7 +142,7 @@ def _age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[LinkFi
         )
 
 
-def _filter(name: str, evidence: SatelliteEvidence) -> Iterator[LinkFinding]:
+def _check_allow_list(name: str, evidence: SatelliteEvidence) -> Iterator[LinkFinding]:
     if not evidence.allow_list:
         message = (
             f"the terminal {name} has no allow-list of its own, or another one: only the router limits what it sends"
@@ -151,7 +151,7 @@ def _filter(name: str, evidence: SatelliteEvidence) -> Iterator[LinkFinding]:
         yield LinkFinding(Verdict.WARN, "terminal-without-allow-list", message, hint)
 
 
-def _backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> Iterator[LinkFinding]:
+def _check_backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> Iterator[LinkFinding]:
     declared_sha256 = evidence.backup_sha256
     if declared_sha256 is None:
         message = f"no backup of the terminal {name} is declared, so a changed setting would not be noticed"
@@ -171,7 +171,7 @@ def _backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> It
         yield LinkFinding(Verdict.FAIL, "terminal-backup-differs", message, hint)
 
 
-def _firmware(name: str, evidence: SatelliteEvidence, confirmed_firmware: str | None) -> Iterator[LinkFinding]:
+def _check_firmware(name: str, evidence: SatelliteEvidence, confirmed_firmware: str | None) -> Iterator[LinkFinding]:
     if confirmed_firmware is not None and confirmed_firmware != evidence.firmware:
         message = (
             f"the terminal {name} had firmware {confirmed_firmware} when a run last recorded it, "
@@ -203,11 +203,11 @@ def judge_names(
     that proves nothing.
     """
     return tuple(
-        finding for target in targets for finding in _judge(target, addresses_by_name.get(target.dns_name), by)
+        finding for target in targets for finding in _judge_name(target, addresses_by_name.get(target.dns_name), by)
     )
 
 
-def _judge(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[LinkFinding]:
+def _judge_name(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[LinkFinding]:
     name = f"{target.dns_name} ({target.what})"
     if addresses is None:
         message = f"{by} could not ask for {name}: whether it is still {target.address} is not known"

@@ -87,13 +87,13 @@ NO_VPN: Final = VpnHeaders(0)
 
 def probe_targets(number: int, interval_s: float) -> StandingFlow:
     """Return the traffic of pings to `number` probe targets every `interval_s` seconds, with their replies."""
-    each = _a_day(interval_s) * number * ECHO_BYTES
+    each = _times_per_day(interval_s) * number * ECHO_BYTES
     return StandingFlow(TrafficSource.CANARIES, each, each, always=True)
 
 
 def ntp_traffic(servers: int, interval_s: float) -> StandingFlow:
     """Return the traffic of NTP requests to `servers` time servers, with their responses."""
-    each = _a_day(interval_s) * servers * NTP_BYTES
+    each = _times_per_day(interval_s) * servers * NTP_BYTES
     return StandingFlow(TrafficSource.TIME, each, each)
 
 
@@ -105,10 +105,10 @@ def keep_alive(
     An end sends its ping if it has sent nothing for `ping_s`. `busy_*_s`: the interval at which other traffic uses the
     tunnel in a direction; None: there is none. If that is shorter than `ping_s`, no ping is ever sent.
     """
-    renewal_bytes = _a_day(renegotiation_s) * RENEGOTIATION_BYTES / 2
+    renewal_bytes = _times_per_day(renegotiation_s) * RENEGOTIATION_BYTES / 2
 
     def pings(busy_s: float | None) -> float:
-        return _a_day(ping_s) * PING_BYTES if busy_s is None or busy_s >= ping_s else 0.0
+        return _times_per_day(ping_s) * PING_BYTES if busy_s is None or busy_s >= ping_s else 0.0
 
     return StandingFlow(TrafficSource.VPN, pings(busy_up_s) + renewal_bytes, pings(busy_down_s) + renewal_bytes)
 
@@ -272,7 +272,7 @@ class DdsAnnouncements:
 
     def announcement_bytes(self, peers: int, vpn: VpnHeaders) -> float:
         """Return the bytes a day on the link for announcements to `peers` peers."""
-        packets = self.processes * (self.ports + self.processes * self.sizes.has_repeat) * _a_day(self.every_s)
+        packets = self.processes * (self.ports + self.processes * self.sizes.has_repeat) * _times_per_day(self.every_s)
         return peers * packets * (self.sizes.announcement + vpn.bytes)
 
     def refusal_bytes(self, peers: int, vpn: VpnHeaders) -> float:
@@ -281,7 +281,7 @@ class DdsAnnouncements:
         Linux sends one a second to each address, and six at once after a pause (icmp(7), `icmp_ratelimit`).
         """
         closed_ports = max(0, self.ports - self.processes)
-        a_day = min(DAY_S, self.processes * min(_ICMP_AT_ONCE, closed_ports) * _a_day(self.every_s))
+        a_day = min(DAY_S, self.processes * min(_ICMP_AT_ONCE, closed_ports) * _times_per_day(self.every_s))
         return peers * a_day * (self.sizes.announcement + _ICMP_ERROR + vpn.bytes)
 
 
@@ -390,5 +390,5 @@ def sum_by_source(flows: Iterable[StandingFlow]) -> tuple[StandingFlow, ...]:
     return tuple(sums[source] for source in TrafficSource if source in sums and sums[source].both)
 
 
-def _a_day(interval_s: float) -> float:
+def _times_per_day(interval_s: float) -> float:
     return DAY_S / interval_s

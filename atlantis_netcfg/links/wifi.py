@@ -214,7 +214,7 @@ def _radar(reading: WifiReading, settings: WifiSettings) -> LinkFinding:
 
 
 def _association(reading: WifiReading, settings: WifiSettings) -> Iterator[LinkFinding]:
-    yield from _company(reading, settings)
+    yield from _check_strangers(reading, settings)
     peer = _declared_peer(reading, settings)
     if peer is None or peer.signal_dbm is None:
         message = "somebody is registered, but the radio does not say how well it is heard"
@@ -225,10 +225,10 @@ def _association(reading: WifiReading, settings: WifiSettings) -> Iterator[LinkF
         message = f"{settings.peer} is registered but not authorised: the keys differ"
         yield LinkFinding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
     yield from _levels(peer, settings)
-    yield from _flow(reading, peer)
+    yield from _check_quality(reading, peer)
 
 
-def _company(reading: WifiReading, settings: WifiSettings) -> Iterator[LinkFinding]:
+def _check_strangers(reading: WifiReading, settings: WifiSettings) -> Iterator[LinkFinding]:
     by_peer = [(peer, _is_declared(peer, settings)) for peer in reading.peers]
     strangers = [peer.radio_name or peer.mac or "somebody" for peer, is_match in by_peer if is_match is False]
     if not strangers:
@@ -261,7 +261,7 @@ def _levels(peer: WifiPeer, settings: WifiSettings) -> Iterator[LinkFinding]:
         yield LinkFinding(Verdict.WARN, "chain-imbalance", message, hint)
 
 
-def _flow(reading: WifiReading, peer: WifiPeer) -> Iterator[LinkFinding]:
+def _check_quality(reading: WifiReading, peer: WifiPeer) -> Iterator[LinkFinding]:
     quality_of = [value for value in (peer.tx_ccq_percent, peer.rx_ccq_percent) if value is not None]
     if not quality_of and reading.overall_ccq_percent is not None:
         quality_of = [reading.overall_ccq_percent]
@@ -315,7 +315,7 @@ def read(
     `interface` excludes peers that are registered on other radios of the device.
     """
     monitor_row = monitor or {}
-    status = _meaningful(monitor_row.get("status")) or _meaningful(monitor_row.get("state"))
+    status = _known_text(monitor_row.get("status")) or _known_text(monitor_row.get("state"))
     condition = _condition(status)
     mine = [row for row in registrations or () if interface is None or row.get("interface", interface) == interface]
     if not mine and condition is WifiCondition.CONNECTED and "bssid" in monitor_row:
@@ -324,7 +324,7 @@ def read(
         family=family,
         condition=condition,
         status=status,
-        channel=_meaningful(monitor_row.get("channel")),
+        channel=_known_text(monitor_row.get("channel")),
         channel_mhz=_mhz(monitor_row.get("channel")),
         wait_left_s=_wait_left(status) if condition is WifiCondition.RADAR else None,
         overall_ccq_percent=percent(monitor_row.get("overall-tx-ccq")),
@@ -333,7 +333,7 @@ def read(
     )
 
 
-def _meaningful(text: str | None) -> str | None:
+def _known_text(text: str | None) -> str | None:
     word = (text or "").strip()
     return None if word.lower() in {"", "n/a", "unknown", "none"} else word
 
@@ -371,13 +371,13 @@ def _read_peer(row: Mapping[str, str], monitor_row: Mapping[str, str]) -> WifiPe
     """Parse a registration row; for a station, missing values come from `monitor`, which describes its access point."""
     station = "bssid" in monitor_row or "signal-strength" in monitor_row
     both = {**monitor_row, **row} if station else row
-    mac = _meaningful(row.get("mac-address"))
+    mac = _known_text(row.get("mac-address"))
     return WifiPeer(
         mac=mac.upper() if mac is not None else None,
-        radio_name=_meaningful(row.get("radio-name")),
+        radio_name=_known_text(row.get("radio-name")),
         signal_dbm=_level(both.get("signal-strength")) or _level(both.get("signal")),
         tx_signal_dbm=_level(both.get("tx-signal-strength")),
-        chains_dbm=_chains(both),
+        chains_dbm=_chain_signals(both),
         snr_db=decibels(both.get("signal-to-noise"), *_SNR_DB, unit="dB"),
         tx_rate_mbps=megabits(both.get("tx-rate")),
         rx_rate_mbps=megabits(both.get("rx-rate")),
@@ -392,7 +392,7 @@ def _level(text: str | None) -> float | None:
     return decibels(text, *_SIGNAL_DBM)
 
 
-def _chains(row: Mapping[str, str]) -> tuple[float | None, ...]:
+def _chain_signals(row: Mapping[str, str]) -> tuple[float | None, ...]:
     level_by_chain = {int(match[1]): value for name, value in row.items() if (match := _CHAIN.fullmatch(name))}
     return (
         tuple(_level(level_by_chain.get(number)) for number in range(max(level_by_chain) + 1)) if level_by_chain else ()

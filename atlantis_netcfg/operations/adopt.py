@@ -213,7 +213,9 @@ class Adoption:
         try:
             outcome = self._contact(change_journal).adopt(agree)
         except errors.NetcfgError as error:
-            failure = self._end(journal, _status(error, has_changes=change_journal.touched), error.exit, str(error))
+            failure = self._end(
+                journal, _failure_status(error, has_changes=change_journal.touched), error.exit, str(error)
+            )
             if failure is not None:
                 error.args = (f"{error}; {runs.NOT_RECORDED}: {failure}",)
             raise
@@ -228,7 +230,9 @@ class Adoption:
         pins = runs.Store(self.state, is_rehearsal=self.is_rehearsal).pins
         return FirstContact(
             target=self.target,
-            routes=self._ways(None if self.is_replacement else self._access.host_key or pins.host_key(self.host.name)),
+            routes=self._console_access(
+                None if self.is_replacement else self._access.host_key or pins.host_key(self.host.name)
+            ),
             pins=pins,
             journal=journal,
             notify=self.notify,
@@ -241,7 +245,7 @@ class Adoption:
     def _access(self) -> Access:
         return get_managed_device(self.inventory, self.host).access
 
-    def _ways(self, pin: str | None) -> ConsoleAccess:
+    def _console_access(self, pin: str | None) -> ConsoleAccess:
         key = HostKey(pin)
         final = self._ssh(self.target.host, key)
         first: ConsoleRoute = final
@@ -331,7 +335,7 @@ class _ChangeJournal:
         self._journal.confirm(device, text)
 
 
-def _status(error: errors.NetcfgError, *, has_changes: bool) -> str:
+def _failure_status(error: errors.NetcfgError, *, has_changes: bool) -> str:
     if error.exit is errors.ExitCode.UNKNOWN:
         return "unknown"
     return _HALF if has_changes else "refused"

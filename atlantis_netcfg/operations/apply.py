@@ -231,7 +231,7 @@ def _waiting(
         job = device_job(costs.inventory, host, costs.request, site_run.journal, channel.event)
         return costs.with_meter(replace(job, confirmed_state=site_run.confirmed.get(host.name)))
 
-    def make(member: schedule.RunUnit) -> DeviceJob | Pair:
+    def build_job(member: schedule.RunUnit) -> DeviceJob | Pair:
         if member.bridge is None:
             return job_of(member.hosts[0])
         for site in sorted({host.site for host in member.hosts}):
@@ -247,7 +247,9 @@ def _waiting(
     return [
         fleet.PendingJob(
             member.hosts[0].name,
-            partial(_ready, make(member)) if alone and member.bridge is None else partial(make, member),
+            partial(_unchanged_job, build_job(member))
+            if alone and member.bridge is None
+            else partial(build_job, member),
             member.bridge.far.name if member.bridge is not None else None,
             member.after,
         )
@@ -255,7 +257,7 @@ def _waiting(
     ]
 
 
-def _ready(job: DeviceJob | Pair) -> DeviceJob | Pair:
+def _unchanged_job(job: DeviceJob | Pair) -> DeviceJob | Pair:
     return job
 
 
@@ -264,7 +266,7 @@ def _for_ansible(results: Mapping[str, Mapping[str, Any]], names: Sequence[str])
 
     The other end of a bridge may be outside the play: then the end in the play reports both, and fails with it.
     """
-    for_hosts = {name: _of_host(name, result) for name, result in results.items()}
+    for_hosts = {name: _host_result(name, result) for name, result in results.items()}
     for name, result in results.items():
         other_end = str(result["other_end"])
         if other_end in names and name not in names:
@@ -279,13 +281,13 @@ def _for_ansible(results: Mapping[str, Mapping[str, Any]], names: Sequence[str])
     return {"per_host": for_hosts}
 
 
-def _of_host(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
+def _host_result(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
     fine = result["exit"] in _FINE
     return {
         **result,
         "ok": fine,
         "changed": result["status"] in (Status.CHANGED, Status.PLANNED) and fine,
-        "message": _words(result),
+        "message": _message_text(result),
         "shown": _diff_text(name, result),
     }
 
@@ -296,5 +298,5 @@ def _diff_text(name: str, result: Mapping[str, Any]) -> str:
     return f"{name}:\n{result['diff']}{drift}" if result["diff"] or drift else ""
 
 
-def _words(result: Mapping[str, Any]) -> str:
+def _message_text(result: Mapping[str, Any]) -> str:
     return f"{result['message']} ({result['hint']})" if result["hint"] else str(result["message"])

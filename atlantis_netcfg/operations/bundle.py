@@ -131,31 +131,35 @@ def host_requirements(
         host=host.name,
         packages=tuple(
             dict.fromkeys(
-                requirements.PackageRequirement(row["name"], row.get("version")) for row in _all(result, "packages")
+                requirements.PackageRequirement(row["name"], row.get("version"))
+                for row in _collect_rows(result, "packages")
             )
         ),
         sources=tuple(
             dict.fromkeys(
-                requirements.PackageSource(source["path"], source["content"]) for source in _all(result, "sources")
+                requirements.PackageSource(source["path"], source["content"])
+                for source in _collect_rows(result, "sources")
             )
         ),
         keys=tuple(
             dict.fromkeys(
                 requirements.RequirementKey(item["path"], base64.b64decode(item["content_base64"]))
-                for item in _all(result, "keys")
+                for item in _collect_rows(result, "keys")
             )
         ),
         pins=tuple(
-            dict.fromkeys(requirements.PackageSource(row["path"], row["content"]) for row in _all(result, "pins"))
+            dict.fromkeys(
+                requirements.PackageSource(row["path"], row["content"]) for row in _collect_rows(result, "pins")
+            )
         ),
-        libraries=_libraries(inventory, tokens=tokens) if _builds(host) else (),
+        libraries=_libraries(inventory, tokens=tokens) if _has_interop(host) else (),
         archives=_archives(inventory, host),
         distribution=expected_release.get("distribution"),
         codename=expected_release.get("codename"),
     )
 
 
-def _builds(host: Host) -> bool:
+def _has_interop(host: Host) -> bool:
     return isinstance(host.device, model.ServerComputer) and host.device.has_interop
 
 
@@ -172,7 +176,7 @@ def _archives(inventory: Inventory, host: Host) -> tuple[requirements.ContainerA
     return tuple(requirements.ContainerArchive(*each) for each in dict.fromkeys(archives))
 
 
-def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:
+def _collect_rows(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:
     return (row for part in result for row in part.get(name) or ())
 
 

@@ -52,11 +52,11 @@ class Receipt:
     def writing(self, disk: BlockDevice) -> Iterator[None]:
         """Record the start of writing and, if it fails, the error."""
         values = {"name": disk.name, "label": disk.label, "serial": disk.serial, "size": disk.size, "bus": disk.bus}
-        self._keep(device=values, outcome="writing")
+        self._save(device=values, outcome="writing")
         try:
             yield
         except errors.NetcfgError as error:
-            self._keep(outcome="failed", message=str(error), ended=datetime.now(UTC).isoformat())
+            self._save(outcome="failed", message=str(error), ended=datetime.now(UTC).isoformat())
             raise
 
     def write_result(self, card: writer.WrittenCard) -> None:
@@ -68,9 +68,9 @@ class Receipt:
             "compared": card.compared,
             "seconds": round(card.seconds, 3),
         }
-        self._keep(outcome="written", bytes=counts, ended=datetime.now(UTC).isoformat())
+        self._save(outcome="written", bytes=counts, ended=datetime.now(UTC).isoformat())
 
-    def _keep(self, **more: object) -> None:
+    def _save(self, **more: object) -> None:
         self.content |= more
         write_atomically(self.path, f"{json.dumps(self.content, indent=1, ensure_ascii=False)}\n".encode())
 

@@ -32,7 +32,7 @@ def for_replacement(saved_state: _items.DesiredState, desired_state: _items.Desi
     state never has: they come from the inventory, if it has them.
     """
     items = {
-        path: tuple(_with_secrets(_unit(item), _emulators(item, desired_state)) for item in rows)
+        path: tuple(_with_secrets(_mark_unit_values_unknown(item), _emulators(item, desired_state)) for item in rows)
         for path, rows in saved_state.items.items()
     }
     return replace(saved_state, items=items, notes=(*saved_state.notes, *_newer(saved_state, desired_state)))
@@ -40,7 +40,10 @@ def for_replacement(saved_state: _items.DesiredState, desired_state: _items.Desi
 
 def for_any_box(saved_state: _items.DesiredState) -> _items.DesiredState:
     """Return the saved state without what belongs to the device it was read from: an emulator has its own."""
-    return replace(saved_state, items={path: tuple(map(_unit, rows)) for path, rows in saved_state.items.items()})
+    return replace(
+        saved_state,
+        items={path: tuple(map(_mark_unit_values_unknown, rows)) for path, rows in saved_state.items.items()},
+    )
 
 
 def _newer(saved_state: _items.DesiredState, desired_state: _items.DesiredState) -> tuple[str, ...]:
@@ -50,7 +53,7 @@ def _newer(saved_state: _items.DesiredState, desired_state: _items.DesiredState)
     return (f"not in the saved state, and left as they are: {titles}",) if titles else ()
 
 
-def _unit(item: RowItem) -> RowItem:
+def _mark_unit_values_unknown(item: RowItem) -> RowItem:
     local = _UNIT.get(item.menu, frozenset())
     values = {name: value for name, value in item.values.items() if name not in local}
     return replace(item, values=values, unknown=item.unknown | local)

@@ -59,8 +59,8 @@ def with_example(inventory: Inventory, site: str) -> tuple[Inventory, str | None
     """Return the inventory, and the example added if it has no recordings; raise NoMatchError."""
     if inventory.pilot.retrieval is not None or site not in inventory.sites:
         return inventory, None
-    gateway = _first(inventory.site_hosts(site), model.Gateway)
-    centre = _first(inventory.hosts.values(), model.ControlCentre)
+    gateway = _first_vpn_host(inventory.site_hosts(site), model.Gateway)
+    centre = _first_vpn_host(inventory.hosts.values(), model.ControlCentre)
     if gateway is None or centre is None:
         raise errors.NoMatchError(
             f"{site} has no gateway in the VPN, or the pilot has no control centre there",
@@ -69,7 +69,7 @@ def with_example(inventory: Inventory, site: str) -> tuple[Inventory, str | None
     hosts = dict(inventory.hosts)
     for name in (gateway, centre):
         device = hosts[name].device
-        assert isinstance(device, model.ServerComputer)  # noqa: S101 - `_first` has looked
+        assert isinstance(device, model.ServerComputer)  # noqa: S101 - `_first_vpn_host` has looked
         ssh_settings = device.ssh.model_copy(update={"host_key": device.ssh.host_key or _EXAMPLE_KEY})
         hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": ssh_settings}))
     example = model.Retrieval.model_validate({"to": centre, "budget_mb": 1000, "sources": [{"host": gateway}]})
@@ -78,7 +78,7 @@ def with_example(inventory: Inventory, site: str) -> tuple[Inventory, str | None
     return replace(inventory, hosts=hosts, pilot=pilot), words
 
 
-def _first(hosts: Iterable[Host], kind: type[model.ServerComputer]) -> str | None:
+def _first_vpn_host(hosts: Iterable[Host], kind: type[model.ServerComputer]) -> str | None:
     in_vpn = (host for host in hosts if isinstance(host.device, kind) and host.device.vpn_address is not None)
     return next((host.name for host in in_vpn), None)
 
@@ -176,7 +176,7 @@ def rehearsed_transfer(inventory: Inventory, source: retrieve.Source, link: mode
         _settle(root, source, recordings, relay.port)
         words = [f"{name}={value}" for name, value in environment.items()]
         program = retrieve.RetrievalProgram(
-            inventory, source, lambda verb: ["env", "-i", *words, *_run(root, PROGRAM), verb]
+            inventory, source, lambda verb: ["env", "-i", *words, *_program_command(root, PROGRAM), verb]
         )
         target_folder = root / settings.folder.lstrip("/") / source.name
         try:
@@ -188,7 +188,7 @@ def rehearsed_transfer(inventory: Inventory, source: retrieve.Source, link: mode
             server.close()
 
 
-def _run(root: Path, program: str) -> list[str]:
+def _program_command(root: Path, program: str) -> list[str]:
     return [sys.executable, "-I", f"{root}{program}"]
 
 
@@ -204,7 +204,7 @@ def _environment(root: Path, robot: Path) -> dict[str, str]:
         "PATH": f"{folder}:{os.environ['PATH']}",
         "HOME": str(root),
         ssh.ROBOT: str(robot),
-        ssh.UNIT: shlex.join([*_run(root, PROGRAM), "run"]),
+        ssh.UNIT: shlex.join([*_program_command(root, PROGRAM), "run"]),
         ssh.LOCK: str(root / "unit"),
     }
 
@@ -216,7 +216,7 @@ def _receiver(root: Path, gateway: str) -> list[str]:
     assert match is not None  # noqa: S101 - `gateway/retrieval.py` writes it
     _, _, program, names, folder, budget = match[1].split(" ")
     (root / folder.lstrip("/")).mkdir(parents=True)
-    return [*_run(root, program), names, f"{root}{folder}", budget]
+    return [*_program_command(root, program), names, f"{root}{folder}", budget]
 
 
 def _settle(root: Path, source: retrieve.Source, recordings: Path, port: int) -> None:

@@ -107,14 +107,14 @@ class Upgrading:
                     sent_bytes // 1000,
                     upgrade.size // 1000,
                 )
-            await self._all_there(upgrade)
+            await self._check_files_present(upgrade)
         except BaseException:
             await _remove(self.endpoint, upgrade.send)
             raise
         for package in upgrade.send:
             journal.write(runs.PackageSent(device=self.name, file=package.path.name, sha256=package.sha256))
 
-    async def _all_there(self, upgrade: Upgrade) -> None:
+    async def _check_files_present(self, upgrade: Upgrade) -> None:
         there = await look(self.endpoint)
         missing = [package.path.name for package in upgrade.send if not there.holds(package)]
         if missing:
@@ -457,7 +457,7 @@ async def look(endpoint: api.Endpoint) -> SeenPackages:
             packages=tuple(_packages(packages)),
             free_bytes=_number(about.get("free-hdd-space", "")),
             radios=tuple(row.get("name", "") for row in radios.check().rows),
-            factory=_maybe(about.get("factory-software", "")),
+            factory=_parse_version_or_none(about.get("factory-software", "")),
         ),
         uptime_s=_seconds(about.get("uptime", "")),
         files={row.get("name", ""): row for row in files.check().rows},
@@ -490,13 +490,13 @@ def _packages(reply: api.Reply) -> list[RouterOsPackage]:
 
 
 def _version(text: str) -> Version:
-    result = _maybe(text)
+    result = _parse_version_or_none(text)
     if result is None:
         raise errors.DeviceError(f"this is no RouterOS that we know: it names a version `{text}`")
     return result
 
 
-def _maybe(text: str) -> Version | None:
+def _parse_version_or_none(text: str) -> Version | None:
     try:
         return Version.parse(text)
     except ValueError:

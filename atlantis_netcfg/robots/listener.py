@@ -122,7 +122,7 @@ class IdlTypes:
 
             fields = {field: self._type_of(node) for field, node in self.fields[name]}
             # A message without a field has one in DDS, as rosidl makes it.
-            fields = fields or {"structure_needs_at_least_one_member": _base("uint8")}
+            fields = fields or {"structure_needs_at_least_one_member": _base_type("uint8")}
             self._made[name] = make_idl_struct(name.rpartition("/")[2], dds_type_name(name), fields)
         return self._made[name]
 
@@ -133,7 +133,7 @@ class IdlTypes:
         kind, of = int(node[0]), node[1]
         if kind == 1:
             if of[0] not in {"string", "wstring"}:
-                return _base(of[0])
+                return _base_type(of[0])
             return idl_types.bounded_str[of[1]] if of[1] else str
         if kind == 2:  # noqa: PLR2004 - rosbags' numbers, as in the next
             return self.idl(of)
@@ -143,7 +143,7 @@ class IdlTypes:
         return idl_types.sequence[item, of[1]] if of[1] else idl_types.sequence[item]
 
 
-def _base(name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
+def _base_type(name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
     from cyclonedds.idl import types  # noqa: PLC0415 - as above
 
     return bool if name == "bool" else getattr(types, _BASES.get(name, name))
@@ -323,14 +323,14 @@ class CycloneListener:
                 self.log.add_participant(str(sample.key), _addresses(sample))
         for sample in self._publications.take(N=_AT_ONCE):
             if sample.sample_info.valid_data and str(sample.participant_key) != guid:
-                self._publication(sample)
+                self._handle_publication(sample)
         for (_, kind), reader in list(self._readers.items()):
             for sample in reader.take(N=_AT_ONCE):
                 if sample.sample_info.valid_data:
                     self._message(reader, self._types.idl(kind), sample)
         time.sleep(pause_s)
 
-    def _publication(self, sample: Any) -> None:  # noqa: ANN401 - cyclonedds' endpoint
+    def _handle_publication(self, sample: Any) -> None:  # noqa: ANN401 - cyclonedds' endpoint
         from cyclonedds.core import Policy  # noqa: PLC0415 - as above
 
         name = topic_name(sample.topic_name)
@@ -341,9 +341,9 @@ class CycloneListener:
         is_kept = sample.qos[Policy.Durability] == Policy.Durability.TransientLocal
         participant = str(sample.participant_key)
         if self.log.add_writer(str(sample.key), participant, name, kind, reliable=reliable, transient_local=is_kept):
-            self._read(sample.topic_name, name, kind)
+            self._open_reader(sample.topic_name, name, kind)
 
-    def _read(self, dds_name: str, name: str, kind: str) -> None:
+    def _open_reader(self, dds_name: str, name: str, kind: str) -> None:
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
 
         if kind not in self._types:
@@ -408,10 +408,10 @@ class RosListener:
             for topic, _ in self._node.get_topic_names_and_types():
                 for publisher in self._node.get_publishers_info_by_topic(topic):
                     if publisher.node_name != self._name:
-                        self._publisher(topic, publisher)
+                        self._add_publisher(topic, publisher)
         self._rclpy.spin_once(self._node, timeout_sec=POLL_S)
 
-    def _publisher(self, topic: str, publisher: Any) -> None:  # noqa: ANN401 - rclpy's TopicEndpointInfo
+    def _add_publisher(self, topic: str, publisher: Any) -> None:  # noqa: ANN401 - rclpy's TopicEndpointInfo
         participant = bytes(publisher.endpoint_gid)[:_PREFIX_BYTES].hex()
         self.log.add_participant(participant, f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}")
         self._publishers.setdefault(topic, set()).add(participant)
@@ -420,7 +420,7 @@ class RosListener:
             return
         reliable = publisher.qos_profile.reliability.name.endswith("RELIABLE")
         if topic != self.log.topic or kind != CONFIGURATION_TYPE:
-            self.log.add_writer(_joint(topic, kind), participant, topic, kind, reliable=reliable)
+            self.log.add_writer(_topic_type_key(topic, kind), participant, topic, kind, reliable=reliable)
         self._subscriptions[topic, kind] = self._subscribe(topic, kind)
 
     def _subscribe(self, topic: str, kind: str) -> Any:  # noqa: ANN401 - rclpy's subscription
@@ -444,7 +444,7 @@ class RosListener:
         return self._node.create_subscription(message_type, topic, arrive, qos_profile_sensor_data, raw=True)
 
     def _message(self, topic: str, kind: str, data: bytes, *, has_stamp: bool) -> None:
-        key, stamp_s, content = _joint(topic, kind), None, data
+        key, stamp_s, content = _topic_type_key(topic, kind), None, data
         order = "<" if data[1:2] == b"\1" else ">"
         if topic == self.log.topic and kind == CONFIGURATION_TYPE:
             (size,) = struct.unpack_from(f"{order}I", data, _BODY)
@@ -463,7 +463,7 @@ class RosListener:
             self.log.count(key, len(data), content, stamp_s)
 
 
-def _joint(topic: str, kind: str) -> str:
+def _topic_type_key(topic: str, kind: str) -> str:
     return f"{topic} {kind}"
 
 
@@ -502,21 +502,21 @@ def _listener(request: Mapping[str, Any], domains: list[Any]) -> CycloneListener
 
 
 def main(request: Mapping[str, Any]) -> None:
-    """Listen as requested, and print one JSON line, `heard` or `trouble`; print `alive` lines meanwhile.
+    """Listen as requested, and print one JSON line, `heard` or `trouble`; print `report_alive` lines meanwhile.
 
     Ends when nobody reads its output: a remote computer must not keep listening after its connection was cut.
     """
 
-    def alive() -> None:
+    def report_alive() -> None:
         sys.stdout.write("alive\n")
         sys.stdout.flush()
 
     domains: list[Any] = []
     try:
-        alive()
+        report_alive()
         listener = _listener(request, domains)
         others = OtherDomains(request["domain"], request["address"])
-        log = listen(listener, request["seconds"], others, alive)
+        log = listen(listener, request["seconds"], others, report_alive)
     except ImportError as error:
         answer: dict[str, Any] = {"trouble": "missing", "words": str(error)}
     except OSError:

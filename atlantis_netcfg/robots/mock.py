@@ -93,12 +93,14 @@ class MockRobot:
         self._now, self._began = now, now if self._began is None else self._began
         for action in self.actions:
             action.step(now, time.time_ns())
-        self._every(1.0, self.configuration_topic, CONFIGURATION_TYPE, now, self._configuration)
+        self._publish_if_due(1.0, self.configuration_topic, CONFIGURATION_TYPE, now, self._configuration)
         for topic in self.robot.topics():
-            self._every(RATES_HZ[topic.kind], topic.name, topic.message_type, now, partial(self._message, topic, now))
+            self._publish_if_due(
+                RATES_HZ[topic.kind], topic.name, topic.message_type, now, partial(self._message, topic, now)
+            )
         return min(self.due.values())
 
-    def _every(self, rate_hz: float, name: str, kind: str, now: float, make: Callable[[], Any]) -> None:
+    def _publish_if_due(self, rate_hz: float, name: str, kind: str, now: float, make: Callable[[], Any]) -> None:
         if now < self.due.setdefault(name, now):
             return
         self.publisher.publish(name, kind, make())
@@ -121,9 +123,9 @@ class MockRobot:
         pose = getattr(message, "pose", message)
         match topic.kind:
             case TopicKind.BOOLEAN:
-                _set(message, "data", self._boolean(topic.name))
+                _set_if_present(message, "data", self._boolean(topic.name))
             case TopicKind.NUMBER:
-                _set(message, "data", 12.0 + math.sin(angle))
+                _set_if_present(message, "data", 12.0 + math.sin(angle))
             case TopicKind.POSE if hasattr(pose, "position"):
                 pose.position.x, pose.position.y = east, north
                 pose.orientation.z, pose.orientation.w = math.sin(angle / 2), math.cos(angle / 2)
@@ -139,6 +141,6 @@ class MockRobot:
         return message
 
 
-def _set(message: Any, name: str, value: object) -> None:  # noqa: ANN401 - a message of the pilot's own type
+def _set_if_present(message: Any, name: str, value: object) -> None:  # noqa: ANN401 - a message of the pilot's own type
     if hasattr(message, name):
         setattr(message, name, value)

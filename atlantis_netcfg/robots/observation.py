@@ -154,7 +154,7 @@ def judge(
     for name, copies in introductions.items():
         configuration, robot = copies[-1]
         source = sources_by_name.get(name)
-        findings = [*_copies(name, copies, observation), *_configuration(configuration)]
+        findings = [*_check_duplicates(name, copies, observation), *_check_configuration_rate(configuration)]
         if source is None:
             findings.append(_unknown(name, sources_by_name))
         elif source.vehicle in past:
@@ -171,14 +171,14 @@ def judge(
         reports.append(RobotReport(name, state, vehicle, tuple(findings), tuple(writers)))
     here = {report.vehicle for report in reports}
     reports += [
-        _missing(source, observation)
+        _missing_robot_report(source, observation)
         for source in sources_by_name.values()
         if source.vehicle in {*expected_vehicles} - here
     ]
     return sorted(reports, key=lambda report: (report.state != RobotState.DECLARED, report.namespace))
 
 
-def _missing(source: RobotSource, observation: RobotObservation) -> RobotReport:
+def _missing_robot_report(source: RobotSource, observation: RobotObservation) -> RobotReport:
     name = source.robot.name if source.robot is not None else str(source.vehicle)
     declared_topics = {topic.name for topic in source.robot.topics()} if source.robot is not None else set()
     topic = next((writer.topic for writer in observation.writers if writer.topic in declared_topics), None)
@@ -218,7 +218,7 @@ def _past_guest(vehicle: str, past: Mapping[str, str]) -> LinkFinding:
     return LinkFinding(Verdict.WARN, "robot-unknown", message, f"`provision guest end name={vehicle}` puts it out")
 
 
-def _copies(
+def _check_duplicates(
     name: str, copies: Sequence[tuple[HeardConfiguration, RobotFile]], observation: RobotObservation
 ) -> Iterator[LinkFinding]:
     keys = dict.fromkeys(configuration.writer.participant for configuration, _ in copies)
@@ -228,7 +228,7 @@ def _copies(
         yield LinkFinding(Verdict.FAIL, "namespace-twice", message, "give each robot a namespace of its own")
 
 
-def _configuration(configuration: HeardConfiguration) -> Iterator[LinkFinding]:
+def _check_configuration_rate(configuration: HeardConfiguration) -> Iterator[LinkFinding]:
     rate = configuration.writer.rate_hz
     low, high = _CONFIGURATION_HZ
     if rate is None:
@@ -273,7 +273,7 @@ def topic_findings(
             yield topic, LinkFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
         else:
             for writer in rows:
-                yield from ((topic, finding) for finding in _topic(topic, writer, observation.seconds))
+                yield from ((topic, finding) for finding in _check_topic(topic, writer, observation.seconds))
             yield from ((topic, finding) for finding in _check_silence(topic, rows, writers))
 
 
@@ -288,7 +288,7 @@ def _check_silence(
         yield LinkFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
 
 
-def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[LinkFinding]:
+def _check_topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[LinkFinding]:
     if writer.type != topic.message_type:
         message = f"{topic.name} has the type {writer.type}, where its configuration means {topic.message_type}"
         yield LinkFinding(Verdict.FAIL, "topic-type", message, "write `type:` at the topic, or correct the program")

@@ -85,7 +85,7 @@ class BagRecorder:
 
         if self.reason:
             return
-        self.reason = self._limit(len(data))
+        self.reason = self._stop_reason(len(data))
         if self.reason:
             return
         try:
@@ -96,7 +96,7 @@ class BagRecorder:
         self.messages += 1
         self.octets += len(data)
 
-    def _limit(self, size: int) -> str:
+    def _stop_reason(self, size: int) -> str:
         if self.octets + size > self._most:
             return f"it would be larger than {self._most / 1e6:g} MB"
         if self.octets + size < self._octets_at_look + _LOOK_EVERY:

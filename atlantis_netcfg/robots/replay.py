@@ -153,13 +153,13 @@ def sample_of(message: BagMessage, types: MessageTypes) -> Any:  # noqa: ANN401 
         sample = kind.deserialize(message.data)
         rest = len(message.data) - len(sample.serialize())
     except Exception as error:
-        raise _not_of_its_type(message) from error
+        raise _type_mismatch_error(message) from error
     if not 0 <= rest <= _PADDING:
-        raise _not_of_its_type(message)
+        raise _type_mismatch_error(message)
     return sample
 
 
-def _not_of_its_type(message: BagMessage) -> UsageError:
+def _type_mismatch_error(message: BagMessage) -> UsageError:
     what = f"a message of {message.topic.name} is not of the type {message.topic.type} as it is known here"
     hint = f"compare robots/{INTERFACES}/{message.topic.type}.msg of the inventory with the robot's own"
     return UsageError(what, hint=hint)
@@ -173,7 +173,7 @@ class BagPlayer:
         self._bag, self._types, self._topic, self._loop = bag, types, configuration_topic, loop
         self._publishers: dict[str, Publisher] = {}
         for each in bag.topics.values():
-            for owner in set(bag.robots.values()) if self._introduces(each) else {bag.owners.get(each.name, "")}:
+            for owner in set(bag.robots.values()) if self._is_configuration(each) else {bag.owners.get(each.name, "")}:
                 publisher = self._publishers.get(owner) or self._publishers.setdefault(owner, Publisher(number, types))
                 publisher.advertise(each.name, each.type, reliable=each.reliable, transient_local=each.transient_local)
         self._start_s = time.monotonic() + _MEET_S
@@ -182,19 +182,19 @@ class BagPlayer:
 
     def step(self, now: float) -> float:
         """Publish what is due at `now` (monotonic, seconds); return the next due time, infinity if there is none."""
-        while self._next is not None and (due := self._due(self._next)) <= now:
+        while self._next is not None and (due := self._due_at(self._next)) <= now:
             self._publish(self._next)
             self._next = next(self._messages, None)
             if self._next is None and self._loop:
                 self._start_s = due + _MEET_S
                 self._messages = _messages(self._bag.files)
                 self._next = next(self._messages)
-        return self._due(self._next) if self._next is not None else math.inf
+        return self._due_at(self._next) if self._next is not None else math.inf
 
-    def _due(self, message: BagMessage) -> float:
+    def _due_at(self, message: BagMessage) -> float:
         return self._start_s + (message.time_ns - self._bag.first_ns) / 1e9
 
-    def _introduces(self, topic: BagTopic) -> bool:
+    def _is_configuration(self, topic: BagTopic) -> bool:
         return (topic.name, topic.type) == (self._topic, CONFIGURATION_TYPE)
 
     def _publish(self, message: BagMessage) -> None:
@@ -202,7 +202,7 @@ class BagPlayer:
         if topic.name not in self._bag.topics or self._bag.topics[topic.name].type != topic.type:
             return
         owner = self._bag.owners.get(topic.name, "")
-        if self._introduces(topic):
+        if self._is_configuration(topic):
             owner = self._bag.robots.get(content_hash(message.data), "")
         self._publishers[owner].publish(topic.name, topic.type, sample_of(message, self._types))
         self.sent[topic.name] += 1

@@ -123,7 +123,7 @@ def item_of(statement: Statement) -> RowItem:
     if statement.verb == "add":
         return _build_added_item(menu, statement)
     if statement.verb == "set":
-        return _set(menu, statement)
+        return _build_set_item(menu, statement)
     raise Mistake(f"`{statement.verb}` is not allowed in a declaration: write `add` or `set`")
 
 
@@ -139,7 +139,7 @@ def _build_added_item(menu: menus.Menu, statement: Statement) -> RowItem:
     return RowItem(menu.path, values, statement.line)
 
 
-def _set(menu: menus.Menu, statement: Statement) -> RowItem:
+def _build_set_item(menu: menus.Menu, statement: Statement) -> RowItem:
     values = _values(menu, statement)
     if menu.shape is menus.Shape.SINGLETON:
         if statement.find is not None or statement.target is not None:

@@ -199,10 +199,10 @@ class Examination:
         for part, reply in zip(self._scripts, replies, strict=False):
             self._judge(part, reply)
         for argument, reply in zip(self._whole, replies[scripts:], strict=False):
-            words = _words(reply)
+            words = _completions(reply)
             self._lists[argument] = words if 0 < len(words) <= _COMPLETE else None
         for (argument, _), reply in zip(self._values, replies[scripts + whole :], strict=False):
-            self._good |= {(argument, word) for word in _words(reply)}
+            self._good |= {(argument, word) for word in _completions(reply)}
 
     def _judge(self, lines: Sequence[str], reply: Reply) -> None:
         if reply.trap is not None or reply.ret is None:
@@ -276,7 +276,7 @@ def build_completion_query(menu: str, name: str, *, among: Sequence[str] = ()) -
     return Command("/console/inspect", arguments, (*alternatives, *["?#|"] * (len(alternatives) - 1)))
 
 
-def _words(reply: Reply) -> tuple[str, ...]:
+def _completions(reply: Reply) -> tuple[str, ...]:
     return tuple(row.get("completion", "") for row in reply.rows) if reply.trap is None else ()
 
 

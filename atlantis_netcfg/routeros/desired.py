@@ -44,7 +44,7 @@ def read(text: str, source: str = "text") -> DesiredState:
     undeclared_values: dict[str, dict[str, str]] = {}
     run_time: list[RunTime] = []
     remarks: list[tuple[str, str]] = []
-    _directives(text, source, mistakes, (entire, undeclared_values, run_time, remarks))
+    _parse_directives(text, source, mistakes, (entire, undeclared_values, run_time, remarks))
     items: dict[str, list[RowItem]] = {
         menu: [] for menu in (*export.menus, *entire, *undeclared_values) if menu in MENUS
     }
@@ -68,7 +68,7 @@ def read(text: str, source: str = "text") -> DesiredState:
 _Directives = tuple[dict[str, None], dict[str, dict[str, str]], list[RunTime], list[tuple[str, str]]]
 
 
-def _directives(text: str, source: str, mistakes: list[str], directives: _Directives) -> None:
+def _parse_directives(text: str, source: str, mistakes: list[str], directives: _Directives) -> None:
     entire, undeclared_values, run_time, remarks = directives
     for match in _DIRECTIVE.finditer(text):
         word, argument = match.groups()
@@ -79,7 +79,7 @@ def _directives(text: str, source: str, mistakes: list[str], directives: _Direct
                 menu, name, value = _value_in_menu(argument)
                 undeclared_values.setdefault(menu, {})[name] = value
             elif word == _RUN_TIME:
-                run_time.append(_run_time(argument))
+                run_time.append(_parse_run_time(argument))
             elif word == _NOTE:
                 title, _, remark = argument.partition(": ")
                 remarks.append((_menu_named(title).path, remark))
@@ -95,7 +95,7 @@ def _menu_named(title: str) -> Menu:
     return known_menu("/" + "/".join(title.strip("/").replace("/", " ").split()))
 
 
-def _run_time(argument: str) -> RunTime:
+def _parse_run_time(argument: str) -> RunTime:
     match = _EITHER.fullmatch(argument)
     if match is None:
         raise Mistake("write `atlantis:run-time /menu property=declared property=instead`")

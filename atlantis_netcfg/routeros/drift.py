@@ -231,8 +231,10 @@ def raw_differences(menu: Menu, actions: Iterable[_types.Action], rows: Sequence
                 # A port gets its name by itself, and one of two that swap theirs gets it in two steps: it is one row.
                 at = place.setdefault(row.get(".id", ""), len(differences))
                 before = differences.pop(at).desired_row if at < len(differences) else None
-                differences.insert(at, Raw(DriftKind.CHANGED, _after(before or row, action), row))
-    differences += [_together(menu, desired_row, row) for desired_row, row in _pairs(menu, missing, removed_rows)]
+                differences.insert(at, Raw(DriftKind.CHANGED, _row_after(before or row, action), row))
+    differences += [
+        _pair_difference(menu, desired_row, row) for desired_row, row in _pairs(menu, missing, removed_rows)
+    ]
     differences += [Raw(DriftKind.MISSING, desired_row=values) for values in missing]
     return differences + [Raw(DriftKind.ADDED, actual_row=row) for row in removed_rows]
 
@@ -249,13 +251,13 @@ def mark_of(values: Mapping[str, str]) -> str | None:
     return comment if comment.startswith(MARK) else None
 
 
-def _after(row: _Values, action: _types.Action) -> dict[str, str]:
+def _row_after(row: _Values, action: _types.Action) -> dict[str, str]:
     unset = {name[1:] for name, _ in action.values if name.startswith("!")}
     remaining_values = {name: value for name, value in row.items() if name not in unset}
     return remaining_values | {name: value for name, value in action.values if not name.startswith("!")}
 
 
-def _together(menu: Menu, desired_row: Mapping[str, str], row: _types.Row) -> Raw:
+def _pair_difference(menu: Menu, desired_row: Mapping[str, str], row: _types.Row) -> Raw:
     raw = Raw(DriftKind.CHANGED, desired_row, row)
     return raw if raw.differing(menu) else Raw(DriftKind.ORDER, desired_row, row)
 
@@ -270,13 +272,13 @@ def index_unique(key: _Key, rows: Iterable[_T]) -> dict[Hashable, _T]:
 
 def _pairs(menu: Menu, missing: list[_Values], removed_rows: list[_Values]) -> list[tuple[_Values, _Values]]:
     """Remove matching rows from both lists and pair them: by content, then by keys, then by our comment."""
-    pairs = _paired_by(lambda values: content(menu, values), missing, removed_rows)
+    pairs = _take_pairs_by_key(lambda values: content(menu, values), missing, removed_rows)
     if menu.keys:
-        pairs += _paired_by(menu.identity, missing, removed_rows)
-    return pairs + _paired_by(mark_of, missing, removed_rows)
+        pairs += _take_pairs_by_key(menu.identity, missing, removed_rows)
+    return pairs + _take_pairs_by_key(mark_of, missing, removed_rows)
 
 
-def _paired_by(key: _Key, missing: list[_Values], removed_rows: list[_Values]) -> list[tuple[_Values, _Values]]:
+def _take_pairs_by_key(key: _Key, missing: list[_Values], removed_rows: list[_Values]) -> list[tuple[_Values, _Values]]:
     desired_by_key, there = index_unique(key, missing), index_unique(key, removed_rows)
     pairs = [(values, there[value]) for value, values in desired_by_key.items() if value in there]
     paired_ids = {id(row) for pair in pairs for row in pair}
@@ -304,7 +306,7 @@ class DriftHistory:
         """Return the latest entry about the row of a difference."""
         for row in self.rows:
             commands = [command for command in (row.get("undo", ""), row.get("redo", "")) if _is_about(menu, command)]
-            if any(_names(menu, raw, command) for command in commands):
+            if any(_is_about_row(menu, raw, command) for command in commands):
                 return ChangeRecord(row.get("by", ""), row.get("time", ""), row.get("action", ""))
         return None
 
@@ -314,7 +316,7 @@ def _is_about(menu: Menu, command: str) -> bool:
     return re.match(rf"/{path}[ /](?:{_VERBS})\b", command) is not None
 
 
-def _names(menu: Menu, raw: Raw, command: str) -> bool:
+def _is_about_row(menu: Menu, raw: Raw, command: str) -> bool:
     if menu.shape is Shape.SINGLETON:
         return True
     if raw.actual_row is not None:
@@ -358,19 +360,19 @@ def compare(
     differences = [
         difference
         for path in paths
-        for difference in _of_menu(_RowView(MENUS[path], desired_state, rows[path], past, history), plan)
+        for difference in _menu_differences(_RowView(MENUS[path], desired_state, rows[path], past, history), plan)
     ]
     titles = tuple(MENUS[path].title for path in paths)
     return Comparison(titles, tuple(differences), *(() if past is None else (past.run, past.at)))
 
 
-def _of_menu(view: _RowView, plan: _types.Plan) -> Iterator[Difference]:
+def _menu_differences(view: _RowView, plan: _types.Plan) -> Iterator[Difference]:
     path = view.menu.path
     raws = raw_differences(view.menu, [each for each in plan.actions if each.menu == path], view.rows)
     by_id = {row.get(".id"): row for row in view.rows}
     raws += [Raw(DriftKind.FOREIGN, actual_row=by_id[each.id]) for each in plan.drift if each.menu == path]
     read = [raw for raw in raws if raw.actual_row is None or view.menu.is_ordered or not _types.is_bare(raw.actual_row)]
-    yield from (_message(view, raw) for raw in read)
+    yield from (_build_difference(view, raw) for raw in read)
     if unread := len(raws) - len(read):
         subject = f"{unread} rows more"
         yield Difference(view.menu.title, subject, DriftKind.ADDED, Owner.TECHNICIAN, why_unknown=_UNREAD)
@@ -379,7 +381,7 @@ def _of_menu(view: _RowView, plan: _types.Plan) -> Iterator[Difference]:
             yield _hidden_difference(view.menu, secret.subject, secret.name)
 
 
-def _message(view: _RowView, raw: Raw) -> Difference:
+def _build_difference(view: _RowView, raw: Raw) -> Difference:
     menu = view.menu
     since, why = (Since.UNKNOWN, _NEVER) if view.past is None else view.past.since(menu, raw, view.rows)
     values = raw.desired_row or raw.actual_row or {}
@@ -390,7 +392,7 @@ def _message(view: _RowView, raw: Raw) -> Difference:
         owner=_owner(menu, raw),
         mark=values.get("comment", ""),
         row=_row(menu, raw),
-        fields=tuple(_fields(view, raw)),
+        fields=tuple(_field_differences(view, raw)),
         since=since,
         why_unknown=why,
         # What was so already was not done on the device: its history can only tell of something else.
@@ -416,7 +418,7 @@ def _row(menu: Menu, raw: Raw) -> str:
     return "" if raw.desired_row is not None else existing_row(menu, raw.actual_row)
 
 
-def _fields(view: _RowView, raw: Raw) -> Iterator[FieldDifference]:
+def _field_differences(view: _RowView, raw: Raw) -> Iterator[FieldDifference]:
     if raw.kind is DriftKind.ORDER:
         yield from _place(view, raw)
     desired_row, actual_row = raw.desired_row, raw.actual_row
@@ -518,8 +520,8 @@ class Past:
     def _order(self, menu: Menu, actual_row: _types.Row, rows: Sequence[_types.Row]) -> _Verdict:
         """Compare the earlier and the current order of the rows in the row's list."""
         chain = menu.form(menu.chain, actual_row) if menu.chain else ""
-        then = _chain(menu, self.rows[menu.path], chain)
-        now = _chain(menu, [row for row in rows if menu.is_touchable(row)], chain)
+        then = _chain_contents(menu, self.rows[menu.path], chain)
+        now = _chain_contents(menu, [row for row in rows if menu.is_touchable(row)], chain)
         both = set(then) & set(now)
         same = [entry for entry in then if entry in both] == [item for item in now if item in both]
         return (Since.ALREADY if same else Since.AFTER), ""
@@ -537,5 +539,5 @@ def _date_change(menu: Menu, raw: Raw, then: Mapping[str, str]) -> _Verdict:
     return (Since.ALREADY if same else Since.AFTER), ""
 
 
-def _chain(menu: Menu, rows: Iterable[Mapping[str, str]], chain: str) -> list[tuple[str, ...]]:
+def _chain_contents(menu: Menu, rows: Iterable[Mapping[str, str]], chain: str) -> list[tuple[str, ...]]:
     return [content(menu, row) for row in rows if not menu.chain or menu.form(menu.chain, row) == chain]

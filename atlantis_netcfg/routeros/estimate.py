@@ -256,19 +256,19 @@ def _change(
     # With safe mode from the first change to the last, the state is saved in the round trip that takes it.
     alone = len(stages.pieces) == 1 and not stages.before and not stages.behind
     beside = alone and (observation is None or observation.facts.has_safe_mode)
-    tally.spend(trips=not beside, up=200, down=_export(observation) + 4 * TAG_BYTES)
+    tally.spend(trips=not beside, up=200, down=_export_bytes(observation) + 4 * TAG_BYTES)
     if observation is not None and observation.facts.history >= observe.HISTORY - 1:
         _look_again(tally, observation.rows)
     if stages.before:
-        _script(tally, stages.before)
+        _add_script_cost(tally, stages.before)
         tally.spend(up=60, down=60)  # safe mode is taken, which else goes beside what is read later
     for number, piece in enumerate(stages.pieces):
         if number:
             tally.log_in()
             tally.spend(trips=CHECKPOINT_TRIPS, up=180, down=180)
-        _script(tally, piece)
+        _add_script_cost(tally, piece)
     if stages.behind:
-        _script(tally, stages.behind)
+        _add_script_cost(tally, stages.behind)
     tally.log_in()
     touched_menus = {action.menu for action in plan.actions}
     _read_back(tally, menus, touched_menus, simulate(observation.rows, plan) if observation is not None else None)
@@ -328,7 +328,7 @@ def _pieces(actions: Iterable[_types.Action]) -> Iterator[list[_types.Action]]:
         yield piece
 
 
-def _script(tally: _CostTally, actions: Sequence[_types.Action]) -> None:
+def _add_script_cost(tally: _CostTally, actions: Sequence[_types.Action]) -> None:
     size = sum(_word(console(action)) + _word(f'\n:put "ok {action.number}"\n') for action in actions)
     reply = sum(len(f"ok {action.number}\r\n") for action in actions)
     trips = max(1, ceil(size / SCRIPT))
@@ -345,7 +345,7 @@ def _parse(tally: _CostTally, plan: _types.Plan, observation: _types.Observation
     tally.spend(trips=0, up=up, down=down, device_s=len(plan.actions) * EXECUTE_S)
 
 
-def _export(observation: _types.Observation | None) -> int:
+def _export_bytes(observation: _types.Observation | None) -> int:
     # The firewall is read of every router, but not for an order of its links: the export holds more than that.
     if observation is None or "/ip/firewall/filter" not in observation.rows:
         return TYPICAL_EXPORT

@@ -56,8 +56,8 @@ async def run(
     """
     waiting = list(jobs)
     results: dict[int, list[apply.DeviceResult]] = {number: [] for number in range(len(waiting))}
-    turns = [(_waiting(job), results[number].append) for number, job in enumerate(waiting)]
-    await _all(turns, apply.JobMode(mode), at_once, on_result)
+    turns = [(_pending_job(job), results[number].append) for number, job in enumerate(waiting)]
+    await _run_all(turns, apply.JobMode(mode), at_once, on_result)
     return [result for number in range(len(waiting)) for result in results[number]]
 
 
@@ -65,20 +65,20 @@ async def stream(
     jobs: Iterable[PendingJob], on_result: ResultCallback, *, mode: str = apply.JobMode.APPLY, at_once: int = AT_ONCE
 ) -> None:
     """Converge every device like `run`, but keep no results: `on_result` gets each as soon as it exists."""
-    await _all([(job, on_result) for job in jobs], apply.JobMode(mode), at_once, None)
+    await _run_all([(job, on_result) for job in jobs], apply.JobMode(mode), at_once, None)
 
 
-def _waiting(job: apply.DeviceJob | Pair) -> PendingJob:
+def _pending_job(job: apply.DeviceJob | Pair) -> PendingJob:
     if isinstance(job, Pair):
-        return PendingJob(job.near.name, partial(_itself, job), job.far.name)
-    return PendingJob(job.name, partial(_itself, job))
+        return PendingJob(job.near.name, partial(_unchanged_job, job), job.far.name)
+    return PendingJob(job.name, partial(_unchanged_job, job))
 
 
-def _itself(job: apply.DeviceJob | Pair) -> apply.DeviceJob | Pair:
+def _unchanged_job(job: apply.DeviceJob | Pair) -> apply.DeviceJob | Pair:
     return job
 
 
-async def _all(
+async def _run_all(
     turns: Sequence[tuple[PendingJob, ResultCallback]],
     mode: apply.JobMode,
     at_once: int,
@@ -88,7 +88,8 @@ async def _all(
     ways = {name for job, _ in turns for name in job.after}
     over = {name: asyncio.Event() for job, _ in turns for name in _names(job) if name in ways}
     tasks = [
-        asyncio.create_task(_device(job, mode, room, over, report, on_result), name=job.name) for job, report in turns
+        asyncio.create_task(_run_device(job, mode, room, over, report, on_result), name=job.name)
+        for job, report in turns
     ]
     await _finish(tasks)
     for (job, output), task in zip(turns, tasks, strict=True):
@@ -99,7 +100,7 @@ async def _all(
             task.result()
 
 
-async def _device(  # noqa: PLR0913, PLR0917 - one call, from one place
+async def _run_device(  # noqa: PLR0913, PLR0917 - one call, from one place
     job: PendingJob,
     mode: apply.JobMode,
     room: _Room,

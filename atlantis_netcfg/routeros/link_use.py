@@ -201,13 +201,13 @@ def _link(item: _items.RowItem) -> str:
     return item.defined_values["comment"].removeprefix(f"{MARK}: ").partition(",")[0]
 
 
-def _is_unjudged(item: _items.RowItem) -> bool:
+def _is_unprobed(item: _items.RowItem) -> bool:
     return item.defined_values["comment"].endswith(_NOT_PROBED)
 
 
 def _is_unwatched(item: _items.RowItem) -> bool:
     """Return True if nothing in the inventory detects that the link's device at this end is dead."""
-    return _is_unjudged(item) and "check-gateway" not in item.defined_values
+    return _is_unprobed(item) and "check-gateway" not in item.defined_values
 
 
 def _is_holding(item: _items.RowItem) -> bool:
@@ -224,7 +224,7 @@ def _build_route_item(item: _items.RowItem, *, in_use: bool) -> _items.RowItem:
 
     A link that netwatch does not monitor is checked by ARP while in use, which reaches only its device at this end.
     """
-    check = "arp" if in_use and _is_unjudged(item) else item.defined_values.get("check-gateway")
+    check = "arp" if in_use and _is_unprobed(item) else item.defined_values.get("check-gateway")
     distance = _distances(item)[0] if in_use else item.defined_values["distance"]
     values = {**{name: item.values[name] for name in ("dst-address", "gateway")}, "distance": distance}
     return _items.RowItem(ROUTES, {**values, "check-gateway": check}, item.line, exists=True)

@@ -262,13 +262,13 @@ async def _others(
     number = {path: number_of_rows(numbers[path]) for path in ours}
     more = {path: len(rows) for path, rows in ours.items() if number[path] != len(rows)}
     bare = [path for path, few in more.items() if (number[path] or 0) - few > _types.FEW_FOREIGN]
-    reading = {path: _bare(path) if path in bare else printing(path) for path in more}
+    reading = {path: _print_ids(path) if path in bare else printing(path) for path in more}
     answers = await session.flight(list(reading.values())) if reading else ()
     rows_by_menu = {path: reply.check().rows for path, reply in zip(reading, answers, strict=True)}
     return {path: _together(rows, ours[path]) if path in bare else rows for path, rows in rows_by_menu.items()}
 
 
-def _bare(path: str) -> api.Command:
+def _print_ids(path: str) -> api.Command:
     return api.Command(f"{path}/print", ((".proplist", ".id"),))
 
 

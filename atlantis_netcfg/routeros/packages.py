@@ -77,10 +77,10 @@ def read_npk(path: Path) -> Npk:
     header, architecture = _inside(path, data)
     file_name = _parsed_name(path)
     name = MAIN if header[0] in ("system", MAIN) or header[0].startswith(f"{MAIN}-") else header[0]
-    _agree(path, "package", file_name.name, name)
+    _require_match(path, "package", file_name.name, name)
     numbers = (file_name.version.major, file_name.version.minor, file_name.version.patch)
-    _agree(path, "version", ".".join(map(str, numbers)), ".".join(map(str, header[1])))
-    _agree(path, "architecture", file_name.architecture, architecture)
+    _require_match(path, "version", ".".join(map(str, numbers)), ".".join(map(str, header[1])))
+    _require_match(path, "architecture", file_name.architecture, architecture)
     return Npk(path, name, file_name.version, architecture, len(data), hashlib.sha256(data).hexdigest())
 
 
@@ -158,7 +158,7 @@ def _parts(path: Path, data: bytes) -> Iterator[tuple[int, bytes]]:
     raise NotAPackage(f"{path}: its parts do not add up to its size", hint="download it again: it is damaged")
 
 
-def _agree(path: Path, what: str, from_name: str, inside: str) -> None:
+def _require_match(path: Path, what: str, from_name: str, inside: str) -> None:
     if from_name != inside:
         raise NotAPackage(
             f"{path}: by its name the {what} is {from_name}, inside it is {inside}",
@@ -246,9 +246,9 @@ def plan(system: InstalledSystem, packages: Sequence[Npk], *, give_up: Sequence[
     Raises UpgradeError with all reasons.
     """
     version = max((package.version for package in packages), default=system.version)
-    reasons = [*_of_the_set(packages), *_for_the_device(system, packages, version)]
+    reasons = [*_package_set_reasons(packages), *_device_reasons(system, packages, version)]
     if not reasons:
-        reasons = [*_left_behind(system, packages, version, give_up), *_room(system, packages)]
+        reasons = [*_left_behind(system, packages, version, give_up), *_space_reasons(system, packages)]
     if reasons:
         raise UpgradeError("not upgraded, nothing was sent: " + "; ".join(reasons), hint=_hint(system))
     there = {package.name: package for package in system.packages}
@@ -266,7 +266,7 @@ def _hint(system: InstalledSystem) -> str:
     return f"the device: {system.board}, {system.architecture}, RouterOS {system.version}"
 
 
-def _of_the_set(packages: Sequence[Npk]) -> list[str]:
+def _package_set_reasons(packages: Sequence[Npk]) -> list[str]:
     reasons = []
     names = [package.name for package in packages]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -283,7 +283,7 @@ def _of_the_set(packages: Sequence[Npk]) -> list[str]:
     return reasons
 
 
-def _for_the_device(system: InstalledSystem, packages: Sequence[Npk], version: Version) -> list[str]:
+def _device_reasons(system: InstalledSystem, packages: Sequence[Npk], version: Version) -> list[str]:
     architecture = _CHR.get(system.architecture, system.architecture)
     reasons = [
         f"{package.path.name} is for {package.architecture}, the device is {system.architecture}"
@@ -342,7 +342,7 @@ def _heirs(name: str, system: InstalledSystem) -> tuple[str, ...]:
     return _SUCCESSORS.get(name, (name,))
 
 
-def _room(system: InstalledSystem, packages: Sequence[Npk]) -> list[str]:
+def _space_reasons(system: InstalledSystem, packages: Sequence[Npk]) -> list[str]:
     need = sum(package.size for package in packages) + _SPARE_BYTES
     if system.free_bytes >= need:
         return []

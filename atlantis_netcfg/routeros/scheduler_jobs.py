@@ -150,7 +150,7 @@ async def _arm(session: Channel, name: str, owner: str, values: Mapping[str, str
         raise WillNotRun(f"the device says: {reply.trap.message}")
     why = _idle(rows)
     if why is not None:
-        await session.command(_removing(reply.ret or ""))
+        await session.command(_removal_command(reply.ret or ""))
         raise WillNotRun(f"the job would not run: {why}")
     return reply.ret or rows[0][".id"]
 
@@ -170,7 +170,7 @@ async def disarm(session: Channel, job: str, witness: Sequence[Command] = ()) ->
 
     All in one round trip, with the replies to `witness`. Raises WillNotRun if the job still exists, SessionLost.
     """
-    removal, jobs_reply, *witness_replies = await session.flight([_removing(job), READ_JOBS, *witness])
+    removal, jobs_reply, *witness_replies = await session.flight([_removal_command(job), READ_JOBS, *witness])
     if _is_there(job, jobs_reply):
         jobs_reply = await session.command(READ_JOBS)
     if _is_there(job, jobs_reply):
@@ -182,5 +182,5 @@ def _is_there(job: str, jobs_reply: Reply) -> bool:
     return any(row.get(".id") == job for row in jobs_reply.rows)
 
 
-def _removing(job: str) -> Command:
+def _removal_command(job: str) -> Command:
     return Command(f"{MENU}/remove", ((".id", job),))

@@ -95,7 +95,7 @@ def _refusal_text(reply: api.Reply) -> str | None:
     return None if reply.trap is None else f"refused: {reply.trap.message}"
 
 
-def _unknown_property(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_unknown_property(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     words = _refusal_text(reply)
     if words is not None:
@@ -128,7 +128,7 @@ def _order(rows: Sequence[Row], moment: str) -> Verdict | None:
     return None
 
 
-def _sessions(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_sessions(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
         return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
@@ -138,7 +138,7 @@ def _sessions(replies: Sequence[api.Reply]) -> Judgement:
     return order, f"{len(reply.rows)} sessions, {'oldest' if order is Verdict.PASS else 'newest'} first"
 
 
-def _history_order(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_history_order(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
         return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
@@ -151,7 +151,7 @@ def _history_order(replies: Sequence[api.Reply]) -> Judgement:
     return verdict, f"{len(reply.rows)} entries, {'newest' if verdict is Verdict.PASS else 'oldest'} first"
 
 
-def _history_names(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_history_names(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
         return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
@@ -164,7 +164,7 @@ def _history_names(replies: Sequence[api.Reply]) -> Judgement:
     return (Verdict.PASS if naming else Verdict.FAIL), f"{len(naming)} of {len(about)} commands name an .id"
 
 
-def _netwatch(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_netwatch(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
         return Verdict.SKIP, str(_refusal_text(reply))
@@ -178,7 +178,7 @@ def _netwatch(replies: Sequence[api.Reply]) -> Judgement:
 _FROM_B_TO_T = ("?<name=b", "?#!", "?<name=t", "?#&")
 
 
-def _text_order(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_text_order(replies: Sequence[api.Reply]) -> Judgement:
     every, some = ([row.get("name", "") for row in reply.rows] for reply in replies)
     between = [name for name in every if "b" <= name < "t"]
     if not 0 < len(between) < len(every):
@@ -189,7 +189,7 @@ def _text_order(replies: Sequence[api.Reply]) -> Judgement:
 _NETWATCH = {"interval": _TIME, "timeout": _TIME, "thr-loss-percent": _SHARE}
 
 
-def _pin_words(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_pin_words(replies: Sequence[api.Reply]) -> Judgement:
     _, reply = replies
     if reply.trap is not None or not reply.rows:
         return Verdict.SKIP, "no modem is there"
@@ -200,7 +200,7 @@ def _pin_words(replies: Sequence[api.Reply]) -> Judgement:
     return (Verdict.PASS if is_known else Verdict.FAIL), f"`{word}`"
 
 
-def _ping(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_ping(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is None:
         return Verdict.PASS, f"{len(reply.rows)} answers of the device to itself"
@@ -226,7 +226,7 @@ _PARSE_LINES = ("/system/identity/print", "/system/identity/set atlantis=no", "/
 """A line that every version accepts, one with an unknown argument, one with an unknown menu."""
 
 
-def _parse_words(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_parse_words(replies: Sequence[api.Reply]) -> Judgement:
     judgement = _judge_refusal(replies)
     if judgement is not None:
         return judgement
@@ -237,7 +237,7 @@ def _parse_words(replies: Sequence[api.Reply]) -> Judgement:
     return (Verdict.PASS, f"`{wrong[0]}`") if other is None else (Verdict.FAIL, f"of a wrong line it prints `{other}`")
 
 
-def _parse_nested(replies: Sequence[api.Reply]) -> Judgement:
+def _judge_parse_nested(replies: Sequence[api.Reply]) -> Judgement:
     judgement = _judge_refusal(replies)
     if judgement is not None:
         return judgement
@@ -280,23 +280,27 @@ def _judge_inspection(replies: Sequence[api.Reply]) -> Judgement:
 
 
 CHECKS: Final[Mapping[str, AssumptionCheck]] = {
-    "api-unknown-property": AssumptionCheck((_print("/system/identity", "name,atlantis-unknown"),), _unknown_property),
+    "api-unknown-property": AssumptionCheck(
+        (_print("/system/identity", "name,atlantis-unknown"),), _judge_unknown_property
+    ),
     "api-count-only": AssumptionCheck(
         (api.Command("/ip/service/print", (("count-only", ""),)), _print("/ip/service", ".id")),
         _judge_count,
     ),
     "api-query-order": AssumptionCheck(
-        (_print("/ip/service", "name"), replace(_print("/ip/service", "name"), queries=_FROM_B_TO_T)), _text_order
+        (_print("/ip/service", "name"), replace(_print("/ip/service", "name"), queries=_FROM_B_TO_T)), _judge_text_order
     ),
-    "api-sessions-newest-last": AssumptionCheck((_print("/user/active", ".id,when"),), _sessions),
-    "api-ping-path": AssumptionCheck((api.Command("/tool/ping", (("address", "127.0.0.1"), ("count", "1"))),), _ping),
-    "history-names-ids": AssumptionCheck((_print("/system/history", ".id,time,undo,redo"),), _history_names),
-    "history-newest-first": AssumptionCheck((_print("/system/history", ".id,time"),), _history_order),
-    "netwatch-values": AssumptionCheck((_print("/tool/netwatch", ",".join(_NETWATCH)),), _netwatch),
-    "lte-pin-words": AssumptionCheck((pin.MODEMS, pin.MONITOR), _pin_words),
-    "parse-words": AssumptionCheck(tuple(map(_parse, _PARSE_LINES)), _parse_words),
+    "api-sessions-newest-last": AssumptionCheck((_print("/user/active", ".id,when"),), _judge_sessions),
+    "api-ping-path": AssumptionCheck(
+        (api.Command("/tool/ping", (("address", "127.0.0.1"), ("count", "1"))),), _judge_ping
+    ),
+    "history-names-ids": AssumptionCheck((_print("/system/history", ".id,time,undo,redo"),), _judge_history_names),
+    "history-newest-first": AssumptionCheck((_print("/system/history", ".id,time"),), _judge_history_order),
+    "netwatch-values": AssumptionCheck((_print("/tool/netwatch", ",".join(_NETWATCH)),), _judge_netwatch),
+    "lte-pin-words": AssumptionCheck((pin.MODEMS, pin.MONITOR), _judge_pin_words),
+    "parse-words": AssumptionCheck(tuple(map(_parse, _PARSE_LINES)), _judge_parse_words),
     "parse-nested": AssumptionCheck(
-        (script_command(':put [:execute script=":put atlantis" as-string]'),), _parse_nested
+        (script_command(':put [:execute script=":put atlantis" as-string]'),), _judge_parse_nested
     ),
     "console-ambiguous": AssumptionCheck(
         (_parse("/ip/address/add co=x"), _parse("/ip/address/add atlantis=x")), _ambiguous
@@ -338,7 +342,7 @@ async def read(endpoint: api.Endpoint) -> SeenAnswers:
     }
     for name, check in CHECKS.items():
         mine, replies = replies[: len(check.questions)], replies[len(check.questions) :]
-        unread = next((reply for reply in mine if _forbidden(reply)), None)
+        unread = next((reply for reply in mine if _is_forbidden(reply)), None)
         judgements[name] = check.judge(mine) if unread is None else (Verdict.INCONCLUSIVE, str(_refusal_text(unread)))
     row = next(iter(resource.check().rows), {})
     findings = tuple(
@@ -347,7 +351,7 @@ async def read(endpoint: api.Endpoint) -> SeenAnswers:
     return SeenAnswers(row.get("version", ""), row.get("board-name", ""), row.get("architecture-name", ""), findings)
 
 
-def _forbidden(reply: api.Reply) -> bool:
+def _is_forbidden(reply: api.Reply) -> bool:
     return reply.trap is not None and reply.trap.message.startswith("not enough permissions")
 
 
@@ -357,7 +361,7 @@ TRIES: Final = tuple(each.id for each in ASSUMPTIONS if each.proof == TRY)
 """Assumptions that `try_out` shows."""
 
 
-def _scratch(name: str) -> tuple[tuple[str, str], ...]:
+def _scratch_arguments(name: str) -> tuple[tuple[str, str], ...]:
     return (
         ("name", f"{name}.atlantis.invalid"),
         ("address", "192.0.2.1"),
@@ -366,12 +370,12 @@ def _scratch(name: str) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _add(name: str) -> api.Command:
-    return api.Command(f"{_MENU}/add", _scratch(name))
+def _add_command(name: str) -> api.Command:
+    return api.Command(f"{_MENU}/add", _scratch_arguments(name))
 
 
-def _line(name: str) -> str:
-    words = " ".join(f'{key}="{value}"' for key, value in _scratch(name))
+def _add_line(name: str) -> str:
+    words = " ".join(f'{key}="{value}"' for key, value in _scratch_arguments(name))
     return f"/ip dns static add {words}\n"
 
 
@@ -439,15 +443,15 @@ async def _by_rows(endpoint: api.Endpoint, watcher: api.Session, judgements: dic
     async with await api.Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
         try:
-            replies = await session.flight([_add(f"flight-{number}") for number in range(api.WINDOW)])
+            replies = await session.flight([_add_command(f"flight-{number}") for number in range(api.WINDOW)])
         except api.SessionLost:
             judgements["api-flight-24"] = (Verdict.FAIL, f"the session was lost with {api.WINDOW} writes in flight")
             raise
         judgements["api-flight-24"] = (Verdict.PASS, f"{len(replies)} answers")
-        judgements["api-tagged-order"], ids = _in_order(replies)
+        judgements["api-tagged-order"], ids = _judge_id_order(replies)
         if ids:
             await session.command(api.Command(f"{_MENU}/remove", ((".id", f"*{max(ids):X}"),)))
-            again = _number((await session.command(_add("again"))).ret)
+            again = _parse_row_id((await session.command(_add_command("again"))).ret)
             has_grown = again is not None and again > max(ids)
             words = "greater than all before" if has_grown else "not greater than all before"
             judgements["api-ids-grow"] = (
@@ -469,12 +473,12 @@ async def _by_rows(endpoint: api.Endpoint, watcher: api.Session, judgements: dic
         judgements["safe-mode-undoes-scripts"] = (Verdict.PASS, "all rows are gone, the menu is as before")
 
 
-def _number(text: str | None) -> int | None:
+def _parse_row_id(text: str | None) -> int | None:
     return int(text[1:], 16) if text is not None and re.fullmatch(r"\*[0-9A-Fa-f]+", text) else None
 
 
-def _in_order(replies: Sequence[api.Reply]) -> tuple[Judgement, list[int]]:
-    ids = [_number(reply.ret) for reply in replies]
+def _judge_id_order(replies: Sequence[api.Reply]) -> tuple[Judgement, list[int]]:
+    ids = [_parse_row_id(reply.ret) for reply in replies]
     known_ids = [each for each in ids if each is not None]
     if len(known_ids) < len(ids):
         words = next((_refusal_text(reply) for reply in replies if reply.trap is not None), "no .id was answered")
@@ -487,7 +491,9 @@ def _in_order(replies: Sequence[api.Reply]) -> tuple[Judgement, list[int]]:
 async def _by_scripts(session: api.Session, judgements: dict[str, Judgement]) -> None:
     """Run a correct script, and one with an error in the middle."""
     before = _ids(await session.command(_HISTORY))
-    right = await session.command(_script("".join(_line(f"script-{number}") for number in range(_SCRIPT_ROWS))))
+    right = await session.command(
+        _script_command("".join(_add_line(f"script-{number}") for number in range(_SCRIPT_ROWS)))
+    )
     after = _ids(await session.command(_HISTORY))
     if right.trap is not None:
         missing = right.trap.message.startswith("no such command")
@@ -503,7 +509,9 @@ async def _by_scripts(session: api.Session, judgements: dict[str, Judgement]) ->
     )
     judgements["safe-mode-counts-rows"] = (verdict, f"{number} entries for {_SCRIPT_ROWS} rows")
     wrong = await session.command(
-        _script(f'{_line("script-first")}/ip dns static set *FFFFFF comment="{MARK}"\n{_line("script-after")}')
+        _script_command(
+            f'{_add_line("script-first")}/ip dns static set *FFFFFF comment="{MARK}"\n{_add_line("script-after")}'
+        )
     )
     if wrong.trap is not None:
         judgements["execute-error-text"] = (Verdict.FAIL, f"`!trap` {wrong.trap.message}")
@@ -566,7 +574,7 @@ def _ids(reply: api.Reply) -> set[str]:
     return {row[".id"] for row in reply.rows if ".id" in row}
 
 
-def _script(text: str) -> api.Command:
+def _script_command(text: str) -> api.Command:
     return api.Command("/execute", (("script", text), ("as-string", "")))
 
 
@@ -595,7 +603,7 @@ async def _by_close(endpoint: api.Endpoint, watcher: api.Session, judgements: di
     """Close a session that holds safe mode, and see how long its row stays."""
     async with await api.Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
-        (await session.command(_add("close"))).check()
+        (await session.command(_add_command("close"))).check()
     elapsed_s = await _wait_until_gone(watcher, CLOSE_S)
     if elapsed_s is None:
         judgements["safe-mode-close"] = (Verdict.FAIL, f"not undone {CLOSE_S:.0f} s after the close")
@@ -610,7 +618,7 @@ async def fall_silent(endpoint: api.Endpoint) -> AssumptionFinding:
         await _refuse(session)
         try:
             await _SAFE_MODE.take(session)
-            (await session.command(_add("silence"))).check()
+            (await session.command(_add_command("silence"))).check()
             session.fall_silent()
             async with await api.Session.open(endpoint) as watcher:
                 elapsed_s = await _wait_until_gone(watcher, UNDO_S, every_s=15.0)

@@ -251,7 +251,7 @@ class Journal(EventLog):
             isinstance(record, StateBackup) and record.device == device for record in parse(self._content()).records
         ):
             self._record_state(device, first, first.read_bytes())  # its record was lost, or its run was killed
-        path = self._free(device, data)
+        path = self._free_path(device, data)
         try:
             _put("the state before the run", path, data)
         except files.JournalError as failure:
@@ -297,7 +297,7 @@ class Journal(EventLog):
             self.failure = self.failure or files.missing_file_error("the journal", self.path)
             raise files.missing_file_error(what, self.path)
 
-    def _free(self, device: str, data: bytes) -> Path:
+    def _free_path(self, device: str, data: bytes) -> Path:
         folder = self.directory / "before"
         path = folder / f"{device}.rsc"
         number = 1

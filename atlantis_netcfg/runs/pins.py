@@ -37,12 +37,12 @@ class Pins:
 
     def pin(self, device: str, certificate: str) -> str:
         """Pin an unknown certificate and return the pinned one; an earlier pin is kept."""
-        with self._writing() as pins:
+        with self._edit_pins() as pins:
             return pins.setdefault(device, certificate)
 
     def change(self, device: str, certificate: str | None) -> None:
         """Replace the certificate, or (None) forget the device; only after confirmation by the user."""
-        with self._writing() as pins:
+        with self._edit_pins() as pins:
             pins.pop(_WINDOW + device, None)
             if certificate is None:
                 pins.pop(device, None)
@@ -64,11 +64,11 @@ class Pins:
 
     def narrow(self, device: str, window: int) -> None:
         """Limit the device to `window` parallel requests from now on."""
-        with self._writing() as pins:
+        with self._edit_pins() as pins:
             pins[_WINDOW + device] = str(window)
 
     @contextmanager
-    def _writing(self) -> Iterator[dict[str, str]]:
+    def _edit_pins(self) -> Iterator[dict[str, str]]:
         with files.os_errors_as("the file of pinned certificates", self._path):
             files.make_private(self._path.parent)
             guard = open_lock(self._path.with_suffix(".lock"))

@@ -172,7 +172,7 @@ class Run:
 
     def has_sign(self, device: str, sign: str) -> bool:
         """Return True if this run marker on the device belongs to this run."""
-        return any(isinstance(record, SignRecord) and record.sign == sign for record in self._of(device))
+        return any(isinstance(record, SignRecord) and record.sign == sign for record in self._records_of(device))
 
     def before(self, device: str) -> SavedState | None:
         """Return the device's state before the run's first change; None if the run did not get that far."""
@@ -207,13 +207,13 @@ class Run:
 
     def acknowledged_actions(self, device: str) -> tuple[int, ...]:
         """Return the numbers of the actions that the device has acknowledged."""
-        records = (record for record in self._of(device) if isinstance(record, ActionAcknowledgement))
+        records = (record for record in self._records_of(device) if isinstance(record, ActionAcknowledgement))
         return tuple(sorted({number for record in records for number in record.actions}))
 
     def confirmed_actions(self, device: str) -> tuple[int, ...]:
         """Return the numbers of the actions that were read back and are permanent."""
-        records = (record for record in self._of(device) if isinstance(record, ActionConfirmation))
+        records = (record for record in self._records_of(device) if isinstance(record, ActionConfirmation))
         return tuple(sorted({number for record in records for number in record.actions}))
 
-    def _of(self, device: str) -> list[object]:
+    def _records_of(self, device: str) -> list[object]:
         return [record for record in self.log.records if getattr(record, "device", None) == device]

@@ -74,7 +74,7 @@ class SiteLock:
         try:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            busy = self._busy()
+            busy = self._busy_error()
             self._close()
             raise busy from error
         self._sign()
@@ -103,7 +103,7 @@ class SiteLock:
         os.close(self._descriptor)
         self._descriptor = -1
 
-    def _busy(self) -> files.SiteBusy:
+    def _busy_error(self) -> files.SiteBusy:
         holder = self._holder()
         who = str(holder) if holder is not None else "somebody who has just started"
         return files.SiteBusy(
@@ -236,7 +236,7 @@ class Store:
         A run that changes devices of two sites as one has the same name at both, so that it is resumed and rolled back
         as a whole.
         """
-        directory = self._new(start_record.site, name)
+        directory = self._create_run(start_record.site, name)
         journal = Journal(directory, self._now)
         with files.os_errors_as("the journal", directory):
             atomic_files.sync_directory(directory)
@@ -340,7 +340,7 @@ class Store:
                 if not _is_needed(load(name), map(load, reversed(names[place + 1 :]))):
                     (self._runs(site) / name).rename(files.make_private(archive) / name)
 
-    def _new(self, site: str, name: str) -> Path:
+    def _create_run(self, site: str, name: str) -> Path:
         runs = self._runs(site)
         with files.os_errors_as("the journal", runs):
             files.make_private(runs)

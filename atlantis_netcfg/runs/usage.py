@@ -100,7 +100,7 @@ class Usage:
 
         Raises JournalError if it cannot be written, DamagedStateError if the file is damaged.
         """
-        with self._writing() as links:
+        with self._edit_usage() as links:
             usage = links.get(link)
             rise, gap = _rise(usage.last if usage else None, counters)
             months = dict(usage.months) if usage else {}
@@ -126,7 +126,7 @@ class Usage:
         return None if usage is None else usage.last
 
     @contextmanager
-    def _writing(self) -> Iterator[dict[str, _LinkUsage]]:
+    def _edit_usage(self) -> Iterator[dict[str, _LinkUsage]]:
         with files.os_errors_as(_WHAT, self._path):
             files.make_private(self._path.parent)
             guard = open_lock(self._path.with_suffix(".lock"))

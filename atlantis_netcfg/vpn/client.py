@@ -66,7 +66,7 @@ def openvpn_client(inventory: Inventory, host: Host, identity: Path | None) -> O
         configuration=parts.Configuration(
             files=(parts.File(CONF, _conf(inventory, host)), parts.File(_DROP_IN, _drop_in(inventory, host))),
             units=(parts.Unit(SERVICE, enabled=runs, active=runs, after=(CONF, _DROP_IN, IDENTITY)),),
-            brought=() if identity is not None else (parts.UserSuppliedFile(IDENTITY, _nobody(host)),),
+            brought=() if identity is not None else (parts.UserSuppliedFile(IDENTITY, _missing_identity_text(host)),),
         ),
         identity=identity,
     )
@@ -88,7 +88,7 @@ def _tunnel_address(host: Host) -> IPv4Address | None:
     return host.device.vpn_address if isinstance(host.device, model.SiteComputer) else None
 
 
-def _nobody(host: Host) -> str:
+def _missing_identity_text(host: Host) -> str:
     return (
         f"{host.name} has no identity of the VPN, neither there nor on this computer: its tunnel does not come up. "
         f"Type `provision vpn onboard host={host.name}` where the authority is, or `provision vpn accept file=FILE` "

@@ -120,11 +120,15 @@ class Onboarding:
         members = [check_free(request.name, request.partner, request.device, membership) for request in requests]
         pairs = [(enrolment, member) for enrolment, member in zip(requests, members, strict=True) if member is not None]
         same = all(_same(request, member) for request, member in pairs)
-        return tuple(self._there(member) for _, member in pairs) if same and len(pairs) == len(requests) else ()
+        return (
+            tuple(self._existing_delivery(member) for _, member in pairs)
+            if same and len(pairs) == len(requests)
+            else ()
+        )
 
-    def _there(self, member: Member) -> DeliveredMember:
+    def _existing_delivery(self, member: Member) -> DeliveredMember:
         newest = member.good[-1]
-        path = _place(self.operator.authority.folder, newest.common_name)
+        path = _package_path(self.operator.authority.folder, newest.common_name)
         if member.partner is None and not path.exists():
             path = enrolment_package.host_identity(self.operator.authority.folder, member.name)
         digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
@@ -139,7 +143,7 @@ class Onboarding:
         addresses = reserved_addresses(self.inventory, requests)
         with self.operator.unlock(passphrase) as signer:
             return tuple(
-                self._handed_out(item) for item in signer.issue(requests, self._deliver, reserved_addresses=addresses)
+                self._new_delivery(item) for item in signer.issue(requests, self._deliver, reserved_addresses=addresses)
             )
 
     def renew(
@@ -148,10 +152,10 @@ class Onboarding:
         """Issue a successor for each certificate, with the changes of its request."""
         with self.operator.unlock(passphrase) as signer:
             return tuple(
-                self._handed_out(signer.renew(member.name, self._deliver, change)) for member, change in renewals
+                self._new_delivery(signer.renew(member.name, self._deliver, change)) for member, change in renewals
             )
 
-    def _handed_out(self, result: model.IssueResult) -> DeliveredMember:
+    def _new_delivery(self, result: model.IssueResult) -> DeliveredMember:
         name = result.certificate.common_name
         return DeliveredMember(result, *self._packages.get(name, (Path(result.file.path), None, None, None)))
 
@@ -165,7 +169,7 @@ class Onboarding:
         sealing = enrolment_package.OneTimePassphrase() if recipient is None else enrolment_package.Recipient(recipient)
         package = enrolment_package.build_package(self.inventory, identity, sealing, contact=self.target.contact)
         common_name = identity.certificate.common_name
-        place = _place(self.operator.authority.folder, common_name)
+        place = _package_path(self.operator.authority.folder, common_name)
         private_directory(place.parent)
         write_atomically(place, package.data)
         note, text = place.with_name(f"{common_name}.cover-note.txt"), package.cover_note.encode()
@@ -191,7 +195,7 @@ class Onboarding:
         return place
 
 
-def _place(folder: Path, common_name: str) -> Path:
+def _package_path(folder: Path, common_name: str) -> Path:
     return folder / "handouts" / common_name / f"{common_name}.tar.age"
 
 

@@ -58,7 +58,7 @@ class NameTaken(UsageError):
 def check_name(text: str, what: str) -> str:
     """Return `text` if it is a valid name. Raises InvalidNameError, which names `what` and offers a valid name."""
     if NAME.fullmatch(text) is None:
-        raise InvalidNameError(f"{what} `{_printable(text)}` {_why(text)}", hint=_offer(text, what))
+        raise InvalidNameError(f"{what} `{_printable(text)}` {_explain_bad_name(text)}", hint=_offer(text, what))
     if text in RESERVED_WORDS:
         raise InvalidNameError(
             f"{what} `{text}` is a reserved word of OpenVPN or nft", hint=f"{what}={text}-1, for instance"
@@ -109,7 +109,7 @@ def _printable(text: str) -> str:
     return message if len(message) <= _MAX_SHOWN else f"{message[:_MAX_SHOWN]}…"
 
 
-def _why(text: str) -> str:
+def _explain_bad_name(text: str) -> str:
     if not text:
         return "is empty"
     if text.endswith(("\n", "\r")):

@@ -127,15 +127,15 @@ class Policy:
             return True  # without the tunnel
         return any(
             permission.traffic.holds(flow)
-            and self._is(permission.source, source.address)
-            and self._is(permission.destination, destination.address)
+            and self._is_in_zone(permission.source, source.address)
+            and self._is_in_zone(permission.destination, destination.address)
             for permission in self.permissions
         )
 
     def _is_known(self, address: IPv4Address) -> bool:
         return address in self.server_addresses or self.member_zone.holds(address) or self.beside.holds(address)
 
-    def _is(self, zone: Zone | None, address: IPv4Address) -> bool:
+    def _is_in_zone(self, zone: Zone | None, address: IPv4Address) -> bool:
         local = address in self.server_addresses
         return local if zone is None else not local and zone.holds(address)
 
@@ -186,9 +186,9 @@ class _PolicyDraft:
         host = self._hosts.get(member.name) if member.partner is None else None
         if host is None or not isinstance(host.device, model.Router):
             return local
-        return (*local, *self._of_site(host.site))
+        return (*local, *self._site_networks(host.site))
 
-    def _of_site(self, name: str) -> tuple[IPv4Network, ...]:
+    def _site_networks(self, name: str) -> tuple[IPv4Network, ...]:
         site = self._sites[name]
         return site.lan.network, site.management.network
 
@@ -199,16 +199,16 @@ class _PolicyDraft:
             server=Party(server.name, addresses[0]),
             server_addresses=frozenset(addresses),
             members=self._behind,
-            beside=Zone("p_server_site", self._of_site(server.site)),
+            beside=Zone("p_server_site", self._site_networks(server.site)),
             permissions=(
-                *self._of_hosts(),
+                *self._host_permissions(),
                 *self._of_guests(),
-                *self._of_partners(),
+                *self._partner_permissions(),
                 *self._of_server(),
             ),
         )
 
-    def _of_hosts(self) -> Iterator[Permission]:
+    def _host_permissions(self) -> Iterator[Permission]:
         local = [IPv4Network(member.address) for member in self._members if _ours(member)]
         host_networks = [IPv4Network(address) for host in self._hosts.values() for address in self._in_lan(host)]
         hosts = zone_of("p_site_hosts", (*local, *host_networks, *self._management()))
@@ -217,8 +217,8 @@ class _PolicyDraft:
 
     def _of_guests(self) -> Iterator[Permission]:
         """Yield permissions of guest devices: with control centres, gateways (robots) and the VPN's services."""
-        guests = self._among("p_guest_devices", lambda member: not _ours(member), self._lans())
-        robots = self._among(
+        guests = self._zone_of_members("p_guest_devices", lambda member: not _ours(member), self._lans())
+        robots = self._zone_of_members(
             "p_all_robots", lambda item: item.kind is identity.MemberKind.ROBOT, self._vehicles(self._all_vehicles)
         )
         yield from self._both_ways(guests, self._speaking("p_control_centres", model.ControlCentre), "control centres")
@@ -227,7 +227,7 @@ class _PolicyDraft:
             traffic = PolicyTraffic(Protocol(service.transport), range(service.port, service.port + 1))
             yield Permission(guests, self._serving(service.host), traffic, service.name)
 
-    def _of_partners(self) -> Iterator[Permission]:
+    def _partner_permissions(self) -> Iterator[Permission]:
         for name, partner in self._partners.items():
             zone = zone_of(f"p_{name}", (IPv4Network(item.address) for item in self._members if item.partner == name))
             yield Permission(zone, zone, ANYTHING, f"{name} among itself")
@@ -266,11 +266,13 @@ class _PolicyDraft:
             yield Permission(zone, other, traffic, why)
             yield Permission(other, zone, traffic, why)
 
-    def _among(self, name: str, predicate: Callable[[identity.Member], bool], more: Iterable[IPv4Network] = ()) -> Zone:
+    def _zone_of_members(
+        self, name: str, predicate: Callable[[identity.Member], bool], more: Iterable[IPv4Network] = ()
+    ) -> Zone:
         return zone_of(name, (*(IPv4Network(member.address) for member in self._members if predicate(member)), *more))
 
     def _managers(self) -> Zone:
-        return self._among(
+        return self._zone_of_members(
             "p_all_managers",
             lambda member: _ours(member) and member.kind is identity.MemberKind.LAPTOP,
             self._management(),

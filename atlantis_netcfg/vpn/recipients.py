@@ -37,7 +37,7 @@ def recipients_of(device_requests: Iterable[requests.DeviceWords], names: Iterab
 def recipient_of(argument: str) -> str:
     """Return a checked public key. Raises UsageError for anything else, and for a private key sent by mistake."""
     _refuse_private(argument)
-    text = argument if argument.startswith(("age1", "ssh-")) else _in_file(argument)
+    text = argument if argument.startswith(("age1", "ssh-")) else _read_key_file(argument)
     _refuse_private(text)
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(lines) != 1:
@@ -54,7 +54,7 @@ def _refuse_private(text: str) -> None:
         )
 
 
-def _in_file(argument: str) -> str:
+def _read_key_file(argument: str) -> str:
     hint = "an age key begins with age1; or name a file that holds one, or an SSH public key"
     try:
         with Path(argument).open(encoding="utf-8") as file:

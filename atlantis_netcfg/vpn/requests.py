@@ -323,12 +323,12 @@ def _vehicle(
 def _find_vehicle(inventory: Inventory, name: str) -> str | None:
     """Return the key of the vehicle with this key or alias, ignoring case and spaces; None if there is none."""
     for key, vehicle in inventory.vehicles.items():
-        if _plain(name) in {_plain(key), *(_plain(alias) for alias in vehicle.aliases)}:
+        if _normalise_name(name) in {_normalise_name(key), *(_normalise_name(alias) for alias in vehicle.aliases)}:
             return key
     return None
 
 
-def _plain(name: str) -> str:
+def _normalise_name(name: str) -> str:
     return name.casefold().replace(" ", "-")
 
 

@@ -138,18 +138,18 @@ class RouterImport:
         stale = tuple(row[".id"] for row in interfaces if self._left_by_us(row))
         there = tuple(row["name"] for row in files)
         changes = tuple(self._changes(interface, certificate, stale, there))
-        is_replacement = interface is not None and not self._holds(interface)
+        is_replacement = interface is not None and not self._is_marked(interface)
         return RouterObservation(
             interface=interface,
             certificate=certificate,
-            authority=_authority(self.identity) in row_by_fingerprint,
+            authority=_ca_fingerprint(self.identity) in row_by_fingerprint,
             conflict=conflict,
             stale=stale,
             files=there,
             changes=changes,
             notes=((_REPLACEMENT_NOTE.format(site=self.site),) if is_replacement else ())
             + tuple(self._wrong_clock(clock)),
-            by_tunnel=is_replacement and self._comes_by(routes, active),
+            by_tunnel=is_replacement and self._is_session_over_tunnel(routes, active),
         )
 
     def _check_version(self, resource: api.Reply) -> None:
@@ -164,12 +164,12 @@ class RouterImport:
     def _wrong_clock(self, clock: tuple[Mapping[str, str], ...]) -> Iterator[str]:
         """Yield a warning if the clock is outside the certificate's validity; a rehearsal's clock is not checked."""
         today = next((row.get("date", "") for row in clock), "")
-        first, last = (f"{day:%Y-%m-%d}" for day in (self.identity.certificate.not_before, self._until))
+        first, last = (f"{day:%Y-%m-%d}" for day in (self.identity.certificate.not_before, self._expiry))
         if _DATE.fullmatch(today) and not self.is_rehearsal and not first <= today <= last:
             yield f"its clock says {today}: the tunnel comes up when it is right, see `/system ntp client print`"
 
     @property
-    def _until(self) -> datetime:
+    def _expiry(self) -> datetime:
         return self.identity.certificate.not_after
 
     def _left_by_us(self, row: Mapping[str, str]) -> bool:
@@ -177,7 +177,7 @@ class RouterImport:
         ours = (row.get("connect-to"), row.get("user")) == (self.tunnel.connect_to, self.tunnel.user)
         return ours and row.get("name", "").startswith(_IMPORT_PREFIX)
 
-    def _holds(self, row: Mapping[str, str]) -> bool:
+    def _is_marked(self, row: Mapping[str, str]) -> bool:
         return row.get("mac-address", "").upper() == self.mark
 
     def _changes(
@@ -189,21 +189,23 @@ class RouterImport:
     ) -> Iterator[str]:
         yield from (f"file {name} removed, which an earlier run has left" for name in files)
         yield from ("interface of an earlier run removed" for _ in stale)
-        certificate_name, until = self.tunnel.certificate, f"{self._until:%Y-%m-%d}"
+        certificate_name, until = self.tunnel.certificate, f"{self._expiry:%Y-%m-%d}"
         if certificate is None:
             yield f"certificate {certificate_name} imported, good until {until}"
         elif certificate.get("name") != certificate_name:
             yield f"certificate {certificate.get('name')} called {certificate_name}"
         if interface is None:
             yield f"interface {self.tunnel.name} imported"
-        elif not self._holds(interface):
+        elif not self._is_marked(interface):
             yield f"interface {self.tunnel.name} imported in the place of the one that is there"
         else:
             other = sorted(name for name, value in self.tunnel.values().items() if _plain(interface, name) != value)
             if other:
                 yield f"interface {self.tunnel.name}: {', '.join(other)}"
 
-    def _comes_by(self, routes: tuple[Mapping[str, str], ...], active: tuple[Mapping[str, str], ...]) -> bool:
+    def _is_session_over_tunnel(
+        self, routes: tuple[Mapping[str, str], ...], active: tuple[Mapping[str, str], ...]
+    ) -> bool:
         networks = [_network(row.get("dst-address", "")) for row in routes]
         ours = [row for row in active if row.get("name") == self.endpoint.user and "api" in row.get("via", "")]
         peers = [_network(row.get("address", "")) for row in ours]
@@ -219,7 +221,7 @@ class RouterImport:
         certificate = observation.certificate
         if certificate is None:
             certificate = await self._import_certificate(session, observation)
-        if observation.interface is not None and self._holds(observation.interface):
+        if observation.interface is not None and self._is_marked(observation.interface):
             number = observation.interface[".id"]
         else:
             number = await self._import_interface(session)
@@ -279,9 +281,9 @@ class RouterImport:
             await _do(session, "/file/add", name=name, contents=text)
             yield
         finally:
-            await self._forget(session, name)
+            await self._remove_file(session, name)
 
-    async def _forget(self, session: api.Session, name: str) -> None:
+    async def _remove_file(self, session: api.Session, name: str) -> None:
         try:
             await session.command(api.Command("/file/remove", (("numbers", name),)))
         except api.SessionLost:
@@ -305,7 +307,7 @@ def _plain(row: Mapping[str, str], name: str) -> str:
     return _SAME.get(value, value)
 
 
-def _authority(identity: Identity) -> str:
+def _ca_fingerprint(identity: Identity) -> str:
     from atlantis_netcfg.vpn import pki  # noqa: PLC0415 - for one fingerprint
 
     return pki.sha256(pki.load_cert(identity.ca))

@@ -209,7 +209,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     endpoint = cell.endpoints.ethernet
     if endpoint is not None:
         return (*links, _cable_step(cell, endpoint, "own" if links else ""))
-    return links or (_by_a_person(cell),)
+    return links or (_manual_step(cell),)
 
 
 def _cable_step(cell: base.Cell, endpoint: EthernetEndpoint, name: str) -> base.Step:
@@ -233,7 +233,7 @@ def _cable_step(cell: base.Cell, endpoint: EthernetEndpoint, name: str) -> base.
     )
 
 
-def _by_a_person(cell: base.Cell) -> base.Step:
+def _manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
         title=f"Ethernet of {cell.name} works",

@@ -40,11 +40,15 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     if cell.robots is None or cell.vehicle is None:
         return ()
     is_good = cell.vehicle in cell.robots.sources
-    every = _of(cell, cell.robots.robot(cell.vehicle)) if is_good else [replace(unreadable(cell), name="discovery")]
+    every = (
+        _robot_steps(cell, cell.robots.robot(cell.vehicle))
+        if is_good
+        else [replace(unreadable(cell), name="discovery")]
+    )
     return tuple(replace(step, phase=Phase.INTEGRATION) for step in every)
 
 
-def _of(cell: base.Cell, robot: RobotFile) -> Iterator[base.Step]:
+def _robot_steps(cell: base.Cell, robot: RobotFile) -> Iterator[base.Step]:
     yield vpn_step("vpn", cell)
     yield discovery_step("discovery", cell)
     kinds = {topic.kind for topic in robot.topics()}
@@ -54,7 +58,7 @@ def _of(cell: base.Cell, robot: RobotFile) -> Iterator[base.Step]:
         elif kind is TopicKind.POSE:
             yield pose_of_the_library(name, Phase.INTEGRATION)
     if robot.video:
-        yield _by_a_person(
+        yield _manual_step(
             "video",
             "Its video is seen at the control centre",
             "Open every video of the robot on the screen of an operator.",
@@ -62,7 +66,7 @@ def _of(cell: base.Cell, robot: RobotFile) -> Iterator[base.Step]:
         )
     yield from _BY_PEOPLE
     if any(True for _ in robot.every_command()):
-        yield _by_a_person(
+        yield _manual_step(
             "commands",
             "Its commands are carried out",
             "Give each command of the robot once from the screen of an operator, in a place where it may move.",
@@ -70,7 +74,7 @@ def _of(cell: base.Cell, robot: RobotFile) -> Iterator[base.Step]:
         )
 
 
-def _by_a_person(name: str, title: str, do: str, look_for: str) -> base.Step:
+def _manual_step(name: str, title: str, do: str, look_for: str) -> base.Step:
     return base.Step(
         name=name,
         title=title,
@@ -83,25 +87,25 @@ def _by_a_person(name: str, title: str, do: str, look_for: str) -> base.Step:
 
 
 _BY_PEOPLE = (
-    _by_a_person(
+    _manual_step(
         "ros1-bridge",
         "Its topics come over the bridge from ROS 1",
         "Of a robot of ROS 1: start the bridge, and look at its topics in ROS 2. Of a robot of ROS 2: skip this.",
         "What the robot publishes in ROS 1 is seen in ROS 2. The note says by which bridge.",
     ),
-    _by_a_person(
+    _manual_step(
         "bag-record",
         "A bag of its telemetry and configuration is recorded",
         "Record its topics and its configuration on the robot while it moves, for a minute.",
         "The bag holds messages of each topic. The note says where it is, and how many messages it has.",
     ),
-    _by_a_person(
+    _manual_step(
         "bag-replay",
         "The bag is replayed to the control centre",
         "Play the bag at the control centre, with the robot switched off.",
         "The robot is discovered from it, and its telemetry is shown. The note says from which bag.",
     ),
-    _by_a_person(
+    _manual_step(
         "plan",
         "A mission plan is sent, and its execution is followed",
         "Send a plan from the screen of an operator, in a place where the robot may move. This program sends none.",

@@ -87,7 +87,8 @@ class ExpectedLine:
         line = next((line for line in every if pattern.fullmatch(line)), None)
         if line is None:
             return base.ProbeResult(
-                (self._other(where, ran),), (*evidence, *self._line_evidence(nearest(self.expect, every)))
+                (self._missing_line_finding(where, ran),),
+                (*evidence, *self._line_evidence(nearest(self.expect, every))),
             )
         if ran.rc != 0:
             return base.ProbeResult((self._exit_finding(where, ran),), (*evidence, *self._line_evidence(line)))
@@ -101,7 +102,7 @@ class ExpectedLine:
             return ()
         return (base.read(f"line of `{self.command}`", line[:_LONGEST]),)
 
-    def _other(self, where: str, ran: base.CommandResult) -> LinkFinding:
+    def _missing_line_finding(self, where: str, ran: base.CommandResult) -> LinkFinding:
         message = f"`{self.command}` prints on {where} no line `{self.expect}`"
         if ran.rc != 0:
             message += f"; it ended with {ran.rc}"

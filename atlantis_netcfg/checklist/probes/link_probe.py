@@ -84,7 +84,8 @@ class LinkProbe:
         findings = tuple(_findings(values))
         finding = self.good(values)
         return base.ProbeResult(
-            (*((finding,) if finding is not None else ()), *findings) or (_unseen(self.link),), _evidence(values)
+            (*((finding,) if finding is not None else ()), *findings) or (_unknown_state_finding(self.link),),
+            _evidence(values),
         )
 
 
@@ -108,7 +109,7 @@ def link_steps(
     )
 
 
-def _unseen(link: str) -> LinkFinding:
+def _unknown_state_finding(link: str) -> LinkFinding:
     hint = "look at its own box, then ask again"
     return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", f"nobody says whether {link} works", hint)
 
@@ -154,7 +155,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
         lambda _: f"4G of {cell.name} is registered, has an address, and carries traffic",
         _check_registration,
     )
-    return links or (_lte_by_a_person(cell),)
+    return links or (_lte_manual_step(cell),)
 
 
 def _check_registration(values: Mapping[str, Any]) -> LinkFinding | None:
@@ -168,7 +169,7 @@ def _check_registration(values: Mapping[str, Any]) -> LinkFinding | None:
     return LinkFinding(up.verdict, up.code, f"{up.message}; the unit says: {words}{network}")
 
 
-def _lte_by_a_person(cell: base.Cell) -> base.Step:
+def _lte_manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
         title=f"4G of {cell.name} works",

@@ -210,7 +210,7 @@ def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeR
         hint = f"repeat the check; if it stays so, see who ends `ping` on {base.PLACES[target.place]}"
         cut = LinkFinding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
         return base.ProbeResult((cut, *strange), tuple(evidence))
-    findings = (_loss(target, echoes), *_times(target, echoes))
+    findings = (_loss(target, echoes), *_slow_findings(target, echoes))
     remaining_findings = tuple(finding for finding in findings if not strange or finding.verdict is not Verdict.PASS)
     return base.ProbeResult((*strange, *remaining_findings), tuple(evidence))
 
@@ -252,7 +252,7 @@ def _loss(target: NeighbourPing, echoes: Echoes) -> LinkFinding:
     return LinkFinding(verdict, "loss", f"{message}: {loss:g} % are lost, above {target.loss_percent:g} %", hint)
 
 
-def _times(target: NeighbourPing, echoes: Echoes) -> tuple[LinkFinding, ...]:
+def _slow_findings(target: NeighbourPing, echoes: Echoes) -> tuple[LinkFinding, ...]:
     if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
         return ()
     message = f"{target.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"

@@ -79,7 +79,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     return (
         vpn_step("vpn", cell),
         discovery_step("discovered", cell),
-        _at_the_centre(cell),
+        _control_centre_step(cell),
         _topics_step(cell, RobotItem.TELEMETRY, frozenset(TopicKind) - MOVING),
         _topics_step(cell, RobotItem.POSE, MOVING),
         _topics_step(cell, RobotItem.RATES, frozenset(TopicKind)),
@@ -109,7 +109,7 @@ def discovery_step(name: str, cell: base.Cell, host: str = "") -> base.Step:
     return _automatic(name, title, _DiscoveryProbe(cell.robots, cell.row, cell.name, cell.site, host))
 
 
-def _at_the_centre(cell: base.Cell) -> base.Step:
+def _control_centre_step(cell: base.Cell) -> base.Step:
     hosts = cell.inventory.hosts.items()
     centre = next((name for name, host in hosts if isinstance(host.device, ControlCentre)), None)
     if centre is not None:
@@ -213,9 +213,11 @@ class _VpnOfRobot:
         if not members and self.behind:
             text = f"{self.name} is no member of the VPN: it is in the LAN of {self.behind}, behind its router"
             return base.ProbeResult((LinkFinding(Verdict.SKIP, "behind-router", text),))
-        return base.ProbeResult((self._away([member.name for member in members if member.has_certificate]),))
+        return base.ProbeResult(
+            (self._not_connected_finding([member.name for member in members if member.has_certificate]),)
+        )
 
-    def _away(self, member_names: Collection[str]) -> LinkFinding:
+    def _not_connected_finding(self, member_names: Collection[str]) -> LinkFinding:
         status = "`provision vpn status` shows every member and who is connected"
         if not member_names:
             message = f"{self.name} has no certificate of the VPN that is good, and no address in the LAN of the site"
@@ -251,14 +253,14 @@ class _DiscoveryProbe(_OfRobot):
             return base.ProbeResult((observation,))
         report = self.robots.report(self.vehicle, observation)
         wrong = [each for each in report.findings if ITEM_OF[each.code] is RobotItem.DISCOVERED]
-        evidence = tuple(self._configurations(report, observation))
+        evidence = tuple(self._configuration_evidence(report, observation))
         if wrong:
             return base.ProbeResult(tuple(_complete_hint(each, self.site) for each in wrong), evidence)
         text = f"{self.name} introduces itself as its file says"
         return base.ProbeResult((LinkFinding(Verdict.PASS, "introduced", text),), evidence)
 
     @staticmethod
-    def _configurations(report: RobotReport, observation: RobotObservation) -> Iterator[Evidence]:
+    def _configuration_evidence(report: RobotReport, observation: RobotObservation) -> Iterator[Evidence]:
         keys = {writer.participant for writer in report.topics}
         for configuration in observation.configurations:
             writer = configuration.writer
@@ -300,9 +302,9 @@ class _TopicsProbe(_OfRobot):
             for topic, finding in topic_findings(self.robots.robot(self.vehicle), report.topics, observation)
             if topic.kind in self.kinds and item_of(finding.code, topic.kind) in self.items
         )
-        return base.ProbeResult(wrong or (self._good(names, writers),), tuple(_evidence(writers)))
+        return base.ProbeResult(wrong or (self._summary_finding(names, writers),), tuple(_evidence(writers)))
 
-    def _good(self, names: Collection[str], writers: Collection[HeardWriter]) -> LinkFinding:
+    def _summary_finding(self, names: Collection[str], writers: Collection[HeardWriter]) -> LinkFinding:
         topics = {writer.topic for writer in writers}
         if not topics:
             message = f"none of {', '.join(names)} was heard of {self.name}"

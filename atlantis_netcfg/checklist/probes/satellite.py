@@ -107,7 +107,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Return four items per satellite link of a location, otherwise a step for a person."""
     links = column_links(cell, model.Column.SATELLITE)
     satellite_steps = (step for number, link in enumerate(links) for step in _of_link(cell, link, number))
-    return tuple(satellite_steps) or (_by_a_person(cell),)
+    return tuple(satellite_steps) or (_manual_step(cell),)
 
 
 def _of_link(cell: base.Cell, link: model.Link, number: int) -> Iterator[base.Step]:
@@ -186,7 +186,7 @@ def _there(values: Mapping[str, Any]) -> LinkFinding | None:
     return LinkFinding(Verdict.INCONCLUSIVE, "terminal-not-seen", message, hint)
 
 
-def _by_a_person(cell: base.Cell) -> base.Step:
+def _manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
         title=f"Satellite of {cell.name} works",

@@ -179,7 +179,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Return the step on reported fixes, and a ping if the inventory has a beacon for it."""
     modem, endpoint = modem_of(cell), cell.endpoints.usbl
     if modem is None or endpoint is None:
-        return (_by_a_person(cell),)
+        return (_manual_step(cell),)
     passive = base.Step(
         name="",
         title=f"The USBL of {cell.name} tells fresh fixes",
@@ -192,13 +192,13 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
             endpoint.max_age_s,
             question(cell, modem),
             declared_address(cell, modem),
-            _width_m(cell),
+            _geofence_width_m(cell),
         ),
     )
     return (passive, *_ping(cell, modem, endpoint))
 
 
-def _width_m(cell: base.Cell) -> float | None:
+def _geofence_width_m(cell: base.Cell) -> float | None:
     fence = cell.site_config.checklist.geofence
     return None if fence is None else 2 * fence.radius_m
 
@@ -215,7 +215,7 @@ def _ping(cell: base.Cell, modem: AcousticModem, endpoint: UsblEndpoint) -> Iter
         title=f"The beacon {endpoint.ping} answers a ping of {cell.name}",
         kind=report.ItemKind.ACTIVE,
         phase=report.Phase.WATER,
-        probe=Ping(modem, cell.name, endpoint.ping, consent, declared_address(cell, modem), _width_m(cell)),
+        probe=Ping(modem, cell.name, endpoint.ping, consent, declared_address(cell, modem), _geofence_width_m(cell)),
         consent=consent,
     )
 
@@ -232,7 +232,7 @@ def _pinged_by_a_person(cell: base.Cell, beacon: int) -> base.Step:
     )
 
 
-def _by_a_person(cell: base.Cell) -> base.Step:
+def _manual_step(cell: base.Cell) -> base.Step:
     is_declared = cell.endpoints.usbl is not None
     why = "has no address at this site" if is_declared else "is not declared"
     return base.Step(

@@ -186,7 +186,7 @@ def _check_distance(
         return LinkFinding(Verdict.FAIL, "position-null", message, hint)
     if far_m and (away := _too_far(who, whose, max(far_m), width_m, driver)) is not None:
         return away
-    if _apart(fix, _GROSS_SHARE, _GROSS_M):
+    if _has_range_mismatch(fix, _GROSS_SHARE, _GROSS_M):
         return LinkFinding(Verdict.FAIL, "range-mismatch", _mismatch(who, whose, fix), _MISMATCH)
     return None
 
@@ -203,7 +203,7 @@ def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: 
     return None
 
 
-def _apart(fix: UsblFix, share: float, metres: float) -> bool:
+def _has_range_mismatch(fix: UsblFix, share: float, metres: float) -> bool:
     is_known = fix.range_m is not None and fix.distance_m is not None
     return is_known and abs((fix.range_m or 0.0) - (fix.distance_m or 0.0)) > max(metres, share * (fix.range_m or 0.0))
 
@@ -259,11 +259,11 @@ class Fixes:
             return transcript
         fixes = read_fixes(self.modem.driver, transcript)
         if not fixes and not self._is_recognized(transcript):
-            return base.ProbeResult((self._foreign(transcript),))
+            return base.ProbeResult((self._foreign_finding(transcript),))
         remotes = self.hears or tuple(sorted({fix.remote for fix in fixes}))
         if not any(fix.remote in remotes for fix in fixes):
             return base.ProbeResult(
-                (self._nothing(fixes, transcript), *self._whose(transcript)), tuple(_evidence(fixes))
+                (self._no_fix_finding(fixes, transcript), *self._whose(transcript)), tuple(_evidence(fixes))
             )
         local = self._local_address(transcript)
         findings = tuple(
@@ -303,11 +303,11 @@ class Fixes:
         pieces = evologics.pieces(transcript.data)
         return any(piece.command for piece in pieces) or evologics.state(pieces) is not None
 
-    def _foreign(self, transcript: base.Transcript) -> LinkFinding:
+    def _foreign_finding(self, transcript: base.Transcript) -> LinkFinding:
         seatrac_s = self.modem.driver is AcousticDriver.SEATRAC
         return (status.damage(self.name, transcript) if seatrac_s else None) or not_understood(self.modem, self.name)
 
-    def _nothing(self, fixes: tuple[UsblFix, ...], transcript: base.Transcript) -> LinkFinding:
+    def _no_fix_finding(self, fixes: tuple[UsblFix, ...], transcript: base.Transcript) -> LinkFinding:
         if self.modem.driver is AcousticDriver.EVOLOGICS:
             output_state = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
             if output_state == 0 and not fixes:
@@ -335,17 +335,19 @@ class Fixes:
             return
         # One measurement is as old as when it was told first.
         measurements = list({fix.stamp: fix for fix in reversed(fixes)}.values())[::-1]
-        wrong = {id(fix): finding for fix in measurements if (finding := self._wrong(fix, local)) is not None}
+        wrong = {id(fix): finding for fix in measurements if (finding := self._judge_fix(fix, local)) is not None}
         good = [fix for fix in measurements if id(fix) not in wrong]
         if len(good) <= len(wrong):
             yield next(wrong[id(fix)] for fix in reversed(measurements) if id(fix) in wrong)
             return
         yield from self._fix_findings(remote, good, len(fixes))
         if wrong:
-            message = f"{len(wrong)} of {len(measurements)} fixes of the address {remote} cannot be: {_first(wrong)}"
+            message = (
+                f"{len(wrong)} of {len(measurements)} fixes of the address {remote} cannot be: {_first_message(wrong)}"
+            )
             yield LinkFinding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
 
-    def _wrong(self, fix: UsblFix, local: int | None) -> LinkFinding | None:
+    def _judge_fix(self, fix: UsblFix, local: int | None) -> LinkFinding | None:
         of = f"of the address {fix.remote}"
         finding = impossible(self._who, fix, local, self.width_m, self.modem.driver)
         if finding is not None:
@@ -400,17 +402,17 @@ def _again(fixes: list[UsblFix]) -> str | None:
     for form in {fix.form for fix in fixes}:
         stamps = [fix.stamp for fix in fixes if fix.form == form]
         runs = [stamp for place, stamp in enumerate(stamps) if not place or stamp != stamps[place - 1]]
-        back = [item for item, then in pairwise(runs) if _before(then, item)]
+        back = [item for item, then in pairwise(runs) if _is_before(then, item)]
         if len(runs) > len(set(runs)) or back:
             return "fixes that it has told before"
     return None
 
 
-def _before(then: object, item: object) -> bool:
+def _is_before(then: object, item: object) -> bool:
     return isinstance(then, float) and isinstance(item, float) and then < item
 
 
-def _first(wrong: Mapping[int, LinkFinding]) -> str:
+def _first_message(wrong: Mapping[int, LinkFinding]) -> str:
     return next(iter(wrong.values())).message
 
 
@@ -422,7 +424,7 @@ def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[LinkFinding]:
     elif not fix.has_direction:
         hint = "a SeaTrac X110 measures no direction: connect the X150, or take it out of the column"
         yield LinkFinding(Verdict.WARN, "range-only", f"{who} tells only the range {of}, and no direction", hint)
-    elif _apart(fix, _OFF_SHARE, _OFF_M):
+    elif _has_range_mismatch(fix, _OFF_SHARE, _OFF_M):
         yield LinkFinding(Verdict.WARN, "range-mismatch", _mismatch(who, of[3:], fix), _MISMATCH)
     low, high = status.RSSI_DB
     if fix.rssi_db is not None and not low <= fix.rssi_db <= high:

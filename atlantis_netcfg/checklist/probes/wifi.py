@@ -325,15 +325,19 @@ class AssociatedProbe:
             return base.ProbeResult(absent[:1])
         link = self._link(results)
         if link is None:
-            text = _out(results, "link").strip() or _err(results, "link").strip() or "nothing"
+            text = _program_output(results, "link").strip() or _error_output(results, "link").strip() or "nothing"
             message = f"`iw` says of {self._radio} what nobody understands: {text.splitlines()[0][:100]}"
             hint = f"type it by hand there: iw dev {self.endpoint.interface} link"
             return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
         if apart := self._apart(link, results):
             return base.ProbeResult((apart,), self._evidence(link, None))
-        station = read_station(_out(results, "stations"), link.bssid or "")
+        station = read_station(_program_output(results, "stations"), link.bssid or "")
         ping_result = self._judge_reachability(results)
-        findings = (*self._identity(link, station), *self._radio_says(link, station, results), *ping_result.findings)
+        findings = (
+            *self._check_identity(link, station),
+            *self._check_radio(link, station, results),
+            *ping_result.findings,
+        )
         return base.ProbeResult(findings, (*self._evidence(link, station), *ping_result.evidence))
 
     @property
@@ -364,11 +368,11 @@ class AssociatedProbe:
             yield LinkFinding(Verdict.FAIL, "no-radio", message, hint)
 
     def _link(self, results: Mapping[str, base.Answer]) -> WifiLink | None:
-        return read_link(_out(results, "link"))
+        return read_link(_program_output(results, "link"))
 
     def _apart(self, link: WifiLink, results: Mapping[str, base.Answer]) -> LinkFinding | None:
         """Return a finding if the radio is not associated with the vehicle, as far as known; otherwise None."""
-        kind = read_type(_out(results, "info"))
+        kind = read_type(_program_output(results, "info"))
         if link.bssid is None and kind is not None and kind != "managed":
             message = f"{self._radio} is no client of an access point, but of type {kind}"
             hint = f"the vehicle is the access point here: what has set {self.endpoint.interface} up so?"
@@ -395,8 +399,8 @@ class AssociatedProbe:
     def _target_text(self) -> str:
         return f"`{self.endpoint.ssid}` of {self.name}" if self.endpoint.ssid else f"the access point of {self.name}"
 
-    def _identity(self, link: WifiLink, station: Station | None) -> Iterator[LinkFinding]:
-        dbm = _level(link, station)
+    def _check_identity(self, link: WifiLink, station: Station | None) -> Iterator[LinkFinding]:
+        dbm = _signal_level(link, station)
         level = "" if dbm is None else f", heard with {dbm:g} dBm"
         who = f"`{link.ssid}`" if link.ssid else str(link.bssid)
         yield LinkFinding(Verdict.PASS, "associated", f"{self._radio} is associated with {who} of {self.name}{level}")
@@ -404,16 +408,16 @@ class AssociatedProbe:
             message = f"nothing tells whether {who} is the access point of {self.name}"
             yield LinkFinding(Verdict.WARN, "whose-unknown", message, "declare its `ssid`, or the `mac` of its radio")
 
-    def _radio_says(
+    def _check_radio(
         self, link: WifiLink, station: Station | None, results: Mapping[str, base.Answer]
     ) -> Iterator[LinkFinding]:
-        yield from judge_level(self.endpoint, _level(link, station), self.name, self._radio)
+        yield from judge_level(self.endpoint, _signal_level(link, station), self.name, self._radio)
         yield from judge_chains(station.chains_dbm if station else (), self.name, self._radio)
         sent_mbps, received_mbps = _rates(link, station)
         yield from judge_rate(self.endpoint, sent_mbps, received_mbps, self.name, self._radio)
-        width = read_width(_out(results, "info"))
+        width = read_width(_program_output(results, "info"))
         yield from judge_channel(self.country, link.frequency_mhz, width, self.name)
-        rules = read_rules(_out(results, "rules"))
+        rules = read_rules(_program_output(results, "rules"))
         yield from judge_country(self.country, rules, base.PLACES[self.place])
 
     def _judge_reachability(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
@@ -444,7 +448,7 @@ class AssociatedProbe:
         values = (
             ("access point heard by", f"{link.ssid or '?'} ({link.bssid})" if link.bssid else "none", ""),
             ("channel of", link.frequency_mhz, "MHz"),
-            ("signal at", _level(link, station), "dBm"),
+            ("signal at", _signal_level(link, station), "dBm"),
             ("chains of", ", ".join(f"{item:g}" for item in station.chains_dbm) if station else None, "dBm"),
             ("rate sent at by", sent_mbps, "Mbit/s"),
             ("rate received at by", received_mbps, "Mbit/s"),
@@ -456,7 +460,7 @@ class AssociatedProbe:
         return (*result, base.declared_evidence("signal wanted", bounds))
 
 
-def _level(link: WifiLink, station: Station | None) -> float | None:
+def _signal_level(link: WifiLink, station: Station | None) -> float | None:
     mean = None if station is None else station.signal_dbm
     return link.signal_dbm if mean is None else mean
 
@@ -468,12 +472,12 @@ def _rates(link: WifiLink, station: Station | None) -> tuple[float | None, float
     )
 
 
-def _out(results: Mapping[str, base.Answer], name: str) -> str:
+def _program_output(results: Mapping[str, base.Answer], name: str) -> str:
     ran = results.get(name)
     return ran.out if isinstance(ran, base.CommandResult) and ran.trouble is None else ""
 
 
-def _err(results: Mapping[str, base.Answer], name: str) -> str:
+def _error_output(results: Mapping[str, base.Answer], name: str) -> str:
     ran = results.get(name)
     return ran.err if isinstance(ran, base.CommandResult) else ""
 
@@ -503,13 +507,13 @@ class RegisteredProbe:
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge the access point's data, then the ping; if no access point can be read, the ping comes first."""
-        parts = [self._registration(results), self._judge_reachability(results)]
+        parts = [self._check_registration(results), self._judge_reachability(results)]
         if self.endpoint.seen_by is None:
             parts.reverse()
         findings = tuple(finding for part in parts for finding in part.findings)
         return base.ProbeResult(findings, tuple(evidence for part in parts for evidence in part.evidence))
 
-    def _registration(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
+    def _check_registration(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         host = self.endpoint.seen_by
         if host is None:
             message = f"no device of ours sees the association of {self.name}, nor its signal"
@@ -589,7 +593,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     endpoint = cell.wifi
     if endpoint is not None:
         return (*bridges, _radio_step(cell, endpoint, "own" if bridges else ""))
-    return bridges or (() if cell.vehicle is not None else (_by_a_person(cell),))
+    return bridges or (() if cell.vehicle is not None else (_manual_step(cell),))
 
 
 def _radio_step(cell: base.Cell, endpoint: model.WifiEndpoint, name: str) -> base.Step:
@@ -621,7 +625,7 @@ def _probe(cell: base.Cell, endpoint: model.WifiEndpoint) -> base.Probe:
     return RegisteredProbe(cell.name, place, endpoint, address, reserved_mac(cell, endpoint.mac))
 
 
-def _by_a_person(cell: base.Cell) -> base.Step:
+def _manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
         title=f"Wi-Fi of {cell.name} works",

@@ -26,7 +26,7 @@ def junit(document: Document) -> bytes:
     """Return the file; the same document always gives the same bytes."""
     rehearsal_note = ", rehearsed: nothing real was checked" if document.rehearsed else ""
     root = ET.Element("testsuites", name=drift.clean(f"checklist of {document.site}{rehearsal_note}"))
-    root.append(_whole(document))
+    root.append(_checklist_suite(document))
     for row in _shapes.grid(document).rows:
         if row.items:
             root.append(_suite(row.row.key, row.items))
@@ -35,7 +35,7 @@ def junit(document: Document) -> bytes:
     return drift.render_xml(root)
 
 
-def _whole(document: Document) -> ET.Element:
+def _checklist_suite(document: Document) -> ET.Element:
     suite = ET.Element("testsuite", name="checklist", time="0")
     case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
     if document.exit is ExitCode.NOTHING:
@@ -70,10 +70,10 @@ def _judge(case: ET.Element, item: Item) -> None:
         drift.add(case, "error", str(shown_state), *words)
     elif shown_state is _shapes.ShownState.SKIP:
         drift.skip(case, item.message)
-    drift.add_output(case, *_lines(item))
+    drift.add_output(case, *_item_lines(item))
 
 
-def _lines(item: Item) -> Iterator[str]:
+def _item_lines(item: Item) -> Iterator[str]:
     yield f"{item.verdict}: {item.title}"
     yield item.message
     if item.override is not None:

@@ -130,12 +130,12 @@ def _devices(sheet: _SvgSheet, nodes: Sequence[DrawnNode], links: Sequence[Drawn
     slots = _slots(links, row_of)
     y = 4.0
     for number, row in enumerate(rows):
-        y += _tallest(slots, row, _Side.ABOVE) + 4
+        y += _max_slot_height(slots, row, _Side.ABOVE) + 4
         left = _LEFT + (_WIDTH - _LEFT - _RIGHT - len(row) * _BOX_WIDTH - (len(row) - 1) * _GAP) / 2
         for place, node in enumerate(row):
             box = _layout_box(sheet, node, left + place * (_BOX_WIDTH + _GAP), y, _BOX_WIDTH)
             sheet.places[node.key] = _DrawnPlace(number, box)
-        y += _BOX_HEIGHT + _tallest(slots, row, _Side.BELOW) + 8
+        y += _BOX_HEIGHT + _max_slot_height(slots, row, _Side.BELOW) + 8
         sheet.buses.append(y)
     _layout_wire(sheet, slots, row_of)
     return y
@@ -153,7 +153,7 @@ class _Side(Enum):
 _Slots: TypeAlias = "dict[tuple[str, _Side], list[DrawnLink]]"
 
 
-def _tallest(slots: _Slots, row: Sequence[DrawnNode], side: _Side) -> float:
+def _max_slot_height(slots: _Slots, row: Sequence[DrawnNode], side: _Side) -> float:
     return max((len(slots.get((node.key, side), ())) for node in row), default=0) * _SLOT
 
 
@@ -264,7 +264,7 @@ def _vehicles(
                     )
                 side = box.x if left else box.x + box.width
                 sheet.wires.append(_shapes.DrawnWire(((side, middle), (lane, middle)), sheet.state(both)))
-                sheet.wires.append(_shapes.DrawnWire(_down(sheet.places[end].box, lane, middle), None))
+                sheet.wires.append(_shapes.DrawnWire(_lane_points(sheet.places[end].box, lane, middle), None))
         y = max(y + _BOX_HEIGHT, low)
     return y + 6
 
@@ -283,7 +283,7 @@ def _flow(sheet: _SvgSheet, links: Sequence[DrawnLink], left: float, y: float) -
     return y + _SLOT + (_BOX_HEIGHT - _shapes.BADGE_HEIGHT) / 2
 
 
-def _down(box: _shapes.DrawnBox, lane: float, y: float) -> tuple[tuple[float, float], ...]:
+def _lane_points(box: _shapes.DrawnBox, lane: float, y: float) -> tuple[tuple[float, float], ...]:
     start = box.y + box.height / 2
     return ((box.x + box.width, start), (lane, start), (lane, y))
 
@@ -343,16 +343,16 @@ def describe_drawing(document: Document) -> list[str]:
     for node in document.drawing.nodes:
         shown_state = nodes[node.key]
         result.append(
-            f"{node.label}{_beside(node.detail)}{_beside(str(shown_state) if shown_state is not None else '')}."
+            f"{node.label}{_with_comma(node.detail)}{_with_comma(str(shown_state) if shown_state is not None else '')}."
         )
     for link, shown_state in links:
         label = translate(link.label) if link.label.strip() else ""
         ends = f"{labels.get(link.a, link.a)}, {labels.get(link.b, link.b)}"
-        result.append(f"{ends}: {label}{_beside(str(shown_state) if shown_state is not None else '')}.")
+        result.append(f"{ends}: {label}{_with_comma(str(shown_state) if shown_state is not None else '')}.")
     return result or [translate("Nothing is declared.")]
 
 
-def _beside(words: str) -> str:
+def _with_comma(words: str) -> str:
     return f", {words}" if words else ""
 
 

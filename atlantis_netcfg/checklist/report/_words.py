@@ -205,7 +205,7 @@ def body(document: Document) -> Iterator[str]:
             yield from _item(item, document.time_zone)
     yield ""
     yield from _brief(document)
-    yield from _beside(document)
+    yield from _note_lines(document)
     if document.signed is not None:
         yield ""
         yield from seal(document)
@@ -369,7 +369,7 @@ def _brief(document: Document) -> Iterator[str]:
         yield from _wrap_words(f"{_shapes.ASCII[_shapes.ShownState.PASS]} PASS", ", ".join(passed_ids))
 
 
-def _beside(document: Document) -> Iterator[str]:
+def _note_lines(document: Document) -> Iterator[str]:
     reasons = dict.fromkeys(entry.why for entry in document.left_out)
     for why in reasons:
         what = ", ".join(item.what for item in document.left_out if item.why == why)

@@ -98,10 +98,10 @@ async def ask_here(
 
     A request that cannot be run gets the result NO_PLACE.
     """
-    return await AgentProcess(questions, result, _GRACE_S).hear(lambda carrier: _here(carrier, before))
+    return await AgentProcess(questions, result, _GRACE_S).hear(lambda carrier: _diagnose_local_agent(carrier, before))
 
 
-def _here(carrier: Carrier, before: Sequence[str]) -> str:
+def _diagnose_local_agent(carrier: Carrier, before: Sequence[str]) -> str:
     try:
         result = carrier.run([*before, sys.executable, "-I", "-c", agent.BOOT])
     except OSError as error:
@@ -134,10 +134,12 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     if carrier.is_metered and not request.rehearsed:
         questions = within_budget(questions)
         refuse_unpaid(inventory, host.site, carrier, questions, request)
-    return await AgentProcess(questions, result, way.connect_s + way.grace_s).hear(lambda item: _there(way, item))
+    return await AgentProcess(questions, result, way.connect_s + way.grace_s).hear(
+        lambda item: _diagnose_gateway_agent(way, item)
+    )
 
 
-def _there(way: _gateway_access.GatewayAccess, carrier: Carrier) -> str:
+def _diagnose_gateway_agent(way: _gateway_access.GatewayAccess, carrier: Carrier) -> str:
     try:
         result = way.run("python3 -I -c %s", agent.BOOT, carrier=carrier)
     except _gateway_access.GatewayUnreachable as why:
@@ -164,7 +166,7 @@ class Routers:
     async def ask(self, name: str, questions: results.Questions) -> Mapping[str, probes.Answer]:
         """Run all requests to one device in one session of two round trips."""
         try:
-            return await self._session(self.inventory.hosts[name], questions)
+            return await self._ask_router(self.inventory.hosts[name], questions)
         except NetcfgError as error:
             self.notify(events.Event(name, events.Stage.FAILED, str(error)))
             return results.all_unanswered(questions, results.in_words(error))
@@ -176,14 +178,14 @@ class Routers:
         looks = [(key, item) for key, item in questions if isinstance(item, probes.LinkStatusRequest)]
         proofs = [(key, request) for key, request in questions if isinstance(request, probes.AllowListTestRequest)]
         work = [
-            self._progress(self._look(looks), result),
-            *(self._progress(self._prove(key, prove), result) for key, prove in proofs),
+            self._report_answers(self._ask_links(looks), result),
+            *(self._report_answers(self._prove(key, prove), result) for key, prove in proofs),
         ]
         answer_maps = await asyncio.gather(*work)
         return {key: answer for answers in answer_maps for key, answer in answers.items()}
 
     @staticmethod
-    async def _progress(
+    async def _report_answers(
         work: Awaitable[Mapping[str, probes.Answer]], result: results.OnAnswer
     ) -> Mapping[str, probes.Answer]:
         answers = await work
@@ -192,11 +194,11 @@ class Routers:
         return answers
 
     @property
-    def _reading(self) -> Request:
+    def _drift_request(self) -> Request:
         return self.request.model_copy(update={"mode": Mode.DRIFT})
 
-    async def _session(self, host: Host, questions: results.Questions) -> Mapping[str, probes.Answer]:
-        require_consent(self.inventory, [host], self._reading)
+    async def _ask_router(self, host: Host, questions: results.Questions) -> Mapping[str, probes.Answer]:
+        require_consent(self.inventory, [host], self._drift_request)
         door = session_to(self.inventory, self.site, host, self.request)
         request_time = time.time()
         async with door.open_session() as session:
@@ -208,13 +210,15 @@ class Routers:
         self.notify(events.Event(host.name, events.Stage.DONE, cost_text))
         return {key: _rows(reply, request_time, now) for (key, _), reply in zip(questions, replies, strict=True)}
 
-    async def _look(self, questions: Sequence[tuple[str, probes.LinkStatusRequest]]) -> Mapping[str, probes.Answer]:
+    async def _ask_links(
+        self, questions: Sequence[tuple[str, probes.LinkStatusRequest]]
+    ) -> Mapping[str, probes.Answer]:
         if not questions:
             return {}
         hosts = [host for host in self.inventory.site_hosts(self.site) if not is_computer(host)]
         try:
-            require_consent(self.inventory, hosts, self._reading)
-            link_states = await collect_links(self.inventory, self.site, hosts, self._reading, self.notify)
+            require_consent(self.inventory, hosts, self._drift_request)
+            link_states = await collect_links(self.inventory, self.site, hosts, self._drift_request, self.notify)
         except NetcfgError as error:
             return results.all_unanswered(questions, results.in_words(error))
         values = link_states.as_dict()
@@ -233,7 +237,7 @@ class Routers:
         proving.notify = self.notify
         self._pay(proving)
         began = time.monotonic()
-        proof = await asyncio.to_thread(try_out, self.inventory, satellite.router, self._reading, proving)
+        proof = await asyncio.to_thread(try_out, self.inventory, satellite.router, self._drift_request, proving)
         seconds = time.monotonic() - began
         bill = bills(self.inventory, proof, seconds)[question.link]
         findings = (finding for _, finding in proof.results)

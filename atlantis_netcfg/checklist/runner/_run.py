@@ -43,13 +43,13 @@ def unfit(entry: PlanEntry, questions: Sequence[probes.Question]) -> str | None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         return f"two questions are called `{twice}`"
-    return next((reason for request in questions if (reason := _unfit(entry, request)) is not None), None)
+    return next((reason for request in questions if (reason := _refusal_reason(entry, request)) is not None), None)
 
 
-def _unfit(entry: PlanEntry, question: probes.Question) -> str | None:
+def _refusal_reason(entry: PlanEntry, question: probes.Question) -> str | None:
     if isinstance(question, probes.RunProgram) and not is_allowed(question.argv):
         return f"`{' '.join(question.argv)}` is not on the list of reading programs"
-    if isinstance(question, probes.RouterOsQuery) and not _reads(question.query):
+    if isinstance(question, probes.RouterOsQuery) and not _is_reading_query(question.query):
         return f"`{question.query.path}` is no reading command"
     if isinstance(question, probes.Listen):
         return _elsewhere(entry.cell, question) or find_refusal(
@@ -65,7 +65,7 @@ def _unfit(entry: PlanEntry, question: probes.Question) -> str | None:
     return _foreign(entry.cell, question) if isinstance(question, probes.DdsDiscoverRequest) else None
 
 
-def _reads(query: Query) -> bool:
+def _is_reading_query(query: Query) -> bool:
     arguments = dict(query.arguments)
     if query.path in PINGS:
         return arguments.get("count", "").isdecimal()
@@ -74,7 +74,7 @@ def _reads(query: Query) -> bool:
 
 def _elsewhere(cell: probes.Cell, listen: probes.Listen) -> str | None:
     """Return a refusal if a port or device to listen to is not in the inventory."""
-    if listen.transport == "tcp" and listen.address not in {str(address) for address in _addresses(cell)}:
+    if listen.transport == "tcp" and listen.address not in {str(address) for address in _known_addresses(cell)}:
         return f"the address {listen.address or 'that it asks'} is not declared at {cell.site}"
     if listen.transport == "serial" and listen.device not in {
         str(of_endpoint) for of_endpoint in _of_endpoints(cell, "device")
@@ -104,7 +104,7 @@ def _not_ours(cell: probes.Cell, question: probes.ReflectRequest) -> str | None:
     return f"{question.address}, UDP port {question.port}, is no gateway or control centre in the VPN"
 
 
-def _addresses(cell: probes.Cell) -> Iterator[object]:
+def _known_addresses(cell: probes.Cell) -> Iterator[object]:
     yield from (reservation.address for reservation in cell.site_config.lan.reservations)
     yield from _of_endpoints(cell, "address")
     for vehicle in cell.inventory.vehicles:
@@ -243,17 +243,17 @@ class _Turn:
         try:
             async with asyncio.timeout(LIMIT_S) as limit:
                 answers = await self.ears.ask(
-                    batch.place, batch.host, questions, lambda key, answer: self._take(batch, {key: answer})
+                    batch.place, batch.host, questions, lambda key, answer: self._deliver_answers(batch, {key: answer})
                 )
         except Exception as fault:  # noqa: BLE001 - the other places go on
             if limit.expired():
                 late = f"nothing came back within {LIMIT_S:g} s"
-                self._take(batch, {key: trouble_answer(question, late) for key, question in questions})
+                self._deliver_answers(batch, {key: trouble_answer(question, late) for key, question in questions})
             for item, _ in (waiter for waiters in batch.wait.values() for waiter in waiters):
                 self._fail(item, fault)
             return
         rest = {key: trouble_answer(question, "nothing came back") for key, question in questions if key not in answers}
-        self._take(batch, {**rest, **answers})
+        self._deliver_answers(batch, {**rest, **answers})
 
     def judge_item(self, item: _Open) -> report.Item:
         """Judge an item whose results are complete."""
@@ -261,14 +261,14 @@ class _Turn:
             if item.fault is not None:
                 raise item.fault  # noqa: TRY301 - it is told as any fault is
             if item.unfit is not None:
-                return self._wrong(item, "not-allowed", f"this probe asks what it may not: {item.unfit}", _OURS)
+                return self._error_item(item, "not-allowed", f"this probe asks what it may not: {item.unfit}", _OURS)
             assert item.entry.step.probe is not None  # noqa: S101 - `examine` has looked
             result = item.entry.step.probe.judge(item.answers)
         except Exception as fault:  # noqa: BLE001 - the other items go on
             crash = self._record_crash(fault, item.entry.item.id)
-            return self._wrong(item, "crashed", str(crash), crash.hint)
+            return self._error_item(item, "crashed", str(crash), crash.hint)
         if not result.findings:
-            return self._wrong(item, "no-verdict", "this probe came to no verdict", _OURS)
+            return self._error_item(item, "no-verdict", "this probe came to no verdict", _OURS)
         return self._settle(item, result)
 
     def _record_crash(self, fault: BaseException, name: str) -> InternalError:
@@ -277,7 +277,7 @@ class _Turn:
             self.faults[fault] = report_crash(fault, f"checking {name}", self.state)
         return self.faults[fault]
 
-    def _take(self, batch: _PlaceBatch, answers: Mapping[str, probes.Answer]) -> None:
+    def _deliver_answers(self, batch: _PlaceBatch, answers: Mapping[str, probes.Answer]) -> None:
         for key, answer in answers.items():
             for item, name in batch.wait.get(key, ()):
                 if item.waits and name not in item.answers:
@@ -290,7 +290,7 @@ class _Turn:
             item.fault = fault
             self.ready.put_nowait(item)
 
-    def _wrong(self, item: _Open, code: str, message: str, hint: str | None) -> report.Item:
+    def _error_item(self, item: _Open, code: str, message: str, hint: str | None) -> report.Item:
         finding = report.ItemFinding(verdict=Verdict.ERROR, code=code, message=message, hint=hint)
         return self._item(item, Verdict.ERROR, (finding,))
 

@@ -58,7 +58,7 @@ _JSON_OVERHEAD: Final = 1.4
 def within_budget(questions: Questions) -> Questions:
     """Limit the streams in requests to the announced volume; further data are not transferred."""
     return [
-        (key, replace(request, max_bytes=_most(request)) if isinstance(request, Listen) else request)
+        (key, replace(request, max_bytes=_max_bytes(request)) if isinstance(request, Listen) else request)
         for key, request in questions
     ]
 
@@ -71,15 +71,17 @@ def previews(inventory: Inventory, site: str, entries: Sequence[PlanEntry], requ
     probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
     questions = [question for probe in probes for question in probe.asks()]
     all_previews = (
-        *_of_gateway(inventory, site, questions, request),
-        *_of_routers(inventory, site, questions, request),
-        *_of_proofs(inventory, site, questions, request),
-        *_of_robots(inventory, site, questions),
+        *_gateway_costs(inventory, site, questions, request),
+        *_router_costs(inventory, site, questions, request),
+        *_proof_costs(inventory, site, questions, request),
+        *_robot_costs(inventory, site, questions),
     )
     return tuple(item for item in all_previews if item.link.is_metered)
 
 
-def _of_gateway(inventory: Inventory, site: str, questions: Sequence[Question], request: Request) -> Iterator[Preview]:
+def _gateway_costs(
+    inventory: Inventory, site: str, questions: Sequence[Question], request: Request
+) -> Iterator[Preview]:
     host = inventory.computer_of(site)
     alike = dict.fromkeys(replace(question, name="") for question in questions if question.place is Place.GATEWAY)
     numbered_questions = [(str(number), each) for number, each in enumerate(alike)]  # identical ones are asked once
@@ -88,7 +90,9 @@ def _of_gateway(inventory: Inventory, site: str, questions: Sequence[Question], 
         yield estimate(inventory, site, carrier, within_budget(numbered_questions))
 
 
-def _of_routers(inventory: Inventory, site: str, questions: Sequence[Question], request: Request) -> Iterator[Preview]:
+def _router_costs(
+    inventory: Inventory, site: str, questions: Sequence[Question], request: Request
+) -> Iterator[Preview]:
     names = {each.host for each in questions if isinstance(each, RouterOsQuery)}
     hosts = [inventory.hosts[name] for name in sorted(names) if name in inventory.hosts]
     if any(isinstance(question, LinkStatusRequest) for question in questions):
@@ -98,14 +102,14 @@ def _of_routers(inventory: Inventory, site: str, questions: Sequence[Question], 
     yield from preview_costs(inventory, computers, reading, at_most=False)
 
 
-def _of_proofs(inventory: Inventory, site: str, questions: Sequence[Question], request: Request) -> Iterator[Preview]:
+def _proof_costs(inventory: Inventory, site: str, questions: Sequence[Question], request: Request) -> Iterator[Preview]:
     for name in dict.fromkeys(question.link for question in questions if isinstance(question, AllowListTestRequest)):
         satellite = satellite_of(inventory, site, name)
         via = request.via.get(satellite.router.name)
         yield from proof_previews(inventory, satellite.proving(inventory, is_rehearsal=False, via=via))
 
 
-def _of_robots(inventory: Inventory, site: str, questions: Sequence[Question]) -> Iterator[Preview]:
+def _robot_costs(inventory: Inventory, site: str, questions: Sequence[Question]) -> Iterator[Preview]:
     for question in dict.fromkeys(replace(each, name="") for each in questions if isinstance(each, RobotsHeardRequest)):
         with suppress(NetcfgError):  # who cannot listen pays nothing, and the item says why
             if (cost := listening_preview(inventory, site, question)) is not None:
@@ -118,7 +122,7 @@ def estimate(inventory: Inventory, site: str, carrier: LinkMetrics, questions: Q
     nbytes = (
         _SSH
         + len(program(request_batch.request))
-        + round(_JSON_OVERHEAD * sum(_answer(request) for _, request in questions))
+        + round(_JSON_OVERHEAD * sum(_answer_bytes(request) for _, request in questions))
     )
     seconds = request_batch.within_s + _ROUND_TRIPS * carrier.rtt_s
     return preview(nbytes, seconds, link_of(inventory, site, carrier.name), at_most=True)
@@ -135,14 +139,14 @@ def refuse_unpaid(
         raise unpaid([cost_preview.words], request.command)
 
 
-def _most(listen: Listen) -> int:
+def _max_bytes(listen: Listen) -> int:
     rate = listen.baud / 10 if listen.transport == "serial" else _RATE[listen.transport]
     return min(listen.max_bytes, _LEAST + round(rate * listen.listen_s))
 
 
-def _answer(question: object) -> int:
+def _answer_bytes(question: object) -> int:
     if isinstance(question, Listen):
-        return _most(question)
+        return _max_bytes(question)
     if isinstance(question, ReflectRequest):
         return question.count * _MESSAGE
     return (

@@ -79,7 +79,7 @@ def read_line(question: str) -> str | None:
 def yes_or_no(question: str, read: Callable[[str], str | None] = read_line, say: Callable[[str], None] = print) -> bool:
     """Ask about something without effect on devices or cost: `y` or `n` is enough."""
     words = f"[{shown_word(YES)}, {shown_word(NO)}]"
-    return _decide(f"{translate(question)} {words} ", _with_short(YES), translate("  type yes or no"), read, say)
+    return _decide(f"{translate(question)} {words} ", _with_short_forms(YES), translate("  type yes or no"), read, say)
 
 
 def whole_word(
@@ -98,7 +98,7 @@ def whole_word(
     return _decide(f"{shown_question}{gap}{how} ", taken_words(word), again, read, say)
 
 
-def _with_short(word: str) -> tuple[str, ...]:
+def _with_short_forms(word: str) -> tuple[str, ...]:
     return tuple(item for alternative in taken_words(word) for item in (alternative, *_SHORT.get(alternative, ())))
 
 
@@ -111,7 +111,7 @@ def _decide(
 ) -> bool:
     for _ in range(_TRIES):
         answer = read(question)
-        if answer is None or plain(answer) in _with_short(NO):
+        if answer is None or plain(answer) in _with_short_forms(NO):
             return False
         if plain(answer) in agreeing:
             return True

@@ -54,7 +54,7 @@ def report_error(error: NetcfgError, command_line: Sequence[str] = (), *, as_jso
     """
     errors: Sequence[NetcfgError] = getattr(error, "errors", None) or (error,)
     hints = [item.hint and as_typed(item.hint, command_line) for item in errors]
-    _tell(list(zip(map(str, errors), hints, strict=True)), error.exit, as_json=as_json)
+    _print_errors(list(zip(map(str, errors), hints, strict=True)), error.exit, as_json=as_json)
     return error.exit
 
 
@@ -118,16 +118,16 @@ def report_interrupt(
 ) -> ExitCode:
     """Report that Ctrl-C stopped the command, and whether a device may have been changed."""
     how = signal_of(stop)
-    if command is not None and command.changes and not _changes_nothing(command, command_line):
+    if command is not None and command.changes and not _is_harmless(command, command_line):
         message = f"stopped by {how}; what a device kept is not known here"
         hint = command.again or "`provision runs` shows what was confirmed, and how a run that is unfinished goes on"
-        _tell([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
+        _print_errors([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
         return ExitCode.UNKNOWN
-    _tell([(f"stopped by {how}; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)
+    _print_errors([(f"stopped by {how}; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)
     return ExitCode.FAILED
 
 
-def _changes_nothing(command: CommandSpec, command_line: Sequence[str]) -> bool:
+def _is_harmless(command: CommandSpec, command_line: Sequence[str]) -> bool:
     return any(flag.harmless and f"--{flag.name}" in command_line for flag in command.flags)
 
 
@@ -139,7 +139,7 @@ def report_crash(error: BaseException, command_line: Sequence[str], *, as_json: 
     return report_error(crash_report.report_crash(error, repr(list(command_line)), state_dir), as_json=as_json)
 
 
-def _tell(errors: Sequence[tuple[str, str | None]], code: ExitCode, *, as_json: bool) -> None:
+def _print_errors(errors: Sequence[tuple[str, str | None]], code: ExitCode, *, as_json: bool) -> None:
     if as_json:
         rows = [{"message": message, "hint": hint} for message, hint in errors]
         print(json_text({"exit": int(code), "errors": rows}))
@@ -229,7 +229,7 @@ def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILEN
     """
     out = out or sys.stderr
     if out.isatty():
-        with _live(out) as subscriber:
+        with _live_progress(out) as subscriber:
             yield subscriber
     elif quiet:
         yield events.ignore
@@ -301,7 +301,7 @@ def _reminder(at_work: list[tuple[events.Event, float]], age_s: float) -> str:
 
 
 @contextmanager
-def _live(out: TextIO) -> Iterator[events.Subscriber]:
+def _live_progress(out: TextIO) -> Iterator[events.Subscriber]:
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text

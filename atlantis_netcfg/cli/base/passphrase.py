@@ -32,7 +32,7 @@ def passphrase_prompt(arguments: syntax.Arguments, what: str = _WORDS) -> Callab
     An unreadable descriptor is reported at once, before anything is done.
     """
     cache: list[Secret] = []
-    number = _number(arguments)
+    number = _descriptor_number(arguments)
     if number is None:
         _require_person(what)
 
@@ -46,7 +46,7 @@ def passphrase_prompt(arguments: syntax.Arguments, what: str = _WORDS) -> Callab
 
 def choose_passphrase(arguments: syntax.Arguments, check: Callable[[Secret], None]) -> Secret:
     """Read a new passphrase, typed twice or read once. Raises UsageError, and errors of `check` for a weak one."""
-    number = _number(arguments)
+    number = _descriptor_number(arguments)
     if number is not None:
         only = _read(number)
         check(only)
@@ -82,7 +82,7 @@ def _vault_password(vault_id: str) -> Secret:
     return _read_secret(f"Password of the inventory's vault{suffix}: ")
 
 
-def _number(arguments: syntax.Arguments) -> int | None:
+def _descriptor_number(arguments: syntax.Arguments) -> int | None:
     text = arguments.value(PASSPHRASE_FD.name)
     if text is None:
         return None
@@ -105,9 +105,9 @@ def _read_secret(question: str) -> Secret:
     from getpass import getpass
 
     try:
-        return _whole(getpass(question))
+        return _require_nonempty(getpass(question))
     except EOFError:
-        return _whole("")
+        return _require_nonempty("")
 
 
 def _read(number: int) -> Secret:
@@ -124,12 +124,12 @@ def _read(number: int) -> Secret:
     if len(line) > _MOST:
         raise UsageError(f"what file descriptor {number} gives is too long for a passphrase", hint="one line is read")
     try:
-        return _whole(line.decode())
+        return _require_nonempty(line.decode())
     except UnicodeDecodeError:
         raise UsageError(f"what file descriptor {number} gives is no text", hint="one line of UTF-8 is read") from None
 
 
-def _whole(text: str) -> Secret:
+def _require_nonempty(text: str) -> Secret:
     if not text:
         raise UsageError("the passphrase is empty", hint="type the command again")
     return Secret(text)

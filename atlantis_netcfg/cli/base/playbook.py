@@ -254,11 +254,11 @@ class _EventListener:
             except ValueError:
                 continue  # whoever wrote it was killed in the middle
             try:
-                self._hear(message)
+                self._handle_message(message)
             except BaseException as failure:  # noqa: BLE001 - told in the main thread; results are still taken in
                 self._failure = self._failure or failure
 
-    def _hear(self, message: Mapping[str, Any]) -> None:
+    def _handle_message(self, message: Mapping[str, Any]) -> None:
         if "event" in message:
             self._notify(events.Event(**{**message["event"], "stage": events.Stage(message["event"]["stage"])}))
         elif "error" in message:

@@ -51,7 +51,9 @@ def _again(session: CommandSession, emulators: Rehearsal, first: RunReport) -> R
         if not session.as_json:
             words = f"Second run {number} of {len(links)}, over {name}: nothing may be left to change"
             print(translate(words), file=sys.stderr, flush=True)
-        via = {host.name: name for host in session.contacted_hosts if name in {LAN.name, *_names(session, host.site)}}
+        via = {
+            host.name: name for host in session.contacted_hosts if name in {LAN.name, *_link_names(session, host.site)}
+        }
         for host in session.contacted_hosts:
             link = site_link_of(session.inventory, host, via.get(host.name, session.via))
             emulators.relink(session.inventory, host, link.name)
@@ -64,5 +66,5 @@ def _again(session: CommandSession, emulators: Rehearsal, first: RunReport) -> R
     return replace(first, passes=tuple(passes))
 
 
-def _names(session: CommandSession, site: str) -> list[str]:
+def _link_names(session: CommandSession, site: str) -> list[str]:
     return [link.name for link in session.inventory.sites[site].bearers]

@@ -284,10 +284,10 @@ class CommandSession:
         if not ask:
             return self.perform(Mode.APPLY, plans=plans)
         self._agree(plan_report)
-        return self.perform(Mode.APPLY, plans=plans, is_paid=bool(self._dear(plan_report)))
+        return self.perform(Mode.APPLY, plans=plans, is_paid=bool(self._consent_questions(plan_report)))
 
     @staticmethod
-    def _dear(plan_report: RunReport) -> list[str]:
+    def _consent_questions(plan_report: RunReport) -> list[str]:
         return [
             consent_question(device["cost"])
             for device in plan_report.devices.values()
@@ -296,7 +296,7 @@ class CommandSession:
 
     def _agree(self, plan_report: RunReport) -> None:
         """Ask for consent to the plan, to its cost and to the removal of many rows. Raises ConsentRefusal."""
-        dear = self._dear(plan_report)
+        dear = self._consent_questions(plan_report)
         if dear and not self.arguments.has_flag(syntax.ACCEPT_COST):
             consent.confirm_cost(dear, ask=not self.as_json)
         many = [

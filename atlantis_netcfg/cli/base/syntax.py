@@ -249,7 +249,7 @@ class _WordReader:
                 self._read_word(argument, rest)
             else:
                 self._refuse_bare(argument, rest)
-        self._require()
+        self._require_words()
 
     def _error(self, message: str, hint: str) -> None:
         self.errors.append(UsageError(message, hint=hint))
@@ -262,9 +262,9 @@ class _WordReader:
         elif not value:
             self._refuse_spaces(word, argument, _bare(rest))
         else:
-            self._take(word, argument, value.split(",") if word.many else [value], rest)
+            self._take_word(word, argument, value.split(",") if word.many else [value], rest)
 
-    def _take(self, word: Word, argument: str, values: list[str], rest: list[str]) -> None:
+    def _take_word(self, word: Word, argument: str, values: list[str], rest: list[str]) -> None:
         self._misspelt.add(word.name)  # whatever is wrong with it, it is not missing
         if "" in values:
             correction = f"{word.name}={','.join(value for value in [*values, _bare(rest)] if value)}"
@@ -298,7 +298,7 @@ class _WordReader:
         flag = self.command.flag(name)
         suggestion = f"--{name} {value}".rstrip() if flag is not None and flag.takes else near and f"{near}={value}"
         message = f"`{argument}`: `provision {self.command.name}` has no word `{name}=`"
-        self._error(message, _suggest(suggestion, self._see_help()))
+        self._error(message, _suggest(suggestion, self._help_hint()))
 
     def _read_flag(self, argument: str, rest: list[str]) -> None:
         name, separator, value = argument.lstrip("-").partition("=")
@@ -333,7 +333,7 @@ class _WordReader:
             self._misspelt.add(name)
             hint = f"{name}={value}" if value else word.hint
         message = f"`{argument}`: `provision {self.command.name}` has no such flag"
-        self._error(message, _suggest(hint, self._see_help()))
+        self._error(message, _suggest(hint, self._help_hint()))
 
     def _refuse_bare(self, argument: str, rest: list[str]) -> None:
         word = self.command.word(argument)
@@ -344,10 +344,10 @@ class _WordReader:
             (word for word in self.command.words if word.bare and (word.many or word.name not in self.words)), None
         )
         if alone is not None:
-            self._take(alone, argument, [argument], rest)
+            self._take_word(alone, argument, [argument], rest)
             return
         near = nearest(argument, [flag.name for flag in self.command.flags])
-        hint = _suggest(self._suggest_word(argument, near) or (near and f"--{near}"), self._see_help())
+        hint = _suggest(self._suggest_word(argument, near) or (near and f"--{near}"), self._help_hint())
         self._error(f"`{argument}`: `provision {self.command.name}` cannot place this word", hint)
 
     def _suggest_word(self, argument: str, flag: str | None) -> str | None:
@@ -368,12 +368,12 @@ class _WordReader:
         self._misspelt.add(word.name)
         return f"{word.name}={argument}"
 
-    def _require(self) -> None:
+    def _require_words(self) -> None:
         for word in self.command.words:
             if word.is_required and word.name not in self.words and word.name not in self._misspelt:
                 self._error(f"`{word.name}=` is missing: {word.help}", f"add it, as in `{word.hint}`")
 
-    def _see_help(self) -> str:
+    def _help_hint(self) -> str:
         return f"`provision {self.command.name} --help` lists what it takes"
 
 

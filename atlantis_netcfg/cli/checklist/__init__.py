@@ -96,7 +96,7 @@ def run_report_list(arguments: syntax.Arguments) -> ExitCode:
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
         print(json_text(values))
     else:
-        print("\n".join([*(line for row in rows for line in _listed_lines(row)), *_changes(since)]))
+        print("\n".join([*(line for row in rows for line in _listed_lines(row)), *_change_lines(since)]))
     return ExitCode.DONE
 
 
@@ -152,16 +152,16 @@ def _listed_lines(row: Mapping[str, Any]) -> Iterator[str]:
         return
     scope = f"  mission={row['mission']}" if row["mission"] else ""
     scope += "".join(f"  {name}={','.join(values)}" for name, values in row["scope"].items())
-    yield printable.line(f"{row['run']}  {translate(_green(row))}{scope}")
-    yield printable.line(f"  {translate(_standing(row))}")
+    yield printable.line(f"{row['run']}  {translate(_outcome_text(row))}{scope}")
+    yield printable.line(f"  {translate(_state_text(row))}")
 
 
-def _green(row: Mapping[str, Any]) -> str:
+def _outcome_text(row: Mapping[str, Any]) -> str:
     overridden = f", {row['overridden']} overridden" if row["overridden"] else ""
     return f"{'passed' if row['exit'] == 0 else 'not passed'} ({row['verdict']}, {row['items']} items{overridden})"
 
 
-def _standing(row: Mapping[str, Any]) -> str:
+def _state_text(row: Mapping[str, Any]) -> str:
     from datetime import datetime
 
     from atlantis_netcfg.core.times import time_text
@@ -173,7 +173,7 @@ def _standing(row: Mapping[str, Any]) -> str:
     return f"{row['state']}{waiting}{why}, not signed"
 
 
-def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
+def _change_lines(since: Mapping[str, Any] | None) -> Iterator[str]:
     from atlantis_netcfg.core import printable
     from atlantis_netcfg.core.language import translate
 

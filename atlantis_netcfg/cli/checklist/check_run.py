@@ -425,7 +425,7 @@ def run_check(arguments: Arguments, prompt: workflow.Prompt | None = None) -> Ex
             f"`--sign-as {name}`: this is hardly the name of a person", hint="write the name as it shall stand there"
         )
     check = PreparedCheck(arguments)
-    if prompt is None and _somebody_is_here(arguments):
+    if prompt is None and _is_interactive(arguments):
         prompt = workflow.Prompt()
     try:
         with session(
@@ -434,13 +434,13 @@ def run_check(arguments: Arguments, prompt: workflow.Prompt | None = None) -> Ex
             via=arguments.optional("via"),
             choose_hosts=check.hosts,
         ) as site_session:
-            return _sit(site_session, check, prompt)
+            return _run_checklist(site_session, check, prompt)
     except KeyboardInterrupt:
         hint = f"go on with `{again(arguments)}`"
         raise CheckInterrupt("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
 
 
-def _somebody_is_here(arguments: Arguments) -> bool:
+def _is_interactive(arguments: Arguments) -> bool:
     return sys.stdin.isatty() and not arguments.flag("json") and arguments.value("answers") is None
 
 
@@ -449,7 +449,7 @@ def _scope(arguments: Arguments) -> Scope:
     return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases, arguments.optional("mission") or "")
 
 
-def _sit(site_session: CommandSession, check: PreparedCheck, prompt: workflow.Prompt | None) -> ExitCode:
+def _run_checklist(site_session: CommandSession, check: PreparedCheck, prompt: workflow.Prompt | None) -> ExitCode:
     faults = site_session.arguments.many("break")
     with opened_book(site_session, check.checklist, faults, anew=_anew(site_session, prompt)) as book:
         by = _look(site_session, check, book, prompt)
@@ -472,7 +472,7 @@ def _look(
             book,
             entries,
             ears,
-            _message(notify, prompt),
+            _item_printer(notify, prompt),
             lambda entry: workflow.price_of(site_session, entry),
             site_session.is_rehearsal,
         )
@@ -483,7 +483,7 @@ def _look(
         return _with(prompt, turn, book, site_session.arguments.value("sign-as"), check.checklist.signers)
 
 
-def _message(notify: events.Subscriber, prompt: workflow.Prompt | None) -> Callable[[report.Item], None]:
+def _item_printer(notify: events.Subscriber, prompt: workflow.Prompt | None) -> Callable[[report.Item], None]:
     def tell(item: report.Item) -> None:
         if prompt is not None:
             prompt.say(workflow.render_item(item))

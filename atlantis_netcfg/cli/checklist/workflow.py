@@ -245,38 +245,38 @@ class CheckWorkflow:
         """
         consents = self._collect_consents(answers) if answers is not None else {}
         self._examine(
-            [entry for entry in self.entries if self._by_itself(entry) or entry.item.id in consents], consents
+            [entry for entry in self.entries if self._is_automatic(entry) or entry.item.id in consents], consents
         )
         return answers.write_down(self.book, self.show) if answers is not None else ()
 
     def with_a_person(self, prompt: Prompt) -> None:
         """Go through everything that is not green, phase by phase. Raises PromptAbort."""
         if self.at_once:
-            self._examine(self._unseen(self.entries), {})
+            self._examine(self._unchecked_entries(self.entries), {})
         before = None
         for phase in report.Phase:
-            entries = [entry for entry in self.entries if entry.item.phase is phase and not self._green(entry)]
+            entries = [entry for entry in self.entries if entry.item.phase is phase and not self._is_green(entry)]
             if not entries:
                 continue
             prompt.say(f"\n{translate(_PHASES[phase])}")
-            if before is None or not self._unseen(entries) or self._ready(prompt, phase):
-                self._phase(prompt, entries)
+            if before is None or not self._unchecked_entries(entries) or self._ask_ready(prompt, phase):
+                self._run_phase(prompt, entries)
             before = phase
 
-    def _phase(self, prompt: Prompt, entries: Sequence[checklist.PlanEntry]) -> None:
-        self._examine(self._unseen(entries), {})
+    def _run_phase(self, prompt: Prompt, entries: Sequence[checklist.PlanEntry]) -> None:
+        self._examine(self._unchecked_entries(entries), {})
         for entry in entries:
             self._visit(prompt, entry, partial(self._settle, prompt, entry))
 
     def _settle(self, prompt: Prompt, entry: checklist.PlanEntry) -> None:
         """Ask what one item needs."""
-        is_requested = self._open(entry)
+        is_requested = self._is_open(entry)
         if entry.item.kind is report.ItemKind.PERSON and is_requested:
             confirm(self.book, prompt, entry)
         elif entry.item.kind is report.ItemKind.ACTIVE and is_requested:
             self._act(prompt, entry)
-        if not self._open(entry):
-            resolve_item(self.book, prompt, entry, partial(self._again, prompt), read=is_requested)
+        if not self._is_open(entry):
+            resolve_item(self.book, prompt, entry, partial(self._repeat_check, prompt), read=is_requested)
 
     def _visit(self, prompt: Prompt, entry: checklist.PlanEntry, ask: Callable[[], None]) -> None:
         """Ask about one item; `back` restarts it, or at its first question goes one item back. Raises PromptAbort."""
@@ -287,8 +287,8 @@ class CheckWorkflow:
             except PromptBack:
                 if not prompt.answers:
                     self.go_back(prompt)
-                elif not self._open(entry):
-                    ask = partial(correct, self.book, prompt, entry, partial(self._again, prompt))
+                elif not self._is_open(entry):
+                    ask = partial(correct, self.book, prompt, entry, partial(self._repeat_check, prompt))
             else:
                 break
         if prompt.answers:
@@ -302,27 +302,27 @@ class CheckWorkflow:
             return
         entry = self._visited_entries.pop()
         _title(prompt, entry)
-        if self._open(entry):
+        if self._is_open(entry):
             self._visit(prompt, entry, partial(self._settle, prompt, entry))
         else:
-            self._visit(prompt, entry, partial(correct, self.book, prompt, entry, partial(self._again, prompt)))
+            self._visit(prompt, entry, partial(correct, self.book, prompt, entry, partial(self._repeat_check, prompt)))
 
     def _place(self, entry: checklist.PlanEntry) -> str:
         """Format the item's number and the total, in the order of the phases."""
         order = sorted(self.entries, key=lambda each: tuple(report.Phase).index(each.item.phase))
         return translate(f"item {order.index(entry) + 1} of {len(order)}")
 
-    def _ready(self, prompt: Prompt, phase: report.Phase) -> bool:
+    def _ask_ready(self, prompt: Prompt, phase: report.Phase) -> bool:
         while True:
             try:
                 return ready(prompt, phase)
             except PromptBack:
                 self.go_back(prompt)
 
-    def _unseen(self, entries: Sequence[checklist.PlanEntry]) -> list[checklist.PlanEntry]:
-        return [entry for entry in entries if entry.item.kind is report.ItemKind.AUTOMATIC and self._open(entry)]
+    def _unchecked_entries(self, entries: Sequence[checklist.PlanEntry]) -> list[checklist.PlanEntry]:
+        return [entry for entry in entries if entry.item.kind is report.ItemKind.AUTOMATIC and self._is_open(entry)]
 
-    def _again(self, prompt: Prompt, entry: checklist.PlanEntry) -> None:
+    def _repeat_check(self, prompt: Prompt, entry: checklist.PlanEntry) -> None:
         if entry.item.kind is report.ItemKind.ACTIVE:
             self._act(prompt, entry)
         else:
@@ -374,7 +374,7 @@ class CheckWorkflow:
     def _collect_consents(self, answers: checklist.Answers) -> dict[str, str]:
         """Return active items with consent in the answers that cost nothing, or whose cost is accepted."""
         active_entries = [
-            item for item in self.entries if item.item.kind is report.ItemKind.ACTIVE and not self._green(item)
+            item for item in self.entries if item.item.kind is report.ItemKind.ACTIVE and not self._is_green(item)
         ]
         values = {entry.item.id: answers.consents(entry.item.id) for entry in active_entries if not self._due(entry)}
         return {item_id: by for item_id, by in values.items() if by is not None}
@@ -387,14 +387,14 @@ class CheckWorkflow:
             return True
         return price is not None and price.due
 
-    def _by_itself(self, entry: checklist.PlanEntry) -> bool:
+    def _is_automatic(self, entry: checklist.PlanEntry) -> bool:
         item = self.book.item(entry.item.id)
         return item.kind is report.ItemKind.AUTOMATIC and item.override is None and not entry.step.unless
 
-    def _green(self, entry: checklist.PlanEntry) -> bool:
-        return not self._open(entry) and self.book.item(entry.item.id).counts in GREEN
+    def _is_green(self, entry: checklist.PlanEntry) -> bool:
+        return not self._is_open(entry) and self.book.item(entry.item.id).counts in GREEN
 
-    def _open(self, entry: checklist.PlanEntry) -> bool:
+    def _is_open(self, entry: checklist.PlanEntry) -> bool:
         item = self.book.item(entry.item.id)
         return item.open and item.override is None
 
@@ -572,10 +572,10 @@ _LABEL = re.compile(r" *\S+ {2,}| *")
 
 def _fit(text: str) -> str:
     """Wrap lines that are wider than a terminal, with aligned continuation lines."""
-    return "\n".join(_broken(line) if len(line) > _WIDTH else line for line in text.split("\n"))
+    return "\n".join(_wrap_line(line) if len(line) > _WIDTH else line for line in text.split("\n"))
 
 
-def _broken(line: str) -> str:
+def _wrap_line(line: str) -> str:
     label = _LABEL.match(line)
     below = " " * max(label.end() if label is not None else 0, 2)
     start = line[: len(below)] if label is not None and label.end() else ""

@@ -27,7 +27,7 @@ def rehearse_from(
 
     The source of the start state is printed, and its gaps are in the report.
     """
-    _tell(session, start)
+    _print_start_states(session, start)
     gaps = tuple(state.gap for state in start)
     failure = _begin(session, start)
     if failure is not None:
@@ -54,7 +54,7 @@ def _begin(session: CommandSession, start: Sequence[StartState]) -> RunReport | 
     return None
 
 
-def _tell(session: CommandSession, start: Sequence[StartState]) -> None:
+def _print_start_states(session: CommandSession, start: Sequence[StartState]) -> None:
     if session.as_json:
         return
     for state in start:

@@ -142,7 +142,7 @@ def _resume(session: CommandSession, broken: Run) -> RunReport:
 
 def _aim(session: CommandSession, broken: Run) -> None:
     """Use the target state of the broken run, and print it."""
-    _tell(session, broken)
+    _print_broken_run(session, broken)
     if broken.start_record is not None:
         session.back_to, session.restore = broken.start_record.back_to, broken.start_record.restore
 
@@ -207,7 +207,7 @@ def _refuse_settled(broken: Run) -> None:
     )
 
 
-def _tell(session: CommandSession, broken: Run) -> None:
+def _print_broken_run(session: CommandSession, broken: Run) -> None:
     if session.as_json:
         return
     print(f"run {broken.id}: {broken.start_record.command if broken.start_record else 'killed before it had begun'}")

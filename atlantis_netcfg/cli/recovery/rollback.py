@@ -72,7 +72,7 @@ def run_rollback(arguments: syntax.Arguments) -> ExitCode:
         if is_rehearsal:
             announce(site_session)
         _tell(site_session, run)
-        report = _rehearse(site_session, run) if is_rehearsal else _real(site_session)
+        report = _rehearse(site_session, run) if is_rehearsal else _roll_back_devices(site_session)
     return site_session.close(report)
 
 
@@ -111,7 +111,7 @@ def _tell(session: CommandSession, run: Run) -> None:
             print(f"  {note} ({outcome.status})", flush=True)
 
 
-def _real(session: CommandSession) -> RunReport:
+def _roll_back_devices(session: CommandSession) -> RunReport:
     if session.arguments.flag("plan"):
         return session.plan()
     return session.change(ask=not session.arguments.flag("yes"))

@@ -41,10 +41,12 @@ def answer(command_line: Sequence[str], table: Mapping[str, str]) -> ExitCode:
 def candidates(command_line: Sequence[str], table: Mapping[str, str]) -> list[Candidate]:
     """Return the candidates for the last word; `command_line` is what follows `provision`."""
     *before, current = command_line or [""]
-    return [(value, meaning) for value, meaning in _possible(before, current, table) if value.startswith(current)]
+    return [
+        (value, meaning) for value, meaning in _list_candidates(before, current, table) if value.startswith(current)
+    ]
 
 
-def _possible(before: Sequence[str], current: str, table: Mapping[str, str]) -> Iterator[Candidate]:
+def _list_candidates(before: Sequence[str], current: str, table: Mapping[str, str]) -> Iterator[Candidate]:
     if before and before[-1] == "--lang":
         yield from ((each.value, "") for each in language.Language)
         return

@@ -297,7 +297,7 @@ def run_vpn_accept(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.vpn.enrolment_package import accept
 
     inventory = _common.load_inventory(arguments)
-    data = _bytes(Path(arguments.word("file")), "the hand-out")
+    data = _read_limited(Path(arguments.word("file")), "the hand-out")
     acceptance = accept(inventory, data, _opener(arguments), _common.folder(arguments), now=datetime.now(UTC))
     member, certificate = acceptance.identity.member, acceptance.identity.certificate
     values = {
@@ -328,7 +328,7 @@ def _opener(arguments: syntax.Arguments) -> Secret:
     if key_name is None:
         return passphrase_prompt(arguments, "the passphrase of the hand-out")()
     path = Path(key_name)
-    text = _bytes(path, "the key").decode(errors="replace")
+    text = _read_limited(path, "the key").decode(errors="replace")
     if path.stat().st_mode & 0o077:
         raise UsageError(f"others may read the key {path}", hint=f"type `chmod 600 {path}`")
     lines = [line.strip() for line in text.splitlines() if line.startswith("AGE-SECRET-KEY-")]
@@ -337,7 +337,7 @@ def _opener(arguments: syntax.Arguments) -> Secret:
     return Secret(lines[0])
 
 
-def _bytes(path: Path, what: str) -> bytes:
+def _read_limited(path: Path, what: str) -> bytes:
     from atlantis_netcfg.core.errors import UsageError
 
     try:

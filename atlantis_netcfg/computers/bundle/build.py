@@ -138,7 +138,7 @@ def _fetch_revision(mirror: Path, url: str, revision: str, environment: dict[str
     text = ""
     for way in ways:
         shallow = [] if way[0].startswith("+refs/heads/") else ["--depth", "1"]
-        if _is_commit(revision) and _whole(mirror, revision):
+        if _is_commit(revision) and _is_complete(mirror, revision):
             break
         process = run(
             ["git", "-C", str(mirror), "-c", "protocol.version=2", "fetch", "--quiet", *shallow, url, *way],
@@ -149,7 +149,7 @@ def _fetch_revision(mirror: Path, url: str, revision: str, environment: dict[str
             break
     rev_parse = run(["git", "-C", str(mirror), "rev-parse", "--verify", "--quiet", rev], _SILENT)
     commit = rev_parse.stdout.decode().strip()
-    if rev_parse.returncode != 0 or not _whole(mirror, commit):
+    if rev_parse.returncode != 0 or not _is_complete(mirror, commit):
         raise _fetch_error(url, revision, text)
     _git(mirror, _SILENT, "update-ref", f"refs/atlantis/{commit}", commit)
     return commit
@@ -250,7 +250,7 @@ def _is_commit(revision: str) -> bool:
     return re.fullmatch(r"[0-9a-f]{40}|[0-9a-f]{64}", revision) is not None
 
 
-def _whole(mirror: Path, commit: str) -> bool:
+def _is_complete(mirror: Path, commit: str) -> bool:
     return run(["git", "-C", str(mirror), "rev-list", "--objects", "--max-count=1", commit], _SILENT).returncode == 0
 
 
@@ -266,22 +266,22 @@ def _git(folder: Path, environment: dict[str, str], *words: str) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     process = run(["git", "-C", str(folder), *words], environment)
     if process.returncode != 0:
-        raise BundleError(f"git {words[0]}: {_last(process.stderr.decode(errors='replace'))}")
+        raise BundleError(f"git {words[0]}: {_last_message(process.stderr.decode(errors='replace'))}")
     return process.stdout.decode(errors="replace")
 
 
 def _fetch_error(url: str, revision: str, text: str) -> BundleError:
     if re.search(r"Authentication failed|could not read|terminal prompts|returned error: 40[13]|Access denied", text):
         return BundleError(
-            f"{url} is not given to us: {_last(text)}",
+            f"{url} is not given to us: {_last_message(text)}",
             hint="declare a `token` that may read it, or ask whether the one that is declared is still good",
         )
     if not text or re.search(r"couldn't find remote ref|not our ref|no such remote ref", text):
         return BundleError(f"{url} has no revision {revision}", hint="a tag, or a commit of 40 hex digits")
-    return BundleError(f"{url} cannot be fetched: {_last(text)}", hint="type the same again: what came is kept")
+    return BundleError(f"{url} cannot be fetched: {_last_message(text)}", hint="type the same again: what came is kept")
 
 
-def _last(text: str) -> str:
+def _last_message(text: str) -> str:
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     messages = [line for line in lines if line.startswith(("fatal:", "error:", "remote:"))]
     return (messages or lines or ["it says nothing"])[-1]
@@ -348,7 +348,7 @@ def open_staging(place: Path) -> Iterator[StagingDirectory]:
     """Open the staging directory under a lock. Raises BundleError if the place is unusable or locked."""
     if re.search(r"[\s\"';]", str(place)):
         raise BundleError(f"no bundle can be made in {place}", hint="`to=` names a folder without blanks in its name")
-    if place.is_symlink() or (place.exists() and not (place / MANIFEST).is_file() and not _empty(place)):
+    if place.is_symlink() or (place.exists() and not (place / MANIFEST).is_file() and not _is_empty_folder(place)):
         raise BundleError(f"{place} is there, and is no bundle", hint="`to=` names a new folder")
     if not place.parent.is_dir():
         raise BundleError(f"there is no folder {place.parent}", hint="make it first")
@@ -365,7 +365,7 @@ def _backup_path(place: Path) -> Path:
     return place.with_name(f".{place.name}.old")
 
 
-def _empty(place: Path) -> bool:
+def _is_empty_folder(place: Path) -> bool:
     return place.is_dir() and not any(place.iterdir())
 
 

@@ -34,14 +34,14 @@ KEY = "key.gpg"
 """Public key that verifies the signatures of manifest and repositories."""
 
 
-def _inside(path: str) -> str:
+def _require_relative_path(path: str) -> str:
     parts = PurePosixPath(path).parts
     if not re.fullmatch(r"[A-Za-z0-9._+~@:/-]+", path) or path.startswith("/") or ".." in parts or not parts:
         raise ValueError("not a path below the bundle")
     return path
 
 
-Inside = Annotated[str, AfterValidator(_inside)]
+Inside = Annotated[str, AfterValidator(_require_relative_path)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 

@@ -66,7 +66,7 @@ def open_bundle(
     bundle = Bundle(folder, _verify_manifest(folder, keys, accept))
     manifest = bundle.manifest
     hint = f"copy the bundle again, or make it anew: `provision bundle site={manifest.site}`"
-    problems: list[tuple[str, str | None]] = [(words, hint) for words in _damage(folder, manifest)]
+    problems: list[tuple[str, str | None]] = [(words, hint) for words in _find_damage(folder, manifest)]
     again = f"on a computer with internet: `provision bundle site={manifest.site}`"
     problems += [(words, again) for request in wishes or () for words in _missing_parts(manifest, request)]
     if problems:
@@ -108,13 +108,13 @@ def _verify_manifest(folder: Path, keys: Keys, accept: str | None) -> Manifest:
     return manifest
 
 
-def _damage(folder: Path, manifest: Manifest) -> Iterator[str]:
+def _find_damage(folder: Path, manifest: Manifest) -> Iterator[str]:
     for file in manifest.files:
-        if words := _wrong(folder / file.path, file):
+        if words := _describe_damage(folder / file.path, file):
             yield f"{file.path}: {words}"
 
 
-def _wrong(path: Path, file: BundleFile) -> str:
+def _describe_damage(path: Path, file: BundleFile) -> str:
     try:
         size = path.stat().st_size
         if size != file.size:
@@ -139,19 +139,19 @@ def _missing_parts(manifest: Manifest, request: requirements.HostRequirements) -
         has = part.packages.get(package.name)
         installed_version = part.installed.get(package.name)
         if not package.fits(has) and not package.fits(installed_version):
-            yield f"{request.host}: package {package.apt_argument}: {_other(has or installed_version)}"
+            yield f"{request.host}: package {package.apt_argument}: {_describe_difference(has or installed_version)}"
     yield from _libraries(part, request)
     for archive in request.archives:
         if archive.bundle_path not in part.held:
-            yield f"{request.host}: {archive.path.name} with the SHA-256 {archive.sha256}: {_other(None)}"
+            yield f"{request.host}: {archive.path.name} with the SHA-256 {archive.sha256}: {_describe_difference(None)}"
 
 
 def _libraries(part: HostPart, request: requirements.HostRequirements) -> Iterator[str]:
     for library in request.libraries:
         current = [each.revision for each in part.libraries if each.url == library.url]
         if library.revision not in current:
-            yield f"{request.host}: {library.url} at {library.revision}: {_other(', '.join(current))}"
+            yield f"{request.host}: {library.url} at {library.revision}: {_describe_difference(', '.join(current))}"
 
 
-def _other(has: str | None) -> str:
+def _describe_difference(has: str | None) -> str:
     return f"the bundle has {has}" if has else "it is not in the bundle"

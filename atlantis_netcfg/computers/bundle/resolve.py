@@ -86,12 +86,12 @@ class Root:
     def update(self) -> None:
         """Fetch the package lists. Raises BundleError with apt's messages."""
         process = self._apt("update", "-o", "APT::Update::Error-Mode=any")
-        complaints = _complaints(process, "E:", "W:", "Err:")
+        complaints = _marked_messages(process, "E:", "W:", "Err:")
         # apt-get(8) ends with 0 where a list could not be fetched, unless it is new enough for the option above.
         has_failed = process.returncode != 0 or any(line.startswith("Failed to fetch") for line in complaints)
         if has_failed:
             raise join_errors(
-                [(f"the lists of packages cannot be had: {line}", _hint(line)) for line in complaints or ["?"]]
+                [(f"the lists of packages cannot be had: {line}", _source_hint(line)) for line in complaints or ["?"]]
             )
 
     def missing_files(self, requirements: Sequence[PackageRequirement]) -> tuple[DebFile, ...]:
@@ -101,7 +101,7 @@ class Root:
         arguments = ["install", "--print-uris", "-q", "-o", "Acquire::ForceHash=SHA256"]
         process = self._apt(*arguments, *_INSTALL_OPTIONS, *(each.apt_argument for each in requirements))
         if process.returncode != 0:
-            problems = _unmet(process) or _complaints(process, "E:")
+            problems = _unmet_dependencies(process) or _marked_messages(process, "E:")
             hint = "correct the names or versions in the declaration, or the sources"
             raise join_errors([(f"the packages cannot be resolved: {line}", hint) for line in problems or ["?"]])
         lines = process.stdout.decode(errors="replace").splitlines()
@@ -208,17 +208,17 @@ def _proxies() -> str:
     return "".join(f"{line}\n" for line in lines if re.match(r'Acquire::https?::Proxy(::\S+)? ".+";', line))
 
 
-def _complaints(process: subprocess.CompletedProcess[bytes], *marks: str) -> list[str]:
+def _marked_messages(process: subprocess.CompletedProcess[bytes], *marks: str) -> list[str]:
     lines = (process.stdout + process.stderr).decode(errors="replace").splitlines()
     return list(dict.fromkeys(line.split(":", 1)[1].strip() for line in lines if line.startswith(marks)))
 
 
-def _unmet(process: subprocess.CompletedProcess[bytes]) -> list[str]:
+def _unmet_dependencies(process: subprocess.CompletedProcess[bytes]) -> list[str]:
     lines = process.stdout.decode(errors="replace").splitlines()
     return [line.strip() for line in lines if line.startswith(" ") and "Depends:" in line]
 
 
-def _hint(line: str) -> str:
+def _source_hint(line: str) -> str:
     if "EXPKEYSIG" in line:
         return "the key has expired: fetch the archive's new one, and name it in the declaration"
     if "NO_PUBKEY" in line or "not signed" in line:

@@ -90,7 +90,7 @@ class BlockTree:
 
     def disk(self, path: Path) -> BlockDevice:
         """Return the disk at a path. Raises BlockDeviceError if there is none."""
-        number = self._number(path)
+        number = self._device_number(path)
         place = self.sys / "dev" / "block" / number
         try:
             return self._read(place.resolve(strict=True), number)
@@ -98,7 +98,7 @@ class BlockTree:
             raise BlockDeviceError(f"{path} is gone, or cannot be read", hint="put the card in again") from error
 
     @staticmethod
-    def _number(path: Path) -> str:
+    def _device_number(path: Path) -> str:
         try:
             status = path.stat()
         except FileNotFoundError:
@@ -152,7 +152,7 @@ class BlockTree:
                 continue
             seen_names.add(part.name)
             for key in (_text(part / "dev"), part.name):
-                uses += [Use(part.name, f"is mounted at {at}", _is_system(at)) for at in mounts.get(key, ())]
+                uses += [Use(part.name, f"is mounted at {at}", _is_system_mount(at)) for at in mounts.get(key, ())]
             if part.name in swaps:
                 uses.append(Use(part.name, "is swap space", system=True))
             rest += sorted(each.parent for each in part.glob("*/partition"))
@@ -205,7 +205,7 @@ def _bus(place: Path) -> DeviceBus:
     return next((bus for word, bus in rows if any(re.fullmatch(word, part) for part in parts)), DeviceBus.OTHER)
 
 
-def _is_system(point: str) -> bool:
+def _is_system_mount(point: str) -> bool:
     return point == "/" or any(point == each or point.startswith(f"{each}/") for each in _SYSTEM)
 
 

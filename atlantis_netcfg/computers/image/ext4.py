@@ -75,12 +75,12 @@ class Ext4:
     offset: int
 
     @property
-    def _where(self) -> str:
+    def _image_at_offset(self) -> str:
         return f"{self.image}?offset={self.offset}"
 
     def recover(self) -> None:
         """Replay an open journal. Raises ImageError if the file system is damaged."""
-        process = self._run([tool("e2fsck"), "-p", self._where])
+        process = self._run([tool("e2fsck"), "-p", self._image_at_offset])
         if unknown := re.search(r"unsupported feature\(s\): ([\w ,]*\w)", process.stdout):
             raise facts.ImageError(
                 f"the image's file system has features that e2fsprogs of this computer does not know: {unknown[1]}",
@@ -88,12 +88,12 @@ class Ext4:
             )
         if process.returncode not in {0, _ERRORS_FIXED}:
             raise facts.ImageError(
-                f"the image's file system is damaged: {_last(process.stdout)}", hint="fetch it again"
+                f"the image's file system is damaged: {_last_line(process.stdout)}", hint="fetch it again"
             )
 
     def require_editable(self) -> None:
         """Raise ImageError if the file system has features that debugfs cannot edit."""
-        result = re.search(r"^Filesystem features:(.*)", self._ask("features"), re.MULTILINE)
+        result = re.search(r"^Filesystem features:(.*)", self._query_debugfs("features"), re.MULTILINE)
         if features := sorted(_NOT_EDITED & {*(result[1].split() if result else ())}):
             raise facts.ImageError(
                 f"the image's file system has the feature `{features[0]}`, which debugfs cannot edit", hint=_OTHER_IMAGE
@@ -101,13 +101,15 @@ class Ext4:
 
     def check(self) -> None:
         """Raise ImageError if the file system is not clean."""
-        process = self._run([tool("e2fsck"), "-fn", self._where])
+        process = self._run([tool("e2fsck"), "-fn", self._image_at_offset])
         if process.returncode:
-            raise facts.ImageError(f"the image's file system is damaged after customising: {_last(process.stdout)}")
+            raise facts.ImageError(
+                f"the image's file system is damaged after customising: {_last_line(process.stdout)}"
+            )
 
     def status(self, path: str) -> FileStatus | None:
         """Return the status of a path, None if nothing is there; links in the path are not followed."""
-        text = self._ask(f"stat {_safe(path)}")
+        text = self._query_debugfs(f"stat {_safe_path(path)}")
         head = re.search(r"Type: (\w+).*?Mode:\s+(\d+).*?User:\s+(\d+)\s+Group:\s+(\d+)", text, re.DOTALL)
         if head is None:
             return None
@@ -122,12 +124,12 @@ class Ext4:
             return None
         with temporary.folder("ext4", self.image.parent) as scratch:
             out = scratch / "file"
-            self._ask(f"dump {_safe(path)} {out}")
+            self._query_debugfs(f"dump {_safe_path(path)} {out}")
             return out.read_bytes() if out.exists() else None
 
     def names(self, path: str) -> tuple[str, ...]:
         """Return the names in a directory; empty if it does not exist."""
-        text = self._ask(f"ls -p {_safe(path)}")
+        text = self._query_debugfs(f"ls -p {_safe_path(path)}")
         entries = (line.split("/")[5] for line in text.splitlines() if line.count("/") >= 6)  # noqa: PLR2004
         return tuple(sorted(name for name in entries if name not in {"", ".", ".."}))
 
@@ -149,20 +151,20 @@ class Ext4:
     def apply(self, edits: Sequence[facts.Edit]) -> None:
         """Apply the edits, check the file system, and read each edit back. Raises ImageError."""
         above = [edit.path for edit in edits if isinstance(edit, facts.ImageDirectory)] + [
-            _above(edit.path) for edit in edits
+            _parent(edit.path) for edit in edits
         ]
         self.require_no_symlink(dict.fromkeys(above))
         with temporary.folder("ext4", self.image.parent) as scratch:
             commands = [line for number, edit in enumerate(edits) for line in self._commands(edit, number, scratch)]
             batch = scratch / "commands"
             batch.write_text("".join(f"{line}\n" for line in commands))
-            process = self._run([tool("debugfs"), "-w", "-f", str(batch), self._where])
+            process = self._run([tool("debugfs"), "-w", "-f", str(batch), self._image_at_offset])
         self.check()
         for edit in edits:
             self._verify(edit, _complaint(process.stdout))
 
     def _commands(self, edit: facts.Edit, number: int, scratch: Path) -> Iterator[str]:
-        path = _safe(edit.path)
+        path = _safe_path(edit.path)
         there = self.status(path)
         if isinstance(edit, facts.ImageDirectory):
             if there is None:
@@ -198,8 +200,8 @@ class Ext4:
                 hint="the image's file system may be full; nothing was written to a card",
             )
 
-    def _ask(self, request: str) -> str:
-        return self._run([tool("debugfs"), "-R", request, self._where]).stdout
+    def _query_debugfs(self, request: str) -> str:
+        return self._run([tool("debugfs"), "-R", request, self._image_at_offset]).stdout
 
     @staticmethod
     def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
@@ -221,7 +223,7 @@ def _attributes(path: str, mode: int, owner: tuple[int, int]) -> Iterator[str]:
     yield f"set_inode_field {path} gid {owner[1]}"
 
 
-def _safe(path: str) -> str:
+def _safe_path(path: str) -> str:
     if not _PATH.fullmatch(path) or ".." in PurePosixPath(path).parts:
         raise facts.ImageError(f"`{path}` cannot be the path of a file in an image")
     return path
@@ -233,7 +235,7 @@ def _safe_target(target: str) -> str:
     return target
 
 
-def _above(path: str) -> str:
+def _parent(path: str) -> str:
     return str(PurePosixPath(path).parent)
 
 
@@ -243,7 +245,7 @@ def _complaint(text: str) -> str:
     return next(filter(None, lines), "")
 
 
-def _last(text: str) -> str:
+def _last_line(text: str) -> str:
     return next((line.strip() for line in reversed(text.splitlines()) if line.strip()), "it says nothing")
 
 
@@ -304,27 +306,27 @@ def find(image: Path, layout: DiskLayout) -> FileSystemOffsets:
     """Read an image's partition table. Raises ImageError if the image has another layout."""
     with image.open("rb") as file:
         starts = _partitions(file.read(_SECTOR * 34))
-        ext4 = [number for number, at in starts.items() if _has(file.seek(at) and file.read(2048), _EXT4_MAGIC)]
+        ext4 = [number for number, at in starts.items() if _has_magic(file.seek(at) and file.read(2048), _EXT4_MAGIC)]
         fat = [number for number, at in starts.items() if _is_fat(file.seek(at) and file.read(_SECTOR))]
-    root = layout.root if layout.root is not None else _only(ext4)
+    root = layout.root if layout.root is not None else _only_partition(ext4)
     if root not in ext4:
-        raise _other(layout, f"its partition {root} holds no ext4")
+        raise _layout_error(layout, f"its partition {root} holds no ext4")
     if layout.root_at is not None and starts[root] != layout.root_at:
-        raise _other(layout, f"its partition {root} begins at byte {starts[root]}, not at {layout.root_at}")
+        raise _layout_error(layout, f"its partition {root} begins at byte {starts[root]}, not at {layout.root_at}")
     if layout.boot is not None and layout.boot not in fat:
-        raise _other(layout, f"its partition {layout.boot} holds no FAT")
+        raise _layout_error(layout, f"its partition {layout.boot} holds no FAT")
     boot = layout.boot if layout.boot is not None else next(iter(fat), None)
     return FileSystemOffsets(starts[root], None if boot is None else FatLocation(starts[boot]))
 
 
-def _other(layout: DiskLayout, why: str) -> facts.ImageError:
+def _layout_error(layout: DiskLayout, why: str) -> facts.ImageError:
     return facts.ImageError(
         f"the image is not of layout `{layout.name}`: {why}",
         hint=f"take the image of that board, or declare another `layout`: {', '.join(LAYOUTS)}",
     )
 
 
-def _only(ext4: list[int]) -> int:
+def _only_partition(ext4: list[int]) -> int:
     if len(ext4) != 1:
         finding = f"partitions {', '.join(map(str, ext4))} do" if ext4 else "none does"
         raise facts.ImageError(
@@ -335,7 +337,7 @@ def _only(ext4: list[int]) -> int:
 
 def _partitions(start: bytes) -> dict[int, int]:
     """Return the first byte of each partition, by number: MBR (primary) or GPT (UEFI 2.10, 5.3)."""
-    if not _has(start, _BOOT_MAGIC):
+    if not _has_magic(start, _BOOT_MAGIC):
         raise facts.ImageError("the image holds no partition table", hint="is it an image of a whole card?")
     rows = [_ENTRY.unpack_from(start, _TABLE + _ENTRY.size * row) for row in range(4)]
     if not any(row[2] == _GPT_PROTECTIVE for row in rows):
@@ -351,7 +353,7 @@ def _partitions(start: bytes) -> dict[int, int]:
     return result
 
 
-def _has(data: bytes | int, magic: tuple[int, bytes]) -> bool:
+def _has_magic(data: bytes | int, magic: tuple[int, bytes]) -> bool:
     at, expected_bytes = magic
     return isinstance(data, bytes) and data[at : at + len(expected_bytes)] == expected_bytes
 

@@ -307,7 +307,7 @@ def notes(facts: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
         result.append(
             f"the image has no time zone data: its clock shows UTC until tzdata is installed ({request.time_zone})"
         )
-    if _cloud_init(facts):
+    if _has_cloud_init(facts):
         result.append(
             "cloud-init of the image is switched off, and with it what it does at a first start, such as growing the "
             "file system"
@@ -342,7 +342,7 @@ def _time(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
         yield ImageFile(f"{_CHRONY}/atlantis.sources", lines.encode())
 
 
-def _cloud_init(facts: ImageFacts) -> bool:
+def _has_cloud_init(facts: ImageFacts) -> bool:
     return any(path in facts.present for path in _CLOUD_INIT)
 
 
@@ -351,7 +351,7 @@ def _no_cloud_init(facts: ImageFacts) -> Iterator[Edit]:
 
     A file disables it. Another file, and the kernel's command line, have precedence (its generator for systemd).
     """
-    if not _cloud_init(facts):
+    if not _has_cloud_init(facts):
         return
     for place, text in facts.boot_words.items():
         if re.search(r"^[^#\n]*\bcloud-init=enabled\b", text, re.MULTILINE):

@@ -77,14 +77,14 @@ def _parse_bmap(text: bytes) -> Bmap:
     algorithm = (root.findtext("ChecksumType") or "sha256").strip().lower()
     if algorithm not in {"sha256", "sha512"}:
         raise ValueError(f"checksums by `{algorithm}` are not known")
-    _hold(text, (root.findtext("BmapFileChecksum") or "").strip(), algorithm)
+    _verify_own_checksum(text, (root.findtext("BmapFileChecksum") or "").strip(), algorithm)
     block, size = int(root.findtext("BlockSize") or ""), int(root.findtext("ImageSize") or "")
     if root.tag != "bmap" or block <= 0 or size <= 0:
         raise ValueError("it has no sizes")
     return Bmap(size, algorithm, tuple(_range(element, block, size) for element in root.iterfind("BlockMap/Range")))
 
 
-def _hold(text: bytes, digest: str, algorithm: str) -> None:
+def _verify_own_checksum(text: bytes, digest: str, algorithm: str) -> None:
     if digest and hashlib.new(algorithm, text.replace(digest.encode(), b"0" * len(digest))).hexdigest() != digest:
         raise ValueError("its own checksum is wrong")
 
@@ -159,8 +159,8 @@ def expand(image: Path, copy: Path, expected_sum: Checksum | None, tell: Callabl
         with image.open("rb") as file, copy.open("xb") as out:
             copy.chmod(0o600)
             reader = _HashingReader(file, image.stat().st_size, tell)
-            writer = _Sparse(out, _map_of(image))
-            _pour(image, reader, writer)
+            writer = _Sparse(out, _read_block_map(image))
+            _unpack_image(image, reader, writer)
             reader.drain()
             size = writer.finish(image)
     except OSError as error:
@@ -210,7 +210,7 @@ class _HashingReader(io.RawIOBase):
         return self._sha256.hexdigest()
 
 
-def _pour(image: Path, reader: _HashingReader, out: _Sparse) -> None:
+def _unpack_image(image: Path, reader: _HashingReader, out: _Sparse) -> None:
     for magic, name, tool in _OTHERS:
         if reader.start.startswith(magic):
             raise ImageError(f"{image} is packed by {name}", hint=f"unpack it first: {tool} {image.name}")
@@ -230,7 +230,7 @@ def _pour(image: Path, reader: _HashingReader, out: _Sparse) -> None:
             pass
 
 
-def _map_of(image: Path) -> Bmap | None:
+def _read_block_map(image: Path) -> Bmap | None:
     place = find_block_map(image)
     return read(place) if place is not None else None
 
@@ -255,12 +255,12 @@ class _Sparse:
         for start in range(0, len(data), _PIECE):
             piece = data[start : start + _PIECE]
             if self._map is None:
-                self._put(self._at, piece)
+                self._write_nonzero(self._at, piece)
             else:
                 self._put_mapped(piece)
             self._at += len(piece)
 
-    def _put(self, at: int, piece: bytes) -> None:
+    def _write_nonzero(self, at: int, piece: bytes) -> None:
         if piece != (_ZEROS if len(piece) == _PIECE else bytes(len(piece))):
             self._file.seek(at)
             self._file.write(piece)
@@ -271,7 +271,7 @@ class _Sparse:
             mapped_range = self._rest[0]
             start, stop = max(mapped_range.start, self._at), min(mapped_range.end, end)
             part = piece[start - self._at : stop - self._at]
-            self._put(start, part)
+            self._write_nonzero(start, part)
             if self._digest is not None:
                 self._digest.update(part)
             if mapped_range.end > end:

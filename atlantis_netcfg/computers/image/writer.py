@@ -191,7 +191,7 @@ class _CardWriter:
         """Write and compare everything; after any failure the first MiB is cleared."""
         began = time.monotonic()
         try:
-            self._put(0, self._head, zero=True)
+            self._write_chunk(0, self._head, zero=True)
             os.fsync(self._card)
             self._clear()
             self._copy()
@@ -211,7 +211,7 @@ class _CardWriter:
         elif isinstance(error, OSError):
             why = f"the card does not take it ({error.strerror})"
         try:
-            self._put(0, self._head, zero=True)
+            self._write_chunk(0, self._head, zero=True)
             os.fsync(self._card)
         except OSError:
             now = "Its first block could not be cleared either: do not use this card"
@@ -231,7 +231,7 @@ class _CardWriter:
             for at, size in _chunks(part):
                 dirty = dirty or self._read(at, size) != _zeros(size)
                 if dirty:
-                    self._put(at, size, zero=True)
+                    self._write_chunk(at, size, zero=True)
                     self._cleared += size
                 done_bytes += size
                 meter(done_bytes, total)
@@ -241,7 +241,7 @@ class _CardWriter:
         meter, done_bytes, total = WriteMeter(WriterStep.WRITING, self._tell), 0, sum(part.size for part in data)
         for part in data:
             for at, size in _chunks(part):
-                self._put(at, size)
+                self._write_chunk(at, size)
                 done_bytes += size
                 meter(done_bytes, total)
         self._data += done_bytes
@@ -261,14 +261,14 @@ class _CardWriter:
         """Write the first MiB, its first 4 KiB last."""
         first = min(_FIRST, self._head)
         if self._head > first:
-            self._put(first, self._head - first)
+            self._write_chunk(first, self._head - first)
             os.fsync(self._card)
-        self._put(0, first)
+        self._write_chunk(0, first)
         os.fsync(self._card)
         self._data += self._head
         self._compare([Segment(0, self._head, SourceKind.DATA)])
 
-    def _put(self, at: int, size: int, *, zero: bool = False) -> None:
+    def _write_chunk(self, at: int, size: int, *, zero: bool = False) -> None:
         self._ours[:size] = _zeros(size) if zero else self._source_data(at, size)
         with memoryview(self._ours) as view:
             offset = 0

@@ -47,7 +47,7 @@ class Carrier:
         """Run the process to its end. Raises OSError if there is no such program."""
         overdue = threading.Event()
         with tempfile.TemporaryFile() as errors, self._start(argv, errors) as process, self._watch(overdue):
-            out = self._through(process)
+            out = self._feed_and_read(process)
             process.wait()
             errors.seek(0)
             return ProcessResult(process.returncode, out, errors.read(_MOST), overdue.is_set())
@@ -63,7 +63,7 @@ class Carrier:
 
     @contextmanager
     def _watch(self, overdue: threading.Event) -> Iterator[None]:
-        clock = None if self.limit_s is None else threading.Timer(self.limit_s, self._late, [overdue])
+        clock = None if self.limit_s is None else threading.Timer(self.limit_s, self._stop_overdue, [overdue])
         if clock is not None:
             clock.start()
         try:
@@ -88,11 +88,11 @@ class Carrier:
             self.stop()
             raise
 
-    def _late(self, overdue: threading.Event) -> None:
+    def _stop_overdue(self, overdue: threading.Event) -> None:
         overdue.set()
         self.stop()
 
-    def _through(self, process: subprocess.Popen[bytes]) -> bytes:
+    def _feed_and_read(self, process: subprocess.Popen[bytes]) -> bytes:
         assert process.stdin is not None  # noqa: S101 - both are pipes
         assert process.stdout is not None  # noqa: S101
         feeder = threading.Thread(target=_feed_all, args=(process.stdin, self.feed), daemon=True)

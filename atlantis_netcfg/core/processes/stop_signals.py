@@ -36,7 +36,7 @@ def install_handlers() -> None:
         return
     for number in STOP_SIGNALS:
         if signal.getsignal(number) in {signal.SIG_DFL, signal.default_int_handler, _hold}:
-            signal.signal(number, _stop)
+            signal.signal(number, _handle_stop)
     if getattr(sys.unraisablehook, "func", None) is not _repeat_lost_stop:
         sys.unraisablehook = partial(_repeat_lost_stop, sys.unraisablehook)
 
@@ -60,11 +60,11 @@ def ignore() -> None:
     if threading.current_thread() is threading.main_thread():
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number in STOP_SIGNALS:
-            if signal.getsignal(number) is _stop:
+            if signal.getsignal(number) is _handle_stop:
                 signal.signal(number, _hold)
 
 
-def _stop(number: int, frame: FrameType | None) -> None:
+def _handle_stop(number: int, frame: FrameType | None) -> None:
     _pending.append(signal.Signals(number).name)
     _raise_or_wait(number, frame)
 

@@ -175,10 +175,10 @@ class _EvologicsTalk:
         if not line.startswith(b"+++") or not _READS.fullmatch(command):
             # Without `+++` it is data for the connection: the modem would transmit it.
             self.modem.forbidden.append(line)
-            return self._say("AT", b"ERROR WRONG COMMAND")
-        return self._say(command.decode(), self._value(command.decode()))
+            return self._format_reply("AT", b"ERROR WRONG COMMAND")
+        return self._format_reply(command.decode(), self._query_response(command.decode()))
 
-    def _value(self, query: str) -> bytes:
+    def _query_response(self, query: str) -> bytes:
         if query in self.spec.busy:
             return b"BUSY EXAMPLE"
         if query == "AT&V":
@@ -186,7 +186,7 @@ class _EvologicsTalk:
         responses = self.spec.values()
         return responses[query].encode() if query in responses else b"ERROR WRONG QUERY"
 
-    def _say(self, command: str, body: bytes) -> bytes:
+    def _format_reply(self, command: str, body: bytes) -> bytes:
         return body + b"\r\n" if self.spec.bare else _frame(command, body)
 
     def _send(self, to: int, text: bytes) -> bytes:

@@ -160,9 +160,9 @@ class ModemLine:
             if not data:
                 self._drop_client(handle)
                 return
-            self._hear(handle, data)
+            self._handle_data(handle, data)
 
-    def _hear(self, handle: int, data: bytes) -> None:
+    def _handle_data(self, handle: int, data: bytes) -> None:
         client = self._clients[handle]
         client.since = client.since or time.monotonic()
         answers, client.waiting = client.talker.hear(client.waiting + data)

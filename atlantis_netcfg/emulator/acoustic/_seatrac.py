@@ -32,7 +32,7 @@ def _crc_table() -> tuple[int, ...]:
 _TABLE = _crc_table()
 
 
-def _sum(payload: bytes) -> bytes:
+def _checksum(payload: bytes) -> bytes:
     value = 0
     for byte in payload:
         value = (value >> 8) ^ _TABLE[(value ^ byte) & 0xFF]
@@ -188,7 +188,7 @@ class _Talk:
 
     def _frame(self, number: int, record: bytes) -> bytes:
         payload = bytes([number]) + record
-        check = _sum(payload)
+        check = _checksum(payload)
         if self.spec.every_sum_wrong or number in self.spec.wrong_sum:
             check = bytes(byte ^ 0xFF for byte in check)
         return b"$" + (payload + check).hex().upper().encode() + b"\r\n"
@@ -216,7 +216,7 @@ def _payload(line: bytes) -> bytes | None:
     except ValueError:
         return None
     whole = line.startswith(b"#") and len(raw) > 2  # noqa: PLR2004 - a number before the sum
-    return raw[:-2] if whole and _sum(raw[:-2]) == raw[-2:] else None
+    return raw[:-2] if whole and _checksum(raw[:-2]) == raw[-2:] else None
 
 
 class RunningSeatrac(ModemLine):

@@ -115,7 +115,7 @@ class Container:
         """Return the PID of the systemd inside; None before it starts (no isolation yet) and after it ends."""
         first = self._first()
         with suppress(OSError):
-            if first is not None and not _same_program(first, self._nspawn.pid):
+            if first is not None and not _is_same_program(first, self._nspawn.pid):
                 return first
         return None
 
@@ -124,7 +124,7 @@ class Container:
         tasks = Path("/proc", str(self._nspawn.pid), "task", str(self._nspawn.pid), "children")
         with suppress(OSError):
             for child in tasks.read_text(encoding="ascii").split():
-                if _first_inside(child):
+                if _is_first_in_namespace(child):
                     return int(child)
         return None
 
@@ -161,11 +161,11 @@ def nsenter_prefix(leader: int) -> tuple[str, ...]:
     return (*confinement, "nsenter", "--target", str(leader), "--all", "--")
 
 
-def _same_program(item: int, other: int) -> bool:
+def _is_same_program(item: int, other: int) -> bool:
     return Path(f"/proc/{item}/exe").samefile(f"/proc/{other}/exe")
 
 
-def _first_inside(process: str) -> bool:
+def _is_first_in_namespace(process: str) -> bool:
     with suppress(OSError):
         for line in Path("/proc", process, "status").read_text(encoding="utf-8").splitlines():
             if line.startswith("NSpid:"):
@@ -353,9 +353,9 @@ class Machine:
 
     def wait_until_up(self, timeout_s: float = _PATIENCE_S) -> None:
         """Wait until sshd accepts logins. Raises MachineError with the last console lines after a timeout."""
-        wait(lambda: not self.runs or self._is_ready(), timeout_s, lambda: self._output("does not answer SSH"))
+        wait(lambda: not self.runs or self._is_ready(), timeout_s, lambda: self._console_message("does not answer SSH"))
         if not self.runs:
-            raise MachineError(self._output("ended while it booted"))
+            raise MachineError(self._console_message("ended while it booted"))
 
     def state(self, *, wait_for_boot: bool = False) -> str:
         """Return systemd's state: `running`, `degraded`, `starting`, …; `wait_for_boot`: wait until it has booted."""
@@ -371,7 +371,7 @@ class Machine:
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
         """Run a shell command inside as root, without SSH; `check`: raises MachineError unless it ends with 0."""
-        wait(lambda: not self.runs or self._leader(), _PATIENCE_S, lambda: self._output("does not boot"))
+        wait(lambda: not self.runs or self._leader(), _PATIENCE_S, lambda: self._console_message("does not boot"))
         leader = self._leader()
         if leader is None:
             raise MachineError(f"{self.name} is off")
@@ -453,7 +453,7 @@ class Machine:
             return caller.recv(4) == b"SSH-"
         return False
 
-    def _output(self, what: str) -> str:
+    def _console_message(self, what: str) -> str:
         words = self._container.console_tail() if self._container is not None else ""
         return f"machine {self.name} {what}; its console ({self._log}):\n{words}"
 

@@ -85,14 +85,14 @@ def missing_packages() -> tuple[str, ...]:
 
 def _forbidden() -> str | None:
     """Return which kernel feature is missing or forbidden here (for example in a container), or None."""
-    if not _overlays():
+    if not _has_overlays():
         return "the kernel has no overlay file system"
     if hosts.output_of(("unshare", "--net", "--mount", "--pid", "--fork", "true")).returncode:
         return "this computer may not make namespaces"
     return None
 
 
-def _overlays() -> bool:
+def _has_overlays() -> bool:
     file_systems = Path("/proc/filesystems").read_text(encoding="ascii").split()
     return "overlay" in file_systems or (
         shutil.which("modprobe") is not None and not hosts.output_of(("modprobe", "overlay")).returncode

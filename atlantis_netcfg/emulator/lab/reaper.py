@@ -46,12 +46,12 @@ def sweep() -> None:
 def take_down(lab: str) -> None:
     """Kill all processes of a lab, then remove its mounts, namespaces and control groups."""
     for name in _namespaces(lab):
-        kill_all(partial(_inhabitants, name))
-    for group in _groups(lab):
+        kill_all(partial(_list_processes, name))
+    for group in _find_control_groups(lab):
         remove_group(group)
     unmount(YARDS / lab)
     for name in _namespaces(lab):
-        _quietly("ip", "netns", "delete", name)
+        _run_quietly("ip", "netns", "delete", name)
     for path in _PROPAGATE.glob(f"{lab}*"):
         remove(path)
     remove(YARDS / lab)
@@ -63,7 +63,7 @@ def _namespaces(lab: str) -> list[str]:
     return sorted((name for name in names if (_NAMESPACES / name).exists()), key=len, reverse=True)
 
 
-def _inhabitants(name: str) -> list[int]:
+def _list_processes(name: str) -> list[int]:
     process = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=False)  # noqa: S603, S607
     return [int(word) for word in process.stdout.split() if int(word) != os.getpid()]
 
@@ -89,20 +89,20 @@ def control_groups() -> list[Path]:
     return result
 
 
-def _groups(lab: str) -> Iterator[Path]:
+def _find_control_groups(lab: str) -> Iterator[Path]:
     for hierarchy in control_groups():
         yield from hierarchy.glob(f"{lab}-*")
 
 
 def remove_group(group: Path) -> None:
     """Kill the processes of a control group and its children, and remove the groups."""
-    kill_all(partial(_members, group))
+    kill_all(partial(_list_group_processes, group))
     for below, _, _ in os.walk(group, topdown=False):
         with suppress(OSError):
             Path(below).rmdir()
 
 
-def _members(group: Path) -> list[int]:
+def _list_group_processes(group: Path) -> list[int]:
     result = []
     for below, _, _ in os.walk(group):
         with suppress(OSError):
@@ -120,19 +120,19 @@ def unmount(folder: Path) -> None:
     """Unmount everything below a folder, in reverse order."""
     for place in reversed(mount_points()):
         if Path(place).is_relative_to(folder):
-            _quietly("umount", "--lazy", place)
+            _run_quietly("umount", "--lazy", place)
 
 
 def remove(folder: Path) -> None:
     """Delete a folder, but nothing that is still mounted in it."""
-    _quietly("rm", "-rf", "--one-file-system", str(folder))
+    _run_quietly("rm", "-rf", "--one-file-system", str(folder))
 
 
-def _quietly(*words: str) -> None:
+def _run_quietly(*words: str) -> None:
     subprocess.run(words, capture_output=True, check=False)  # noqa: S603 - a program of the system
 
 
-def _keep(lab: str, owner: int) -> None:
+def _wait_and_take_down(lab: str, owner: int) -> None:
     ends = select.poll()
     ends.register(sys.stdin, select.POLLIN)
     with suppress(ProcessLookupError):
@@ -145,4 +145,4 @@ def _keep(lab: str, owner: int) -> None:
 if __name__ == "__main__":
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    _keep(sys.argv[1], int(sys.argv[2]))
+    _wait_and_take_down(sys.argv[1], int(sys.argv[2]))

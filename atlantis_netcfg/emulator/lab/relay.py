@@ -130,7 +130,7 @@ class Relay:
                     machine.setblocking(False)
                     async with asyncio.timeout(_CONNECT_S):
                         await self._loop.sock_connect(machine, self._target)
-                    await _join(self._bearer, client, machine)
+                    await _relay_both_ways(self._bearer, client, machine)
                 except* OSError:
                     for end in (client, machine):
                         end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
@@ -170,7 +170,7 @@ class _RelayCarrier:
         await self._air.wait()
 
 
-async def _join(link: _RelayCarrier, client: socket.socket, machine: socket.socket) -> None:
+async def _relay_both_ways(link: _RelayCarrier, client: socket.socket, machine: socket.socket) -> None:
     async with asyncio.TaskGroup() as tasks:
         for direction, source, sink in ((_Direction.UP, client, machine), (_Direction.DOWN, machine, client)):
             source.setblocking(False)

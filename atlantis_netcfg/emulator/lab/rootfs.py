@@ -131,10 +131,13 @@ def _prune(place: Path, keep: Path) -> None:
 def _is_outdated(lock: Path) -> bool:
     """Return whether a tree was last used by an older or unknown release, or too long ago."""
     unused_s = time.time() - lock.stat().st_mtime
-    return _release(lock.read_text(encoding="utf-8")) < _release(__version__) or unused_s > KEPT_DAYS * _DAY_S
+    return (
+        _version_numbers(lock.read_text(encoding="utf-8")) < _version_numbers(__version__)
+        or unused_s > KEPT_DAYS * _DAY_S
+    )
 
 
-def _release(version: str) -> list[int]:
+def _version_numbers(version: str) -> list[int]:
     return [int(number) for number in re.findall(r"\d+", version)]
 
 

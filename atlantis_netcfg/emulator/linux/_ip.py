@@ -31,7 +31,7 @@ def ip(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
         return 255, "", "Usage: ip [ OPTIONS ] OBJECT { COMMAND | help }\n"
     what, rest = words[0], [word for word in words[1:] if word != "show"]
     if what == "route" and rest[:1] == ["get"]:
-        return _get(spec, rest[1:])
+        return _get_route(spec, rest[1:])
     selectors = dict(zip(rest[::2], rest[1::2], strict=False)) if rest[:1] != ["default"] else {"to": "default"}
     device = selectors.get("dev")
     if device is not None and device != "lo" and spec.interface(device) is None:
@@ -141,10 +141,10 @@ def _routes(spec: _spec.ComputerSpec, selectors: dict[str, str]) -> list[dict[st
     if selectors.get("table", "main") not in {"main", "all"}:
         return []
     destination = selectors.get("to")
-    return sorted((row for row in rows if destination in {None, row["dst"]}), key=_place)
+    return sorted((row for row in rows if destination in {None, row["dst"]}), key=_route_sort_key)
 
 
-def _place(row: dict[str, Any]) -> tuple[IPv4Network, int]:
+def _route_sort_key(row: dict[str, Any]) -> tuple[IPv4Network, int]:
     return IPv4Network("0.0.0.0/0" if row["dst"] == "default" else row["dst"]), row.get("metric", 0)
 
 
@@ -186,7 +186,7 @@ def _neighbours(spec: _spec.ComputerSpec, address: str | None) -> list[dict[str,
     ]
 
 
-def _get(spec: _spec.ComputerSpec, words: Sequence[str]) -> ProgramOutput:
+def _get_route(spec: _spec.ComputerSpec, words: Sequence[str]) -> ProgramOutput:
     try:
         address = str(IPv4Address(words[0]))
     except (IndexError, AddressValueError):
@@ -238,7 +238,7 @@ def ping(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
         )
         return 1, head + _silence(target, source, count, waits, on_segment=on_segment), ""
     lines, reply_count = _answers(target, echo, count)
-    return (0 if reply_count else 1), head + lines + _sum(target, count, reply_count, interval, echo), ""
+    return (0 if reply_count else 1), head + lines + _ping_summary(target, count, reply_count, interval, echo), ""
 
 
 def _is_address(text: str) -> bool:
@@ -274,7 +274,7 @@ def _percent(count: int, reply_count: int) -> str:
     return f"{100 * (count - reply_count) / count:.6g}%"
 
 
-def _sum(target: str, count: int, reply_count: int, interval: float, echo: _spec.EchoSpec) -> str:
+def _ping_summary(target: str, count: int, reply_count: int, interval: float, echo: _spec.EchoSpec) -> str:
     took = round((count - 1) * interval * 1000)
     head = f"\n--- {target} ping statistics ---\n{count} packets transmitted, {reply_count} received, "
     rtt = f"{echo.rtt_ms:.3f}"

@@ -22,7 +22,7 @@ class AddressSpec(_Spec):
     """Remaining lease time in seconds, with the flag `dynamic`; None: the address is permanent."""
 
     @model_validator(mode="after")
-    def _address(self) -> Self:
+    def _check_address(self) -> Self:
         IPv4Interface(self.address)
         return self
 

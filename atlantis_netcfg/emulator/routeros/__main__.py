@@ -61,14 +61,14 @@ async def _serve(spec: SiteSpec, state_dir: Path, owner: int | None) -> ExitCode
     try:
         await site.start()
     except (OSError, ValueError) as refused:
-        _say({"ready": False, "site": spec.name, "error": f"{type(refused).__name__}: {refused}"})
+        _write_answer({"ready": False, "site": spec.name, "error": f"{type(refused).__name__}: {refused}"})
         return ExitCode.USAGE
     try:
-        _say({"ready": True, "site": spec.name, "twins": site.describe(), "control": "stdin"})
+        _write_answer({"ready": True, "site": spec.name, "twins": site.describe(), "control": "stdin"})
         threading.Thread(target=_listen, args=(loop, lines), daemon=True).start()
         while (line := await lines.get()) is not None:
             if line.strip():
-                _say(await _answer(site, line))
+                _write_answer(await _answer_line(site, line))
     finally:
         await site.stop()
     return ExitCode.DONE
@@ -100,7 +100,7 @@ def _listen(loop: asyncio.AbstractEventLoop, lines: asyncio.Queue[str | None]) -
     loop.call_soon_threadsafe(lines.put_nowait, None)
 
 
-async def _answer(site: EmulatedSite, line: str) -> dict[str, Any]:
+async def _answer_line(site: EmulatedSite, line: str) -> dict[str, Any]:
     try:
         command = dict(json.loads(line))
         emulator, do = command.pop("twin"), command.pop("do")
@@ -111,7 +111,7 @@ async def _answer(site: EmulatedSite, line: str) -> dict[str, Any]:
         return {"ok": False, "error": f'not a command like {{"twin": ..., "do": ...}}: {error}', "hint": None}
 
 
-def _say(answer: dict[str, Any]) -> None:
+def _write_answer(answer: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(answer) + "\n")
     sys.stdout.flush()
 

@@ -37,15 +37,15 @@ def admit(core: Core, user: str, right: Callable[[str], bool], via: str, address
     for item in table.items:
         if core.store.text(table, item, "name") != user or core.store.text(table, item, "disabled") == "yes":
             continue
-        if not right(core.store.text(table, item, "password") or "") or not _from(item.values, address):
+        if not right(core.store.text(table, item, "password") or "") or not _is_allowed_address(item.values, address):
             break
         group = core.store.text(table, item, "group") or ""
         caller = Caller(core.number(), user, group, via, address, core.now())
         if _POLICIES.get(via, via) not in core.policies(caller):
             break
-        core.note("system,info,account", f"user {user} logged in{_place(address)} via {via}")
+        core.note("system,info,account", f"user {user} logged in{_source_text(address)} via {via}")
         return caller
-    core.note("system,error,critical", f"login failure for user {user}{_place(address)} via {via}")
+    core.note("system,error,critical", f"login failure for user {user}{_source_text(address)} via {via}")
     raise Trap(_LOGIN_REFUSAL)
 
 
@@ -114,11 +114,11 @@ def by_password(core: Core, user: str) -> bool:
     return "yes" in (always, policy) or not any(_keys(core, user))
 
 
-def _place(address: str) -> str:
+def _source_text(address: str) -> str:
     return f" from {address}" if address else ""
 
 
-def _from(values: dict[str, str], address: str) -> bool:
+def _is_allowed_address(values: dict[str, str], address: str) -> bool:
     allowed_networks = values.get("address", "")
     if not address:
         return True  # a local console

@@ -171,24 +171,24 @@ def boot(core: Core) -> None:
         core.store.table(path)
     for path in (*menus.MODELLED_MENUS, *menus.BUILT_IN):
         if core.schema.has_menu(path):
-            _factory(core, core.store.table(path).menu)
-    _ports(core)
+            _add_factory_rows(core, core.store.table(path).menu)
+    _add_ports(core)
     _radios(core)
     _modem(core)
     _loopback(core)
-    _queues(core)
-    _people(core)
+    _add_queues(core)
+    _add_users(core)
     if core.spec.factory:
         _seed(core, default_configuration(core.spec) + core.spec.seed)
     else:
-        _certificates(core)
+        _add_certificates(core)
         _adopt(core)
     core.store.changes.clear()
     core.history.clear()
     core.log.clear()
 
 
-def _factory(core: Core, menu: menus.EmulatedMenu) -> None:
+def _add_factory_rows(core: Core, menu: menus.EmulatedMenu) -> None:
     table = core.store.table(menu.path)
     if menu.shape is menus.Shape.SETTINGS:
         table.items.append(StoredItem(menu.first_id, {}, dict(menu.factory[0]) if menu.factory else {}))
@@ -205,7 +205,7 @@ def _parse(core: Core, menu: menus.EmulatedMenu, name: str, value: str) -> str:
     return menu.by_name[name].kind.parse(value, core.store)
 
 
-def _ports(core: Core) -> None:
+def _add_ports(core: Core) -> None:
     menu = menus.MODELLED_MENUS["/interface/ethernet"]
     table = core.store.table(menu.path)
     for number, port in enumerate(core.spec.ports, start=1):
@@ -246,13 +246,13 @@ def _loopback(core: Core) -> None:
         core.store.table("/interface").items.append(StoredItem(_LOOPBACK_ID, dict(row), row, dynamic=True))
 
 
-def _queues(core: Core) -> None:
+def _add_queues(core: Core) -> None:
     for path in (*menus.INTERFACES, "/interface"):
         for item in core.store.table(path).items:
             queue_row(core, core.store.table(QUEUES), item.values["name"])
 
 
-def _people(core: Core) -> None:
+def _add_users(core: Core) -> None:
     spec, path = core.spec, "/user"
     names = {user.name for user in spec.users}
     if "admin" not in names:
@@ -267,7 +267,7 @@ def _people(core: Core) -> None:
         core.store.insert(path, values)
 
 
-def _certificates(core: Core) -> None:
+def _add_certificates(core: Core) -> None:
     for name in core.spec.certificates:
         core.store.insert("/certificate", {"name": name, "common-name": core.spec.name, "trusted": "yes"})
 
@@ -302,13 +302,13 @@ def next_run(core: Core) -> float | None:
 
     Rows of `/system/scheduler`: Manual, Scheduler; in a device-mode without `scheduler` none runs.
     """
-    return min((when for _, when in _jobs(core)), default=None)
+    return min((when for _, when in _scheduled_jobs(core)), default=None)
 
 
 def run_due(core: Core) -> None:
     """Run each due job once; its output is discarded, errors go to the log."""
     now = core.now()
-    for item, when in list(_jobs(core)):
+    for item, when in list(_scheduled_jobs(core)):
         if when > now:
             continue
         core.ran[item.id] = now
@@ -319,7 +319,7 @@ def run_due(core: Core) -> None:
             core.note("script,error", error)
 
 
-def _jobs(core: Core) -> Iterator[tuple[StoredItem, float]]:
+def _scheduled_jobs(core: Core) -> Iterator[tuple[StoredItem, float]]:
     if not is_allowed(core.spec, "scheduler"):
         return
     table = core.store.table(_PATH)
@@ -334,7 +334,7 @@ def _jobs(core: Core) -> Iterator[tuple[StoredItem, float]]:
 def _when(core: Core, item: StoredItem) -> float | None:
     """Return a job's next run: `interval` 0 means once; `start-time=startup` is 3 s after boot, then periodic."""
     period = seconds(item.values.get("interval", "0s")) or 0.0
-    first = _first(core, item)
+    first = _first_run_time(core, item)
     ran = core.ran.get(item.id)
     if ran is None:
         since = core.scheduled_since.setdefault(item.id, core.now())
@@ -346,7 +346,7 @@ def _when(core: Core, item: StoredItem) -> float | None:
     return _later(first, period, ran) if period else None
 
 
-def _first(core: Core, item: StoredItem) -> float:
+def _first_run_time(core: Core, item: StoredItem) -> float:
     if item.values.get("start-time") == "startup":
         return core.started + _AFTER_BOOT_S
     date = item.values.get("start-date", "1970-01-01")

@@ -17,7 +17,7 @@ from atlantis_netcfg.emulator.routeros import access
 from atlantis_netcfg.emulator.routeros.answers import DONE_REPLY, EMPTY, NOT_REHEARSED, Answer, Caller, Category, Trap
 from atlantis_netcfg.emulator.routeros.boot import boot, next_run, run_due
 from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch
-from atlantis_netcfg.emulator.routeros.commands.read import _rows, emit
+from atlantis_netcfg.emulator.routeros.commands.read import _rows_by_id, emit
 from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
 from atlantis_netcfg.emulator.routeros.console.side import ConsoleBackend, ConsoleReply
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, FlashFile, Listener, Service, services_of
@@ -62,10 +62,10 @@ class Sentence:
         menu, _, command = path.rpartition("/")
         sentence = cls(menu or "/", command)
         for word in rest:
-            sentence._take(word)
+            sentence._take_word(word)
         return sentence
 
-    def _take(self, word: str) -> None:
+    def _take_word(self, word: str) -> None:
         if word.startswith("."):
             name, _, value = word.partition("=")
             if name != ".tag":
@@ -90,7 +90,7 @@ def listen(core: Core, call: Call, tag: str) -> list[Answer]:
         raise Trap("no such command prefix", Category.MISSING)
     if not core.schema.has_command(call.menu, "listen"):
         raise Trap("no such command", Category.MISSING)
-    core.listeners.append(Listener(call.caller, tag, call, _rows(core, call)))
+    core.listeners.append(Listener(call.caller, tag, call, _rows_by_id(core, call)))
     return []
 
 
@@ -366,14 +366,18 @@ class Device(ConsoleBackend, FileSide):
             for entry in reversed(floating):
                 for change in reversed(entry.changes):
                     store.put_back(change)
-        return {**self._beside_rows(), "configuration": store.dump()}
+        return {**self._non_row_state(), "configuration": store.dump()}
 
     def save_to(self, flash: Flash) -> None:
         """Save changes to the flash: one line for changed rows, else a complete `snapshot`."""
         store = self._core.store
         changes = store.dump_unsaved()
-        if store.unsaved is None or self._floating() or not flash.extend(self._beside_rows(), changes, store.counters):
-            flash.save(self.snapshot(), self._beside_rows())
+        if (
+            store.unsaved is None
+            or self._floating()
+            or not flash.extend(self._non_row_state(), changes, store.counters)
+        ):
+            flash.save(self.snapshot(), self._non_row_state())
         store.unsaved = None if self._floating() else []
 
     def _floating(self) -> list[HistoryEntry]:
@@ -382,7 +386,7 @@ class Device(ConsoleBackend, FileSide):
             return []
         return [entry for entry in self._core.history.entries if entry.floating and not entry.undone]
 
-    def _beside_rows(self) -> dict[str, Any]:
+    def _non_row_state(self) -> dict[str, Any]:
         core = self._core
         files = {name: [file.number, file.contents, file.modified_at, file.folder] for name, file in core.files.items()}
         software = {"version": core.spec.version, "packages": list(core.spec.packages)}

@@ -106,10 +106,10 @@ def phase_of(core: Core, mine: ModemSettings) -> ModemPhase:
         return ModemPhase.NO_SIM
     if modem.sim.pin and not state.is_unlocked:
         return ModemPhase.PUK if state.tries_left == 0 else ModemPhase.PIN
-    return _on_air(modem, modem.sim, mine)
+    return _registration_phase(modem, modem.sim, mine)
 
 
-def _on_air(modem: ModemSpec, sim: SimSpec, mine: ModemSettings) -> ModemPhase:
+def _registration_phase(modem: ModemSpec, sim: SimSpec, mine: ModemSettings) -> ModemPhase:
     cell = modem.cell
     allowed_bands = mine.bands or frozenset(modem.bands)
     deaf = cell is None or not allowed_bands & set(cell.bands) & set(modem.bands)
@@ -155,7 +155,7 @@ def update_modem(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
     modem = core.spec.modem
     if modem is None:
         raise LookupError(f"{core.spec.name} has no modem")
-    parts = {name: _part(getattr(modem, name, None), part) for name, part in changes.items()}
+    parts = {name: _merge_part(getattr(modem, name, None), part) for name, part in changes.items()}
     new_modem = type(modem).model_validate({**modem.model_dump(), **parts})
     core.spec = core.spec.model_copy(update={"modem": new_modem})
     if "sim" in changes:
@@ -166,7 +166,7 @@ def update_modem(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
     return {"phase": phase.name.lower(), "tries_left": core.sim.tries_left, "pins_entered": core.sim.pins_entered}
 
 
-def _part(before: BaseModel | None, changes: Mapping[str, Any] | None) -> dict[str, Any] | None:
+def _merge_part(before: BaseModel | None, changes: Mapping[str, Any] | None) -> dict[str, Any] | None:
     if changes is None:
         return None
     return {**(before.model_dump() if before is not None else {}), **changes}

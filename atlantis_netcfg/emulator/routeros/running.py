@@ -106,8 +106,8 @@ class SpawnedSite:
     def do(self, emulator: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
         """Send a control command and wait. Raises ControlError, or EmulatorError if the process has ended."""
         with self._turn:
-            self._say({"twin": emulator, "do": command, **arguments})
-            answer = self._hear()
+            self._send_command({"twin": emulator, "do": command, **arguments})
+            answer = self._read_response()
         if not answer["ok"]:
             from atlantis_netcfg.emulator.routeros.control import ControlError  # noqa: PLC0415 - see above
 
@@ -128,20 +128,20 @@ class SpawnedSite:
             self._process.stdout.close()
 
     def _start(self) -> dict[str, Any]:
-        values = self._hear()
+        values = self._read_response()
         if not values["ready"]:
             self.close()
             raise EmulatorError(f"the twins of {values['site']} do not start: {values['error']}")
         emulators: dict[str, Any] = values["twins"]
         return emulators
 
-    def _say(self, command: dict[str, Any]) -> None:
+    def _send_command(self, command: dict[str, Any]) -> None:
         try:
             print(json.dumps(command), file=self._process.stdin, flush=True)
         except (OSError, ValueError) as gone:
             raise self._death() from gone
 
-    def _hear(self) -> dict[str, Any]:
+    def _read_response(self) -> dict[str, Any]:
         line = self._process.stdout.readline() if self._process.stdout is not None else ""
         if not line:
             self.close()

@@ -410,7 +410,7 @@ class _Words:
 
 
 @cache
-def _words(schema: Schema) -> _Words:
+def _version_differences(schema: Schema) -> _Words:
     additions: dict[str, dict[str, frozenset[str]]] = {}
     lacking: set[tuple[str, str, str]] = set()
     for row in ADDITIONS:
@@ -433,7 +433,7 @@ def _add(additions: dict[str, dict[str, frozenset[str]]], menu: str, command: st
     commands[command] = commands.get(command, frozenset()) | frozenset(names)
 
 
-def _lacks(words: _Words, menu: str) -> bool:
+def _is_lacking(words: _Words, menu: str) -> bool:
     parts = menu.split("/")
     return any(("/".join(parts[:end]), "", "") in words.lacking for end in range(2, len(parts) + 1))
 
@@ -446,8 +446,8 @@ def _newest(schema: Schema) -> str:
 
 @cache
 def _has_menu(schema: Schema, menu: str) -> bool:
-    words = _words(schema)
-    if not schema._is_installed(menu) or _lacks(words, menu):  # noqa: SLF001
+    words = _version_differences(schema)
+    if not schema._is_installed(menu) or _is_lacking(words, menu):  # noqa: SLF001
         return False
     node = schema._node(menu)  # noqa: SLF001
     return (node is not None and node["_type"] in _MENU_TYPES) or menu in words.additions
@@ -458,7 +458,9 @@ def _submenus(schema: Schema, menu: str) -> frozenset[str]:
     prefix = menu.rstrip("/") + "/"
     names = {name for name, child in schema._children(menu) if child["_type"] in _MENU_TYPES}  # noqa: SLF001
     names.update(
-        path.removeprefix(prefix).split("/")[0] for path in _words(schema).additions if path.startswith(prefix)
+        path.removeprefix(prefix).split("/")[0]
+        for path in _version_differences(schema).additions
+        if path.startswith(prefix)
     )
     return frozenset(name for name in names if schema.has_menu(prefix + name))
 
@@ -470,7 +472,7 @@ def _menu_words(schema: Schema, menu: str) -> frozenset[str]:
 
 @cache
 def _commands(schema: Schema, menu: str) -> frozenset[str]:
-    words = _words(schema)
+    words = _version_differences(schema)
     names = {name for name, child in schema._children(menu) if child["_type"] == "cmd"}  # noqa: SLF001
     names.update(words.additions.get(menu, ()))
     return frozenset(name for name in names if (menu, name, "") not in words.lacking)
@@ -480,7 +482,7 @@ def _commands(schema: Schema, menu: str) -> frozenset[str]:
 def _arguments(schema: Schema, menu: str, command: str) -> frozenset[str]:
     if not schema.has_menu(menu) or command not in _commands(schema, menu):
         return frozenset()
-    words = _words(schema)
+    words = _version_differences(schema)
     node = (schema._node(menu) or {}).get(command, {})  # noqa: SLF001
     names = {name for name, child in node.items() if isinstance(child, Mapping) and child["_type"] == "arg"}
     names |= words.additions.get(menu, {}).get(command, frozenset())

@@ -330,7 +330,7 @@ class RouterSpec(_Spec):
         return (self.management,) if self.first_contact is None else (self.management, self.first_contact)
 
     @model_validator(mode="after")
-    def _ports(self) -> Self:
+    def _check_ports(self) -> Self:
         there = {*self.ports, *(radio.name for radio in self.radios)}
         unknown = {*(path.port for path in self.paths), *self.poe_ports} - there
         if unknown:
@@ -357,7 +357,7 @@ class SiteSpec(_Spec):
     """Radio links between routers of the site."""
 
     @model_validator(mode="after")
-    def _ends(self) -> Self:
+    def _check_radio_pairs(self) -> Self:
         radios = {emulator.router.name: [radio.name for radio in emulator.router.radios] for emulator in self.emulators}
         for pair in self.pairs:
             for name, radio in ((pair.near, pair.near_radio), (pair.far, pair.far_radio)):
@@ -366,7 +366,7 @@ class SiteSpec(_Spec):
         return self
 
     @model_validator(mode="after")
-    def _names(self) -> Self:
+    def _check_unique_names(self) -> Self:
         names = [emulator.router.name for emulator in self.emulators]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:

@@ -86,7 +86,7 @@ class ActionHistory:
     def unroll(self, store: RowStore) -> None:
         """Undo all changes of all sessions since safe mode began, newest first, and leave safe mode."""
         for entry in reversed([entry for entry in self.entries if entry.floating and not entry.undone]):
-            _put_back(store, entry)
+            _undo_entry(store, entry)
         self.entries = [entry for entry in self.entries if not entry.floating]
         self.holder = None
 
@@ -94,7 +94,7 @@ class ActionHistory:
         """Undo the latest action not yet undone."""
         for entry in reversed(self.entries):
             if not entry.undone:
-                _put_back(store, entry)
+                _undo_entry(store, entry)
                 entry.undone = True
                 return True
         return False
@@ -115,7 +115,7 @@ class ActionHistory:
         self.holder = None
 
 
-def _put_back(store: RowStore, entry: HistoryEntry) -> None:
+def _undo_entry(store: RowStore, entry: HistoryEntry) -> None:
     for change in reversed(entry.changes):
         store.put_back(change)
 
@@ -314,14 +314,14 @@ class RowStore:
         item = StoredItem(self.new_id(path), dict(values))
         position = len(items) if index is None else index
         items.insert(position, item)
-        self._note(StoreChange(path, item.id, None, PlacedRow(dict(item.values), position)), item)
+        self._record_change(StoreChange(path, item.id, None, PlacedRow(dict(item.values), position)), item)
         return item
 
     def update(self, path: str, item: StoredItem, values: Mapping[str, str]) -> None:
         """Replace a row's content."""
         before = self.place(path, item)
         item.values = dict(values)
-        self._note(StoreChange(path, item.id, before, before._replace(values=dict(values))), item)
+        self._record_change(StoreChange(path, item.id, before, before._replace(values=dict(values))), item)
 
     def move(self, path: str, item: StoredItem, index: int) -> None:
         """Move a row to a position, counted without the row itself."""
@@ -329,19 +329,19 @@ class RowStore:
         items = self.table(path).items
         items.remove(item)
         items.insert(index, item)
-        self._note(StoreChange(path, item.id, before, self.place(path, item)), item)
+        self._record_change(StoreChange(path, item.id, before, self.place(path, item)), item)
 
     def remove(self, path: str, item: StoredItem) -> None:
         """Remove a row."""
         before = self.place(path, item)
         self.table(path).items.remove(item)
-        self._note(StoreChange(path, item.id, before, None), item)
+        self._record_change(StoreChange(path, item.id, before, None), item)
 
-    def _note(self, change: StoreChange, item: StoredItem) -> None:
+    def _record_change(self, change: StoreChange, item: StoredItem) -> None:
         self.changes.append(change)
-        self._follow(change, item)
+        self._track_change(change, item)
 
-    def _follow(self, change: StoreChange, item: StoredItem) -> None:
+    def _track_change(self, change: StoreChange, item: StoredItem) -> None:
         self.revision += 1
         before, after = (None if place is None else place.values for place in (change.before, change.after))
         self.table(change.menu).update_index(item, before, after)
@@ -360,7 +360,7 @@ class RowStore:
         if content is not None:
             item.values = dict(content.values)
             table.items.insert(content.position, item)
-        self._follow(StoreChange(change.menu, change.id, before, content), item)
+        self._track_change(StoreChange(change.menu, change.id, before, content), item)
 
     # --- flash -----------------------------------------------------------------------------------------------------
 

@@ -43,7 +43,7 @@ _DUMMY_CHAINS = {
 }
 
 
-def _truth(value: object) -> str:
+def _format_bool(value: object) -> str:
     return "true" if value else "false"
 
 
@@ -54,7 +54,7 @@ def type_of(interface: Interface) -> str:
 
 def _interface(topology: Topology, item: StoredItem) -> Properties:
     interface = topology.interfaces[item.id]
-    return {"running": _truth(interface.running), "slave": _truth(interface.master)}
+    return {"running": _format_bool(interface.running), "slave": _format_bool(interface.master)}
 
 
 def _ethernet(topology: Topology, item: StoredItem) -> Properties:
@@ -62,21 +62,21 @@ def _ethernet(topology: Topology, item: StoredItem) -> Properties:
 
 
 def _radio(topology: Topology, item: StoredItem) -> Properties:
-    return {**_default_name(item), "running": _truth(topology.interfaces[item.id].running)}
+    return {**_default_name(item), "running": _format_bool(topology.interfaces[item.id].running)}
 
 
 def _wifi(topology: Topology, item: StoredItem) -> Properties:
     running = topology.interfaces[item.id].running
-    flags = {"bound": "true", "master": _truth(item.factory is not None), "inactive": _truth(not running)}
-    return {**_default_name(item), **flags, "running": _truth(running)}
+    flags = {"bound": "true", "master": _format_bool(item.factory is not None), "inactive": _format_bool(not running)}
+    return {**_default_name(item), **flags, "running": _format_bool(running)}
 
 
 def _modem(topology: Topology, item: StoredItem) -> Properties:
     interface = topology.interfaces[item.id]
     return {
         **_default_name(item),
-        "running": _truth(interface.running),
-        "inactive": _truth(interface.is_enabled and not interface.running),
+        "running": _format_bool(interface.running),
+        "inactive": _format_bool(interface.is_enabled and not interface.running),
     }
 
 
@@ -87,11 +87,11 @@ def _default_name(item: StoredItem) -> Properties:
 def _bridge(topology: Topology, item: StoredItem) -> Properties:
     mtu = item.values.get("mtu", "auto")
     row = {"actual-mtu": "1500" if mtu == "auto" else mtu, "l2mtu": "1598"}
-    return {**row, "dynamic": "false", "running": _truth(topology.interfaces[item.id].running)}
+    return {**row, "dynamic": "false", "running": _format_bool(topology.interfaces[item.id].running)}
 
 
 def _tunnel(topology: Topology, item: StoredItem) -> Properties:
-    return {"running": _truth(topology.interfaces[item.id].running), "hw-crypto": "false"}
+    return {"running": _format_bool(topology.interfaces[item.id].running), "hw-crypto": "false"}
 
 
 def _port(topology: Topology, item: StoredItem) -> Properties:
@@ -105,7 +105,7 @@ def _port(topology: Topology, item: StoredItem) -> Properties:
         and any(topology.interfaces[number].is_enabled for number in members if number in topology.interfaces)
     )
     status = "in-bridge" if works else "inactive"
-    return {"dynamic": "false", "inactive": _truth(not works), "status": status}
+    return {"dynamic": "false", "inactive": _format_bool(not works), "status": status}
 
 
 def _address(topology: Topology, item: StoredItem) -> Properties:
@@ -116,12 +116,12 @@ def _address(topology: Topology, item: StoredItem) -> Properties:
     return {
         **row,
         "dynamic": "false",
-        "invalid": _truth(local.actual is None),
-        "slave": _truth(local.actual != local.on),
+        "invalid": _format_bool(local.actual is None),
+        "slave": _format_bool(local.actual != local.on),
     }
 
 
-def _on_interface(topology: Topology, item: StoredItem, path: str) -> bool:
+def _has_usable_interface(topology: Topology, item: StoredItem, path: str) -> bool:
     table = topology.store.table(path)
     number = topology.store.target(table, item, "interface")
     interface = topology.interfaces.get(number or 0)
@@ -129,14 +129,14 @@ def _on_interface(topology: Topology, item: StoredItem, path: str) -> bool:
 
 
 def _dhcp_server(topology: Topology, item: StoredItem) -> Properties:
-    return {"dynamic": "false", "invalid": _truth(not _on_interface(topology, item, "/ip/dhcp-server"))}
+    return {"dynamic": "false", "invalid": _format_bool(not _has_usable_interface(topology, item, "/ip/dhcp-server"))}
 
 
 def _dhcp_client(topology: Topology, item: StoredItem) -> Properties:
     is_disabled = topology.store.text(topology.store.table("/ip/dhcp-client"), item, "disabled") == "yes"
-    fine = _on_interface(topology, item, "/ip/dhcp-client")
+    fine = _has_usable_interface(topology, item, "/ip/dhcp-client")
     status = "stopped" if is_disabled or not fine else "searching..."
-    return {"dynamic": "false", "invalid": _truth(not fine), "status": status}
+    return {"dynamic": "false", "invalid": _format_bool(not fine), "status": status}
 
 
 def _lease(_topology: Topology, _item: StoredItem) -> Properties:
@@ -147,9 +147,9 @@ def _route_row(topology: Topology, route: Route) -> Properties:
     hops = [topology.name(via) if hop is None else f"{hop}%{topology.name(via)}" for hop, via in route.hops]
     row = {"immediate-gw": ",".join(hops)} if hops else {}
     flags = {
-        "active": _truth(route.active),
-        "dynamic": _truth(route.is_connected),
-        "inactive": _truth(route.is_enabled and not route.active),
+        "active": _format_bool(route.active),
+        "dynamic": _format_bool(route.is_connected),
+        "inactive": _format_bool(route.is_enabled and not route.active),
     }
     return {**row, **flags, "connect" if route.is_connected else "static": "true"}
 
@@ -161,7 +161,7 @@ def _route(topology: Topology, item: StoredItem) -> Properties:
 
 def _table(topology: Topology, item: StoredItem) -> Properties:
     used = any(route.table == item.id for route in topology.routes)
-    return {"dynamic": _truth(item.dynamic), "invalid": "false", "used": _truth(used)}
+    return {"dynamic": _format_bool(item.dynamic), "invalid": "false", "used": _format_bool(used)}
 
 
 def _rule(topology: Topology, item: StoredItem) -> Properties:
@@ -170,14 +170,14 @@ def _rule(topology: Topology, item: StoredItem) -> Properties:
     target = topology.store.target(table, item, "table")
     looks_up = (topology.store.text(table, item, "action") or "").startswith("lookup")
     is_missing = looks_up and (target is None or topology.store.table("/routing/table").find(target) is None)
-    return {"inactive": _truth(is_missing)}
+    return {"inactive": _format_bool(is_missing)}
 
 
 def _firewall(topology: Topology, item: StoredItem) -> Properties:
     """Compute `invalid`: the rule names a removed interface or list."""
     values = [value for name, value in item.values.items() if name.startswith(("in-", "out-"))]
     is_invalid = any("*" in spell(value, topology.store) for value in values)
-    return {"bytes": "0", "packets": "0", "dynamic": "false", "invalid": _truth(is_invalid)}
+    return {"bytes": "0", "packets": "0", "dynamic": "false", "invalid": _format_bool(is_invalid)}
 
 
 def _ntp(topology: Topology, item: StoredItem) -> Properties:
@@ -249,7 +249,7 @@ def dynamic_rows(topology: Topology, path: str) -> list[Properties]:
     if path == "/ip/route":
         return [_connected_row(topology, route) for route in topology.routes if route.is_connected]
     if path in _DUMMY_CHAINS and _uses_fasttrack(topology.store):
-        return [_dummy(topology.store, path, chain) for chain in _DUMMY_CHAINS[path]]
+        return [_fasttrack_dummy_row(topology.store, path, chain) for chain in _DUMMY_CHAINS[path]]
     return []
 
 
@@ -279,7 +279,7 @@ def _uses_fasttrack(store: RowStore) -> bool:
     return any(store.text(table, item, "action") == "fasttrack-connection" for item in rules)
 
 
-def _dummy(store: RowStore, path: str, chain: str) -> Properties:
+def _fasttrack_dummy_row(store: RowStore, path: str, chain: str) -> Properties:
     number = store.dynamic_id(path, f"fasttrack {chain}", 0)
     flags = {"dynamic": "true", "invalid": "false", "disabled": "false"}
     return {
@@ -400,7 +400,7 @@ def _ssh_key(core: Core, item: StoredItem) -> dict[str, str]:
     return row | {"info" if since("7.21") else "key-owner": key.comment}
 
 
-def _expiring(core: Core, item: StoredItem) -> dict[str, str]:
+def _timeout_property(core: Core, item: StoredItem) -> dict[str, str]:
     when = core.expires.get(item.id)
     return {} if when is None else {"timeout": interval(max(0, round(when - core.now())))}
 
@@ -431,7 +431,7 @@ def _packet_counter(path: str) -> Callable[[Core, StoredItem], dict[str, str]]:
 
 _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
     "/certificate": _certificate,
-    "/ip/firewall/address-list": _expiring,
+    "/ip/firewall/address-list": _timeout_property,
     "/ip/dhcp-server/alert": environment.alert,
     "/ip/dhcp-server/lease": environment.lease,
     "/ip/firewall/filter": _packet_counter("/ip/firewall/filter"),

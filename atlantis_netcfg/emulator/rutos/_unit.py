@@ -217,13 +217,13 @@ class RunningRutos:
 
     def _run(self) -> None:
         try:
-            asyncio.run(self._live())
+            asyncio.run(self._run_until_stopped())
         except BaseException as failure:
             if self._started.done():
                 raise
             self._started.set_exception(failure)
 
-    async def _live(self) -> None:
+    async def _run_until_stopped(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._end = asyncio.Event()
         async with self.unit:

@@ -43,7 +43,7 @@ class Web:
         self._visits[visit] = writer
         try:
             with suppress(asyncio.IncompleteReadError, ConnectionError, asyncio.LimitOverrunError, ValueError):
-                while await self._item(reader, writer):
+                while await self._serve_request(reader, writer):
                     pass
         finally:
             writer.close()
@@ -58,7 +58,7 @@ class Web:
             writer.transport.abort()
         await asyncio.gather(*visits, return_exceptions=True)
 
-    async def _item(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
+    async def _serve_request(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
         head = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1")
         first, *lines = head.split("\r\n")
         method, path, _ = first.split(" ")
@@ -96,9 +96,9 @@ class Web:
         token = headers.get("authorization", "").removeprefix("Bearer ")
         if self._tokens.get(token, 0.0) < time.monotonic():
             return HTTPStatus.FORBIDDEN, _error(123, "Unauthorized access", "Authorization")
-        return self._page(method, path)
+        return self._get_resource(method, path)
 
-    def _page(self, method: str, path: str) -> _Reply:
+    def _get_resource(self, method: str, path: str) -> _Reply:
         pages: dict[str, Any] = {
             "/api/modems/status": lambda: [self._modem.status()],
             "/api/sim_cards/status": _slots,
@@ -116,13 +116,13 @@ class Web:
         return HTTPStatus.OK, {"success": True, "data": pages[path]()}
 
     def _login(self, request: Any) -> _Reply:  # noqa: ANN401 - JSON of any shape
-        token = self._enter(request)
+        token = self._issue_token(request)
         if token is None:
             return HTTPStatus.UNAUTHORIZED, _error(121, "Login failed for any reason", "Authorization")
         data = {"username": request["username"], "group": "user", "token": token, "expires": int(self._spec.token_s)}
         return HTTPStatus.OK, {"success": True, "data": data}
 
-    def _enter(self, request: Any) -> str | None:  # noqa: ANN401 - JSON of any shape
+    def _issue_token(self, request: Any) -> str | None:  # noqa: ANN401 - JSON of any shape
         who = (request.get("username"), request.get("password")) if isinstance(request, dict) else None
         if who != (self._spec.reader, self._spec.reader_password):
             self.failed_logins += 1
@@ -137,7 +137,7 @@ class Web:
             return HTTPStatus.OK, {"jsonrpc": "2.0", "id": 1, "error": {"code": -32600, "message": "Invalid request"}}
         session, target, method, arguments = parameters
         if (target, method) == ("session", "login"):
-            token = self._enter(arguments)
+            token = self._issue_token(arguments)
             return HTTPStatus.OK, _result(6) if token is None else _result(0, {"ubus_rpc_session": token})
         if self._tokens.get(str(session), 0.0) < time.monotonic():
             return HTTPStatus.OK, {"jsonrpc": "2.0", "id": 1, "error": {"code": -32002, "message": "Access denied"}}
@@ -222,12 +222,12 @@ class Uci:
             if not line.strip():
                 continue
             try:
-                self._line(line)
+                self._run_line(line)
             except UciError as refused:
                 reply.append(str(refused))
         return "".join(f"{item}\n" for item in reply)
 
-    def _line(self, line: str) -> None:
+    def _run_line(self, line: str) -> None:
         try:
             words = shlex.split(line)
         except ValueError as error:

@@ -106,7 +106,7 @@ class CheckItem(_base.Model):
     """For a command: where it is run."""
 
     @model_validator(mode="after")
-    def _fits_its_kind(self) -> Self:
+    def _check_kind_fields(self) -> Self:
         person = self.kind is ItemSort.PERSON
         fields, names = type(self).model_fields, _OF_A_COMMAND if person else _OF_A_PERSON
         others = [name for name in names if getattr(self, name) != fields[name].default]
@@ -122,7 +122,7 @@ class CheckItem(_base.Model):
         return self
 
     @model_validator(mode="after")
-    def _fits_its_evidence(self) -> Self:
+    def _check_evidence_fields(self) -> Self:
         number = self.evidence is EvidenceKind.NUMBER
         number_fields = [name for name in ("unit", "min", "max") if getattr(self, name) is not None]
         if number_fields and not number:
@@ -150,7 +150,7 @@ class SiteCheckItem(CheckItem):
     """Key of the vehicle that it is about; None: the site."""
 
     @model_validator(mode="after")
-    def _is_of_a_robot(self) -> Self:
+    def _require_vehicle(self) -> Self:
         if self.phase is Phase.INTEGRATION and self.vehicle is None:
             raise _base.wrong(
                 f"`{self.id}` has `phase: integration`, and no vehicle", "add `vehicle:`: a record is one robot's"

@@ -80,7 +80,7 @@ class WifiEndpoint(_EndpointModel):
     """The association's rate must not be lower, as the gateway or the router tells it."""
 
     @model_validator(mode="after")
-    def _bounds(self) -> Self:
+    def _check_bounds(self) -> Self:
         if self.low_dbm >= self.high_dbm:
             raise _base.wrong(f"`low_dbm: {self.low_dbm:g}` is not below `high_dbm: {self.high_dbm:g}`", "-75 and -35")
         return self
@@ -173,7 +173,7 @@ class GpsEndpoint(_EndpointModel):
     """Older positions count as none, in seconds."""
 
     @model_validator(mode="after")
-    def _device(self) -> Self:
+    def _require_serial_device(self) -> Self:
         if self.driver is GpsDriver.NMEA_SERIAL and self.device is None:
             raise _base.wrong("`driver: nmea_serial` needs the port's path", "device: /dev/ttyUSB0")
         return self

@@ -96,7 +96,7 @@ class Retrieval(_base.Model):
     """One for each robot."""
 
     @model_validator(mode="after")
-    def _some(self) -> Self:
+    def _require_source(self) -> Self:
         if not self.all_sources:
             raise _base.wrong("nothing is declared to be retrieved", "write `sources:`, or `robots:`")
         return self

@@ -185,7 +185,7 @@ class InventoryAnswers(Model):
     sites: Annotated[dict[model.Name, SiteAnswers], Field(min_length=1, max_length=MOST_SITES)]
 
     @model_validator(mode="after")
-    def _names(self) -> Self:
+    def _check_names(self) -> Self:
         if self.control_centre.name in self.sites:
             message = f"`{self.control_centre.name}` is the name of the control centre and of a site"
             raise wrong(message, "give one of them another name")

@@ -121,9 +121,9 @@ def files(
     writer = InventoryWriter(answers, vehicles, encrypt)
     _control_centre(writer)
     for number, (name, place) in enumerate(answers.sites.items(), start=1):
-        _site(writer, number, name, place)
-    _partners(writer)
-    _vehicles(writer)
+        _add_site(writer, number, name, place)
+    _add_partners(writer)
+    _add_vehicles(writer)
     is_example = any(yaml_text.has_examples(tree) for _, _, tree in writer.trees.values()) or yaml_text.has_examples(
         _pilot(writer, example_values=False)
     )
@@ -194,7 +194,7 @@ def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, yaml_t
     return pilot
 
 
-def _partners(writer: InventoryWriter) -> None:
+def _add_partners(writer: InventoryWriter) -> None:
     partner_names = writer.answers.pilot.partners
     rows: dict[str, yaml_text.Tree] = {
         name: {"full_name": PARTNERS[name], "vpn_pool": yaml_text.Value(pool, writer.vpn.is_example)}
@@ -204,7 +204,7 @@ def _partners(writer: InventoryWriter) -> None:
     writer.trees["group_vars/all/partners.yml"] = (comment, "partners", {"partners": rows})
 
 
-def _vehicles(writer: InventoryWriter) -> None:
+def _add_vehicles(writer: InventoryWriter) -> None:
     rows: dict[str, yaml_text.Tree] = {}
     for key, vehicle in writer.vehicles.items():
         partner = vehicle.get("partner")
@@ -271,7 +271,7 @@ def _bridge_names(writer: InventoryWriter, site: str) -> tuple[str, str]:
     return ("wifi-ptp", f"{centre}-cpe") if len(bridge_sites) == 1 else (f"wifi-{site}", f"{centre}-cpe-{site}")
 
 
-def _bridge_plan(number: int, bridge: BridgeAnswers) -> AnsweredNetwork:
+def _add_control_centre(number: int, bridge: BridgeAnswers) -> AnsweredNetwork:
     return network_or_example(bridge.network, f"10.10.{number}.0/29")
 
 
@@ -288,8 +288,8 @@ def _control_centre(writer: InventoryWriter) -> None:
         {
             "name": _bridge_names(writer, name)[0],
             "device": _bridge_names(writer, name)[1],
-            "network": _bridge_plan(number, bridge).value,
-            "address": _bridge_plan(number, bridge).at(1),
+            "network": _add_control_centre(number, bridge).value,
+            "address": _add_control_centre(number, bridge).at(1),
             "carries": name,
         }
         for number, name, bridge in bridges
@@ -353,7 +353,7 @@ def _cable(
     }
 
 
-def _site(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -> None:
+def _add_site(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -> None:
     lan = network_or_example(place.lan, f"10.64.{number}.0/24")
     management = network_or_example(place.management, f"10.64.{100 + number}.0/24")
     site_links = _links(number, name, place)
@@ -401,7 +401,7 @@ def _links(number: int, name: str, place: SiteAnswers) -> list[dict[str, yaml_te
     first = 10 * number
     links: list[dict[str, yaml_text.Tree]] = []
     if (bridge := place.wifi_bridge) is not None:
-        network = _bridge_plan(number, bridge)
+        network = _add_control_centre(number, bridge)
         links.append(
             {
                 "name": "wifi-ptp",
@@ -453,7 +453,7 @@ def _metered_link(
 def _boxes(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -> None:
     """Add the devices of a site's links."""
     if place.wifi_bridge is not None:
-        _bridge(writer, number, name, place.wifi_bridge)
+        _add_bridge(writer, number, name, place.wifi_bridge)
     if (lte := place.lte) is not None:
         unit: dict[str, yaml_text.Tree] = {
             "address": network_or_example(lte.network, f"10.11.{number}.0/29").at(1),
@@ -470,10 +470,10 @@ def _boxes(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) 
         writer.add(name, f"{name}-sat", "satellite_terminal", f"Satellite terminal of {name}.", terminal)
 
 
-def _bridge(writer: InventoryWriter, number: int, name: str, bridge: BridgeAnswers) -> None:
+def _add_bridge(writer: InventoryWriter, number: int, name: str, bridge: BridgeAnswers) -> None:
     far = _bridge_names(writer, name)[1]
     near = f"{name}-cpe"
-    network = _bridge_plan(number, bridge)
+    network = _add_control_centre(number, bridge)
     key = writer.secret("bridge-key")
     radio: dict[str, yaml_text.Tree] = {
         "ssid": value_or_example(bridge.ssid, f"EXAMPLE-{name}"),

@@ -108,12 +108,12 @@ def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
             findings.append(Finding.at(ignored_node.place, "`ignored` wants a list of keys", hint))
     topic = node.keys.get("configuration_topic")
     name = str(topic.value) if topic is not None else CONFIGURATION_TOPIC
-    if topic is not None and (why := why_no_name(name) or _relative(name)):
+    if topic is not None and (why := why_no_name(name) or _explain_relative_name(name)):
         findings.append(Finding.at(topic.mark, *why))
     return KeyNames(names, frozenset(ignored_keys), name), findings
 
 
-def _relative(name: str) -> tuple[str, str] | None:
+def _explain_relative_name(name: str) -> tuple[str, str] | None:
     return None if name.startswith("/") else (f"`{name}` is below no namespace: all robots share it", f"/{name}")
 
 

@@ -14,7 +14,7 @@ _ItemPlace = tuple[_draft.Part, _Path, model.CheckItem]
 """Part and path of an item, and the item."""
 
 
-def _of_vehicles(draft: _draft.Draft) -> Iterator[_ItemPlace]:
+def _vehicle_items(draft: _draft.Draft) -> Iterator[_ItemPlace]:
     for key, vehicle in draft.vehicles.items():
         for index, item in enumerate(vehicle.checklist.items):
             yield _draft.Part("vehicle", key), ("checklist", "items", index), item
@@ -34,7 +34,7 @@ def _of_a_site(
 
 def unique(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require unique item ids in one checklist; two missions may share an id, as only one of them runs."""
-    every = list(_of_vehicles(draft))
+    every = list(_vehicle_items(draft))
     yield from _twice(draft, every)
     for name, site in draft.sites.items():
         here = site.checklist.vehicles
@@ -88,7 +88,7 @@ def people(draft: _draft.Draft) -> Iterator[findings.Finding]:
 
 
 def _person_lists(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, _Path, tuple[str, ...]]]:
-    for part, path, item in _of_vehicles(draft):
+    for part, path, item in _vehicle_items(draft):
         yield part, (*path, "by"), item.by
     for name, site in draft.sites.items():
         yield _draft.Part("site", name), ("checklist", "signed_by"), site.checklist.signed_by

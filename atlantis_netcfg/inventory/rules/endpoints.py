@@ -90,7 +90,7 @@ def seen_by(draft: _draft.Draft) -> Iterator[findings.Finding]:
             able = [
                 routero
                 for routero in _routeros(draft)
-                if row.part.sort == "vehicle" or _at(draft, routero) == row.part.name
+                if row.part.sort == "vehicle" or _site_of(draft, routero) == row.part.name
             ]
             if host not in draft.layout.hosts:
                 hint = findings.suggest(host, able, none="add it to hosts.yml")
@@ -99,11 +99,11 @@ def seen_by(draft: _draft.Draft) -> Iterator[findings.Finding]:
                 message = f"`{host}` is no RouterOS device: it cannot be asked what it sees"
                 yield draft.finding_at(row.part, path, message, f"there are: {findings.choices(able)}")
             elif host in draft.devices and host not in able:
-                message = f"`{host}` is at `{_at(draft, host)}`, not here"
+                message = f"`{host}` is at `{_site_of(draft, host)}`, not here"
                 yield draft.finding_at(row.part, path, message, f"there are: {findings.choices(able)}")
 
 
-def _at(draft: _draft.Draft, host: str) -> str:
+def _site_of(draft: _draft.Draft, host: str) -> str:
     return draft.layout.hosts[host]
 
 
@@ -125,7 +125,7 @@ def another_modem(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if acoustic is None or acoustic.acoustic_address is None:
             continue
         local = acoustic.acoustic_address
-        for path in _to_itself(local, acoustic, usbl):
+        for path in _self_references(local, acoustic, usbl):
             message = f"`{key}` has the acoustic address {local} itself"
             yield draft.finding_at(
                 part, ("endpoints", *path), message, "write the address of the modem at the other end"
@@ -140,7 +140,7 @@ def another_modem(draft: _draft.Draft) -> Iterator[findings.Finding]:
             )
 
 
-def _to_itself(local: int, acoustic: model.AcousticEndpoint, usbl: model.UsblEndpoint | None) -> Iterator[_Path]:
+def _self_references(local: int, acoustic: model.AcousticEndpoint, usbl: model.UsblEndpoint | None) -> Iterator[_Path]:
     if acoustic.partner == local:
         yield "acoustic", "partner"
     if usbl is None or usbl.driver is not acoustic.driver:

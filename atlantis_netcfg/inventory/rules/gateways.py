@@ -71,12 +71,12 @@ def check_token_transport(draft: _draft.Draft) -> Iterator[Finding]:
         if repository is None or repository.token is None:
             continue
         parts = urlsplit(repository.url)
-        if parts.scheme == "http" and not _private(parts.hostname or ""):
+        if parts.scheme == "http" and not _is_private_address(parts.hostname or ""):
             message = "the token would go over plain HTTP, readable for everyone on the way"
             yield draft.finding_at(_PILOT, ("gateways", "interop", name, "url"), message, "write https://")
 
 
-def _private(host: str) -> bool:
+def _is_private_address(host: str) -> bool:
     try:
         return IPv4Address(host).is_private
     except AddressValueError:

@@ -151,15 +151,15 @@ class _AddressUse:
 
 def addresses(draft: _draft.Draft) -> Iterator[Finding]:
     """Require unique device addresses."""
-    yield from _twice(draft, _addresses(draft), "address")
+    yield from _find_duplicates(draft, _addresses(draft), "address")
 
 
 def macs(draft: _draft.Draft) -> Iterator[Finding]:
     """Require unique MAC addresses; a robot keeps its MAC address and name at every site."""
-    yield from _twice(draft, _macs(draft), "MAC address")
+    yield from _find_duplicates(draft, _macs(draft), "MAC address")
 
 
-def _twice(draft: _draft.Draft, uses: Iterator[_AddressUse], what: str) -> Iterator[Finding]:
+def _find_duplicates(draft: _draft.Draft, uses: Iterator[_AddressUse], what: str) -> Iterator[Finding]:
     first: dict[str, _AddressUse] = {}
     result: set[tuple[str, str]] = set()
     for use in uses:
@@ -174,12 +174,14 @@ def _twice(draft: _draft.Draft, uses: Iterator[_AddressUse], what: str) -> Itera
 def _addresses(draft: _draft.Draft) -> Iterator[_AddressUse]:
     for host, device in draft.devices.items():
         part = _draft.Part("device", host)
-        yield from (_AddressUse(str(value), _owner(draft, host), part, path) for value, path in _of_device(device))
+        yield from (
+            _AddressUse(str(value), _owner(draft, host), part, path) for value, path in _device_addresses(device)
+        )
     for name, site in draft.sites.items():
-        yield from _of_site(draft, name, site)
+        yield from _site_addresses(draft, name, site)
 
 
-def _of_site(draft: _draft.Draft, name: str, site: model.Site) -> Iterator[_AddressUse]:
+def _site_addresses(draft: _draft.Draft, name: str, site: model.Site) -> Iterator[_AddressUse]:
     part, router = _draft.Part("site", name), _router(draft, name)
     yield _AddressUse(str(site.lan.gateway), router, part, ("lan", "gateway"))
     for index, site_link in enumerate(site.bearers):
@@ -226,7 +228,7 @@ def _far_end(draft: _draft.Draft, name: str, site_link: model.Link) -> str:
     return f"the gateway of link `{site_link.name}` at `{name}`"
 
 
-def _of_device(device: model.Device) -> Iterator[tuple[object, tuple[str, ...]]]:
+def _device_addresses(device: model.Device) -> Iterator[tuple[object, tuple[str, ...]]]:
     if isinstance(device, model.Router | model.Switch | model.Cpe):
         yield device.access.address, ("access", "address")
     else:

@@ -49,10 +49,10 @@ def addresses(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that the router's address and the gateway are usable addresses of the link's network."""
     for end in ends(draft):
         link = end.link
-        yield from _in_network(draft, end, "address", link.address)
+        yield from _check_in_network(draft, end, "address", link.address)
         gateway = getattr(link, "gateway", None)
         if gateway is not None:
-            yield from _in_network(draft, end, "gateway", gateway)
+            yield from _check_in_network(draft, end, "gateway", gateway)
 
 
 def gaps_leave_time(draft: _draft.Draft) -> Iterator[Finding]:
@@ -66,7 +66,7 @@ def gaps_leave_time(draft: _draft.Draft) -> Iterator[Finding]:
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "rate", "gaps"), message, hint)
 
 
-def _in_network(draft: _draft.Draft, end: BridgeEnd, key: str, address: IPv4Address) -> Iterator[Finding]:
+def _check_in_network(draft: _draft.Draft, end: BridgeEnd, key: str, address: IPv4Address) -> Iterator[Finding]:
     if why := why_unusable(address, end.link.network):
         message = f"the {key} {address} of link `{end.link.name}` {why}"
         yield draft.finding_at(end.part, (*end.path, key), message, example_in(end.link.network))
@@ -195,7 +195,7 @@ def bridges(draft: _draft.Draft) -> Iterator[Finding]:
     findings = [finding for end in served_ends for finding in _check_carried_site(draft, end, links)]
     yield from findings
     for end in links:
-        far = [other for other in served_ends if _carries(other) == end.site]
+        far = [other for other in served_ends if _carried_site(other) == end.site]
         if not far and not findings:  # a served link that carries a wrong site may be the one
             message = f"no site serves the other end of link `{end.link.name}` of `{end.site}`"
             hint = f"add it to `served_links` of the other site, with `carries: {end.site}`"
@@ -205,15 +205,15 @@ def bridges(draft: _draft.Draft) -> Iterator[Finding]:
             message = f"`{end.site}` is carried twice, first by `{far[0].link.name}` ({where})"
             yield draft.finding_at(other.part, (*other.path, "carries"), message, "keep one")
         if far:
-            yield from _agree(draft, end, far[0])
+            yield from _check_ends_agree(draft, end, far[0])
 
 
-def _carries(end: BridgeEnd) -> str:
+def _carried_site(end: BridgeEnd) -> str:
     return str(getattr(end.link, "carries", ""))
 
 
 def _check_carried_site(draft: _draft.Draft, end: BridgeEnd, links: list[BridgeEnd]) -> Iterator[Finding]:
-    carried_site, path = _carries(end), (*end.path, "carries")
+    carried_site, path = _carried_site(end), (*end.path, "carries")
     others = [site for site in draft.sites if site != end.site]
     if carried_site == end.site:
         message = f"link `{end.link.name}` carries its own site"
@@ -227,7 +227,7 @@ def _check_carried_site(draft: _draft.Draft, end: BridgeEnd, links: list[BridgeE
         yield draft.finding_at(end.part, path, message, f"add the bearer to `{carried_site}`, or remove this link")
 
 
-def _agree(draft: _draft.Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
+def _check_ends_agree(draft: _draft.Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
     where = f"`{far.site}` says {far.link.network} ({draft.where(far.part, *far.path, 'network')})"
     if near.link.network != far.link.network:
         message = f"the two ends of link `{near.link.name}` are in different networks: {near.link.network} here,"

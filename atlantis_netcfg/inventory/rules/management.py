@@ -47,12 +47,12 @@ def vpn_admitted(draft: _draft.Draft) -> Iterator[Finding]:
         return
     pool = draft.pilot.vpn.infrastructure
     for name, site in draft.sites.items():
-        if _by_tunnel(draft, name) and not any(pool.subnet_of(prefix) for prefix in site.management.admit):
+        if _is_reached_by_tunnel(draft, name) and not any(pool.subnet_of(prefix) for prefix in site.management.admit):
             message = f"the routers' firewall would drop management through the VPN: no prefix holds {pool}"
             yield draft.finding_at(_draft.Part("site", name), ("management", "admit"), message, f"add {pool}")
 
 
-def _by_tunnel(draft: _draft.Draft, site: str) -> bool:
+def _is_reached_by_tunnel(draft: _draft.Draft, site: str) -> bool:
     site_router = draft.router_of(site)
     if site_router is not None and site_router[1].vpn_client is not None:
         return True
@@ -112,12 +112,12 @@ def via_known(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that `via` is the management port or a link of the site."""
     for host, name, access in _accesses(draft):
         site = draft.sites.get(name)
-        if site is not None and access.via not in _ways(site):
-            message, hint = f"`{access.via}` is no bearer of `{name}`", suggest(access.via, _ways(site), none="")
+        if site is not None and access.via not in _link_names(site):
+            message, hint = f"`{access.via}` is no bearer of `{name}`", suggest(access.via, _link_names(site), none="")
             yield draft.finding_at(_draft.Part("device", host), ("access", "via"), message, hint)
 
 
-def _ways(site: model.Site) -> list[str]:
+def _link_names(site: model.Site) -> list[str]:
     return [_LAN, *(link.name for link in site.bearers)]
 
 
@@ -171,7 +171,7 @@ GROUPS_RULES: tuple[_draft.Rule, ...] = (check_groups, one_router)
 
 def zone(draft: _draft.Draft) -> Iterator[Finding]:
     """Require an IANA time zone, as RouterOS does; skip the check on a machine without the zone database."""
-    if draft.pilot is None or _exists(draft.pilot.time_zone):
+    if draft.pilot is None or _is_time_zone(draft.pilot.time_zone):
         return
     zones = available_timezones()
     if zones:
@@ -182,7 +182,7 @@ def zone(draft: _draft.Draft) -> Iterator[Finding]:
         )
 
 
-def _exists(name: str) -> bool:
+def _is_time_zone(name: str) -> bool:
     try:
         ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError):  # OSError: a folder of the database, like `Europe`

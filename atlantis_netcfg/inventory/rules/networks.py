@@ -103,7 +103,7 @@ def disjoint(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that no two networks of the pilot overlap; each network is reported at most once."""
     network_index = NetworkIndex()
     for claim in claims(draft):
-        others = [other for other in network_index.over(claim.network) if not _one_bridge(claim, other)]
+        others = [other for other in network_index.over(claim.network) if not _is_same_bridge(claim, other)]
         if others:
             first = others[0]
             more = f" and {len(others) - 1} more" if len(others) > 1 else ""
@@ -113,7 +113,7 @@ def disjoint(draft: _draft.Draft) -> Iterator[Finding]:
         network_index.add(claim)
 
 
-def _one_bridge(claim: Claim, other: Claim) -> bool:
+def _is_same_bridge(claim: Claim, other: Claim) -> bool:
     return {claim.end, other.end} == {"carried", "serving"} and claim.network == other.network
 
 

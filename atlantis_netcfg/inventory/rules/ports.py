@@ -245,11 +245,11 @@ def _other_cable(
     port = next(port for port in router.ports if port.name == source.port)
     if port.use is model.PortUse.LINK and port.link in _links_at(draft, host) - {link}:
         message = f"`{host}` carries link `{link}`, but port {port.name} leads to link `{port.link}`"
-        return message, "power and data use one cable: " + _cable(router.ports, link)
+        return message, "power and data use one cable: " + _port_hint(router.ports, link)
     return None
 
 
-def _cable(ports: tuple[model.Port, ...], link: str) -> str:
+def _port_hint(ports: tuple[model.Port, ...], link: str) -> str:
     right = next((port.name for port in ports if port.link == link), None)
     return f"port: {right}" if right is not None else "name the port of its link"
 

@@ -101,7 +101,7 @@ def same_menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require the same driver at both ends (MikroTik manual, WiFi: station-bridge); reported at the second end."""
     for host, part, ptp in _radios(draft):
         other = draft.devices.get(ptp.peer)
-        if not isinstance(other, model.Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
+        if not isinstance(other, model.Cpe) or other.ptp.peer != host or not _is_second_end(draft, host, ptp.peer):
             continue
         if {ptp.menus, other.ptp.menus} == {model.RadioMenus.WIRELESS, model.RadioMenus.WIFI}:
             where = draft.where(_draft.Part("device", ptp.peer), "ptp", "menus")
@@ -208,7 +208,7 @@ def agree(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require the same radio settings at both ends, which otherwise do not connect; reported at the second end."""
     for host, part, ptp in _radios(draft):
         other = draft.devices.get(ptp.peer)
-        if not isinstance(other, model.Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
+        if not isinstance(other, model.Cpe) or other.ptp.peer != host or not _is_second_end(draft, host, ptp.peer):
             continue
         first = _draft.Part("device", ptp.peer)
         shared_keys = (
@@ -217,7 +217,7 @@ def agree(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for name in shared_keys:
             here, there = getattr(ptp, name), getattr(other.ptp, name)
             if here != there:
-                text = f"`{name}` is {_word(here)} here and {_word(there)} at the other end"
+                text = f"`{name}` is {_format_value(here)} here and {_format_value(there)} at the other end"
                 message = f"{text} ({draft.where(first, 'ptp', name)})"
                 yield draft.finding_at(part, ("ptp", name), message, "make both ends the same")
         is_sealed = isinstance(ptp.key, SealedSecret) or isinstance(other.ptp.key, SealedSecret)
@@ -230,12 +230,12 @@ def agree(draft: _draft.Draft) -> Iterator[findings.Finding]:
             yield draft.finding_at(part, ("ptp", "mode"), both, f"write `mode: {opposite}` at one of them")
 
 
-def _second(draft: _draft.Draft, host: str, peer: str) -> bool:
+def _is_second_end(draft: _draft.Draft, host: str, peer: str) -> bool:
     order = list(draft.layout.hosts)
     return order.index(host) > order.index(peer)
 
 
-def _word(value: object) -> str:
+def _format_value(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value}"
 
 

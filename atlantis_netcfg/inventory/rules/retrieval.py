@@ -20,11 +20,11 @@ def ends_known(draft: _draft.Draft) -> Iterator[Finding]:
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     if retrieval is None:
         return
-    yield from _end(draft, ("to",), retrieval.to, model.ControlCentre, "control centre")
+    yield from _check_retrieval_host(draft, ("to",), retrieval.to, model.ControlCentre, "control centre")
     for index, source in enumerate(retrieval.sources):
-        yield from _end(draft, ("sources", index, "host"), source.host, model.Gateway, "gateway")
+        yield from _check_retrieval_host(draft, ("sources", index, "host"), source.host, model.Gateway, "gateway")
     for index, robot in enumerate(retrieval.robots):
-        yield from _end(draft, ("robots", index, "host"), robot.host, model.Gateway, "gateway")
+        yield from _check_retrieval_host(draft, ("robots", index, "host"), robot.host, model.Gateway, "gateway")
 
 
 def robots_known(draft: _draft.Draft) -> Iterator[Finding]:
@@ -73,17 +73,17 @@ def check_collection_folder(draft: _draft.Draft) -> Iterator[Finding]:
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     gateways = {robot.host for robot in retrieval.robots} if retrieval is not None else set()
     for index, source in enumerate(retrieval.sources if retrieval is not None else ()):
-        if source.host in gateways and _touches(source.folder):
+        if source.host in gateways and _overlaps_collection(source.folder):
             path = ("retrieval", "sources", index, "folder")
             message = f"{source.folder} is where `{source.host}` keeps what it collects from robots"
             yield draft.finding_at(_PILOT, path, message, "choose another folder: it is sent by the robot's own name")
     for host, _, device in draft.valid_devices(model.Gateway):
-        if host in gateways and device.recording is not None and _touches(device.recording.folder):
+        if host in gateways and device.recording is not None and _overlaps_collection(device.recording.folder):
             message = f"{device.recording.folder} is where `{host}` keeps what it collects from robots"
             yield draft.finding_at(_draft.Part("device", host), ("recording",), message, "choose another folder")
 
 
-def _touches(folder: str) -> bool:
+def _overlaps_collection(folder: str) -> bool:
     return f"{folder}/".startswith(f"{model.COLLECTION_FOLDER}/") or f"{model.COLLECTION_FOLDER}/".startswith(
         f"{folder}/"
     )
@@ -99,7 +99,7 @@ def sources_once(draft: _draft.Draft) -> Iterator[Finding]:
             yield draft.finding_at(_PILOT, path, f"`{name}` stands twice in this list", "remove one")
 
 
-def _end(
+def _check_retrieval_host(
     draft: _draft.Draft, path: tuple[str | int, ...], name: str, kind: type[model.ServerComputer], words: str
 ) -> Iterator[Finding]:
     where = ("retrieval", *path)

@@ -50,7 +50,7 @@ def refuse_derived_targets(draft: _draft.Draft) -> Iterator[Finding]:
                     satellite_allow_list.FAR_END_TARGET: f"the {satellite_allow_list.FAR_END_TARGET}",
                 }
                 what = target_names.get(same.name, f"the time server {same.name}")
-                message = f"`{link.name}` admits {what} by itself: {_spelt(target)} needs no entry"
+                message = f"`{link.name}` admits {what} by itself: {_describe_target(target)} needs no entry"
                 hint = "remove it; `allow:` holds only what comes on top of the VPN and the time servers"
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "allow", place), message, hint)
 
@@ -80,7 +80,9 @@ def refused_means_refused(draft: _draft.Draft) -> Iterator[Finding]:
             if satellite_allow_list.admits(
                 satellite_allow_list.allowed_targets(draft.pilot, link), target.address, target.port, target.transport
             ):
-                message = f"`{link.name}` admits {_spelt(target)}, so it cannot prove that anything is refused"
+                message = (
+                    f"`{link.name}` admits {_describe_target(target)}, so it cannot prove that anything is refused"
+                )
                 hint = "name an address or a port of yours that is not on the allow-list"
                 yield draft.finding_at(_draft.Part("site", name), path, message, hint)
             elif target.address in link.network:
@@ -131,7 +133,7 @@ def _key(target: model.AllowedTarget) -> tuple[IPv4Address, int | None, model.Tr
     return target.address, target.port, target.transport
 
 
-def _spelt(target: model.AllowedTarget) -> str:
+def _describe_target(target: model.AllowedTarget) -> str:
     return f"{target.address} port {target.port} {target.transport}" if target.port else f"{target.address}"
 
 

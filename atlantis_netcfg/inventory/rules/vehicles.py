@@ -43,13 +43,13 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
         local: list[tuple[str, tuple[str | int, ...]]] = [(key, ()), (vehicle.name, ("name",))]
         local += [(alias, ("aliases", index)) for index, alias in enumerate(vehicle.aliases)]
         for word, path in local:
-            owner, where = owner_by_name.setdefault(_plain(word), (key, draft.where(part, *path)))
+            owner, where = owner_by_name.setdefault(_fold_name(word), (key, draft.where(part, *path)))
             if owner != key:
                 message = f"`{word}` is already a name of `{owner}` ({where})"
                 yield draft.finding_at(part, path, message, "a name means one vehicle: remove it here or there")
 
 
-def _plain(word: str) -> str:
+def _fold_name(word: str) -> str:
     return re.sub(r"[\W_]+", "", word.casefold())
 
 
@@ -102,7 +102,7 @@ def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
         if row is None and vehicle.kind is model.VehicleKind.DOCKING_STATION:
             continue
         if row is None:
-            yield from _not_of_the_report(draft, key, vehicle, table)
+            yield from _check_extra_vehicle(draft, key, vehicle, table)
             continue
         differs = list(_differences(vehicle, row))
         if differs and vehicle.table3_deviation is None:
@@ -158,7 +158,7 @@ def _join_columns(some: Iterable[model.Column]) -> str:
     return ", ".join(column for column in model.Column if column in column_set)
 
 
-def _not_of_the_report(
+def _check_extra_vehicle(
     draft: _draft.Draft, key: str, vehicle: model.Vehicle, table: Mapping[str, VehicleRow]
 ) -> Iterator[Finding]:
     if vehicle.table3_deviation is None:

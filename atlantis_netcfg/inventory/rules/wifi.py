@@ -98,13 +98,13 @@ def radios(draft: _draft.Draft) -> Iterator[Finding]:
     for host, site, gateway in draft.valid_devices(model.Gateway):
         tested_vehicles = draft.sites[site].checklist.vehicles if site in draft.sites else None
         for name, wifi, _ in _vehicle_networks(draft):
-            if wifi.interface in _lan(gateway) and (tested_vehicles is None or name in tested_vehicles):
+            if wifi.interface in _lan_interfaces(gateway) and (tested_vehicles is None or name in tested_vehicles):
                 message = f"`{wifi.interface}` is the interface of the LAN at `{host}`, and no radio"
                 hint = "write the name of a radio: `iw dev` on the gateway lists them, like wlan0"
                 yield draft.finding_at(_draft.Part("vehicle", name), (*_WIFI, "interface"), message, hint)
 
 
-def _lan(gateway: model.Gateway) -> set[str | None]:
+def _lan_interfaces(gateway: model.Gateway) -> set[str | None]:
     blocks = (gateway.network, gateway.image)
     return {block.interface for block in blocks if block is not None and block.interface is not None}
 
@@ -143,7 +143,7 @@ def require_one_use_per_radio(draft: _draft.Draft) -> Iterator[Finding]:
             for key, wifi, _ in _vehicle_networks(draft)
             if wifi.interface == name and (tested_vehicles is None or key in tested_vehicles)
         ]
-        if name in _lan(gateway):
+        if name in _lan_interfaces(gateway):
             message = f"`{name}` is the interface of the LAN, and no radio"
             yield draft.finding_at(_draft.Part("device", host), path, message, "write the name of a radio, like wlan3")
         elif joins:

@@ -107,7 +107,7 @@ def _first(answers: Mapping[str, AtAnswer], command: str) -> list[str]:
     return next(iter(_rows(answers, command)), [])
 
 
-def _whole(text: str) -> int | None:
+def _parse_int(text: str) -> int | None:
     return int(text) if re.fullmatch(r"-?\d{1,6}", text) else None
 
 
@@ -133,15 +133,19 @@ def _cme(final: str) -> int | None:
     if not final.startswith("+CME ERROR"):
         return None
     cause = final.partition(":")[2].strip()
-    if (number := _whole(cause)) is not None:
+    if (number := _parse_int(cause)) is not None:
         return number
     return next((code for words, code in _CME_WORDS if words in cause.lower()), None)
 
 
 def _network(answers: Mapping[str, AtAnswer]) -> tuple[Registration, str | None]:
     """Return the registration: EPS first, then packet; circuit-switched only if the modem reports neither."""
-    data = [status for command in ("AT+CEREG?", "AT+CGREG?") if (status := _stat(answers, command)) is not None]
-    stats = data or [status for status in (_stat(answers, "AT+CREG?"),) if status is not None]
+    data = [
+        status
+        for command in ("AT+CEREG?", "AT+CGREG?")
+        if (status := _registration_status(answers, command)) is not None
+    ]
+    stats = data or [status for status in (_registration_status(answers, "AT+CREG?"),) if status is not None]
     states = [_STATES.get(stat, Registration.UNKNOWN) for stat in stats]
     ranking = (*_REGISTERED_STATES, Registration.DENIED, Registration.SEARCHING)
     state = next((each for each in ranking if each in states), Registration.UNKNOWN)
@@ -149,10 +153,10 @@ def _network(answers: Mapping[str, AtAnswer]) -> tuple[Registration, str | None]
     return state, "not registered, and not searching" if idle else None
 
 
-def _stat(answers: Mapping[str, AtAnswer], command: str) -> int | None:
+def _registration_status(answers: Mapping[str, AtAnswer], command: str) -> int | None:
     for row in _rows(answers, command):
         raw = row[1] if len(row) > 1 else ""
-        if _whole(row[0]) is not None and re.fullmatch(r"\d{1,2}", raw):
+        if _parse_int(row[0]) is not None and re.fullmatch(r"\d{1,2}", raw):
             return int(raw)
     return None
 
@@ -161,7 +165,7 @@ def _operator(answers: Mapping[str, AtAnswer]) -> tuple[str | None, str | None, 
     """Return operator name, code and technology; in the numeric format the name is a code."""
     row = _first(answers, "AT+COPS?")
     name = row[2] if len(row) > 2 and row[2] else None  # noqa: PLR2004 - mode, format, operator, technology
-    code = _whole(row[3]) if len(row) > 3 else None  # noqa: PLR2004 - as above
+    code = _parse_int(row[3]) if len(row) > 3 else None  # noqa: PLR2004 - as above
     technology = None if code is None else _TECHNOLOGIES.get(code)
     if name is not None and re.fullmatch(r"\d{5,6}", name):
         return None, name, technology
@@ -169,7 +173,7 @@ def _operator(answers: Mapping[str, AtAnswer]) -> tuple[str | None, str | None, 
 
 
 def _strength(answers: Mapping[str, AtAnswer]) -> float | None:
-    value = _whole(next(iter(_first(answers, "AT+CSQ")), ""))
+    value = _parse_int(next(iter(_first(answers, "AT+CSQ")), ""))
     return -113.0 + 2 * value if value is not None and 0 <= value <= 31 else None  # noqa: PLR2004 - 8.5
 
 
@@ -178,7 +182,7 @@ def _signal_quality(answers: Mapping[str, AtAnswer]) -> tuple[float | None, floa
     row = _first(answers, "AT+CESQ")
     if len(row) < 6:  # noqa: PLR2004 - rxlev, ber, rscp, ecno, rsrq, rsrp
         return None, None
-    quality, power = _whole(row[4]), _whole(row[5])
+    quality, power = _parse_int(row[4]), _parse_int(row[5])
     rsrp = -140.0 + power if power is not None and 0 <= power <= 97 else None  # noqa: PLR2004 - 8.69
     rsrq = -19.5 + quality / 2 if quality is not None and 0 <= quality <= 34 else None  # noqa: PLR2004 - 8.69
     return rsrp, rsrq
@@ -285,7 +289,7 @@ def require_free(port: str, *, proc: Path = Path("/proc"), locks: tuple[Path, ..
     An ordinary user cannot see the open files of other users' processes: then only the lock file and the exclusive
     flag, which is tried when the port is opened, remain. A pseudo-terminal is no modem to ModemManager.
     """
-    if not port.startswith(_PTY) and (pid := _manager(proc)) is not None:
+    if not port.startswith(_PTY) and (pid := _modemmanager_pid(proc)) is not None:
         raise PortBusy(
             f"{port}: ModemManager runs on this computer (process {pid}) and owns its modems",
             hint="write `driver: modemmanager` (and no `serial`), or stop ModemManager while the port is read",
@@ -297,7 +301,7 @@ def require_free(port: str, *, proc: Path = Path("/proc"), locks: tuple[Path, ..
         )
 
 
-def _manager(proc: Path) -> int | None:
+def _modemmanager_pid(proc: Path) -> int | None:
     return next((pid for pid in _processes(proc) if _name(proc, pid) == "ModemManager"), None)
 
 
@@ -409,7 +413,7 @@ class AtModem:
                     f"{self._path}: another program has this port, and is not disturbed", hint="end that program"
                 ) from error
             raise AtUnreachable(
-                f"{self._path}: the modem's port cannot be opened ({_why(error)})",
+                f"{self._path}: the modem's port cannot be opened ({_error_text(error)})",
                 hint="is the modem plugged in, may you use it (group dialout), and is it this port?",
             ) from error
         return self
@@ -434,7 +438,7 @@ class AtModem:
             return self._answer(port, command)
         except (serial.SerialException, OSError, TypeError) as error:  # TypeError: closed under pyserial's feet
             raise AtSilent(
-                f"{self._path}: the modem has gone while it was read ({_why(error)})",
+                f"{self._path}: the modem has gone while it was read ({_error_text(error)})",
                 hint="has it power, and is its cable firm? It may be starting anew: wait a minute",
             ) from error
 
@@ -443,7 +447,7 @@ class AtModem:
         lines: list[str] = []
         while True:
             for line in self._lines(port):
-                if _final(line):
+                if _is_final_line(line):
                     return AtAnswer(tuple(lines), line)
                 if line != command:
                     lines.append(line)
@@ -472,11 +476,11 @@ _BUSY = (11, 16)
 """Error numbers of a port in use: EAGAIN of the file lock, EBUSY of the exclusive flag."""
 
 
-def _final(line: str) -> bool:
+def _is_final_line(line: str) -> bool:
     return line in ("OK", "ERROR", "NO CARRIER", "COMMAND NOT SUPPORT") or line.startswith(("+CME ERROR", "+CMS ERROR"))
 
 
-def _why(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     return (isinstance(error, OSError) and error.strerror) or type(error).__name__
 
 

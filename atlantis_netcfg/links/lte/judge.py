@@ -127,7 +127,7 @@ def judge(reading: LteReading, subscription: LteSubscription) -> tuple[status.Li
     """Return all findings about the unit; empty if it matches the inventory and its signal is good."""
     if reading.state in _REGISTERED_STATES:
         return tuple(_judge_registered(reading, subscription))
-    return (_not_registered(reading, subscription),)
+    return (_judge_unregistered(reading, subscription),)
 
 
 def link_state(reading: LteReading) -> status.LinkState:
@@ -157,7 +157,7 @@ def quality(reading: LteReading) -> status.Quality:
     }
 
 
-def _not_registered(reading: LteReading, subscription: LteSubscription) -> status.LinkFinding:
+def _judge_unregistered(reading: LteReading, subscription: LteSubscription) -> status.LinkFinding:
     if reading.state is Registration.SIM_PIN_REQUIRED:
         return _pin(reading, subscription)
     verdict, code, message, hint = _STATES[reading.state]
@@ -230,12 +230,12 @@ def _judge_registered(reading: LteReading, subscription: LteSubscription) -> Ite
     yield from _levels(reading)
 
 
-def _foreign(reading: LteReading) -> bool:
+def _is_roaming(reading: LteReading) -> bool:
     return reading.state is Registration.REGISTERED_ROAMING or reading.roaming is True
 
 
 def _roaming(reading: LteReading, subscription: LteSubscription) -> Iterator[status.LinkFinding]:
-    if not _foreign(reading):
+    if not _is_roaming(reading):
         return
     where = reading.operator or reading.plmn or "a foreign network"
     if subscription.roaming:
@@ -255,7 +255,7 @@ def _apn(reading: LteReading, subscription: LteSubscription) -> Iterator[status.
         if subscription.apn_required:
             message = "a user or password of the subscription is declared, but not the APN they belong to"
             yield status.LinkFinding(Verdict.FAIL, "apn-missing", message, hint)
-        elif reading.apn is None and reading.address is None and not _foreign(reading):
+        elif reading.apn is None and reading.address is None and not _is_roaming(reading):
             yield status.LinkFinding(
                 Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint
             )
@@ -275,7 +275,7 @@ def _bare(apn: str) -> str:
 
 
 def _address(reading: LteReading, subscription: LteSubscription) -> Iterator[status.LinkFinding]:
-    if reading.address is not None or reading.is_connected or (_foreign(reading) and not subscription.roaming):
+    if reading.address is not None or reading.is_connected or (_is_roaming(reading) and not subscription.roaming):
         return
     message = "the unit is registered, but the network has given it no address (or it does not say so)"
     hint = "check APN, user and password against the contract, and that the SIM has data left"

@@ -104,7 +104,7 @@ def _refusal(name: str) -> MmUnreachable:
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - D-Bus of any shape
     """Strip D-Bus variant signatures from a value, at any depth."""
-    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str) and _signature(value[0]):  # noqa: PLR2004
+    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str) and _is_signature(value[0]):  # noqa: PLR2004
         return plain(value[1])
     if isinstance(value, dict):
         return {key: plain(each) for key, each in value.items()}
@@ -113,7 +113,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - D-Bus of any shape
     return value
 
 
-def _signature(text: str) -> bool:
+def _is_signature(text: str) -> bool:
     return 0 < len(text) < 20 and set(text) <= set("ybnqiuxtdsogvha(){}")  # noqa: PLR2004 - no property of ours is deeper
 
 
@@ -174,7 +174,7 @@ def reading_of(interfaces: Mapping[str, Mapping[str, Any]], links: Sequence[Mapp
         rsrq_db=signal.get("rsrq"),
         sinr_db=signal.get("snr"),
         rssi_dbm=signal.get("rssi"),
-        roaming=_roaming(network) if is_registered else None,
+        roaming=_is_roaming(network) if is_registered else None,
         sim_slot=_slot(modem.get("PrimarySimSlot")),
         address=_text(_part(link, "Ip4Config").get("address")),
         apn=_text(_part(link, "Properties").get("apn")),
@@ -204,10 +204,10 @@ def _state(modem: Mapping[str, Any], network: Mapping[str, Any]) -> tuple[Regist
         return _LOCKS.get(modem.get("UnlockRequired", 0), Registration.UNKNOWN), "locked"
     if _STATE_DISABLED <= state < _STATE_ENABLED:
         return Registration.DISABLED, "disabled"
-    return _network(state, network.get("RegistrationState"))
+    return _registration_state(state, network.get("RegistrationState"))
 
 
-def _network(state: int, registration: object) -> tuple[Registration, str | None]:
+def _registration_state(state: int, registration: object) -> tuple[Registration, str | None]:
     if isinstance(registration, int):
         return _STATES.get(registration, Registration.UNKNOWN), "idle" if registration == 0 else None
     if state >= _STATE_REGISTERED:
@@ -215,7 +215,7 @@ def _network(state: int, registration: object) -> tuple[Registration, str | None
     return Registration.SEARCHING if state == _SEARCHING else Registration.UNKNOWN, None
 
 
-def _roaming(network: Mapping[str, Any]) -> bool | None:
+def _is_roaming(network: Mapping[str, Any]) -> bool | None:
     registration = network.get("RegistrationState")
     return _STATES.get(registration) is Registration.REGISTERED_ROAMING if isinstance(registration, int) else None
 

@@ -83,7 +83,7 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
 
     `interface` is the modem's default name; its address and its log lines use its current name.
     """
-    monitor_row = {name: value for name, value in redact(monitor or {}).items() if _meaningful(value)}
+    monitor_row = {name: value for name, value in redact(monitor or {}).items() if _known_text(value)}
     its_row = _modem(interfaces, interface)
     name = its_row.get("name", interface)
     error, from_log = _from_log(log or (), name)
@@ -91,7 +91,7 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
     if state is Registration.UNKNOWN and from_log is not None:
         state = from_log
     profile = _profile(its_row, profiles or ())
-    operator = _meaningful(monitor_row.get("current-operator"))
+    operator = _known_text(monitor_row.get("current-operator"))
     return LteReading(
         source="routeros",
         state=state,
@@ -99,12 +99,12 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
         operator=None if operator is not None and operator.isdecimal() else operator,
         plmn=operator if operator is not None and operator.isdecimal() else None,
         band=_band(monitor_row),
-        cell=_meaningful(monitor_row.get("current-cellid")),
+        cell=_known_text(monitor_row.get("current-cellid")),
         rsrp_dbm=_level(monitor_row, "rsrp", _RSRP_DBM, "dBm"),
         rsrq_db=_level(monitor_row, "rsrq", _RSRQ_DB, "dB"),
         sinr_db=_level(monitor_row, "sinr", _SINR_DB, "dB"),
         rssi_dbm=status.decibels(monitor_row.get("rssi"), *_RSSI_DBM),
-        roaming=_roaming(monitor_row),
+        roaming=_is_roaming(monitor_row),
         address=_address(addresses or (), name),
         apn=_apn_in_use(profile),
         network_apn=status.yes(profile.get("use-network-apn")),
@@ -113,7 +113,7 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
     )
 
 
-def _meaningful(text: str | None) -> str | None:
+def _known_text(text: str | None) -> str | None:
     word = (text or "").strip()
     return None if word.lower() in {"", "n/a", "unknown", "none"} else word
 
@@ -163,7 +163,7 @@ def _registration(word: str) -> Registration | None:
     return next((state for pattern, state in _REGISTRATIONS if pattern.search(word)), None)
 
 
-def _roaming(monitor_row: Row) -> bool | None:
+def _is_roaming(monitor_row: Row) -> bool | None:
     roams = status.yes(monitor_row.get("roaming"))
     if roams is None and "roaming" in monitor_row.get("registration-status", "").lower():
         return True
@@ -171,7 +171,7 @@ def _roaming(monitor_row: Row) -> bool | None:
 
 
 def _technology(monitor_row: Row) -> str | None:
-    text = _meaningful(monitor_row.get("data-class")) or _meaningful(monitor_row.get("access-technology"))
+    text = _known_text(monitor_row.get("data-class")) or _known_text(monitor_row.get("access-technology"))
     if text is None:
         return None
     inside = re.search(r"\(([^)]+)\)", text)
@@ -198,7 +198,7 @@ def _profile(its_row: Row, profiles: Rows) -> Row:
 
 def _apn_in_use(profile: Row) -> str | None:
     """Return the APN requested; unknown (None) with `use-network-apn`, as the network's choice is not reported."""
-    return None if status.yes(profile.get("use-network-apn")) is not False else _meaningful(profile.get("apn"))
+    return None if status.yes(profile.get("use-network-apn")) is not False else _known_text(profile.get("apn"))
 
 
 def _address(addresses: Rows, interface: str) -> str | None:

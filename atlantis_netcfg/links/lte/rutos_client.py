@@ -98,7 +98,7 @@ class RutosWire:
 
     def close(self) -> None:
         """Close the connection."""
-        self._let_go()
+        self._close_line()
         if self._connection is not None:
             self._connection.close()
             self._connection = None
@@ -124,7 +124,7 @@ class RutosWire:
         """Send a request; retry once on a new connection if an old one was closed, as every request is a read."""
         fresh = self._connection is None
         try:
-            return self._once(method, path, data, headers)
+            return self._send_request(method, path, data, headers)
         except (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError) as gone:
             self.close()
             if fresh:
@@ -132,16 +132,20 @@ class RutosWire:
         except (OSError, http.client.HTTPException) as error:
             self.close()
             raise self._unreachable(error) from error
-        return self._again(method, path, data, headers)
+        return self._retry_request(method, path, data, headers)
 
-    def _again(self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]) -> tuple[int, bytes]:
+    def _retry_request(
+        self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]
+    ) -> tuple[int, bytes]:
         try:
-            return self._once(method, path, data, headers)
+            return self._send_request(method, path, data, headers)
         except (OSError, http.client.HTTPException) as error:
             self.close()
             raise self._unreachable(error) from error
 
-    def _once(self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]) -> tuple[int, bytes]:
+    def _send_request(
+        self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]
+    ) -> tuple[int, bytes]:
         with self._ended_in_time():
             if self._connection is not None and self._connection.sock is None:
                 self.close()  # the unit has said that it would
@@ -201,26 +205,26 @@ class RutosWire:
         try:
             self._keep_duplicate(wire)
             connection.sock = context.wrap_socket(wire, server_hostname=endpoint.host)
-            self._compare(connection)
+            self._check_certificate(connection)
         except BaseException:
             wire.close()
             connection.close()
-            self._let_go()
+            self._close_line()
             raise
         self._connection = connection
         return connection
 
     def _keep_duplicate(self, wire: socket.socket) -> None:
         """Keep a duplicate of the socket to abort with: TLS takes over the original and may block on it."""
-        self._let_go()
+        self._close_line()
         self._line = wire.dup()
 
-    def _let_go(self) -> None:
+    def _close_line(self) -> None:
         line, self._line = self._line, None
         if line is not None:
             line.close()
 
-    def _compare(self, connection: http.client.HTTPSConnection) -> None:
+    def _check_certificate(self, connection: http.client.HTTPSConnection) -> None:
         der = connection.sock.getpeercert(binary_form=True) or b""
         fingerprint = hashlib.sha256(der).hexdigest()
         if self._endpoint.pin is None:

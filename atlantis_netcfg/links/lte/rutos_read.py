@@ -75,24 +75,24 @@ def sim(record: Mapping[str, Any]) -> tuple[Registration | None, bool | None, in
     tries_text = next((match[1] for match in map(_TRY.search, words) if match), None)
     tries_left = int(tries_text) if tries_text is not None else (None if tries is None else int(tries))
     is_pin_refused = any(bad in words[0] for bad in ("wrong", "incorrect", "invalid")) or None
-    if stage in (6, 7) or _asks(words[0], "puk"):
+    if stage in (6, 7) or _is_code_required(words[0], "puk"):
         return Registration.SIM_PUK_REQUIRED, True, 0
-    if stage == 5 or is_pin_refused or _asks(words[0], "pin"):  # noqa: PLR2004 - "waiting for PIN to be entered"
+    if stage == 5 or is_pin_refused or _is_code_required(words[0], "pin"):  # noqa: PLR2004 - "waiting for PIN to be entered"
         return Registration.SIM_PIN_REQUIRED, is_pin_refused, tries_left
-    if any(_absent(each) for each in words) or stage == 1:
+    if any(_is_sim_absent(each) for each in words) or stage == 1:
         return Registration.SIM_MISSING, is_pin_refused, tries_left
     if stage == 23:  # noqa: PLR2004 - "flight mode enabled"
         return Registration.DISABLED, is_pin_refused, tries_left
     return None, is_pin_refused, tries_left
 
 
-def _asks(words: str, what: str) -> bool:
+def _is_code_required(words: str, what: str) -> bool:
     if f"{what} not required" in words or f"no {what}" in words or "disabled" in words:
         return False
     return re.search(rf"\b{what}\b", words) is not None and not words.endswith((" ok", " ready"))
 
 
-def _absent(words: str) -> bool:
+def _is_sim_absent(words: str) -> bool:
     return any(word in words for word in ("not inserted", "not present", "no sim", "absent", "missing", "sim failure"))
 
 
@@ -226,7 +226,7 @@ def _address(interfaces: object) -> str | None:
     """Return the first IPv4 address of a mobile interface (`mob1s1a1`), from `ipaddrs`. Assumption: rutos-address."""
     rows = interfaces if isinstance(interfaces, list) else []
     for row in rows:
-        if not isinstance(row, dict) or not _mobile(row):
+        if not isinstance(row, dict) or not _is_mobile(row):
             continue
         for address in _texts(row):
             if match := re.fullmatch(r"(\d+\.\d+\.\d+\.\d+)(?:/\d+)?", address.strip()):
@@ -234,7 +234,7 @@ def _address(interfaces: object) -> str | None:
     return None
 
 
-def _mobile(row: Mapping[str, Any]) -> bool:
+def _is_mobile(row: Mapping[str, Any]) -> bool:
     name = str(row.get("id") or row.get("name") or "")
     return row.get("network_type") == "mobile" or re.match(r"mob\d+s\d+a\d+", name) is not None
 
@@ -300,12 +300,12 @@ def read(endpoint: rutos_client.RutosEndpoint) -> RutosLook:
             session.log_in()
         except rutos_client.PageMissing:
             return _by_ubus(endpoint, wire)
-        return _by_rest(endpoint, wire, session)
+        return _read_by_rest(endpoint, wire, session)
     finally:
         wire.close()
 
 
-def _by_rest(endpoint: rutos_client.RutosEndpoint, wire: rutos_client.RutosWire, session: _Rest) -> RutosLook:
+def _read_by_rest(endpoint: rutos_client.RutosEndpoint, wire: rutos_client.RutosWire, session: _Rest) -> RutosLook:
     modems, *others = READS
     modem = modem_of(session.get(modems))
     if modem is None:
@@ -340,7 +340,7 @@ class _Rest:
         data = _data(answer.body)
         token = data.get("token") if isinstance(data, dict) else None
         if answer.status in _FORBIDDEN or (isinstance(answer.body, dict) and answer.body.get("success") is False):
-            raise _not_let_in(self._endpoint)
+            raise _login_error(self._endpoint)
         if not isinstance(token, str) or not token:
             raise rutos_client.RutosError(
                 f"{self._endpoint}: the answer to the login is not one of RutOS (HTTP {answer.status})",
@@ -374,7 +374,7 @@ def _data(body: object) -> Any:  # noqa: ANN401 - JSON of any shape
     return body.get("data") if isinstance(body, dict) else None
 
 
-def _not_let_in(endpoint: rutos_client.RutosEndpoint) -> rutos_client.RutosLoginError:
+def _login_error(endpoint: rutos_client.RutosEndpoint) -> rutos_client.RutosLoginError:
     return rutos_client.RutosLoginError(
         f"{endpoint}: the unit did not accept user {endpoint.user} and the declared password",
         hint="compare `access` in host_vars with the unit; after some wrong passwords RutOS blocks the address",
@@ -387,7 +387,7 @@ def _by_ubus(endpoint: rutos_client.RutosEndpoint, wire: rutos_client.RutosWire)
     code, session = _call(endpoint, wire, _NOBODY, ("session", "login"), who)
     token = session.get("ubus_rpc_session")
     if code == _PERMISSION_DENIED or not isinstance(token, str):
-        raise _not_let_in(endpoint)
+        raise _login_error(endpoint)
     record: dict[str, Any] = {}
     for target in UBUS_READS:
         code, result = _call(endpoint, wire, token, target, {})

@@ -168,7 +168,7 @@ def _interface(sections: Sections, place: str, settings: LteSettings) -> Iterato
         "username": (settings.user, False),
         "password": (None if settings.password is None else settings.password.reveal(), True),
     }
-    yield from _differing("network", name, options, declared_options)
+    yield from _option_changes("network", name, options, declared_options)
 
 
 def _authentication(settings: LteSettings, options: Mapping[str, str]) -> str | None:
@@ -191,10 +191,10 @@ def _card(sections: Sections, place: str, settings: LteSettings, reading: LteRea
     if (options.get("deny_roaming") or "0") != deny_roaming:
         yield SettingChange("simcard", name, "deny_roaming", deny_roaming, options.get("deny_roaming"))
     if settings.pin is not None and reading.state is Registration.SIM_PIN_REQUIRED:
-        yield from _differing("simcard", name, options, {PIN: (settings.pin.reveal(), True)})
+        yield from _option_changes("simcard", name, options, {PIN: (settings.pin.reveal(), True)})
 
 
-def _differing(
+def _option_changes(
     package: str, section: str, options: Mapping[str, str], declared_options: Mapping[str, tuple[str | None, bool]]
 ) -> Iterator[SettingChange]:
     for option, (value, secret) in declared_options.items():

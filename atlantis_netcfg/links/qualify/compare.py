@@ -45,7 +45,7 @@ class Headline:
     """Differences up to this value are not significant."""
 
 
-def _train(record: QualifyRecord, take: Callable[[TrainFigures], float | None]) -> float | None:
+def _idle_figure(record: QualifyRecord, take: Callable[[TrainFigures], float | None]) -> float | None:
     return None if record.idle is None else take(record.idle)
 
 
@@ -64,22 +64,27 @@ def _goodput(record: QualifyRecord, way: str) -> float | None:
 
 
 HEADLINES: Final = (
-    Headline("rtt_p50", "round trip, median", "s", lambda r: _train(r, lambda t: t.rtt.p50 if t.rtt else None)),
-    Headline("rtt_p95", "round trip, 95 %", "s", lambda r: _train(r, lambda t: t.rtt.p95 if t.rtt else None)),
+    Headline("rtt_p50", "round trip, median", "s", lambda r: _idle_figure(r, lambda t: t.rtt.p50 if t.rtt else None)),
+    Headline("rtt_p95", "round trip, 95 %", "s", lambda r: _idle_figure(r, lambda t: t.rtt.p95 if t.rtt else None)),
     Headline("rpm_under_load", "RPM under load", "1/min", lambda r: r.rpm_under_load, higher_is_better=True),
-    Headline("loss_up", "loss up", "", lambda r: _train(r, lambda t: loss_shares(t)[0]), resolution=0.002),
-    Headline("loss_down", "loss down", "", lambda r: _train(r, lambda t: loss_shares(t)[1]), resolution=0.002),
-    Headline("loss", "loss, both ways together", "", lambda r: _train(r, lambda t: t.loss.share), resolution=0.002),
+    Headline("loss_up", "loss up", "", lambda r: _idle_figure(r, lambda t: loss_shares(t)[0]), resolution=0.002),
+    Headline("loss_down", "loss down", "", lambda r: _idle_figure(r, lambda t: loss_shares(t)[1]), resolution=0.002),
     Headline(
-        "jitter_up", "jitter up (RFC 3550)", "s", lambda r: _train(r, lambda t: t.up.rfc3550_mean_s if t.up else None)
+        "loss", "loss, both ways together", "", lambda r: _idle_figure(r, lambda t: t.loss.share), resolution=0.002
+    ),
+    Headline(
+        "jitter_up",
+        "jitter up (RFC 3550)",
+        "s",
+        lambda r: _idle_figure(r, lambda t: t.up.rfc3550_mean_s if t.up else None),
     ),
     Headline(
         "jitter_down",
         "jitter down (RFC 3550)",
         "s",
-        lambda r: _train(r, lambda t: t.down.rfc3550_mean_s if t.down else None),
+        lambda r: _idle_figure(r, lambda t: t.down.rfc3550_mean_s if t.down else None),
     ),
-    Headline("longest_gap", "longest gap", "s", lambda r: _train(r, lambda t: t.gaps.longest_s), resolution=0.5),
+    Headline("longest_gap", "longest gap", "s", lambda r: _idle_figure(r, lambda t: t.gaps.longest_s), resolution=0.5),
     Headline("goodput_up", "goodput up", "bit/s", lambda r: _goodput(r, "up"), higher_is_better=True),
     Headline("goodput_down", "goodput down", "bit/s", lambda r: _goodput(r, "down"), higher_is_better=True),
     Headline("path_mtu_up", "path MTU up", "octets", lambda r: r.run.path_mtu_up, higher_is_better=True),

@@ -92,16 +92,16 @@ def judge(
     seldom = few
     if not few and 2 * idle.rtt.n < limits.min_samples:
         seldom = f"only {idle.rtt.n} answers, {-(-limits.min_samples // 2)} are needed"
-    judgements = [_at_most("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", seldom)]
+    judgements = [_judge_maximum("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", seldom)]
     for way, variation in (("up", idle.up), ("down", idle.down)):
         value = None if variation is None else variation.above_min.p95
-        judgements.append(_at_most(f"FDV {way}, 95 %", value, limits.fdv_s, "s", seldom))
+        judgements.append(_judge_maximum(f"FDV {way}, 95 %", value, limits.fdv_s, "s", seldom))
     judgements += _frame_loss(idle, limits, few)
     judgements.append(_longest_gap(idle, limits, span_s))
     # Packets that are a second apart cannot show a gap of one second.
     can_see_gaps = span_s and idle.interval_s <= _SHORT_S
     judgements.append(
-        _at_least("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if can_see_gaps else None, limits.avail, few)
+        _judge_minimum("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if can_see_gaps else None, limits.avail, few)
     )
     doubt = "what was offered is not known" if load is None else load.doubt(idle.flr.share_up)
     judgements.append(_buffer_delay(idle, under_load, limits, doubt))
@@ -115,7 +115,9 @@ def _frame_loss(idle: TrainFigures, limits: QualifyProfile, few: str) -> Iterato
     rest = f"only {flr.packets} packets outside of gaps, {least} are needed" if flr.packets < least else ""
 
     def judge_share(name: str, share: float | None, doubt: str) -> Judgement:
-        return _at_most(name, share, limits.flr, "", doubt or (rest if share is None or share <= limits.flr else ""))
+        return _judge_maximum(
+            name, share, limits.flr, "", doubt or (rest if share is None or share <= limits.flr else "")
+        )
 
     if flr.up is None:
         yield judge_share(f"FLR, both ways ({loss.why})", flr.both, few or rate_doubt)
@@ -131,7 +133,7 @@ def _longest_gap(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> J
             doubt = f"a gap of {limits.gap_s:g} s cannot be seen in {span_s:.3g} s"
         elif at_most is None or at_most > limits.gap_s:
             doubt = "a gap at the beginning or the end of the train may have been longer"
-    return _at_most("longest gap", longest, limits.gap_s, "s", doubt)
+    return _judge_maximum("longest gap", longest, limits.gap_s, "s", doubt)
 
 
 def _silence(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judgement:
@@ -148,15 +150,15 @@ def _silence(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judge
 def _buffer_delay(idle: TrainFigures, under_load: TrainFigures | None, limits: QualifyProfile, doubt: str) -> Judgement:
     name = "buffer delay (RFC 6349)"
     if under_load is None or under_load.rtt is None or idle.rtt is None or idle.rtt.p50 <= 0:
-        return _at_most(name, None, limits.buffer_delay, "", "")
-    return _at_most(name, (under_load.rtt.p50 - idle.rtt.p50) / idle.rtt.p50, limits.buffer_delay, "", doubt)
+        return _judge_maximum(name, None, limits.buffer_delay, "", "")
+    return _judge_maximum(name, (under_load.rtt.p50 - idle.rtt.p50) / idle.rtt.p50, limits.buffer_delay, "", doubt)
 
 
-def _at_most(name: str, value: float | None, limit: float, unit: str, doubt: str) -> Judgement:
+def _judge_maximum(name: str, value: float | None, limit: float, unit: str, doubt: str) -> Judgement:
     return _judgement(name, value, limit, unit, doubt, holds=value is not None and value <= limit)
 
 
-def _at_least(name: str, value: float | None, limit: float, doubt: str) -> Judgement:
+def _judge_minimum(name: str, value: float | None, limit: float, doubt: str) -> Judgement:
     return _judgement(name, value, limit, "", doubt, holds=value is not None and value >= limit)
 
 

@@ -126,27 +126,27 @@ class MessageStream:
         """See `PacketStream`."""
         if self._queue:
             return self._free_at
-        dues = [self._starts(self._started_count)] if self._started_count < self.plan.messages else []
+        dues = [self._scheduled_ns(self._started_count)] if self._started_count < self.plan.messages else []
         while self._waits:
             due, number = self._waits[0]
             message = self._open.get(number)
-            if message is not None and due >= message.last_sent + self._patience(message):
+            if message is not None and due >= message.last_sent + self._timeout_ns(message):
                 dues.append(due)
                 break
             heapq.heappop(self._waits)
             if message is not None:
-                heapq.heappush(self._waits, (message.last_sent + self._patience(message), number))
+                heapq.heappush(self._waits, (message.last_sent + self._timeout_ns(message), number))
         return min(dues, default=None)
 
-    def _starts(self, number: int) -> int:
+    def _scheduled_ns(self, number: int) -> int:
         return self._begin + round(number * session.SECOND / self.plan.rate_hz)
 
-    def _patience(self, message: _OpenMessage) -> int:
+    def _timeout_ns(self, message: _OpenMessage) -> int:
         return round(self.plan.timeout_s * session.SECOND) * max(1, min(message.questions, 4))
 
     def next_packet(self, now_ns: int) -> session.Outgoing | None:
         """See `PacketStream`."""
-        self._start(now_ns)
+        self._start_due_messages(now_ns)
         self._handle_timeouts(now_ns)
         if not self._queue or now_ns < self._free_at:
             return None
@@ -164,15 +164,15 @@ class MessageStream:
         data = secrets.token_bytes(length)
         return stamp.MessageChunk(message.number, size, index or 0, message.count, asks, data)
 
-    def _start(self, now_ns: int) -> None:
-        while self._started_count < self.plan.messages and self._starts(self._started_count) <= now_ns:
+    def _start_due_messages(self, now_ns: int) -> None:
+        while self._started_count < self.plan.messages and self._scheduled_ns(self._started_count) <= now_ns:
             message = _OpenMessage(self._started_count, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
             self._open[self._started_count] = message
             self._started_count += 1
             if not self._queue:
                 self._free_at = max(self._free_at, now_ns)
-            self._put(message, range(message.count))
-            heapq.heappush(self._waits, (now_ns + self._patience(message), message.number))
+            self._enqueue(message, range(message.count))
+            heapq.heappush(self._waits, (now_ns + self._timeout_ns(message), message.number))
 
     def _handle_timeouts(self, now_ns: int) -> None:
         """Request the status of messages without response, and give up those past their timeout."""
@@ -181,22 +181,22 @@ class MessageStream:
             message = self._open.get(number)
             if message is None:
                 continue
-            if now_ns >= message.last_sent + self._patience(message) and not message.queue_length:
-                self._ask(message, now_ns)
+            if now_ns >= message.last_sent + self._timeout_ns(message) and not message.queue_length:
+                self._ask_for_acknowledgement(message, now_ns)
             if number in self._open:
-                due = max(now_ns + _WAIT_STEP, message.last_sent + self._patience(message))
+                due = max(now_ns + _WAIT_STEP, message.last_sent + self._timeout_ns(message))
                 heapq.heappush(self._waits, (due, number))
 
-    def _ask(self, message: _OpenMessage, now_ns: int) -> None:
+    def _ask_for_acknowledgement(self, message: _OpenMessage, now_ns: int) -> None:
         age_s = (now_ns - message.sent_at) / session.SECOND
         if age_s >= self.plan.give_up_s or (not self.plan.resend and message.questions >= QUESTIONS):
             self._finish(message)
         else:
             message.questions += 1
             message.last_sent = now_ns
-            self._put(message, [None])
+            self._enqueue(message, [None])
 
-    def _put(self, message: _OpenMessage, indexes: Iterable[int | None]) -> None:
+    def _enqueue(self, message: _OpenMessage, indexes: Iterable[int | None]) -> None:
         for index in indexes:
             self._queue.append((message, index))
             message.queue_length += 1
@@ -235,7 +235,7 @@ class MessageStream:
             self._finish(message, at_ns)
         elif self.plan.resend and not message.queue_length:
             message.questions = 0
-            self._put(message, word.indexes)
+            self._enqueue(message, word.indexes)
         elif message.questions and not message.queue_length:
             self._finish(message)  # the question left after every packet: what is missing now is lost
 

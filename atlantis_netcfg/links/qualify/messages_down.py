@@ -102,7 +102,7 @@ class DownMessageStream:
         return stamp.chunk_room(self.plan.packet, is_authenticated=True)
 
     @property
-    def _chunks(self) -> int:
+    def _chunk_count(self) -> int:
         return -(-self.plan.size // self._room)
 
     @property
@@ -124,7 +124,7 @@ class DownMessageStream:
         self._origin, self._begin = origin_ns, self.transport.now_ns()
         self._open[0] = first = _AwaitedMessage(0, self._begin)
         self._started_count = 1
-        self._put(_ChunkRequest(first))
+        self._enqueue(_ChunkRequest(first))
 
     def due_ns(self) -> int | None:
         """See `PacketStream`."""
@@ -132,10 +132,10 @@ class DownMessageStream:
             return self._begin
         dues = [message.until for message in self._open.values()]
         if self._token is not None and self._started_count < self.plan.messages:
-            dues.append(self._starts(self._started_count))
+            dues.append(self._scheduled_ns(self._started_count))
         return min(dues, default=None)
 
-    def _starts(self, number: int) -> int:
+    def _scheduled_ns(self, number: int) -> int:
         return self._begin + round(number * session.SECOND / self.plan.rate_hz)
 
     def next_packet(self, now_ns: int) -> session.Outgoing | None:
@@ -143,11 +143,11 @@ class DownMessageStream:
         while (
             self._token is not None
             and self._started_count < self.plan.messages
-            and self._starts(self._started_count) <= now_ns
+            and self._scheduled_ns(self._started_count) <= now_ns
         ):
             self._open[self._started_count] = message = _AwaitedMessage(self._started_count, now_ns)
             self._started_count += 1
-            self._put(_ChunkRequest(message, 0, self._chunks))
+            self._enqueue(_ChunkRequest(message, 0, self._chunk_count))
         for message in [*self._open.values()]:
             if message.until <= now_ns:
                 self._handle_timeout(message, now_ns)
@@ -176,7 +176,7 @@ class DownMessageStream:
         lasts = round(octets * 8 / pace * session.SECOND) if pace else 0
         return max(self._far_free_at, now_ns) + lasts if request.count else now_ns
 
-    def _put(self, request: _ChunkRequest) -> None:
+    def _enqueue(self, request: _ChunkRequest) -> None:
         self._queue.append(request)
         request.message.until = 1 << 62
 
@@ -187,16 +187,16 @@ class DownMessageStream:
             ends = age_s >= self.plan.give_up_s
         else:
             status = message.status
-            is_sent = message.size > 0 or (status is not None and status.sent_chunks >= self._chunks)
+            is_sent = message.size > 0 or (status is not None and status.sent_chunks >= self._chunk_count)
             ends = is_sent or message.questions >= QUESTIONS or message.requests > QUESTIONS
         if ends:
             self._finish(message)
         elif message.size and self.plan.resend:
-            for first, count in _ranges(sorted(set(range(self._chunks)) - message.have)):
-                self._put(_ChunkRequest(message, first, count))
+            for first, count in _ranges(sorted(set(range(self._chunk_count)) - message.have)):
+                self._enqueue(_ChunkRequest(message, first, count))
         else:
             message.questions += 1
-            self._put(_ChunkRequest(message))
+            self._enqueue(_ChunkRequest(message))
 
     def mark_sent(self, outgoing: session.Outgoing, now_ns: int, error: str) -> None:
         """See `PacketStream`; a request that this computer did not send brings no response, like a lost one."""
@@ -226,7 +226,9 @@ class DownMessageStream:
                 is_asked = request.first <= chunk.index < request.first + request.count
                 if is_asked and self._is_first(packet.sender_sequence, chunk.index):
                     charge = self._chunk_size(chunk.index)
-                    self._take(request.message, chunk, arrival.at_ns, stamp.unix_ns(packet.timestamp, packet.error))
+                    self._accept_chunk(
+                        request.message, chunk, arrival.at_ns, stamp.unix_ns(packet.timestamp, packet.error)
+                    )
             elif tlv.type == stamp.REQUEST and not tlv.flags and self._is_first(packet.sender_sequence, -1):
                 charge = _STATUS_SIZE
                 self._accept_status(request, stamp.RequestStatus.decode(tlv.value))
@@ -251,20 +253,20 @@ class DownMessageStream:
         message.status = status
         # A reflector that refuses requests is not asked for ever; a question waits for its time.
         is_patient = not request.count or message.requests <= QUESTIONS
-        was_lost = self.plan.resend and status.sent_chunks >= self._chunks
+        was_lost = self.plan.resend and status.sent_chunks >= self._chunk_count
         if not message.size and is_patient and (was_lost or not status.sent_chunks):
-            self._put(_ChunkRequest(message, 0, self._chunks))
+            self._enqueue(_ChunkRequest(message, 0, self._chunk_count))
 
-    def _take(self, message: _AwaitedMessage, chunk: stamp.MessageChunk, at_ns: int, far_sent_ns: int) -> None:
+    def _accept_chunk(self, message: _AwaitedMessage, chunk: stamp.MessageChunk, at_ns: int, far_sent_ns: int) -> None:
         if message.number not in self._open or chunk.index in message.have:
             return
         if not message.size:
             message.first_at = at_ns
-            message.far_sent_ns = far_sent_ns - chunk.index * self._due_ns // self._chunks
+            message.far_sent_ns = far_sent_ns - chunk.index * self._due_ns // self._chunk_count
         message.have.add(chunk.index)
         message.size += len(chunk.data)
         message.last_at = at_ns
-        if len(message.have) == self._chunks:
+        if len(message.have) == self._chunk_count:
             self._finish(message)
         elif message.until < 1 << 62:
             message.until = max(message.until, at_ns + round(self.plan.timeout_s * session.SECOND))
@@ -275,7 +277,7 @@ class DownMessageStream:
             message.sent_at = message.asked_at
         if message.sent_at < 0:
             return
-        whole = len(message.have) == self._chunks
+        whole = len(message.have) == self._chunk_count
         # The sample has times since 1970, on the clock of whoever counted: here that is this computer.
         to_unix = self.transport.unix_ns() - self.transport.now_ns()
         is_known = message.size > 0 or (message.status is not None and message.status.sent_chunks > 0)
@@ -284,7 +286,7 @@ class DownMessageStream:
                 self.name,
                 message.number,
                 self.plan.size,
-                self._chunks,
+                self._chunk_count,
                 message.requested_chunks,
                 message.sent_at - self._origin,
                 message.last_at - self._origin if whole else None,

@@ -71,10 +71,10 @@ class _MtuProbe:
         """Return whether packets of this size pass; results from within a gap are ignored."""
         end = self.transport.now_ns() + round(self.patience_s * _SECOND)
         if not self._rtt_s:
-            self._probe(self._short(), self.timeout_s, up_only=up_only)
+            self._probe(self._short_answer_size(), self.timeout_s, up_only=up_only)
         if self._any_answered(size, up_only=up_only):
             return True
-        while not self._probe(self._short(), self.timeout_s, up_only=up_only):
+        while not self._probe(self._short_answer_size(), self.timeout_s, up_only=up_only):
             if self.transport.now_ns() >= end:
                 raise _NoAnswer
         return self._any_answered(size, up_only=up_only)
@@ -83,14 +83,14 @@ class _MtuProbe:
         wait_s = min(self.timeout_s, 2 * self._rtt_s + _SPARE_S) if self._rtt_s else self.timeout_s
         return any(self._probe(size, wait_s, up_only=up_only) for _ in range(_TRIES))
 
-    def _short(self) -> int:
+    def _short_answer_size(self) -> int:
         base = stamp.extended_size(is_authenticated=self.peer.key is not None)
         return base + stamp.ACKNOWLEDGEMENT_SIZE + self.headers
 
     def _probe(self, size: int, wait_s: float, *, up_only: bool) -> bool:
         payload = size - self.headers
         tlvs = self._extensions(payload, up_only=up_only)
-        answer = self._short() - self.headers if up_only else payload
+        answer = self._short_answer_size() - self.headers if up_only else payload
         if not self.guard.admit(payload, answer):
             raise _OutOfBudget
         error = stamp.error_estimate(self.peer.clock_error_s, is_synced=self.peer.is_synchronised)
@@ -142,8 +142,8 @@ def path_mtu(  # noqa: PLR0913 - each has its name where it is given
     up = both = None
     try:
         if peer.counts:
-            up = _longest(probe, highest, up_only=True)
-        both = _longest(probe, up or highest, up_only=False)
+            up = _find_mtu(probe, highest, up_only=True)
+        both = _find_mtu(probe, up or highest, up_only=False)
     except _OutOfBudget:
         return PathMtu(up, both, f"the budget ended: {guard.limited_by}")
     except _NoAnswer:
@@ -151,7 +151,7 @@ def path_mtu(  # noqa: PLR0913 - each has its name where it is given
     return PathMtu(up, both, "" if both is not None else f"not even {LEAST} octets passed")
 
 
-def _longest(probe: _MtuProbe, highest: int, *, up_only: bool) -> int | None:
+def _find_mtu(probe: _MtuProbe, highest: int, *, up_only: bool) -> int | None:
     if probe.passes(highest, up_only=up_only):
         return highest
     if not probe.passes(LEAST, up_only=up_only):

@@ -151,7 +151,7 @@ def make_record(
     trains = {name: train_figures(mine, name) for name, mine in streams.items() if isinstance(mine[0], TrainBegan)}
     messages = {name: figures for name, mine in streams.items() if (figures := message_figures(mine, name)) is not None}
     run_streams = _RunStreams(
-        run, trains, messages, {name: _reason(mine) for name, mine in streams.items()}, _headers(streams)
+        run, trains, messages, {name: _reason(mine) for name, mine in streams.items()}, _header_size(streams)
     )
     idle, under_load = trains.get("idle"), trains.get("loaded")
     name, limits = thresholds or (run.thresholds_name, run.thresholds)
@@ -189,7 +189,7 @@ def _reason(samples: Sequence[Sample]) -> str:
     return next((sample.reason for sample in samples if isinstance(sample, StreamEnd)), "cut off")
 
 
-def _headers(streams: Mapping[str, Sequence[Sample]]) -> int:
+def _header_size(streams: Mapping[str, Sequence[Sample]]) -> int:
     trains = (mine[0] for mine in streams.values())
     return next((train.headers for train in trains if isinstance(train, TrainBegan)), IPV4_HEADERS)
 

@@ -108,12 +108,12 @@ class UdpTransport:
         try:
             self._socket.send(datagram)
         except ConnectionRefusedError:  # for an earlier datagram: nobody listens there
-            return "" if self._again(datagram) else "refused"
+            return "" if self._retry_send(datagram) else "refused"
         except OSError as error:
             return errno.errorcode.get(error.errno or 0, "error")
         return ""
 
-    def _again(self, datagram: bytes) -> bool:
+    def _retry_send(self, datagram: bytes) -> bool:
         try:
             self._socket.send(datagram)
         except OSError:

@@ -31,7 +31,7 @@ async def temporary_rows(session: api.Session, rows: Sequence[api.Command]) -> A
 
     Raises DeviceError with the router unchanged, or OutcomeUnknown if the removal of the rows is not confirmed.
     """
-    await _take(session)
+    await _take_safe_mode(session)
     replies: list[api.Reply] = []
     try:
         replies = await session.flight(rows)
@@ -45,15 +45,15 @@ async def temporary_rows(session: api.Session, rows: Sequence[api.Command]) -> A
 def filter_rows(reading: plan.CounterReading, chains: tuple[str, str], address: str) -> tuple[api.Command, ...]:
     """Return rows that admit ICMP to and from one host in both chains, before all other rules; raise DeviceError."""
     words = (("action", "return"), ("comment", plan.MARK), ("protocol", "icmp"))
-    out = (("chain", chains[0]), ("dst-address", address), ("place-before", _first(reading, chains[0])))
-    back = (("chain", chains[1]), ("src-address", address), ("place-before", _first(reading, chains[1])))
+    out = (("chain", chains[0]), ("dst-address", address), ("place-before", _first_rule_id(reading, chains[0])))
+    back = (("chain", chains[1]), ("src-address", address), ("place-before", _first_rule_id(reading, chains[1])))
     return (
         api.Command(f"{_FILTER}/add", (*out, *words)),
         api.Command(f"{_FILTER}/add", (*back, *words, ("connection-state", "established"))),
     )
 
 
-async def _take(session: api.Session) -> None:
+async def _take_safe_mode(session: api.Session) -> None:
     try:
         await safe_mode.ApiSafeMode().take(session)
     except safe_mode.SafeModeUnavailable as unavailable:
@@ -63,7 +63,7 @@ async def _take(session: api.Session) -> None:
         ) from unavailable
 
 
-def _first(reading: plan.CounterReading, chain: str) -> str:
+def _first_rule_id(reading: plan.CounterReading, chain: str) -> str:
     rows = reading.chain(chain)
     if not rows or ".id" not in rows[0]:
         raise errors.DeviceError(f"the router has no chain {chain}: provision the site first")
@@ -112,10 +112,10 @@ def rows(
 
     `source`: the address of this computer, if it sends the request.
     """
-    return (*_connections(todo, link), *(() if active else _ways(todo, link, rules, source)))
+    return (*_netwatch_commands(todo, link), *(() if active else _route_rule_commands(todo, link, rules, source)))
 
 
-def _connections(todo: Sequence[plan.Task], link: Link) -> Iterator[api.Command]:
+def _netwatch_commands(todo: Sequence[plan.Task], link: Link) -> Iterator[api.Command]:
     for task in todo:
         if task.probe is satellite.SatelliteProbe.TCP:
             where = (("host", task.address), ("port", str(task.port)), ("src-address", str(link.address)))
@@ -123,7 +123,7 @@ def _connections(todo: Sequence[plan.Task], link: Link) -> Iterator[api.Command]
             yield api.Command("/tool/netwatch/add", (("type", "tcp-conn"), ("comment", plan.MARK), *where, *pace))
 
 
-def _ways(todo: Sequence[plan.Task], link: Link, rules: api.Reply, source: str) -> Iterator[api.Command]:
+def _route_rule_commands(todo: Sequence[plan.Task], link: Link, rules: api.Reply, source: str) -> Iterator[api.Command]:
     first = next((("place-before", row[".id"]) for row in rules.check().rows if ".id" in row), None)
     for task in todo:
         if task.probe in plan.TEMPORARY_ROWS:
@@ -341,7 +341,7 @@ class Proving:
         probes = plan.expected_bytes(all_tasks, self.pace.rounds) + (plan.VPN_BYTES if self.try_all else 0)
         if self.carrier != self.link.name:
             return min(plan.BUDGET_BYTES, probes)
-        always, by_turns = self._session()
+        always, by_turns = self._session_bytes()
         return min(plan.BUDGET_BYTES, probes + ceil((1 + estimate.HEADERS) * by_turns)) + estimate.on_the_wire(
             always + estimate.HANDSHAKE_BYTES, 1
         )
@@ -349,9 +349,9 @@ class Proving:
     @property
     def session_bytes(self) -> int:
         """Upper limit of bytes of the session to the router if it uses another link."""
-        return estimate.on_the_wire(sum(self._session()) + estimate.HANDSHAKE_BYTES, 1)
+        return estimate.on_the_wire(sum(self._session_bytes()) + estimate.HANDSHAKE_BYTES, 1)
 
-    def _session(self) -> tuple[int, int]:
+    def _session_bytes(self) -> tuple[int, int]:
         all_tasks = plan.tasks(self.pilot, self.link, active=True, try_all=self.try_all)
         return plan.session_bytes(all_tasks, self.pace.rounds, len(self.ways), open_filter=self.open_filter)
 
@@ -422,11 +422,11 @@ class Proving:
             turned_away=after.drop_count(self._chains[1]),
             carrier=self.carrier,
             opening_bytes=self._opening_bytes,
-            left_out=self._left_out,
+            left_out=self._untested_target,
         )
 
     @property
-    def _left_out(self) -> str:
+    def _untested_target(self) -> str:
         target = far_end(self.pilot)
         if target is None:
             return ""
@@ -485,13 +485,13 @@ class Proving:
                 {task: waited_s for task, reply in zip(pings, replies, strict=True) if plan.has_answer(reply)}
             )
             now = await self._read(session) if len(pings) < len(remaining_tasks) else now
-            answers.update({task: waited_s for task in remaining_tasks if self._more(before, now, task)})
+            answers.update({task: waited_s for task in remaining_tasks if self._has_new_answers(before, now, task)})
             if len(answers) < len(todo):
                 await self.pace.sleep(self.pace.every_s)
                 waited_s += self.pace.every_s
         return [self._allowed_attempt(task, answers.get(task), waited_s, before, now) for task in todo]
 
-    def _more(self, before: plan.CounterReading, now: plan.CounterReading, task: plan.Task) -> bool:
+    def _has_new_answers(self, before: plan.CounterReading, now: plan.CounterReading, task: plan.Task) -> bool:
         chain = self._chains[1]
         return task.probe in (*_COUNTER_PROBES, satellite.SatelliteProbe.TIME) and now.answers(
             chain, task
@@ -571,7 +571,7 @@ class Proving:
                 waited_s += pause_s
                 now = await self._read(session)
                 answering_tasks = find_connected_tasks(todo, await session.command(STATUS))
-                answering_tasks |= {task for task in todo if self._more(before, now, task)}
+                answering_tasks |= {task for task in todo if self._has_new_answers(before, now, task)}
                 answers = dict.fromkeys(answering_tasks, waited_s) | answers
                 if len(answers) == len(todo) or self._is_spent(now):
                     break

@@ -101,10 +101,10 @@ def names_of(inventory: Inventory, site: str, name: str | None) -> tuple[LinkFin
 
 def try_out(inventory: Inventory, router: Host, request: Request, proving: prove.Proving) -> prove.Proof:
     """Open a session to the router and run the test; raise DeviceError or OutcomeUnknown."""
-    return asyncio.run(_try_out(inventory, router, request, proving))
+    return asyncio.run(_run_proof(inventory, router, request, proving))
 
 
-async def _try_out(inventory: Inventory, router: Host, request: Request, proving: prove.Proving) -> prove.Proof:
+async def _run_proof(inventory: Inventory, router: Host, request: Request, proving: prove.Proving) -> prove.Proof:
     job = device_job(inventory, router, request, NoJournal(), proving.notify)
     traffic: list[Traffic] = []
     async with await Session.open(replace(job.endpoint, opening=traffic.append)) as session:

@@ -52,13 +52,13 @@ class VpnQuestion:
         begin_ns = self.transport.now_ns()
         for number in range(_QUESTIONS):
             self.transport.send(self.packet.datagram())
-            if await asyncio.to_thread(self._hears, begin_ns + int((number + 1) * _EVERY_S * 1e9)):
+            if await asyncio.to_thread(self._is_answered, begin_ns + int((number + 1) * _EVERY_S * 1e9)):
                 if self.on_answer is not None:
                     self.on_answer()
                 return (self.transport.now_ns() - begin_ns) / 1e9
         return None
 
-    def _hears(self, until_ns: int) -> bool:
+    def _is_answered(self, until_ns: int) -> bool:
         arrivals = iter(lambda: self.transport.receive(until_ns), None)
         return any(self.packet.is_answer(arrival.datagram) for arrival in arrivals)
 

@@ -83,8 +83,8 @@ def preview_costs(
         site_link = _carrier(inventory, host, request)
         if site_link is not None and site_link.is_metered:
             link = link_of(inventory, host.site, site_link.name)
-            sums.setdefault(link, []).append(_host(host, site_link, request, at_most=at_most))
-            if at_most and (_writes(request) or (request.mode is Mode.PLAN and is_supported(host))):
+            sums.setdefault(link, []).append(_estimate_host(host, site_link, request, at_most=at_most))
+            if at_most and (_is_write_request(request) or (request.mode is Mode.PLAN and is_supported(host))):
                 bounds.add(link)
     return tuple(
         cost.preview(
@@ -147,11 +147,11 @@ def _carrier(inventory: Inventory, host: Host, request: Request) -> Carrier | No
     return site_link_of(inventory, router, request.via.get(host.name) or request.via.get(router.name))
 
 
-def _host(host: Host, link: Carrier, request: Request, *, at_most: bool) -> Estimate:
+def _estimate_host(host: Host, link: Carrier, request: Request, *, at_most: bool) -> Estimate:
     if is_supported(host):
         return _estimate(link, request, at_most=at_most)
     if isinstance(host.device, model.SshHost):
-        return _computer(link, writes=at_most and _writes(request))
+        return _computer(link, writes=at_most and _is_write_request(request))
     return _unit(link)
 
 
@@ -180,10 +180,10 @@ def _estimate(link: Carrier, request: Request, *, at_most: bool) -> Estimate:
     if request.mode is Mode.BACKUP:
         return before_reading(link, exports=True)
     plans = at_most and request.mode is Mode.PLAN
-    return before_reading(link, writes=at_most and _writes(request), plans=plans)
+    return before_reading(link, writes=at_most and _is_write_request(request), plans=plans)
 
 
-def _writes(request: Request) -> bool:
+def _is_write_request(request: Request) -> bool:
     return not request.mode.reads_only and request.mode is not Mode.BACKUP
 
 
@@ -329,14 +329,14 @@ class Meter:
             "cap_bytes": self.link.cap_bytes,
             "accepted": self.request.accept_cost,
             "expected": None if self.expected_cost is None else dict(self.expected_cost.bill.as_dict()),
-            "words": self._asks(),
+            "words": self._expected_words(),
             "instead": next(self._elsewhere(), None),
             "bill": dict(final_bill.as_dict()),
-            "bill_words": _words(final_bill, router),
+            "bill_words": _bill_text(final_bill, router),
             "router": router,
         }
 
-    def _asks(self) -> str:
+    def _expected_words(self) -> str:
         return "" if self.expected_cost is None else self.expected_cost.words
 
     def _record(self, final_bill: cost.Bill, router: dict[str, Any] | None) -> runs.CostRecord:
@@ -354,7 +354,7 @@ class Meter:
         )
 
 
-def _words(final_bill: cost.Bill, router: dict[str, Any] | None) -> str:
+def _bill_text(final_bill: cost.Bill, router: dict[str, Any] | None) -> str:
     if router is None:
         return f"{final_bill.words}; not counted by the router"
     return (

@@ -158,9 +158,9 @@ class ManagedCpe(ManagedDevice):
         The laptop's address is the highest one of the link's network that no device of the inventory has.
         """
         view = render.cpe_view(self.inventory, self.host, families(self.cpe.ptp)[0])
-        return HostPlace(view.management.address, view.port, self._laptop(IPv4Network(view.network)))
+        return HostPlace(view.management.address, view.port, self._free_laptop_address(IPv4Network(view.network)))
 
-    def _laptop(self, network: IPv4Network) -> str:
+    def _free_laptop_address(self, network: IPv4Network) -> str:
         boxes = (host.device for host in self.inventory.hosts.values())
         used_addresses = {str(box.access.address) for box in boxes if isinstance(box, model.Cpe)}
         for site in self.inventory.sites.values():
@@ -254,20 +254,20 @@ class ManagedPorts(ManagedDevice):
     __slots__ = ()
 
     @property
-    def _box(self) -> model.Router | model.Switch:
+    def _port_device(self) -> model.Router | model.Switch:
         assert isinstance(self.host.device, model.Router | model.Switch)  # noqa: S101 - `takes` has said so
         return self.host.device
 
     @property
     def access(self) -> model.Access:
         """The access settings of the inventory."""
-        return self._box.access
+        return self._port_device.access
 
     @property
     def hardware(self) -> Hardware:
         """The ports of the inventory, and the radio of an access point."""
-        ports: tuple[model.Port | model.SwitchPort, ...] = self._box.ports
-        radio = self._box.access_point
+        ports: tuple[model.Port | model.SwitchPort, ...] = self._port_device.ports
+        radio = self._port_device.access_point
         hardware = Hardware(
             ports=tuple(port.name for port in ports),
             poe_ports=tuple(port.name for port in ports if port.poe is not None),
@@ -281,11 +281,11 @@ class ManagedPorts(ManagedDevice):
     @property
     def _radio(self) -> str:
         """The radio menu that the access point requires; empty without an access point."""
-        return "" if self._box.access_point is None else _MENUS[self._box.access_point.menus]
+        return "" if self._port_device.access_point is None else _MENUS[self._port_device.access_point.menus]
 
     def unfit(self, radios: Collection[str]) -> tuple[str, str]:
         """Return why no text fits: no radio driver, or the wrong one."""
-        name, radio = self.host.name, self._box.access_point
+        name, radio = self.host.name, self._port_device.access_point
         if not radios:
             return f"{name} has no radio that is driven, and an access point is declared", _INSTALL
         there = "wifi" if _MENUS["wifi"] in radios else "wireless"
@@ -318,7 +318,7 @@ class ManagedRouter(ManagedPorts):
         network = self.inventory.sites[self.host.site].management
         return HostPlace(
             address=str(IPv4Interface(f"{self.access.address}/{network.network.prefixlen}")),
-            port=next(port.name for port in self._box.ports if port.use == model.PortUse.MANAGEMENT),
+            port=next(port.name for port in self._port_device.ports if port.use == model.PortUse.MANAGEMENT),
             technician=str(network.technician),
         )
 

@@ -127,7 +127,9 @@ def results_from_journal(  # noqa: PLR0913, PLR0917 - one call, from one place
         hint = f"provision resume site={inventory.hosts[start].site} run={run}"
         if is_supported(inventory.hosts[name]):
             hint = f"{_TAKES_BACK}; then:  {hint}"
-        result = _result(name, run, recorded_run, str(reason) or "it has ended without a result", hint, request)
+        result = _unreached_result(
+            name, run, recorded_run, str(reason) or "it has ended without a result", hint, request
+        )
         if isinstance(reason, NetcfgError) and result.status is Status.LEFT_AS_FOUND:
             # A refusal has a code of its own (an inventory that cannot be used: 3), but nothing of it is green.
             result = DeviceResult(name, result.status, reason.exit or ExitCode.FAILED, str(reason), reason.hint)
@@ -147,7 +149,7 @@ def other_ends(names: Sequence[str], inventory: Inventory, request: Request) -> 
     return {end.name: other.name for ends in bridges for end, other in (ends, ends[::-1])}
 
 
-def _result(  # noqa: PLR0913, PLR0917 - as above
+def _unreached_result(  # noqa: PLR0913, PLR0917 - as above
     name: str, run: str, recorded_run: Run | None, reason: str, hint: str, request: Request
 ) -> DeviceResult:
     if request.mode.reads_only:

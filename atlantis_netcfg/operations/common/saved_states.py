@@ -114,7 +114,7 @@ def _find_run(places: Sequence[runs.Store], site: str, name: str) -> runs.Run:
 def before_rollback(state: Path, hosts: Sequence[Host], run: runs.Run) -> list[StartState]:
     """Return the current states of the devices: the last one read back, else that of the inventory."""
     return [
-        _read_back(host, last)
+        _state_read_back(host, last)
         if (last := _last_confirmed(state, host, run)) is not None
         else StartState(
             host.name,
@@ -127,10 +127,10 @@ def before_rollback(state: Path, hosts: Sequence[Host], run: runs.Run) -> list[S
 
 def before_resuming(state: Path, hosts: Sequence[Host], broken: runs.Run) -> list[StartState]:
     """Return the states of the devices after the interrupted run, if they have rolled its changes back."""
-    return [_before_resuming(state, host, broken) for host in hosts]
+    return [_state_before_resuming(state, host, broken) for host in hosts]
 
 
-def _before_resuming(state: Path, host: Host, broken: runs.Run) -> StartState:
+def _state_before_resuming(state: Path, host: Host, broken: runs.Run) -> StartState:
     if not is_supported(host):
         return StartState(
             host.name,
@@ -149,7 +149,7 @@ def _before_resuming(state: Path, host: Host, broken: runs.Run) -> StartState:
         )
     last = _last_confirmed(state, host, broken)
     if last is not None:
-        return _read_back(host, last)
+        return _state_read_back(host, last)
     return StartState(
         host.name,
         "no run has saved a state of it: as after its adoption",
@@ -164,7 +164,7 @@ def _last_confirmed(state: Path, host: Host, run: runs.Run) -> runs.SavedState |
     return runs.Store(state, is_rehearsal=is_rehearsal).last_confirmed(host.site, (host.name,)).get(host.name)
 
 
-def _read_back(host: Host, last: runs.SavedState) -> StartState:
+def _state_read_back(host: Host, last: runs.SavedState) -> StartState:
     return StartState(
         host.name,
         f"first brought to what run {last.run} read back at {last.at:%Y-%m-%d %H:%M} UTC",

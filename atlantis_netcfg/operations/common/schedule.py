@@ -69,7 +69,7 @@ def bridges(
     """
     bridge_list = []
     for first, second in _ends(inventory, names):
-        near = _near(inventory, (first, second), via or {}, near_site)
+        near = _choose_near_end(inventory, (first, second), via or {}, near_site)
         bridge_list.append(Bridge(near, second if near is first else first))
     return tuple(bridge_list)
 
@@ -85,8 +85,10 @@ def _ends(inventory: Inventory, names: Sequence[str]) -> Iterator[tuple[Host, Ho
         yield host, peer
 
 
-def _near(inventory: Inventory, ends: tuple[Host, Host], via: Mapping[str, str], near_site: str | None) -> Host:
-    direct = [end for end in ends if not _over_a_bridge(inventory, end, via)]
+def _choose_near_end(
+    inventory: Inventory, ends: tuple[Host, Host], via: Mapping[str, str], near_site: str | None
+) -> Host:
+    direct = [end for end in ends if not _is_over_bridge(inventory, end, via)]
     if len(direct) == 1:
         return direct[0]
     here = [end for end in direct if end.site == near_site]
@@ -104,7 +106,7 @@ def _hint(ends: tuple[Host, Host]) -> str:
     return f"name the site where you stand ({' or '.join(dict.fromkeys(end.site for end in ends))}), or say via="
 
 
-def _over_a_bridge(inventory: Inventory, end: Host, via: Mapping[str, str]) -> bool:
+def _is_over_bridge(inventory: Inventory, end: Host, via: Mapping[str, str]) -> bool:
     assert isinstance(end.device, Cpe)  # noqa: S101 - `_ends` gives no others
     name = via.get(end.name, end.device.access.via)
     links = [link for site in inventory.sites.values() for link in site.bearers if link.name == name]

@@ -69,7 +69,7 @@ class TerminalResult:
             "diff": "",
             "drift": [],
             "comparison": None,
-            "notes": [_words(finding) for finding in self.findings],
+            "notes": [_finding_text(finding) for finding in self.findings],
             "estimate": None,
             "plan_hash": "",
             "protection": None,
@@ -102,7 +102,7 @@ def judge_terminal(
     saved_firmware = _load_firmware(store).get(host.name)
     judgements = satellite.judge_evidence(host.name, evidence, backup_file, saved_firmware, today)
     findings = [replace(item, hint=item.hint and errors.fill_hint(item.hint, site=host.site)) for item in judgements]
-    return TerminalResult(host.name, device.model, evidence, (*findings, *_network_side(inventory, host, device)))
+    return TerminalResult(host.name, device.model, evidence, (*findings, *_judge_carrier_nat(inventory, host, device)))
 
 
 def perform(
@@ -117,15 +117,15 @@ def perform(
             name: judge_terminal(pilot_inventory, pilot_inventory.hosts[name], store, today=today) for name in hosts
         }
         if run_request.mode is Mode.APPLY:
-            _record(store, results.values())
+            _record_firmware(store, results.values())
         channel.outcome({name: result.as_dict() for name, result in results.items()}, {})
     # Ansible prints warnings, and of a task that went well nothing else.
-    warnings = [f"{name}: {_words(finding)}" for name, result in results.items() for finding in result.findings]
-    return {"per_host": {name: _of_host(result) for name, result in results.items()}, "warnings": warnings}
+    warnings = [f"{name}: {_finding_text(finding)}" for name, result in results.items() for finding in result.findings]
+    return {"per_host": {name: _host_result(result) for name, result in results.items()}, "warnings": warnings}
 
 
-def _of_host(result: TerminalResult) -> dict[str, Any]:
-    lines = "\n".join([result.message, *(_words(finding) for finding in result.findings)])
+def _host_result(result: TerminalResult) -> dict[str, Any]:
+    lines = "\n".join([result.message, *(_finding_text(finding) for finding in result.findings)])
     return {
         **result.as_dict(),
         "ok": result.exit is errors.ExitCode.DONE,
@@ -135,7 +135,7 @@ def _of_host(result: TerminalResult) -> dict[str, Any]:
     }
 
 
-def _words(finding: LinkFinding) -> str:
+def _finding_text(finding: LinkFinding) -> str:
     hint = f" ({finding.hint})" if finding.hint else ""
     return f"{finding.verdict}: {finding.message}{hint}"
 
@@ -154,7 +154,7 @@ def _evidence(device: SatelliteTerminal) -> satellite.SatelliteEvidence | None:
     )
 
 
-def _network_side(inventory: Inventory, host: Host, device: SatelliteTerminal) -> tuple[LinkFinding, ...]:
+def _judge_carrier_nat(inventory: Inventory, host: Host, device: SatelliteTerminal) -> tuple[LinkFinding, ...]:
     address = device.evidence.sim_address if device.evidence is not None else None
     site = inventory.sites[host.site]
     link = next((link.name for link in site.bearers if link.device == host.name), host.name)
@@ -199,7 +199,7 @@ def _load_firmware(store: runs.Store) -> dict[str, str]:
         raise runs.DamagedStateError(f"the record of the terminals cannot be read: {path}", hint=hint) from error
 
 
-def _record(store: runs.Store, results: Iterable[TerminalResult]) -> None:
+def _record_firmware(store: runs.Store, results: Iterable[TerminalResult]) -> None:
     before = _load_firmware(store)
     after = {**before, **{result.name: result.evidence.firmware for result in results if result.evidence is not None}}
     if after != before:

@@ -230,7 +230,7 @@ def declared_pace(link: model.Link) -> LinkPace:
 def over_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding | None:
     """Return a finding if a link's standing traffic exceeds its budget; None if it does not, or is free."""
     if link.metered and not link.has_standing_budget and traffic.month_bytes:
-        return _without_budget(link, traffic)
+        return _missing_budget_finding(link, traffic)
     budgets = []
     if link.standing_budget_mb is not None and traffic.month_bytes > link.standing_budget_mb * 1_000_000:
         budgets.append(f"{link.standing_budget_mb:g} MB (`standing_budget_mb`)")
@@ -247,7 +247,7 @@ def over_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding | Non
     return LinkFinding(Verdict.WARN, "standing-over-budget", message, hint)
 
 
-def _without_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding:
+def _missing_budget_finding(link: model.Link, traffic: StandingTraffic) -> LinkFinding:
     amount = f"{size(traffic.month_bytes)} a month ({traffic.bill.money})"
     message = f"no budget is declared for what goes over {link.name} by itself: {amount}"
     return LinkFinding(Verdict.WARN, "no-standing-budget", message, BUDGET_HINT)

@@ -54,7 +54,7 @@ class ComputerResult:
     def ok(self, task: str, values: Mapping[str, Any]) -> None:
         """Add a task's changes: modules of the toolkit name each change, for others the task's name is used."""
         self.notes += [str(note) for note in values.get("notes") or ()]
-        self._find([str(finding) for finding in values.get("findings") or ()], values.get("hint"))
+        self._add_findings([str(finding) for finding in values.get("findings") or ()], values.get("hint"))
         if not values.get("changed"):
             return
         self.changes += [str(change) for change in values.get("changes") or (task,)]
@@ -62,7 +62,7 @@ class ComputerResult:
         if self.status is Status.UNCHANGED:
             self.status = self._change_status
 
-    def _find(self, findings: list[str], hint: object) -> None:
+    def _add_findings(self, findings: list[str], hint: object) -> None:
         if not findings:
             return
         self.findings += findings
@@ -223,7 +223,7 @@ class Watch:
     """Running task by host."""
 
     @property
-    def _channel(self) -> EventStream:
+    def _event_stream(self) -> EventStream:
         return EventStream(self.request.events_fd)
 
     @property
@@ -256,7 +256,7 @@ class Watch:
             self._start_times.setdefault(host, time.monotonic())
             self._running[host] = task
             stage = Stage.OBSERVED if self.plan_only else Stage.APPLYING
-            self._channel.event(Event(host, stage, task))
+            self._event_stream.event(Event(host, stage, task))
 
     def ok(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """Record a successful task; one that computes the desired state or includes tasks contacts no host."""
@@ -295,7 +295,7 @@ class Watch:
             turn = self._turns[self._sites[name]]
             self._journal(turn, result)
             runs = {} if self._reads_only else {self._sites[name]: {"computers": turn.run}}
-            self._channel.outcome({name: result.as_dict()}, runs)
+            self._event_stream.outcome({name: result.as_dict()}, runs)
         self.close()
 
     def cut_off(self, reason: str) -> None:
@@ -312,7 +312,7 @@ class Watch:
     def _tell_run(self, site: str) -> None:
         """Report the run's name as soon as it exists, since it is needed to resume the run."""
         run = self._turns[site].run
-        self._channel.outcome({}, {site: {"computers": run}} if run else {})
+        self._event_stream.outcome({}, {site: {"computers": run}} if run else {})
 
     def close(self) -> None:
         """Unlock the sites; may be called repeatedly."""

@@ -214,7 +214,7 @@ class _RemoteLink:
             if line.startswith(_ASKS.encode()):
                 self._install(tool, line)
             elif line.startswith(_INSTALL_MARK.encode()):
-                raise _not_installed(self.name, line)
+                raise _install_error(self.name, line)
             elif line.startswith(_MARK):
                 return
 
@@ -267,11 +267,11 @@ class _RemoteLink:
 
     def _end_error(self) -> ServerAway:
         code = self._code()
-        return self._trouble(code, self._last_words())
+        return self._trouble(code, self._stderr_tail())
 
     def _loss_error(self, do: str = "") -> AnswerLost:
         code = self._code()
-        why = self._last_words().strip().splitlines()[-1:] or [f"exit {code}" if code is not None else "no answer"]
+        why = self._stderr_tail().strip().splitlines()[-1:] or [f"exit {code}" if code is not None else "no answer"]
         return AnswerLost(
             f"{self.name}: the connection was lost before an answer came{f' to `{do}`' if do else ''} ({why[0]})",
             hint="what was asked for may have been done: `provision vpn sync` looks, and goes on",
@@ -292,7 +292,7 @@ class _RemoteLink:
             process.wait()
             return None
 
-    def _last_words(self) -> str:
+    def _stderr_tail(self) -> str:
         self._stderr.seek(0)
         return self._stderr.read()[-4000:].decode(errors="replace")
 
@@ -341,7 +341,7 @@ def _unpack(line: bytes) -> dict[str, Any]:
     return result
 
 
-def _not_installed(name: str, line: bytes) -> ServerRefusal:
+def _install_error(name: str, line: bytes) -> ServerRefusal:
     try:
         result = json.loads(line[len(_INSTALL_MARK) :])
         return ServerRefusal(f"{name}: {result['msg']}", hint=result.get("hint") or None)

@@ -48,7 +48,7 @@ def examine(inventory: Path, site: str | None, *, via: str | None, decrypt: Call
     authority = state / "vpn" if state is not None else None
     items = [*software_items(paths.checkout(), computers=any(map(is_computer, hosts)))]
     items += clock_items(paths.checkout(), read.runs, authority)
-    items += _way_items(pilot_inventory, site, via, state)
+    items += _reachability_items(pilot_inventory, site, via, state)
     items += [invalid] if invalid is not None else []
     if pilot_inventory is not None and state is not None:
         items += key_items(pilot_inventory, hosts, decrypt, Store(state).pins, _home())
@@ -96,7 +96,7 @@ def _home() -> Path:
         return Path("/nonexistent")
 
 
-def _way_items(
+def _reachability_items(
     inventory: Inventory | None, site: str | None, via: str | None, state: Path | None
 ) -> Iterator[DoctorItem]:
     try:

@@ -111,12 +111,12 @@ def laptop_keys(home: Path, agent: str = "") -> tuple[LaptopKey, ...]:
     """Return the keys that OpenSSH would offer; `agent` is the output of `ssh-add -L`."""
     folder = home / ".ssh"
     files = [path for path in sorted(folder.glob("*.pub")) if path.with_suffix("").is_file()]
-    files += [path for path in _named_in_config(folder / "config", home) if path.is_file() and path not in files]
-    file_keys = [LaptopKey(public, path.with_suffix("")) for path in files if (public := _public(_text(path)))]
-    return (*file_keys, *(LaptopKey(public, None) for line in agent.splitlines() if (public := _public(line))))
+    files += [path for path in _configured_keys(folder / "config", home) if path.is_file() and path not in files]
+    file_keys = [LaptopKey(public, path.with_suffix("")) for path in files if (public := _public_key_of(_text(path)))]
+    return (*file_keys, *(LaptopKey(public, None) for line in agent.splitlines() if (public := _public_key_of(line))))
 
 
-def _named_in_config(config: Path, home: Path) -> Iterator[Path]:
+def _configured_keys(config: Path, home: Path) -> Iterator[Path]:
     for name in re.findall(r"^\s*IdentityFile[ \t=]+(\S+)", _text(config), re.MULTILINE | re.IGNORECASE):
         path = name.strip('"').replace("%d", str(home))
         yield Path(f"{home}{path[1:]}.pub" if path.startswith("~/") else f"{path}.pub")
@@ -129,7 +129,7 @@ def _text(file: Path) -> str:
         return ""
 
 
-def _public(line: str) -> str:
+def _public_key_of(line: str) -> str:
     words = line.split()
     return f"{words[0]} {words[1]}" if len(words) > 1 and words[1].startswith("AAAA") else ""
 
@@ -137,7 +137,7 @@ def _public(line: str) -> str:
 def keys_item(host: str, allowed_keys: Sequence[str], keys: Sequence[LaptopKey]) -> DoctorItem:
     """Report whether this laptop has a private key for one of the host's authorised keys."""
     name = f"SSH key for {host}"
-    public_keys = {_public(line) for line in allowed_keys}
+    public_keys = {_public_key_of(line) for line in allowed_keys}
     fitting = [key for key in keys if key.public in public_keys]
     if not fitting:
         return _item(

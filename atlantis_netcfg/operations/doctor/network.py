@@ -161,7 +161,7 @@ def read_network(address: IPv4Address | None) -> NetworkFacts:
         defaults=_ip("route", "show", "default"),
         **towards,
     )
-    return facts_of(prints, _cards(), _managed_ports())
+    return facts_of(prints, _read_cards(), _managed_ports())
 
 
 def _run(words: Sequence[str]) -> subprocess.CompletedProcess[str]:
@@ -196,7 +196,7 @@ def _get_route(address: IPv4Address) -> str:
     return "[]" if process.returncode else process.stdout
 
 
-def _cards() -> dict[str, CardFacts]:
+def _read_cards() -> dict[str, CardFacts]:
     result = {}
     with suppress(OSError):
         for folder in Path("/sys/class/net").iterdir():

@@ -188,7 +188,7 @@ def _judge_port(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None
     return _item("port", Verdict.PASS, f"{port.name} has a cable, {speed}")
 
 
-def _give_address(place: RouterPlace, port: LaptopPort | None) -> list[str]:
+def _address_commands(place: RouterPlace, port: LaptopPort | None) -> list[str]:
     if port is None:
         return []
     free = [_sudo("nmcli", "device", "set", port.name, "managed", "no")] if port.is_managed else []
@@ -204,7 +204,10 @@ def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | N
                     "address",
                     Verdict.FAIL,
                     f"{each.name} has {address.ip}, which is the address of {place.router} itself",
-                    commands=[_sudo("ip", "address", "del", address, "dev", each.name), *_give_address(place, port)],
+                    commands=[
+                        _sudo("ip", "address", "del", address, "dev", each.name),
+                        *_address_commands(place, port),
+                    ],
                 )
     if any(place.laptop_address in each.addresses for each in reaching):
         names = ", ".join(each.name for each in reaching if place.laptop_address in each.addresses)
@@ -214,7 +217,7 @@ def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | N
             "address",
             Verdict.FAIL,
             f"no port has an address in {place.network}, the network of {place.plug} of {place.router}",
-            commands=_give_address(place, port),
+            commands=_address_commands(place, port),
         )
     first = reaching[0]
     match = next(each for each in first.addresses if each.ip in place.network)
@@ -223,7 +226,7 @@ def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | N
         "address",
         Verdict.WARN if same else Verdict.FAIL,
         f"{first.name} has {match}; declared for this laptop is {place.laptop_address}",
-        commands=_give_address(place, first),
+        commands=_address_commands(place, first),
     )
 
 

@@ -187,12 +187,12 @@ class LinkFit:
             },
             "topics": [_topic_as_dict(topic) for topic in self.topics],
             "by_itself": {"up_bps": round(self.other_up_bps), "down_bps": round(self.other_down_bps)},
-            "declared": self._sums(self.up_bps, self.down_bps, is_thinned=False),
-            "thinned": None if self.fits else self._sums(self.thinned_up_bps, self.thinned_down_bps, is_thinned=True),
+            "declared": self._totals(self.up_bps, self.down_bps, is_thinned=False),
+            "thinned": None if self.fits else self._totals(self.thinned_up_bps, self.thinned_down_bps, is_thinned=True),
             "warnings": list(self.warnings),
         }
 
-    def _sums(self, up_bps: float, down_bps: float, *, is_thinned: bool) -> dict[str, Any]:
+    def _totals(self, up_bps: float, down_bps: float, *, is_thinned: bool) -> dict[str, Any]:
         hour, day = (
             self.costs(_HOUR_S, is_thinned=is_thinned),
             self.costs(standing_traffic.DAY_S, is_thinned=is_thinned),
@@ -379,33 +379,33 @@ class _LinkLoad:
     def fit(self, link: MeteredLink, topics: Sequence[model.TelemetryTopic]) -> LinkFit:
         rates = self._thin_rates(topics)
         up, down = self._load(topics, rates)
-        fits = tuple(self._topic(topic, rate) for topic, rate in zip(topics, rates, strict=True))
+        fits = tuple(self._fit_topic(topic, rate) for topic, rate in zip(topics, rates, strict=True))
         return LinkFit(link, self.capacity, fits, *self.other, up, down, self.crosses)
 
     def _cost(self, topic: model.TelemetryTopic, rate_hz: float) -> standing_traffic.MessageCost:
         return self.messages.cost(replace(traffic_budget.steady(topic), rate_hz=rate_hz), self.capacity.pace)
 
-    def _bps(self, topic: model.TelemetryTopic, rate_hz: float) -> tuple[float, float]:
+    def _topic_load_bps(self, topic: model.TelemetryTopic, rate_hz: float) -> tuple[float, float]:
         cost, each = self._cost(topic, rate_hz), rate_hz * self.subscribers * 8
         return cost.bytes_up * each, cost.bytes_down * each
 
     def _load(self, topics: Sequence[model.TelemetryTopic], rates: Sequence[float]) -> tuple[float, float]:
-        loads = [self._bps(topic, rate) for topic, rate in zip(topics, rates, strict=True)]
+        loads = [self._topic_load_bps(topic, rate) for topic, rate in zip(topics, rates, strict=True)]
         return self.other[0] + sum(up for up, _ in loads), self.other[1] + sum(down for _, down in loads)
 
-    def _within(self, topics: Sequence[model.TelemetryTopic], rates: Sequence[float]) -> bool:
+    def _fits_capacity(self, topics: Sequence[model.TelemetryTopic], rates: Sequence[float]) -> bool:
         return self.capacity.admits(*self._load(topics, rates))
 
     def _thin_rates(self, topics: Sequence[model.TelemetryTopic]) -> list[float]:
         """Return the rates at which all topics fit, as far as possible."""
         rates = [topic.rate_hz for topic in topics]
         for data in _THINNED_FIRST:
-            if self._within(topics, rates):
+            if self._fits_capacity(topics, rates):
                 break
             lowest = [
                 topic.useful_hz if topic.data is data else rate for topic, rate in zip(topics, rates, strict=True)
             ]
-            rates = self._between(topics, lowest, rates) if self._within(topics, lowest) else lowest
+            rates = self._between(topics, lowest, rates) if self._fits_capacity(topics, lowest) else lowest
         return rates
 
     def _between(
@@ -413,21 +413,21 @@ class _LinkLoad:
     ) -> list[float]:
         """Return the highest fitting rates at one common position between `low`, which fits, and `high`."""
 
-        def at(share: float) -> list[float]:
+        def rates_at(share: float) -> list[float]:
             return [least + share * (most - least) for least, most in zip(low, high, strict=True)]
 
         below, above = 0.0, 1.0
         for _ in range(_STEPS):
             middle = (below + above) / 2
-            below, above = (middle, above) if self._within(topics, at(middle)) else (below, middle)
+            below, above = (middle, above) if self._fits_capacity(topics, rates_at(middle)) else (below, middle)
         return [
             rate if rate == most else _rounded_down(rate, least)
-            for rate, least, most in zip(at(below), low, high, strict=True)
+            for rate, least, most in zip(rates_at(below), low, high, strict=True)
         ]
 
-    def _topic(self, topic: model.TelemetryTopic, rate_hz: float) -> TopicFit:
+    def _fit_topic(self, topic: model.TelemetryTopic, rate_hz: float) -> TopicFit:
         cost, pace, loss = self._cost(topic, topic.rate_hz), self.capacity.pace, self.capacity.loss
-        up, down = self._bps(topic, topic.rate_hz)
+        up, down = self._topic_load_bps(topic, topic.rate_hz)
         return TopicFit(
             topic,
             rate_hz,

@@ -361,12 +361,12 @@ def _statuses(observations: Sequence[SeenLinks], over: Sequence[LinkFinding | No
         *((item.route.name, excess) for item, excess in zip(observations, over, strict=True) if excess),
     ]
     return [
-        _with(link_status(item), [finding for name, finding in findings if name == item.route.name])
+        _add_findings(link_status(item), [finding for name, finding in findings if name == item.route.name])
         for item in observations
     ]
 
 
-def _with(status: LinkStatus, more: list[LinkFinding]) -> LinkStatus:
+def _add_findings(status: LinkStatus, more: list[LinkFinding]) -> LinkStatus:
     return replace(status, findings=(*status.findings, *more))
 
 
@@ -386,8 +386,8 @@ class _LinkSite:
     def put_together(self) -> LinksStatus:
         """Judge the responses and save the counters."""
         site = self.inventory.sites[self.router.site]
-        month = self._months()
-        active, reading = self._active(), self._reading
+        month = self._month_usage()
+        active, reading = self._active_links(), self._reading
         standing = standing_traffic(self.inventory, self.router.site)
         over = [over_budget(link, traffic) for link, traffic in zip(site.bearers, standing, strict=True)]
         observations = [
@@ -405,8 +405,8 @@ class _LinkSite:
             for route, link in zip(self.ways, site.bearers, strict=True)
         ]
         return LinksStatus(
-            links=rank(_statuses(observations, over), site.failover.fail_back_s, self._used(reading)),
-            boxes={link.name: self._boxes(link) for link in site.bearers},
+            links=rank(_statuses(observations, over), site.failover.fail_back_s, self._temporary_use(reading)),
+            boxes={link.name: self._link_device_text(link) for link in site.bearers},
             months=month,
             probe_bytes={
                 item.route.name: ping_bytes(self.ways)[item.route.name] for item in observations if item.echoes
@@ -427,7 +427,7 @@ class _LinkSite:
         answer = self._answer(self.router)
         return answer if isinstance(answer, RouterReading) else None
 
-    def _used(self, reading: RouterReading | None) -> tuple[str, LinkFinding] | None:
+    def _temporary_use(self, reading: RouterReading | None) -> tuple[str, LinkFinding] | None:
         if reading is None or reading.use is None:
             return None
         hint = f"`provision use site={self.router.site} end` ends it now"
@@ -436,7 +436,7 @@ class _LinkSite:
     def _answer(self, host: Host | None) -> Any:  # noqa: ANN401 - a reading of the host's kind, Silent or None
         return None if host is None else self.turn.answers.get(host.name)
 
-    def _active(self) -> tuple[str, ...] | None:
+    def _active_links(self) -> tuple[str, ...] | None:
         reading = self._reading
         return None if reading is None or reading.routes is None else policy.active_links(reading.routes, self.ways)
 
@@ -477,7 +477,7 @@ class _LinkSite:
             self.notes.append(str(error))
             return BoxesStatus()
 
-    def _boxes(self, link: model.Link) -> str:
+    def _link_device_text(self, link: model.Link) -> str:
         box = self.inventory.hosts.get(link.device or "")
         if box is not None and isinstance(box.device, model.Cpe):
             return f"{box.name} to {box.device.ptp.peer}"
@@ -490,7 +490,7 @@ class _LinkSite:
         source = getattr(box.device, "powered_by", None) if box is not None else None
         return source.port if source is not None and source.device == self.router.name else None
 
-    def _months(self) -> dict[str, runs.MonthBytes]:
+    def _month_usage(self) -> dict[str, runs.MonthBytes]:
         usage = runs.Store(self.request.state, is_rehearsal=self.request.rehearsed).usage(self.router.site)
         try:
             return months(usage, self.router.name, self._reading, self.ways, self.now)

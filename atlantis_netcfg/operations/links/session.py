@@ -174,21 +174,24 @@ def read(replies: Sequence[api.Reply], probes: Sequence[policy.PolicyProbe]) -> 
         echoes=_echoes(probes, replies[_MENUS:]),
         neighbours=None if neighbours is None or port_aliases else _by_port(neighbours),
         use=in_use(jobs or ()),
-        drop_counters=None if rules is None else _by_chain(rules),
+        drop_counters=None if rules is None else _counters_by_chain(rules),
     )
 
 
 def _port(row: Row) -> SessionPort:
     return SessionPort(
-        _truth(row.get("running")), _truth(row.get("disabled")), _whole(row.get("rx-byte")), _whole(row.get("tx-byte"))
+        _parse_bool(row.get("running")),
+        _parse_bool(row.get("disabled")),
+        _parse_int(row.get("rx-byte")),
+        _parse_int(row.get("tx-byte")),
     )
 
 
-def _truth(text: str | None) -> bool | None:
+def _parse_bool(text: str | None) -> bool | None:
     return None if text is None else text in _TRUE
 
 
-def _whole(text: str | None) -> int | None:
+def _parse_int(text: str | None) -> int | None:
     return int(text) if text is not None and text.isdecimal() else None
 
 
@@ -205,7 +208,7 @@ def _echo(target: str, answers: Sequence[Row] | None) -> Echo | None:
     """Parse the rows of a ping: each has the sums so far, so the last one is the result."""
     if not answers:
         return None
-    sent_count, received_count = (_whole(answers[-1].get(name)) for name in ("sent", "received"))
+    sent_count, received_count = (_parse_int(answers[-1].get(name)) for name in ("sent", "received"))
     if not sent_count or received_count is None:
         return None
     return Echo(
@@ -242,10 +245,10 @@ def _is_address(text: str) -> bool:
     return True
 
 
-def _by_chain(rules: Sequence[Row]) -> dict[str, tuple[int, int]]:
+def _counters_by_chain(rules: Sequence[Row]) -> dict[str, tuple[int, int]]:
     result: dict[str, tuple[int, int]] = {}
     for row in rules:
-        packets, nbytes = _whole(row.get("packets")), _whole(row.get("bytes"))
+        packets, nbytes = _parse_int(row.get("packets")), _parse_int(row.get("bytes"))
         if row.get("disabled") in _TRUE or packets is None or nbytes is None:
             continue
         before = result.get(row.get("chain", ""), (0, 0))

@@ -113,7 +113,7 @@ def of_bridge(
     boxes = BoxesStatus(silent=tuple(answer for _, answer in ends if isinstance(answer, Silent)))
     for host, answer in ends:
         if isinstance(answer, RadioLook):
-            end_status = _of_end(host, answer, [other for other, _ in ends if other is not host], macs)
+            end_status = _end_status(host, answer, [other for other, _ in ends if other is not host], macs)
             boxes = _merge(boxes, end_status if host is near[0] else _far(end_status))
     return _excuse_far_end(boxes, far[1]) if far is not None and isinstance(far[1], Silent) else boxes
 
@@ -129,7 +129,7 @@ def _excuse_far_end(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
     return replace(boxes, findings=(*boxes.findings, finding), silent=rest)
 
 
-def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> BoxesStatus:
+def _end_status(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> BoxesStatus:
     if look.reading is None:
         message = f"{host.name}: its menus show no radio"
         hint = "RouterOS 7.13 and later need the package `wireless` or `wifi-qcom` for it: see docs/wifi-link.md"
@@ -137,11 +137,11 @@ def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str
     if not others:
         return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading))
     expected_link = expected_of(host, others[0], macs.get(others[0].name))
-    findings = (_said_by(host, finding) for finding in radios.judge(look.reading, expected_link))
+    findings = (_prefix_host(host, finding) for finding in radios.judge(look.reading, expected_link))
     return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading, expected_link), tuple(findings))
 
 
-def _said_by(host: Host, finding: LinkFinding) -> LinkFinding:
+def _prefix_host(host: Host, finding: LinkFinding) -> LinkFinding:
     return replace(finding, message=f"{host.name}: {finding.message}")
 
 
@@ -236,13 +236,13 @@ async def modem_reading(session: api.Session) -> LteReading:
     name = routeros.modem_name(rows(replies[1]), _INTERFACE)
     if name != _INTERFACE:
         replies[0] = await session.command(command(routeros.monitor_query(name)))
-    reading = _reading(replies)
+    reading = _read_lte(replies)
     if reading.state is Registration.UNKNOWN:
-        reading = _reading(replies, rows(await session.command(command(routeros.log_query()))))
+        reading = _read_lte(replies, rows(await session.command(command(routeros.log_query()))))
     return reading
 
 
-def _reading(replies: list[api.Reply], log: tuple[Row, ...] | None = None) -> LteReading:
+def _read_lte(replies: list[api.Reply], log: tuple[Row, ...] | None = None) -> LteReading:
     monitor, interfaces, profiles, addresses = (rows(reply) for reply in replies)
     return routeros.read(monitor[0] if monitor else None, interfaces, profiles, addresses, log, _INTERFACE)
 
@@ -363,7 +363,7 @@ def _findings(observation: SeenLinks) -> Iterator[LinkFinding]:
     if isinstance(observation.router, Silent):
         message = f"the router cannot be read, so nobody knows whether this link works: {observation.router.message}"
         yield LinkFinding(Verdict.INCONCLUSIVE, "router-unreachable", message, observation.router.hint)
-    yield from _of_port(observation)
+    yield from _port_findings(observation)
     yield from _of_strangers(observation)
     boxes = tuple(_filter_findings(observation))
     yield from boxes
@@ -379,7 +379,7 @@ def _filter_findings(observation: SeenLinks) -> Iterator[LinkFinding]:
             yield finding
 
 
-def _of_port(observation: SeenLinks) -> Iterator[LinkFinding]:
+def _port_findings(observation: SeenLinks) -> Iterator[LinkFinding]:
     name, port = observation.route.port, observation.port
     reading = observation.reading
     if reading is not None and reading.ports is not None and port is None:
@@ -450,11 +450,14 @@ def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, LinkFinding], .
         for stranger in item.strangers:
             ports.setdefault(stranger, []).append(item)
     return tuple(
-        (item.route.name, _twice(address, many)) for address, many in ports.items() if len(many) > 1 for item in many
+        (item.route.name, _duplicate_address_finding(address, many))
+        for address, many in ports.items()
+        if len(many) > 1
+        for item in many
     )
 
 
-def _twice(address: str, many: Sequence[SeenLinks]) -> LinkFinding:
+def _duplicate_address_finding(address: str, many: Sequence[SeenLinks]) -> LinkFinding:
     where = " and ".join(f"{item.route.port} ({item.route.name})" for item in many)
     message = f"{address} answers on {where}: two boxes with one address, of which the router can reach one only"
     return LinkFinding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
@@ -468,15 +471,15 @@ def rank(
     `use`: the link that is temporarily in use, and the finding about it. It precedes all others meanwhile.
     """
     if use is None or all(status.name != use[0] for status in statuses):
-        return _by_rank(statuses, fail_back_s)
+        return _add_rank_findings(statuses, fail_back_s)
     link, finding = use
     order = sorted(statuses, key=lambda status: status.name != link)
-    status_by_name = {status.name: status for status in _by_rank(order, fail_back_s)}
-    status_by_name[link] = _with(status_by_name[link], finding)
+    status_by_name = {status.name: status for status in _add_rank_findings(order, fail_back_s)}
+    status_by_name[link] = _add_finding(status_by_name[link], finding)
     return tuple(status_by_name[status.name] for status in statuses)
 
 
-def _by_rank(statuses: Sequence[LinkStatus], fail_back_s: int) -> tuple[LinkStatus, ...]:
+def _add_rank_findings(statuses: Sequence[LinkStatus], fail_back_s: int) -> tuple[LinkStatus, ...]:
     if any(status.active is None for status in statuses):
         return tuple(statuses)
     active = [status.name for status in statuses if status.active]
@@ -484,7 +487,7 @@ def _by_rank(statuses: Sequence[LinkStatus], fail_back_s: int) -> tuple[LinkStat
         first, *others = statuses
         message = "no default route leads over any link: nothing leaves the site"
         hint = "a router that was never configured has none: run the site; else see what is said of each link"
-        return (_with(first, LinkFinding(Verdict.FAIL, "no-way-out", message, hint)), *others)
+        return (_add_finding(first, LinkFinding(Verdict.FAIL, "no-way-out", message, hint)), *others)
     place = min(number for number, status in enumerate(statuses) if status.active)
     return tuple(_rank_status(status, number, place, statuses, fail_back_s) for number, status in enumerate(statuses))
 
@@ -495,15 +498,15 @@ def _rank_status(
     if number < place and status.state is LinkState.UP:
         message = f"it answers, but {statuses[place].name} carries the traffic"
         hint = f"it is taken again when it has answered for {fail_back_s} s without a break: look again after that"
-        return _with(status, LinkFinding(Verdict.WARN, "not-taken-yet", message, hint))
+        return _add_finding(status, LinkFinding(Verdict.WARN, "not-taken-yet", message, hint))
     if number and status.active:
         cost_note = ", and every byte is paid" if status.is_metered else ""
         message = f"it carries the traffic in place of {statuses[0].name}{cost_note}"
-        return _with(
+        return _add_finding(
             status, LinkFinding(Verdict.WARN, "in-place-of-a-better-one", message, f"repair {statuses[0].name}")
         )
     return status
 
 
-def _with(status: LinkStatus, finding: LinkFinding) -> LinkStatus:
+def _add_finding(status: LinkStatus, finding: LinkFinding) -> LinkStatus:
     return replace(status, findings=(*status.findings, finding))

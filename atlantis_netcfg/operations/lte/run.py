@@ -167,7 +167,7 @@ class UnitConvergence:
         self._tell(events.Stage.OBSERVED, reading.reading.state.value.replace("_", " "))
         if not self._unit.may_set:
             return self._result(reading, SettingsResult())
-        settings = self._set(reading)
+        settings = self._apply_settings(reading)
         if settings.is_done:
             try:
                 reading = self._wait_for_connection(reading)
@@ -178,7 +178,7 @@ class UnitConvergence:
             self._unit.pin_attempt.forget()
         return self._result(reading, settings)
 
-    def _set(self, reading: UnitStatus) -> SettingsResult:
+    def _apply_settings(self, reading: UnitStatus) -> SettingsResult:
         unit, desired_settings = self._unit, self._unit.settings
         with unit.shell() as shell:
             sections = sections_of(shell)
@@ -394,11 +394,11 @@ def perform(
     with open_request(request, plan_only=plan_only) as (run_request, channel):
         pilot_inventory = open_inventory(inventory, decrypt)
         units = [pilot_inventory.hosts[name] for name in hosts if is_other_lte_unit(pilot_inventory.hosts[name])]
-        results = _perform(pilot_inventory, units, run_request, channel) if _ours(run_request) else {}
-    return {"per_host": {name: _of_host(result) for name, result in results.items()}}
+        results = _perform(pilot_inventory, units, run_request, channel) if _is_forward_run(run_request) else {}
+    return {"per_host": {name: _host_result(result) for name, result in results.items()}}
 
 
-def _ours(request: Request) -> bool:
+def _is_forward_run(request: Request) -> bool:
     forward = request.back_to is None and request.restore is None
     return forward and request.mode in (Mode.PLAN, Mode.APPLY, Mode.RESUME)
 
@@ -430,7 +430,7 @@ def _site(
             journal, run = run_journal, run_journal.run
             channel.outcome({}, {site: {"4g": run}})
         for host in units:
-            result = results[host.name] = _unit(host, request, store, journal, channel)
+            result = results[host.name] = _converge_unit(host, request, store, journal, channel)
             if host is units[-1]:
                 end_record = runs.RunEnd(exit=int(errors.worst(result.exit for result in results.values())))
                 result = results[host.name] = runs.mark_unrecorded(result, runs.conclude(journal, end_record))
@@ -439,7 +439,9 @@ def _site(
     return results
 
 
-def _unit(host: Host, request: Request, store: runs.Store, journal: runs.Recorder, channel: EventStream) -> LteResult:
+def _converge_unit(
+    host: Host, request: Request, store: runs.Store, journal: runs.Recorder, channel: EventStream
+) -> LteResult:
     # Most runs have no unit, and the console with its libraries takes a tenth of a second in each task.
 
     assert isinstance(host.device, LteRouter)  # noqa: S101 - `is_other_lte_unit` is true
@@ -485,7 +487,7 @@ def _journal(
     )
 
 
-def _of_host(result: LteResult) -> dict[str, Any]:
+def _host_result(result: LteResult) -> dict[str, Any]:
     fine = result.exit in FINE
     message = f"{result.message} ({result.hint})" if result.hint else result.message
     diff = f"{result.name}:\n{result.diff}" if result.diff else ""

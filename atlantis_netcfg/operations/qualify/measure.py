@@ -107,12 +107,12 @@ class Measurement:
         """Send everything and return why it ended; samples are kept in any case."""
         stages: list[tuple[str, Callable[[], None]]] = [
             *([("the tunnel over the link", self._run_tunnel_switch)] if self.plan.tunnel_switch is not None else []),
-            ("round trips without load", self._idle),
-            ("path MTU", self._mtu),
-            *([("round trips beside a load", self._load)] if self.plan.load is not None else []),
-            *([("goodput from the far end", self._load_down)] if self.plan.load_down is not None else []),
-            *((cell.stream, partial(self._cell, cell)) for cell in self.plan.cells),
-            *((f"highest rate of {size} octets", partial(self._search, size)) for size in self.plan.sizes),
+            ("round trips without load", self._measure_idle),
+            ("path MTU", self._measure_mtu),
+            *([("round trips beside a load", self._measure_load)] if self.plan.load is not None else []),
+            *([("goodput from the far end", self._measure_load_down)] if self.plan.load_down is not None else []),
+            *((cell.stream, partial(self._measure_cell, cell)) for cell in self.plan.cells),
+            *((f"highest rate of {size} octets", partial(self._search_rate, size)) for size in self.plan.sizes),
         ]
         self.reason = session.EndReason.DONE
         for number, (name, stage) in enumerate(stages):
@@ -131,10 +131,10 @@ class Measurement:
         assert self.plan.tunnel_switch is not None  # noqa: S101 - `measure` has looked
         self._run_streams(session.Train(TUNNEL_SWITCH, self.plan.tunnel_switch, self.peer, self.transport, self.write))
 
-    def _idle(self) -> None:
+    def _measure_idle(self) -> None:
         self._run_streams(session.Train(IDLE, self.plan.idle, self.peer, self.transport, self.write))
 
-    def _mtu(self) -> None:
+    def _measure_mtu(self) -> None:
         times = self.plan.times
         timeout = min(3.0, times.timeout_s)
         before = self.transport.sent_packets - self.transport.received_packets
@@ -154,7 +154,7 @@ class Measurement:
         elif self.mtu.both is None and not any(isinstance(each, ReplySample) for each in self.samples):
             self.reason = session.EndReason.SILENT
 
-    def _load(self) -> None:
+    def _measure_load(self) -> None:
         assert self.plan.load is not None  # noqa: S101 - `measure` has looked
         idle = self.plan.idle
         beside = session.TrainPlan(AUTHENTICATED_SIZE, idle.interval_s, self.plan.times.load_s, idle.timeout_s)
@@ -163,11 +163,11 @@ class Measurement:
             self._stream(LOAD_UP, self.plan.load),
         )
 
-    def _load_down(self) -> None:
+    def _measure_load_down(self) -> None:
         assert self.plan.load_down is not None  # noqa: S101 - `measure` has looked
         self._run_streams(DownMessageStream(LOAD_DOWN, self.plan.load_down, self.peer, self.transport, self.write))
 
-    def _cell(self, cell: RateCell) -> None:
+    def _measure_cell(self, cell: RateCell) -> None:
         self._run_streams(self._stream(cell.stream, cell.plan))
 
     def _stream(self, name: str, plan: session.TrainPlan | MessagePlan) -> session.PacketStream:
@@ -178,8 +178,8 @@ class Measurement:
     def _run_streams(self, *streams: session.PacketStream) -> None:
         self.reason = session.run(self.transport, self.peer, streams, self.guard)
 
-    def _search(self, size: int) -> None:
-        idle = self._messages(f"rate {size} 0", size, None)
+    def _search_rate(self, size: int) -> None:
+        idle = self._measure_messages(f"rate {size} 0", size, None)
         if idle is None:
             return
         if idle.delay_p95_s is None:
@@ -187,7 +187,7 @@ class Measurement:
             return
         result = search.sustained_rate(
             size,
-            lambda rate: self._messages(f"rate {size} {rate:g}", size, rate),
+            lambda rate: self._measure_messages(f"rate {size} {rate:g}", size, rate),
             idle_latency_s=0.0 if idle.latency is None else idle.latency.p50,
             idle_loss=train_figures(self.samples, IDLE).flr.share_up,
             first_hz=self.plan.first_hz(size),
@@ -195,7 +195,7 @@ class Measurement:
         )
         self.rates.append(result)
 
-    def _messages(self, stream: str, size: int, rate_hz: float | None) -> MessageFigures | None:
+    def _measure_messages(self, stream: str, size: int, rate_hz: float | None) -> MessageFigures | None:
         plan = self.plan.single(size) if rate_hz is None else self.plan.window(size, rate_hz)
         self._run_streams(self._stream(stream, plan))
         return message_figures(self.samples, stream) if self.reason == session.EndReason.DONE else None

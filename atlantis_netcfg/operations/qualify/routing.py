@@ -56,13 +56,17 @@ def rows(
 ) -> tuple[api.Command, ...]:
     """Return the rows, before all others, that route the flow over a link and count it on every port."""
     where = (("src-address", f"{flow.source}/32"), ("dst-address", f"{flow.far}/32"), ("table", f"via-{link}"))
-    rule = api.Command(f"{_RULE}/add", (("action", "lookup-only-in-table"), ("comment", MARK), *where, *_first(rules)))
-    return (rule, *_counting(flow, ports, _first(mangle)))
+    rule = api.Command(
+        f"{_RULE}/add", (("action", "lookup-only-in-table"), ("comment", MARK), *where, *_place_before_first(rules))
+    )
+    return (rule, *_counter_commands(flow, ports, _place_before_first(mangle)))
 
 
-def _counting(flow: MeasuredFlow, ports: Sequence[str], first: tuple[tuple[str, str], ...]) -> Iterator[api.Command]:
+def _counter_commands(
+    flow: MeasuredFlow, ports: Sequence[str], first: tuple[tuple[str, str], ...]
+) -> Iterator[api.Command]:
     words = (("action", "passthrough"), ("chain", "forward"), ("comment", MARK), ("protocol", "udp"))
-    near, far = _end(flow.source, flow.source_port), _end(flow.far, flow.far_port)
+    near, far = _endpoint_match(flow.source, flow.source_port), _endpoint_match(flow.far, flow.far_port)
     for port in ports:
         up = (("out-interface", port), *near("src"), *far("dst"))
         down = (("in-interface", port), *far("src"), *near("dst"))
@@ -70,12 +74,12 @@ def _counting(flow: MeasuredFlow, ports: Sequence[str], first: tuple[tuple[str, 
             yield api.Command(f"{_MANGLE}/add", (*words, *way, *first))
 
 
-def _end(address: str, port: int | None) -> Callable[[str], tuple[tuple[str, str], ...]]:
+def _endpoint_match(address: str, port: int | None) -> Callable[[str], tuple[tuple[str, str], ...]]:
     number = () if port is None else (("port", str(port)),)
     return lambda side: tuple((f"{side}-{name}", value) for name, value in (("address", address), *number))
 
 
-def _first(reply: api.Reply) -> tuple[tuple[str, str], ...]:
+def _place_before_first(reply: api.Reply) -> tuple[tuple[str, str], ...]:
     first_id = next((row[".id"] for row in reply.check().rows if ".id" in row and row.get("dynamic") != "true"), None)
     return () if first_id is None else (("place-before", first_id),)
 
@@ -120,10 +124,10 @@ async def router_words(session: api.Session) -> str | None:
 
 def link_counts(links: Mapping[str, str], before: FlowCounts, after: FlowCounts | None) -> tuple[LinkCount, ...]:
     """Return the counts of each link; `links` maps port to link. `after` None: the router was not read again."""
-    return tuple(_count(link, port, before, after) for port, link in links.items())
+    return tuple(_link_count(link, port, before, after) for port, link in links.items())
 
 
-def _count(link: str, port: str, before: FlowCounts, after: FlowCounts | None) -> LinkCount:
+def _link_count(link: str, port: str, before: FlowCounts, after: FlowCounts | None) -> LinkCount:
     if after is None:
         return LinkCount(link=link)
     up, down = after.up.get(port, (None, None)), after.down.get(port, (None, None))

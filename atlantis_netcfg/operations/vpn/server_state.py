@@ -221,7 +221,12 @@ def drift(state: ServerState, files: Sequence[File], membership: MembershipList)
     """Return the differences between running server and ledger as text; `files` come from `live_files`. Pure."""
     if not state.ready:
         return ("no server of the VPN was ever set up there",)
-    return (*_admissions(state, files), *_list(state, files, membership), *_firewall(state, files), *_running(state))
+    return (
+        *_admissions(state, files),
+        *_crl_drift(state, files, membership),
+        *_firewall(state, files),
+        *_service_drift(state),
+    )
 
 
 def _admissions(state: ServerState, desired_files: Sequence[File]) -> Iterator[str]:
@@ -237,7 +242,7 @@ def _admissions(state: ServerState, desired_files: Sequence[File]) -> Iterator[s
             yield f"{path.rpartition('/')[2]} is not to be admitted, and the server has a file that admits it ({path})"
 
 
-def _list(state: ServerState, files: Sequence[File], membership: MembershipList) -> Iterator[str]:
+def _crl_drift(state: ServerState, files: Sequence[File], membership: MembershipList) -> Iterator[str]:
     crl = state.crl
     if crl is None:
         yield "the server has no list of revoked certificates that can be read: nobody can connect"
@@ -256,10 +261,10 @@ def _list(state: ServerState, files: Sequence[File], membership: MembershipList)
         )
     elif any(file.path == _CRL and state.files.get(_CRL) != _sha256(file) for file in files):
         yield f"the server's list of revoked certificates has the record's number {crl.number}, and is another one"
-    yield from _end(crl, state)
+    yield from _crl_validity(crl, state)
 
 
-def _end(crl: Crl, state: ServerState) -> Iterator[str]:
+def _crl_validity(crl: Crl, state: ServerState) -> Iterator[str]:
     if crl.begins > state.clock:
         yield f"by the server's clock its list of revoked certificates begins on {crl.begins:%Y-%m-%d %H:%M} UTC only"
     elif crl.ends <= state.clock:
@@ -285,7 +290,7 @@ def _firewall(state: ServerState, files: Sequence[File]) -> Iterator[str]:
         yield f"the server's kernel may send ICMP redirects, by {', '.join(state.redirects)}: members would go past it"
 
 
-def _running(state: ServerState) -> Iterator[str]:
+def _service_drift(state: ServerState) -> Iterator[str]:
     if state.active is False:
         yield (
             f"the server does not run: {server.SERVICE} is {state.unit['ActiveState']}"

@@ -227,12 +227,12 @@ def _fill_record(
             "read_at": datetime.now(UTC),
             "facts": {**device.facts, **facts},
             "ports": (*present_ports, *absent),
-            "notes": (*_differs(device, facts), *notes),
+            "notes": (*_model_differences(device, facts), *notes),
         }
     )
 
 
-def _differs(device: DeviceRecord, facts: Mapping[str, Fact]) -> Iterator[str]:
+def _model_differences(device: DeviceRecord, facts: Mapping[str, Fact]) -> Iterator[str]:
     declared_model, read = device.facts.get("model"), facts.get("model")
     if (
         declared_model is None

@@ -97,7 +97,9 @@ def read(
         ports=tuple(_ports(outputs, port, host_by_address)),
         packages=_versions(outputs.get("packages"), packages),
         missing=tuple(
-            f"{' '.join(_PROGRAMS[name])}: {_why(answers[name])}" for name in _REQUIRED_FACTS if outputs[name] is None
+            f"{' '.join(_PROGRAMS[name])}: {_failure_text(answers[name])}"
+            for name in _REQUIRED_FACTS
+            if outputs[name] is None
         ),
     )
 
@@ -110,15 +112,15 @@ def _output(answer: probes.Answer) -> str | None:
     return text if answer.rc == 0 or text else None
 
 
-def _why(answer: probes.Answer) -> str:
+def _failure_text(answer: probes.Answer) -> str:
     last = next((line for line in reversed(getattr(answer, "err", "").splitlines()) if line), "")
     return answer.words or last or "it printed nothing"
 
 
 def _facts(outputs: Mapping[str, str | None]) -> dict[str, record.Fact]:
     key = re.search(r"SHA256:[A-Za-z0-9+/]{43}", outputs["host_key"] or "")
-    model = _worthy(outputs["board"]) or _worthy(outputs["product"])
-    serial = _worthy(outputs["board_serial"]) or _worthy(outputs["product_serial"])
+    model = _real_value(outputs["board"]) or _real_value(outputs["product"])
+    serial = _real_value(outputs["board_serial"]) or _real_value(outputs["product_serial"])
     return {
         "model": _fact(model, "its firmware names no model"),
         "serial": _fact(serial, "its firmware names no serial number"),
@@ -136,7 +138,7 @@ def _fact(value: str | None, why_not: str) -> record.Fact:
     )
 
 
-def _worthy(text: str | None) -> str | None:
+def _real_value(text: str | None) -> str | None:
     return None if text is None or _PLACEHOLDERS.fullmatch(text) else text
 
 

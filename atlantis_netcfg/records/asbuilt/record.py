@@ -249,10 +249,10 @@ def _changes(record: AsBuiltRecord, before: AsBuiltRecord) -> Iterator[Change]:
         if device.state not in {ReadState.READ, ReadState.IN_PART} or earlier is None or earlier.read_at is None:
             continue
         excluded_names = _OF_RUNS | (_MADE_ANEW if record.rehearsed else frozenset())
-        differences = [*_of_facts(device, earlier, excluded_names), *_of_packages(device, earlier)]
+        differences = [*_fact_differences(device, earlier, excluded_names), *_package_differences(device, earlier)]
         # The cards of an emulated computer are made when it starts, as its keys are.
         lasting = not record.rehearsed or device.kind not in _COMPUTERS
-        differences += _of_ports(device, earlier) if lasting else ()
+        differences += _port_differences(device, earlier) if lasting else ()
         yield from (Change(device=device.name, what=what, before=old, after=new) for what, old, new in differences)
         yield from _of_neighbours(device, earlier) if lasting else ()
 
@@ -260,7 +260,7 @@ def _changes(record: AsBuiltRecord, before: AsBuiltRecord) -> Iterator[Change]:
 _Difference = tuple[str, str | None, str | None]
 
 
-def _of_facts(now: DeviceRecord, before: DeviceRecord, excluded_names: frozenset[str]) -> Iterator[_Difference]:
+def _fact_differences(now: DeviceRecord, before: DeviceRecord, excluded_names: frozenset[str]) -> Iterator[_Difference]:
     for name in FACTS:
         fact, old = now.facts.get(name), before.facts.get(name)
         if name in excluded_names or fact is None or fact.value is None:
@@ -270,7 +270,7 @@ def _of_facts(now: DeviceRecord, before: DeviceRecord, excluded_names: frozenset
             yield title_of(name), old_value, fact.value
 
 
-def _of_ports(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
+def _port_differences(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
     old_ports = {port.name: port for port in before.ports}
     for port in now.ports:
         old = old_ports.pop(port.name, None)
@@ -296,7 +296,7 @@ def _of_neighbours(now: DeviceRecord, before: DeviceRecord) -> Iterator[Change]:
             yield Change(device=now.name, what=f"port {port.name}", before=old, after=new, neighbour=True)
 
 
-def _of_packages(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
+def _package_differences(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
     for name, version in now.packages.items():
         if before.packages and before.packages.get(name) != version:
             yield f"package {name}", before.packages.get(name), version

@@ -80,7 +80,7 @@ def read(
     port_records = tuple(_port(row, links.get(row["default-name"]), neighbours) for row in interfaces)
     names = {row.get("name") for row in interfaces}
     return RouterOsFacts(
-        facts={**_system(system), **_modem(monitor_reply, mask)},
+        facts={**_system_facts(system), **_modem(monitor_reply, mask)},
         ports=port_records,
         elsewhere=tuple(item.record for item in neighbours if item.interface not in names),
         missing=tuple(_refusals(menus, _REQUIRED_MENUS)),
@@ -100,7 +100,7 @@ def _first(menu: Sequence[Row]) -> dict[str, str]:
     return dict(menu[0]) if menu else {}
 
 
-def _system(system: Mapping[str, str]) -> dict[str, Fact]:
+def _system_facts(system: Mapping[str, str]) -> dict[str, Fact]:
     model = system.get("model") or system.get("board-name")
     return {
         "model": _fact(model, "the device names no model"),

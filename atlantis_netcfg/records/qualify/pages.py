@@ -154,11 +154,11 @@ def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
     paper.tell(f"{record.verdict.value}: {translate(closing_sentence(record))}", size=11, bold=True)
     by_name = {plot.name: plot for plot in plots}
     for section in sections(record):
-        _on_paper(paper, section, [by_name[name] for name in section.plots if name in by_name])
+        _write_section(paper, section, [by_name[name] for name in section.plots if name in by_name])
     return paper.to_bytes()
 
 
-def _on_paper(paper: Paper, section: PageSection, plots: Sequence[Plot]) -> None:
+def _write_section(paper: Paper, section: PageSection, plots: Sequence[Plot]) -> None:
     from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, printable  # noqa: PLC0415 - as above
 
     paper.head(translate(section.title))

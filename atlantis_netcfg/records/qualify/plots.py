@@ -333,13 +333,13 @@ def _grid(record: QualifyRecord, name: str, title: str, rows: Sequence[MeasuredR
             chart.text(8, y + 25, f"{octets} B", anchor="start", fill=_FAINT, size=9)
         for column, rate in enumerate(rates):
             row = cells.get((octets, label, rate))
-            _cell(chart, row, _HEAD + column * slot + 2, y, slot - 4)
+            _draw_cell(chart, row, _HEAD + column * slot + 2, y, slot - 4)
             if row is not None:
                 words.append(f"{label} at {rate:g} Hz: {row.verdict.value}, {row.reason}.")
     return chart.plot(name, words)
 
 
-def _cell(chart: _Chart, row: MeasuredRate | None, x: float, y: float, width: float) -> None:
+def _draw_cell(chart: _Chart, row: MeasuredRate | None, x: float, y: float, width: float) -> None:
     tint = _shapes.TINTS[None if row is None else _shapes.ShownState(row.verdict.value)]
     chart.shape("rect", x=x, y=y, width=width, height=_ROW - 4, fill=tint.paper, stroke=tint.edge)
     if row is None:

@@ -93,7 +93,7 @@ EMULATED_NOTICE: Final = "EMULATED LINK: these figures say nothing of a real one
 
 def sections(record: QualifyRecord) -> list[PageSection]:
     """Return all sections of the page: verdicts, link, figures, load, then telemetry."""
-    page_sections = [_verdicts(record), _way(record), _figures(record), _load(record)]
+    page_sections = [_verdicts(record), _path_section(record), _figures(record), _load(record)]
     if record.telemetry:
         title = "Small telemetry, as Table 33 of the report may have been"
         page_sections.append(
@@ -105,8 +105,8 @@ def sections(record: QualifyRecord) -> list[PageSection]:
             PageSection("images", title, (record.grid_note, _LOSSES), _grid(record.images), ("images",))
         )
     if record.highest_rates:
-        page_sections.append(_highest(record))
-    return [*page_sections, _used(record), _circumstances(record)]
+        page_sections.append(_highest_rate_section(record))
+    return [*page_sections, _usage_section(record), _circumstances(record)]
 
 
 def _verdicts(record: QualifyRecord) -> PageSection:
@@ -139,7 +139,7 @@ def _measure(criterion: str, value: float | None, unit: str) -> str:
     return format_percentage(value) if criterion.startswith(_SHARES) else f"{value:.2f}"
 
 
-def _way(record: QualifyRecord) -> PageSection:
+def _path_section(record: QualifyRecord) -> PageSection:
     run = record.run
     rows = tuple(
         (
@@ -293,7 +293,7 @@ def _short(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.1f}"
 
 
-def _highest(record: QualifyRecord) -> PageSection:
+def _highest_rate_section(record: QualifyRecord) -> PageSection:
     rows = tuple(
         (
             row.label,
@@ -317,7 +317,7 @@ def _format_hourly_price(price: Decimal | None, run: MeasuredRun) -> str:
     return "" if price is None or run.tariff is None else f", {price:.2f} {run.tariff.currency}/h"
 
 
-def _used(record: QualifyRecord) -> PageSection:
+def _usage_section(record: QualifyRecord) -> PageSection:
     run = record.run
     duration_s = None if run.ended is None else (run.ended - run.begun).total_seconds()
     money = UNKNOWN if run.price is None else f"{run.price} {run.currency or ''}".rstrip()

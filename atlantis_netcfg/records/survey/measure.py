@@ -152,14 +152,14 @@ class LinkTester:
         """Run one test now; a test stopped by Ctrl-C is marked as stopped."""
         budget = Budget(max_bytes=self.plan.test_bytes(self.transport.headers))
         guard = BudgetGuard(budget, lambda: self.transport.now_ns() / session.SECOND, self.transport.headers)
-        sample, was_stopped = self._train(guard, f"point-{number}")
+        sample, was_stopped = self._run_train(guard, f"point-{number}")
         if sample.rtt_median_s is not None and not was_stopped:
-            rate, was_stopped = self._message(guard, f"point-{number}-load")
+            rate, was_stopped = self._run_message(guard, f"point-{number}-load")
             sample = replace(sample, goodput_up_bps=rate, no_test=NOT_CONFIRMED if rate is None else "")
         reason = STOP_REASON if was_stopped else sample.no_test
         return replace(sample, no_test=reason, test_bytes=guard.sent_bytes + guard.received_bytes)
 
-    def _train(self, guard: BudgetGuard, name: str) -> tuple[TestSample, bool]:
+    def _run_train(self, guard: BudgetGuard, name: str) -> tuple[TestSample, bool]:
         samples: list[Sample] = []
         # The reflector's counters would be one more question: a few packets do not tell the direction of a loss.
         train = session.Train(name, self.plan.train, replace(self.peer, counts=False), self.transport, samples.append)
@@ -173,7 +173,7 @@ class LinkTester:
             sample = replace(sample, rtt_min_s=rtt.min, rtt_median_s=rtt.p50, rtt_max_s=rtt.max, no_test="")
         return sample, was_stopped
 
-    def _message(self, guard: BudgetGuard, name: str) -> tuple[float | None, bool]:
+    def _run_message(self, guard: BudgetGuard, name: str) -> tuple[float | None, bool]:
         samples: list[Sample] = []
         message = MessageStream(name, self.plan.message, self.peer, self.transport, samples.append)
         was_stopped = self._run(guard, message, samples, lambda: any(map(_is_complete, samples)))
@@ -227,19 +227,19 @@ class RunningSurvey:
         """Take points by time and distance; return the end reason. After KeyboardInterrupt all points are kept."""
         self.begin()
         try:
-            while not self._over():
-                if self._due() and self.take().no_test == STOP_REASON:
+            while not self._is_over():
+                if self._is_due() and self.take().no_test == STOP_REASON:
                     return session.EndReason.STOPPED
                 self.clock.wait(_LOOK_S)
         except KeyboardInterrupt:
             return session.EndReason.STOPPED
         return session.EndReason.DONE
 
-    def _over(self) -> bool:
+    def _is_over(self) -> bool:
         limit = self.plan.max_seconds
         return limit is not None and self.clock.now_s() - self._begin_s >= limit
 
-    def _due(self) -> bool:
+    def _is_due(self) -> bool:
         now_s = self.clock.now_s()
         if self._last_s is None or now_s - self._last_s >= self.plan.step_s:
             return True

@@ -157,10 +157,13 @@ class MapFrame:
 
 def layers(survey: Survey, frame: MapFrame) -> tuple[ValueLayer, ...]:
     """Return one layer for each value that can be shown."""
-    return (*(_by_scale(survey, frame, scale) for scale in SCALES), *(_by_kind(survey, frame, *kind) for kind in KINDS))
+    return (
+        *(_scale_layer(survey, frame, scale) for scale in SCALES),
+        *(_category_layer(survey, frame, *kind) for kind in KINDS),
+    )
 
 
-def _by_scale(survey: Survey, frame: MapFrame, scale: BandScale) -> ValueLayer:
+def _scale_layer(survey: Survey, frame: MapFrame, scale: BandScale) -> ValueLayer:
     marks = []
     for point in survey.placed_points:
         value = scale.get_value(point)
@@ -173,7 +176,7 @@ def _by_scale(survey: Survey, frame: MapFrame, scale: BandScale) -> ValueLayer:
     return ValueLayer(scale.name, scale.title, tuple(marks), _legend(marks, [*scale.words()]))
 
 
-def _by_kind(survey: Survey, frame: MapFrame, name: str, title: str) -> ValueLayer:
+def _category_layer(survey: Survey, frame: MapFrame, name: str, title: str) -> ValueLayer:
     values = list(dict.fromkeys(value for point in survey.placed_points if (value := getattr(point, name)) is not None))
     marks = []
     for point in survey.placed_points:

@@ -103,9 +103,9 @@ class GpsdStream:
             if b'"class":"SKY"' in line:
                 self._sky = line + b"\n"
             elif b'"class":"TPV"' in line:
-                self._take(at_s, line + b"\n")
+                self._process_line(at_s, line + b"\n")
 
-    def _take(self, at_s: float, line: bytes) -> None:
+    def _process_line(self, at_s: float, line: bytes) -> None:
         result = gpsd.read(Transcript(None, chunks=((0.0, self._sky + line),)))
         for report in result.reports:
             if self._device not in {None, result.device} and at_s - self._heard_s < _OTHER_RECEIVER_S:
@@ -129,12 +129,12 @@ class GpsdStream:
         if report.time is None or report.latitude is None or report.longitude is None:
             return NoPosition.NO_TIME
         age_s = max(0.0, now_s - self._since_s)
-        reason = self._why_not(report, age_s)
+        reason = self._reject_reason(report, age_s)
         if reason is not None:
             return reason
         return TrackPosition(report.latitude, report.longitude, round(age_s, 3), self._hdop)
 
-    def _why_not(self, report: Report, age_s: float) -> NoPosition | None:
+    def _reject_reason(self, report: Report, age_s: float) -> NoPosition | None:
         if age_s > self.max_age_s:
             return NoPosition.OLD
         if report.nature is not Nature.MEASURED:
@@ -177,7 +177,7 @@ class GpsdSource:
         """Connect, read until the other end disconnects, and reconnect, for ever."""
         while True:
             with suppress(OSError), ExitStack() as stack:
-                self._hear(self._connect(stack))
+                self._receive_reports(self._connect(stack))
             with self._lock:
                 self._stream = None
             if select.select([self._stop], [], [], _AGAIN_S)[0]:
@@ -207,7 +207,7 @@ class GpsdSource:
         lines = complaints.decode("utf-8", "replace").strip().splitlines()
         self.trouble = lines[-1].strip() if lines else ""
 
-    def _hear(self, wire: socket.socket) -> None:
+    def _receive_reports(self, wire: socket.socket) -> None:
         wire.sendall(gpsd.WATCH)
         while self._stop not in (ready := select.select([wire, self._stop], [], [])[0]):
             data = wire.recv(_MOST) if wire in ready else b""

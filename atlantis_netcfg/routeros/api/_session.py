@@ -28,12 +28,12 @@ async def log_in(wire: Wire, endpoint: _values.Endpoint) -> None:
     it is the pinned device, and the connection is encrypted.
     """
     password = endpoint.password.reveal()
-    reply = await _ask(wire, endpoint, ("password", password))
+    reply = await _send_login(wire, endpoint, ("password", password))
     if reply.ret is not None:
-        await _ask(wire, endpoint, ("response", _response(reply.ret, password, endpoint)))
+        await _send_login(wire, endpoint, ("response", _response(reply.ret, password, endpoint)))
 
 
-async def _ask(wire: Wire, endpoint: _values.Endpoint, proof: tuple[str, str]) -> _values.Reply:
+async def _send_login(wire: Wire, endpoint: _values.Endpoint, proof: tuple[str, str]) -> _values.Reply:
     command = _values.Command("/login", (("name", endpoint.user), proof))
     patience_s = min(endpoint.connect_timeout_s, endpoint.reply_timeout_s)
     try:
@@ -128,7 +128,7 @@ class Session:
         Raises SessionLost or ProtocolError; the session is then closed.
         """
         patience_s = self.endpoint.reply_timeout_s if silence_s is None else silence_s
-        reading = all(map(_reads, commands))
+        reading = all(map(_is_read, commands))
         self._only_read = self._only_read and reading
         async with self._turn:
             try:
@@ -188,7 +188,7 @@ async def shown_certificate(endpoint: _values.Endpoint) -> bytes:
         await wire.closed.wait()
 
 
-def _reads(command: _values.Command) -> bool:
+def _is_read(command: _values.Command) -> bool:
     return command.path.rpartition("/")[2] == "print"
 
 

@@ -172,14 +172,14 @@ def parse(words: tuple[str, ...]) -> AnswerReader:
             raise GarbageError(f"{_describe_word(word)} in the place of an attribute of {reply}")
         if word.startswith("="):
             if len(value) > MAX_DIGITS and _NUMBER.search(value):
-                raise GarbageError(f"a number of more than {MAX_DIGITS} digits as {_plain(name)}")
+                raise GarbageError(f"a number of more than {MAX_DIGITS} digits as {_describe_name(name)}")
             attributes[name] = value
         elif name == "tag":
             tag = value
     return AnswerReader(reply, tag, attributes)
 
 
-def _plain(name: str) -> str:
+def _describe_name(name: str) -> str:
     return (
         f"`{name}`"
         if name.isascii() and name.isprintable() and len(name) <= _MAX_NAME

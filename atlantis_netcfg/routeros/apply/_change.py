@@ -81,7 +81,7 @@ async def begin(work: RunContext) -> Writer:
     )
     work.job.journal.save(work.job.name, text)
     if not work.restores:
-        _nobody_else(work, claims, work.safe_mode.read_holder(holder_replies) if holder_replies else None)
+        _require_no_other_session(work, claims, work.safe_mode.read_holder(holder_replies) if holder_replies else None)
         if not (protection is _protection.Protection.SAFE_MODE and _is_untouched(work, history)):
             await _recheck_state(work)
         # Only now: the job would take back to what was read, which has to be what is there.
@@ -136,7 +136,7 @@ def _record_protection(work: RunContext) -> None:
     work.say(Stage.PROTECTED, "safe mode is active: the device takes the changes back if the session is lost")
 
 
-def _nobody_else(work: RunContext, claims: api.Reply, holder: safe_mode.Holder | None) -> None:
+def _require_no_other_session(work: RunContext, claims: api.Reply, holder: safe_mode.Holder | None) -> None:
     other = work.signer.other(_state.parse_markers(claims.rows))
     if other is not None:
         raise _state.claim_conflict(other, work.job.site)
@@ -316,7 +316,9 @@ async def _take_later(work: RunContext, current: safe_mode.SafeModeUnavailable) 
     await take_safe_mode(work)
     now = await observe(work.channel, work.job.endpoint, work.job.desired_state.menus, tuple(work.observation.rows))
     try:
-        _compare(work, now, [each for each in work.aim.actions if each.number not in work.acknowledged_numbers])
+        _verify_against_plan(
+            work, now, [each for each in work.aim.actions if each.number not in work.acknowledged_numbers]
+        )
     except VerificationError as changed:
         raise _protection.InterferenceError(
             f"somebody else has changed the device between two pieces: {changed}"
@@ -327,7 +329,7 @@ async def verify(work: RunContext, rest: Sequence[_types.Action]) -> None:
     """Read back in a new session; only `rest` may still differ. Raises VerificationError."""
     work.say(Stage.VERIFYING, "reading back in a new session")
     now = await _wait_for_pin_result(work, await _read_anew(work))
-    _compare(work, now, rest)
+    _verify_against_plan(work, now, rest)
     await _wait_for_routes(work, now)
     work.after = now
     work.record(runs.VerificationRecord(device=work.job.name, state=_state.digest(now)))
@@ -388,12 +390,12 @@ async def _wait_for_routes(work: RunContext, now: _types.Observation) -> None:
         now = merge_menus(now, (ROUTES,), [await work.channel.command(printing(ROUTES))])
 
 
-def _compare(work: RunContext, now: _types.Observation, rest: Iterable[_types.Action]) -> None:
+def _verify_against_plan(work: RunContext, now: _types.Observation, rest: Iterable[_types.Action]) -> None:
     try:
         second = plan(work.job.name, work.job.desired_state, now)
     except CannotPlan as problem:
         raise VerificationError(f"what was read back does not fit any more: {problem}") from problem
-    remaining_actions = Counter(map(_essence, second.actions)) - Counter(map(_essence, rest))
+    remaining_actions = Counter(map(_action_key, second.actions)) - Counter(map(_action_key, rest))
     if remaining_actions:
         names = [f"{verb} {subject}" for (_, verb, subject) in list(remaining_actions)[:_LIST_LIMIT]]
         more = f" and {len(remaining_actions) - _LIST_LIMIT} more" if len(remaining_actions) > _LIST_LIMIT else ""
@@ -407,7 +409,7 @@ def _compare(work: RunContext, now: _types.Observation, rest: Iterable[_types.Ac
         )
 
 
-def _essence(action: _types.Action) -> tuple[str, str, str]:
+def _action_key(action: _types.Action) -> tuple[str, str, str]:
     return (action.menu, action.verb, action.subject)
 
 
@@ -434,7 +436,7 @@ async def _release(work: RunContext, holder: safe_mode.Holder, *, last: bool = F
     answers = answers[: len(witness)]
     work.holding = False
     work.note_marker_removed(farewell)
-    if not _stands(witness, answers):
+    if not _are_changes_present(witness, answers):
         raise safe_mode.ProtectionLost("somebody took the change back before it was released")
     work.record(runs.ReleaseRecord(device=work.job.name))
 
@@ -452,7 +454,7 @@ async def _confirm(work: RunContext) -> None:
     answers = answers[: len(witness)]
     work.dead_man = None
     work.note_marker_removed(farewell)
-    if not in_time or not _stands(witness, answers):
+    if not in_time or not _are_changes_present(witness, answers):
         raise safe_mode.ProtectionLost("the dead-man job has run before it could be taken away")
     if work.protection is _protection.Protection.DEAD_MAN:
         work.record(runs.ReleaseRecord(device=work.job.name))
@@ -495,7 +497,7 @@ def _witness(work: RunContext) -> list[_Witness]:
     return [_Witness(menu, after, menu in countable_menus)]
 
 
-def _stands(witness: Sequence[_Witness], answers: Sequence[api.Reply]) -> bool:
+def _are_changes_present(witness: Sequence[_Witness], answers: Sequence[api.Reply]) -> bool:
     return all(each.is_change_present(reply) for each, reply in zip(witness, answers, strict=True))
 
 
@@ -516,10 +518,10 @@ async def _finish(work: RunContext, writer: Writer) -> None:
     answers = answers[: len(menus)]
     work.after = merge_menus(observation, menus, answers)
     try:
-        _compare(work, work.after, ())
+        _verify_against_plan(work, work.after, ())
     except VerificationError:
         work.after = merge_menus(observation, menus, await work.channel.flight([printing(menu) for menu in menus]))
-        _compare(work, work.after, ())
+        _verify_against_plan(work, work.after, ())
 
 
 POLICIES = ("read", "write", "policy", "test", "sensitive", "api")
@@ -541,13 +543,13 @@ def find_missing_requirements(
     """
     facts = observation.facts
     return (
-        *_policies(facts, (*POLICIES, "ssh") if console else POLICIES),
-        *_certificates(plan, observation),
-        *_features(plan, facts),
+        *_missing_policies(facts, (*POLICIES, "ssh") if console else POLICIES),
+        *_missing_certificates(plan, observation),
+        *_forbidden_features(plan, facts),
     )
 
 
-def _policies(facts: _types.Facts, required_policies: Sequence[str]) -> Iterator[str]:
+def _missing_policies(facts: _types.Facts, required_policies: Sequence[str]) -> Iterator[str]:
     if not facts.policies:
         yield "the device does not tell what our user may do: it must be a local user with policy `policy`"
         return
@@ -556,7 +558,7 @@ def _policies(facts: _types.Facts, required_policies: Sequence[str]) -> Iterator
         yield f"our user may not {', '.join(lacking)}: its group needs these policies"
 
 
-def _certificates(plan: _types.Plan, observation: _types.Observation) -> Iterator[str]:
+def _missing_certificates(plan: _types.Plan, observation: _types.Observation) -> Iterator[str]:
     if CERTIFICATES not in observation.rows:
         return
     there = {row.get("name") for row in observation.rows[CERTIFICATES]}
@@ -567,7 +569,7 @@ def _certificates(plan: _types.Plan, observation: _types.Observation) -> Iterato
             yield f"{needs}: {_INSTALL.format(plan.device) if action.menu == _TUNNEL else 'import it first'}"
 
 
-def _features(plan: _types.Plan, facts: _types.Facts) -> Iterator[str]:
+def _forbidden_features(plan: _types.Plan, facts: _types.Facts) -> Iterator[str]:
     for action in plan.actions:
         if (
             action.menu == scheduler_jobs.MENU

@@ -72,7 +72,7 @@ def build_comparison(work: _work.RunContext, history: DriftHistory = _NO_HISTORY
     return replace(comparison, menus=tuple(menus), differences=(*comparison.differences, *leftovers))
 
 
-def _differs(work: _work.RunContext) -> bool:
+def _has_differences(work: _work.RunContext) -> bool:
     return bool(work.aim.actions or work.aim.drift)
 
 
@@ -80,7 +80,7 @@ def _past(work: _work.RunContext) -> Past | None:
     saved_state = work.job.confirmed_state
     if saved_state is None:
         return None
-    if not _differs(work):
+    if not _has_differences(work):
         return Past(saved_state.run, saved_state.at, {})
     try:
         return Past.read(saved_state.run, saved_state.at, saved_state.text())
@@ -235,7 +235,7 @@ def _build_plan_result(work: _work.RunContext) -> _job.DeviceResult:
     """Report what a run would do; if somebody is working on the device, it would do nothing."""
     words = "; ".join(work.leftovers.words())
     if work.aim.actions:
-        return work.result(_job.Status.PLANNED, f"{_actions(work)} planned")
+        return work.result(_job.Status.PLANNED, f"{_action_count_text(work)} planned")
     if work.leftovers.safe_mode is not None:
         return work.result(_job.Status.LEFT_AS_FOUND, f"nothing to change, but {words}", hint=_LET_THEM)
     if words:
@@ -322,7 +322,7 @@ async def _plan(work: _work.RunContext, mode: _job.JobMode) -> None:
     _protect(work)
     unused_notes = [f"the device does not use {row}" for row in _state.find_invalid_rows(work.observation)]
     work.notes += [note for note in unused_notes if note not in work.notes]
-    work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
+    work.say(Stage.PLANNED, f"{_action_count_text(work)}" if work.plan.actions else "nothing to change")
 
 
 def _is_read_enough(work: _work.RunContext) -> bool:
@@ -592,7 +592,7 @@ async def _change(work: _work.RunContext) -> _job.DeviceResult:
         )
     )
     await change(work)
-    return work.result(_job.Status.CHANGED, f"{_actions(work)} applied and verified")
+    return work.result(_job.Status.CHANGED, f"{_action_count_text(work)} applied and verified")
 
 
 async def _backup(work: _work.RunContext) -> _job.DeviceResult:
@@ -606,5 +606,5 @@ async def _backup(work: _work.RunContext) -> _job.DeviceResult:
     return work.result(_job.Status.UNCHANGED, f"{lines} lines saved; secrets and users are not in them")
 
 
-def _actions(work: _work.RunContext) -> str:
+def _action_count_text(work: _work.RunContext) -> str:
     return _work.number_of(work.aim)

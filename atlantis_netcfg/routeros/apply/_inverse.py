@@ -94,7 +94,7 @@ def _changes(
                 action, removed_rows[action.menu], (*observation.rows[action.menu], *then.rows[action.menu])
             )
         elif action.verb is _types.Verb.SET:
-            yield _ignore_errors(_line(action))
+            yield _ignore_errors(_console_line(action))
 
 
 def _ids(rows: Sequence[_types.Row]) -> frozenset[str]:
@@ -117,7 +117,7 @@ def _added_again(action: _types.Action, removed_rows: list[_types.Row], known_ro
         row for row in removed_rows if all(menu.form(name, row) == menu.form(name, values) for name in values)
     )
     removed_rows.remove(removed_row)
-    adding = _ignore_errors(_line(replace(action, before=None)))
+    adding = _ignore_errors(_console_line(replace(action, before=None)))
     with suppress(CannotInvert):
         again = _condition(menu, removed_row, [row for row in known_rows if row is not removed_row])
         adding = f":do {{ {menu.title} get [find {again}] comment }} on-error={{ {adding} }}"
@@ -164,7 +164,7 @@ def _quote_operand(value: str) -> str:
     return f'"{text}"' if text == value and set("/:") & set(value) else text
 
 
-def _line(action: _types.Action) -> str:
+def _console_line(action: _types.Action) -> str:
     menu = MENUS[action.menu]
     return f"{menu.title} {console(action).removeprefix(f'{action.menu}/')}"
 

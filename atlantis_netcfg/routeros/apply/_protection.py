@@ -84,7 +84,7 @@ def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, 
         return ProtectionChoice(Protection.SAFE_MODE)
     if all(action.inert for action in plan.actions):
         return ProtectionChoice(Protection.NONE, why="nothing in it can do harm by itself")
-    no_ssh = _no_ssh(job)
+    no_ssh = _ssh_missing_reason(job)
     no_job = forbidden(facts) or invertible
     wait_s = max(job.patience.dead_man_s, 3 * seconds)
     if no_ssh is None:
@@ -96,7 +96,7 @@ def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, 
     return ProtectionChoice(Protection.NONE, why=f"no safe mode: {no_ssh}; no dead-man job: {no_job}")
 
 
-def _no_ssh(job: DeviceJob) -> str | None:
+def _ssh_missing_reason(job: DeviceJob) -> str | None:
     if job.ssh is None:
         return "RouterOS before 7.18 has it on a console only, and no SSH is declared for this device"
     if job.ssh.pin is None:

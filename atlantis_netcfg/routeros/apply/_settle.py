@@ -35,15 +35,15 @@ async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
     work.say(Stage.FAILED, work.clean(str(reason)))
     if not work.has_sent_changes:
         free = await undo_safe_mode(work) and await _disarm_unused(work)
-        hint = reason.hint if free else _stale(work)
+        hint = reason.hint if free else _resume_hint(work)
         result = work.result(Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=hint)
         return replace(result, left_open=not free, was_reached=not isinstance(reason, api.Unreachable))
     try:
         return await _read_back(work, reason)
     except NetcfgError as lost:
-        return _unknown(work, f"{reason}; then: {lost}")
+        return _unknown_result(work, f"{reason}; then: {lost}")
     except Exception as fault:  # noqa: BLE001 - a fault of ours in here must not hide that the device was changed
-        unknown = _unknown(work, f"{reason}; then provision itself failed ({type(fault).__name__})")
+        unknown = _unknown_result(work, f"{reason}; then provision itself failed ({type(fault).__name__})")
         return replace(unknown, fault=fault)
 
 
@@ -125,18 +125,21 @@ async def _decide(work: RunContext, reason: NetcfgError) -> DeviceResult:
     session, holder, now = await _state(work)
     changed_menus = differing_menus(work.observation, now)
     if not changed_menus:
-        return _rolled_back(work, reason)
+        return _rolled_back_result(work, reason)
     if holder.is_taken:
-        return _unknown(
-            work, f"{reason}; {holder.who} still holds safe mode, and the device differs in {_names(changed_menus)}"
+        return _unknown_result(
+            work,
+            f"{reason}; {holder.who} still holds safe mode, and the device differs in {_list_menus(changed_menus)}",
         )
     if _is_declared(work, reason, now) and await _is_reachable(work):
         work.after = now
         return _finish_as_desired(work, reason)
     if isinstance(reason, _protection.InterferenceError) or _is_foreign(work, now):
-        return _unknown(work, f"{reason}; somebody else has changed {_names(changed_menus)}, which was left alone")
+        return _unknown_result(
+            work, f"{reason}; somebody else has changed {_list_menus(changed_menus)}, which was left alone"
+        )
     if work.restores:
-        return _unknown(work, f"{reason}; the device differs in {_names(changed_menus)}")
+        return _unknown_result(work, f"{reason}; the device differs in {_list_menus(changed_menus)}")
     return await _restore_state(work, reason, session, now)
 
 
@@ -205,16 +208,16 @@ def _finish_as_desired(work: RunContext, reason: NetcfgError) -> DeviceResult:
     return work.result(Status.CHANGED, f"as declared: {_count(work)} read back, although: {reason}", hint=reason.hint)
 
 
-def _rolled_back(work: RunContext, reason: NetcfgError, how: str = "taken back") -> DeviceResult:
+def _rolled_back_result(work: RunContext, reason: NetcfgError, how: str = "taken back") -> DeviceResult:
     work.note(runs.RollbackRecord(device=work.job.name, reason=work.clean(str(reason))))
     return work.result(Status.ROLLED_BACK, f"{how}, the device is as before: {reason}", hint=reason.hint)
 
 
-def _unknown(work: RunContext, message: str) -> DeviceResult:
-    return work.result(Status.UNKNOWN, f"the outcome is not known: {message}", hint=_stale(work))
+def _unknown_result(work: RunContext, message: str) -> DeviceResult:
+    return work.result(Status.UNKNOWN, f"the outcome is not known: {message}", hint=_resume_hint(work))
 
 
-def _stale(work: RunContext) -> str:
+def _resume_hint(work: RunContext) -> str:
     if work.dead_man is not None:
         what = f"the dead-man job takes everything back within {work.dead_man.after_s / 60:.0f} minutes of its arming"
     else:
@@ -240,8 +243,10 @@ async def _restore_state(work: RunContext, reason: NetcfgError, session: Channel
             return await _await_dead_man(work, reason, outcome.message)
     different_menus = differing_menus(work.observation, inner.after or now)
     if different_menus:
-        return _unknown(work, f"{reason}; the old state was put back, but {_names(different_menus)} still differ")
-    return _rolled_back(work, reason, "put back by us")
+        return _unknown_result(
+            work, f"{reason}; the old state was put back, but {_list_menus(different_menus)} still differ"
+        )
+    return _rolled_back_result(work, reason, "put back by us")
 
 
 async def _await_dead_man(work: RunContext, reason: NetcfgError, failure_message: str) -> DeviceResult:
@@ -253,11 +258,11 @@ async def _await_dead_man(work: RunContext, reason: NetcfgError, failure_message
         await asyncio.sleep(left_s)
         _, _, now = await _state(work)
         if not differing_menus(work.observation, now):
-            return _rolled_back(work, reason, "taken back by the dead-man job")
-    return _unknown(work, f"{reason}; putting the old state back failed: {failure_message}")
+            return _rolled_back_result(work, reason, "taken back by the dead-man job")
+    return _unknown_result(work, f"{reason}; putting the old state back failed: {failure_message}")
 
 
-def _names(menus: tuple[str, ...]) -> str:
+def _list_menus(menus: tuple[str, ...]) -> str:
     more = f" and {len(menus) - _LIST_LIMIT} more menus" if len(menus) > _LIST_LIMIT else ""
     return ", ".join(menus[:_LIST_LIMIT]) + more
 

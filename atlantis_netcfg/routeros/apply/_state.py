@@ -301,7 +301,7 @@ async def fetch(session: Channel, instead: Callable[[], str] | None = None) -> s
 async def _export_to_file(session: Channel) -> str:
     reply = await session.command(Command("/export", (("file", _NAME),)))
     if reply.trap is not None:
-        raise _impossible(reply.trap.message)
+        raise _export_error(reply.trap.message)
     data = b""
     while True:
         chunk = await _chunk(session, len(data))
@@ -311,7 +311,7 @@ async def _export_to_file(session: Channel) -> str:
     await session.command(Command("/file/remove", ((".id", f"{_NAME}.rsc"),)))
     text = data.decode(errors="replace")
     if not text.lstrip().startswith("#"):
-        raise _impossible("its export is empty")
+        raise _export_error("its export is empty")
     return text
 
 
@@ -319,7 +319,7 @@ async def _chunk(session: Channel, offset: int) -> bytes:
     arguments = (("file", f"{_NAME}.rsc"), ("offset", str(offset)), ("chunk-size", str(_CHUNK)))
     reply = await session.command(Command("/file/read", arguments))
     if reply.trap is not None:
-        raise _impossible(reply.trap.message)
+        raise _export_error(reply.trap.message)
     return "".join(row.get("data", "") for row in reply.rows).encode(errors="surrogateescape")
 
 
@@ -331,5 +331,5 @@ def _whole(text: str) -> str | None:
     return body.strip() + "\n"
 
 
-def _impossible(words: str) -> DeviceError:
+def _export_error(words: str) -> DeviceError:
     return DeviceError(f"the state before the change cannot be saved, so nothing is changed; the device says: {words}")

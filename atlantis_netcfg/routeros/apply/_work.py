@@ -57,12 +57,14 @@ def split_plan(plan: _types.Plan, protection: Protection, budget: int = BUDGET) 
 def _cut(plan: _types.Plan, budget: int, outside: Sequence[bool]) -> Stages:
     """Split; harmless additions that others refer to (True), or that refer to others (False), go outside."""
     out = [
-        action for action in plan.actions if _harmless(action) and (action.layer is _types.Layer.FOUNDATION) in outside
+        action
+        for action in plan.actions
+        if _is_harmless(action) and (action.layer is _types.Layer.FOUNDATION) in outside
     ]
     rest = [action for action in plan.actions if action not in out]
     return Stages(
         prepare=tuple(action for action in out if action.layer is _types.Layer.FOUNDATION),
-        pieces=tuple(_pieces(rest, budget)),
+        pieces=tuple(_split_into_batches(rest, budget)),
         finish=tuple(action for action in out if action.layer is not _types.Layer.FOUNDATION),
     )
 
@@ -73,11 +75,11 @@ def _cost(stages: Stages) -> int:
     return 2 * bool(stages.prepare) + bool(stages.finish) + 7 * checkpoints
 
 
-def _harmless(action: _types.Action) -> bool:
+def _is_harmless(action: _types.Action) -> bool:
     return action.inert and action.verb is _types.Verb.ADD
 
 
-def _pieces(actions: Sequence[_types.Action], budget: int) -> Iterator[tuple[_types.Action, ...]]:
+def _split_into_batches(actions: Sequence[_types.Action], budget: int) -> Iterator[tuple[_types.Action, ...]]:
     piece: list[_types.Action] = []
     remaining_budget = budget
     for action in (part for whole in actions for part in _parts(whole, budget)):
@@ -206,12 +208,12 @@ class Leftovers:
     def _differences(self) -> Iterator[drift.Difference]:
         if self.safe_mode is not None:
             words = f"{self.safe_mode} holds safe mode, and there is only one"
-            yield _open("/safe-mode", "safe mode", drift.Owner.SESSION, words)
+            yield _open_difference("/safe-mode", "safe mode", drift.Owner.SESSION, words)
         for sign in self.markers:
             words = f"{sign.text} is under way on this device, or has died there"
-            yield _open("/ip firewall address-list", "atlantis-run", drift.Owner.RUN, words)
+            yield _open_difference("/ip firewall address-list", "atlantis-run", drift.Owner.RUN, words)
         for job in self.jobs:
-            yield _open("/system scheduler", job.name, drift.Owner.RUN, _describe_job(job))
+            yield _open_difference("/system scheduler", job.name, drift.Owner.RUN, _describe_job(job))
 
     def alive(self, is_over: IsOver, *, bridge: bool = True) -> str | None:
         """Describe a job that may belong to an active run; for a single device, also one that belongs to a bridge."""
@@ -251,7 +253,7 @@ def _describe_job(job: scheduler_jobs.ArmedJob) -> str:
     return f"the job {job.name} of {job.owner} is armed, and {_WORDS[job.name]}"
 
 
-def _open(menu: str, subject: str, owner: drift.Owner, words: str) -> drift.Difference:
+def _open_difference(menu: str, subject: str, owner: drift.Owner, words: str) -> drift.Difference:
     return drift.Difference(
         menu, subject, drift.DriftKind.OPEN, owner, row=words, why_unknown="the device does not say"
     )

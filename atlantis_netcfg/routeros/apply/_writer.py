@@ -66,7 +66,7 @@ class ScriptWriter:
         turn: list[Action] = []
         count = 0
         for _, inside in _scripts.scripts(actions):
-            if turn and (count == _AT_ONCE or not _independent((*turn, *inside))):
+            if turn and (count == _AT_ONCE or not _are_independent((*turn, *inside))):
                 yield tuple(turn)
                 turn, count = [], 0
             turn += inside
@@ -113,7 +113,7 @@ def _kind(action: Action) -> tuple[bool, str, int]:
     return action.verb is Verb.ADD and not MENUS[action.menu].is_ordered, action.menu, action.layer
 
 
-def _independent(actions: Sequence[Action]) -> bool:
+def _are_independent(actions: Sequence[Action]) -> bool:
     return all(action.verb is Verb.ADD and action.menu in _INDEPENDENT for action in actions)
 
 

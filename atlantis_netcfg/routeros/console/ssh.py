@@ -312,10 +312,10 @@ def open_commands(  # noqa: PLR0913 - all of it is one address
     Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyMismatch before the password is sent,
     ConsoleLoginError.
     """
-    return Commands(_client(address, port, user, password, pin, timeout_s), f"{address} port {port}")
+    return Commands(_connect_client(address, port, user, password, pin, timeout_s), f"{address} port {port}")
 
 
-def _client(  # noqa: PLR0913, PLR0917 - as above
+def _connect_client(  # noqa: PLR0913, PLR0917 - as above
     address: str, port: int, user: str, password: Secret, pin: str | None, timeout_s: float
 ) -> paramiko.SSHClient:
     client = paramiko.SSHClient()
@@ -375,7 +375,7 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
     incomplete.
     """
     size = source.stat().st_size
-    client = _client(address, port, user, password, pin, timeout_s)
+    client = _connect_client(address, port, user, password, pin, timeout_s)
     try:
         with (
             ended_after(client.close, _SLOWEST_S + size / _SLOWEST_BYTES),

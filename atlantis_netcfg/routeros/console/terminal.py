@@ -67,16 +67,16 @@ class TerminalScreen:
                         return
                     place += 1
                     continue
-                self._escape(match)
+                self._handle_escape(match)
                 place = match.end()
                 continue
-            place = self._plain(text, place)
+            place = self._put_plain(text, place)
 
     def text(self, first: int = 0, last: int | None = None) -> list[str]:
         """Return lines as text; bytes that are not UTF-8 are kept as lone surrogates."""
         return [line.encode("latin-1").decode("utf-8", "surrogateescape") for line in self.lines[first:last]]
 
-    def _plain(self, text: str, place: int) -> int:
+    def _put_plain(self, text: str, place: int) -> int:
         char = text[place]
         if char == "\n":
             self.lines.append("")
@@ -98,7 +98,7 @@ class TerminalScreen:
         self.lines[-1] = line[: self._column] + run + line[self._column + len(run) :]
         self._column += len(run)
 
-    def _escape(self, match: re.Match[str]) -> None:
+    def _handle_escape(self, match: re.Match[str]) -> None:
         arguments, command, single = match.groups()
         if single == "Z" or command == "c":
             self.replies += b"\x1b[?1;2c"
@@ -196,7 +196,7 @@ class Terminal:
 
         The licence is not displayed; default configuration and password stay unchanged for now.
         """
-        self._until(self._answer_greeting, timeout_s, in_flight=False)
+        self._wait_until(self._answer_greeting, timeout_s, in_flight=False)
         self._sync(timeout_s, in_flight=False)
 
     def _answer_greeting(self) -> bool:
@@ -209,7 +209,7 @@ class Terminal:
             self._answer(ENTER)
         elif re.search(r"login failed|^login:\s*$", tail, re.IGNORECASE | re.MULTILINE):
             raise types.ConsoleLoginError(f"{self._name}: the device did not accept the user name and password")
-        return self._at_prompt()
+        return self._is_at_prompt()
 
     def _tail(self) -> str:
         return "\n".join(line for line in self._screen.text(-8) if line.strip())
@@ -227,7 +227,7 @@ class Terminal:
         mark = f"atlantis-done-{next(self._numbers)}"
         self._screen.clear()
         self._send(f'{command}; :put "{mark}"'.encode("utf-8", "surrogateescape") + ENTER, in_flight=True)
-        self._until(lambda: self._has_mark(mark), timeout_s, in_flight=True)
+        self._wait_until(lambda: self._has_mark(mark), timeout_s, in_flight=True)
         if mark not in self._screen.text():
             self._sync(timeout_s, in_flight=True)
         lines = [line.rstrip() for line in self._screen.text()]
@@ -242,7 +242,7 @@ class Terminal:
         """Run a command that asks for confirmation, and send `answer`."""
         self._screen.clear()
         self._send(command.encode() + ENTER, in_flight=False)
-        self._until(lambda: question in self._tail() or self._quiet_prompt(), timeout_s, in_flight=False)
+        self._wait_until(lambda: question in self._tail() or self._quiet_prompt(), timeout_s, in_flight=False)
         if question not in self._tail():
             words = " ".join(self._output([line.rstrip() for line in self._screen.text()], None).split())
             raise types.ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
@@ -257,7 +257,7 @@ class Terminal:
     def _has_mark(self, mark: str) -> bool:
         """Return True if mark and prompt have arrived, or the prompt alone: then the line stopped at an error."""
         if mark in (line.rstrip() for line in self._screen.lines):
-            return self._at_prompt()
+            return self._is_at_prompt()
         return len(self._screen.lines) > 1 and self._quiet_prompt()
 
     def _output(self, lines: list[str], mark: str | None) -> str:
@@ -277,8 +277,8 @@ class Terminal:
         """Wait until the prompt responds and no earlier output remains."""
         mark = f"atlantis-here-{next(self._numbers)}"
         self._send(f':put "{mark}"'.encode() + ENTER, in_flight=in_flight)
-        self._until(
-            lambda: mark in (line.rstrip() for line in self._screen.lines) and self._at_prompt(),
+        self._wait_until(
+            lambda: mark in (line.rstrip() for line in self._screen.lines) and self._is_at_prompt(),
             timeout_s,
             in_flight=in_flight,
         )
@@ -294,8 +294,10 @@ class Terminal:
             return
         self._screen.clear()
         self._send(CTRL_X, in_flight=False)
-        self._until(lambda: self._hijacking() or (self._at_prompt() and self._safe), _TAKEN_S, in_flight=False)
-        if self._hijacking():
+        self._wait_until(
+            lambda: self._is_asked_to_hijack() or (self._is_at_prompt() and self._safe), _TAKEN_S, in_flight=False
+        )
+        if self._is_asked_to_hijack():
             self._answer(b"d")
             self._sync(_TAKEN_S, in_flight=False)
             raise types.SafeModeHeld(
@@ -309,9 +311,9 @@ class Terminal:
             return
         self._screen.clear()
         self._send(CTRL_X, in_flight=True)
-        self._until(lambda: self._at_prompt() and not self._safe, _TAKEN_S, in_flight=True)
+        self._wait_until(lambda: self._is_at_prompt() and not self._safe, _TAKEN_S, in_flight=True)
 
-    def _hijacking(self) -> bool:
+    def _is_asked_to_hijack(self) -> bool:
         return any(_HIJACK.search(line) for line in self._screen.lines)
 
     def close(self) -> None:
@@ -335,7 +337,7 @@ class Terminal:
 
     # --- the wire --------------------------------------------------------------------------------------------------
 
-    def _at_prompt(self) -> bool:
+    def _is_at_prompt(self) -> bool:
         match = _PROMPT.fullmatch(self._screen.lines[-1])
         if match is None or not self._screen.lines[-1].rstrip().endswith(">"):
             return False
@@ -344,10 +346,10 @@ class Terminal:
 
     def _quiet_prompt(self) -> bool:
         """Return True if there is a prompt with no output after it."""
-        if not self._at_prompt():
+        if not self._is_at_prompt():
             return False
         data = self._receive(_QUIET_S, in_flight=True)
-        return not data and self._at_prompt()
+        return not data and self._is_at_prompt()
 
     def _send(self, data: bytes, *, in_flight: bool) -> None:
         if self._lost:
@@ -370,7 +372,7 @@ class Terminal:
             self._send(replies, in_flight=in_flight)
         return data
 
-    def _until(self, condition: Callable[[], bool], timeout_s: float, *, in_flight: bool) -> None:
+    def _wait_until(self, condition: Callable[[], bool], timeout_s: float, *, in_flight: bool) -> None:
         deadline = time.monotonic() + timeout_s
         while not condition():
             remaining_s = deadline - time.monotonic()

@@ -155,17 +155,17 @@ def _device_mode(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]
     if mode.get("flagged") in ("true", "yes"):
         yield Objection(
             "device-mode has flagged this router: it suspects that somebody has tampered with its configuration",
-            f"look through its configuration; then {_press('flagged=no')}",
+            f"look through its configuration; then {_device_mode_hint('flagged=no')}",
         )
     if forbidden:
         menus = ", ".join(f"{name} (for {target.features[name]})" for name in forbidden)
         yield Objection(
             f"device-mode `{mode_name}` of this router forbids what {target.name} needs: {menus}",
-            _press(" ".join(f"{name}=yes" for name in forbidden)),
+            _device_mode_hint(" ".join(f"{name}=yes" for name in forbidden)),
         )
 
 
-def _press(change: str) -> str:
+def _device_mode_hint(change: str) -> str:
     return (
         f"type on its console:  /system device-mode update {change} activation-timeout={ACTIVATION_MINUTES}m\n"
         f"within {ACTIVATION_MINUTES} minutes press its reset or mode button once, shortly, or pull its power plug "
@@ -312,7 +312,7 @@ class FirstContact:
     """Whether the SSH host key of the device was known before this run."""
 
     @property
-    def _typist(self) -> ConsoleExecutor:
+    def _executor(self) -> ConsoleExecutor:
         return ConsoleExecutor(self.target, self.journal, self.notify)
 
     def plan(self) -> AdoptionOutcome:
@@ -336,7 +336,7 @@ class FirstContact:
             facts, device_state = self._judge(console)
             self._tell(events.Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {device_state}")
             if device_state is DeviceState.ADOPTED:
-                return self._already(console, facts)
+                return self._already_adopted(console, facts)
             if not route.serial and not self._has_known_key:
                 self._tell(events.Stage.OBSERVED, f"it shows the SSH host key {self.routes.host_key}")
             plan = AdoptionOutcome(AdoptionStatus.PLANNED, device_state, self._titles(facts), facts=facts)
@@ -353,7 +353,7 @@ class FirstContact:
         final = route if route.serial else self._move(route, pin, notes)
         with self._console(final) as (console, _):
             self._clear(console, final, pin)
-            self._typist.do(close_door(look(console), self.target), console)
+            self._executor.do(close_door(look(console), self.target), console)
             facts = self._check_adoption(look(console))
         if final.serial:
             self._from_afar(pin, notes)
@@ -462,7 +462,7 @@ class FirstContact:
         """Wait until no interrupted session holds safe mode, read again, then add what is missing."""
         with safe(console):
             pass
-        self._typist.do(prepare(look(console), self.target, self.now()), console)
+        self._executor.do(prepare(look(console), self.target, self.now()), console)
 
     def _clear(self, console: types.Console, route: ConsoleRoute, pin: str) -> None:
         """Remove the default configuration; a new session verifies the access before safe mode is released."""
@@ -470,13 +470,13 @@ class FirstContact:
             steps = clear(look(console))
             small = sum(len(step.lines) for step in steps) <= GUARDED_LINES
             if small:
-                self._typist.do(steps, console, in_safe_mode=True)
-                self._still_there(route, pin)
+                self._executor.do(steps, console, in_safe_mode=True)
+                self._prove_route(route, pin)
         if not small:
-            self._typist.do(steps, console)
-            self._still_there(route, pin)
+            self._executor.do(steps, console)
+            self._prove_route(route, pin)
 
-    def _still_there(self, route: ConsoleRoute, pin: str) -> None:
+    def _prove_route(self, route: ConsoleRoute, pin: str) -> None:
         if not route.serial:
             self._tell(events.Stage.VERIFYING, f"api-ssl at {route.label}, in a new session")
             route.prove(pin)
@@ -504,7 +504,7 @@ class FirstContact:
         self.journal.write(runs.PinRecord(device=self.target.name, certificate=pin, host_key=self.routes.host_key))
         return pin
 
-    def _already(self, console: types.Console, facts: BoxFacts) -> AdoptionOutcome:
+    def _already_adopted(self, console: types.Console, facts: BoxFacts) -> AdoptionOutcome:
         if self.pins.get(self.target.name) is None or self.pins.host_key(self.target.name) is None:
             self._record_host_key()
             self._pin(console)
@@ -517,7 +517,7 @@ class FirstContact:
         final = self.routes.final
         if route is final:
             return final
-        self._prove_here(route, pin, notes)
+        self._try_route(route, pin, notes)
         self._tell(
             events.Stage.WAITING,
             f"now plug the laptop into {self.target.port}, with address {self.target.laptop}: "
@@ -535,7 +535,7 @@ class FirstContact:
             else:
                 return final
 
-    def _prove_here(self, route: ConsoleRoute, pin: str, notes: list[str]) -> None:
+    def _try_route(self, route: ConsoleRoute, pin: str, notes: list[str]) -> None:
         try:
             route.prove(pin)
         except errors.NetcfgError as error:

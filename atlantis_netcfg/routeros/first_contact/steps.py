@@ -103,11 +103,11 @@ def removable(menu: str, rows: tuple[Row, ...]) -> list[Row]:
 
     Rows written by this toolkit are kept, except those for first contact only.
     """
-    removals = [row for row in rows if _goes(menu, row)]
+    removals = [row for row in rows if _is_removable(menu, row)]
     return removals[::-1]
 
 
-def _goes(menu: str, row: Row) -> bool:
+def _is_removable(menu: str, row: Row) -> bool:
     comment = row.get("comment", "")
     if any(row.get(flag) in ("true", "yes") for flag in ("dynamic", "builtin", "default")):
         return False
@@ -174,7 +174,7 @@ def prepare(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> tuple[Ado
 def clear(facts: BoxFacts) -> tuple[AdoptionStep, ...]:
     """Return the steps that remove the default configuration and other rows in its menus; for the management port."""
     lines: list[ConsoleLine] = [*_radios_off(facts)]
-    back = _resets(facts)
+    back = _reset_lines(facts)
     for menu in CLEARED_MENUS:
         if menu == "/interface/list/member":
             lines += back
@@ -310,7 +310,7 @@ def _let_in(facts: BoxFacts, name: str) -> list[ConsoleLine]:
     return [ConsoleLine(f"/ip firewall filter add {rule} place-before={rules[0]['.id']}")]
 
 
-def _resets(facts: BoxFacts) -> list[ConsoleLine]:
+def _reset_lines(facts: BoxFacts) -> list[ConsoleLine]:
     lines = []
     for menu, plain in resets(facts.version).items():
         device_row: Row = {}

@@ -62,10 +62,10 @@ def objections(plan: _types.Plan, observation: _types.Observation, path: Managem
     # Without its address or interface there is no way back either: one reason is enough.
     route = () if link else tuple(_route.objections(before, later))
     reasons = (*link, *_firewall.firewall_objections(before, later), *_access.access_objections(before, later), *route)
-    return tuple(dict.fromkeys(_with_names_of_today(reason, observation, before) for reason in reasons))
+    return tuple(dict.fromkeys(_with_current_names(reason, observation, before) for reason in reasons))
 
 
-def _with_names_of_today(reason: str, observation: _types.Observation, renamed_state: State) -> str:
+def _with_current_names(reason: str, observation: _types.Observation, renamed_state: State) -> str:
     lines = [
         f"{now['name']} is the port that is called {row['name']} today"
         for menu in INTERFACES

@@ -24,12 +24,12 @@ _ENOUGH_SESSIONS = 2
 
 def access_objections(before: State, after: State) -> Iterator[str]:
     """Yield what would prevent a new session of ours."""
-    yield from _service(before, after)
-    yield from _user(before, after)
+    yield from _service_harm(before, after)
+    yield from _user_harm(before, after)
     yield from _group_harm(before, after)
 
 
-def _service(before: State, after: State) -> Iterator[str]:
+def _service_harm(before: State, after: State) -> Iterator[str]:
     path = before.path
     old = before.find("/ip/service", "name", path.service)
     new = after.find("/ip/service", "name", path.service)
@@ -43,7 +43,7 @@ def _service(before: State, after: State) -> Iterator[str]:
             f"{text} would move from port {old.get('port')} to {new.get('port')}: leave the port, or enter the new one "
             f"in the inventory and change it on the router by hand"
         )
-    if _admits(old, before) and not _admits(new, after):
+    if _is_technician_admitted(old, before) and not _is_technician_admitted(new, after):
         yield f"{text} would admit only {new.get('address')}, not you at {path.technician}: add your address"
     if _form("certificate", old) != _form("certificate", new):
         yield (
@@ -60,11 +60,11 @@ def _form(name: str, row: _types.Row) -> str:
     return MENUS["/ip/service"].form(name, row)
 
 
-def _admits(row: _types.Row, state: State) -> bool:
+def _is_technician_admitted(row: _types.Row, state: State) -> bool:
     return _firewall.in_networks(row.get("address", ""), state.technician) is not _firewall.MatchResult.NO
 
 
-def _user(before: State, after: State) -> Iterator[str]:
+def _user_harm(before: State, after: State) -> Iterator[str]:
     name = before.path.user
     old, new = before.find("/user", "name", name), after.find("/user", "name", name)
     if old is None:
@@ -73,7 +73,7 @@ def _user(before: State, after: State) -> Iterator[str]:
         yield f"/user: {name}, as whom we are logged in, would be removed: keep that user"
     elif is_set(new, "disabled") and not is_set(old, "disabled"):
         yield f"/user: {name}, as whom we are logged in, would be disabled: leave it enabled"
-    elif _admits(old, before) and not _admits(new, after):
+    elif _is_technician_admitted(old, before) and not _is_technician_admitted(new, after):
         yield (
             f"/user: {name}, as whom we are logged in, would be admitted only from {new.get('address')}, not from "
             f"{before.path.technician}: add your address"
@@ -124,7 +124,7 @@ def _has_interface(*names: str) -> Callable[[_types.Row, State], bool]:
     return judge
 
 
-def _address(row: _types.Row, state: State) -> bool:
+def _is_address_touched(row: _types.Row, state: State) -> bool:
     return row.get("address", "").partition("/")[0] == state.path.local or row.get("interface") in interfaces(state)
 
 
@@ -155,25 +155,25 @@ def _reachable_chains(menu: str, base: str, state: State) -> set[str]:
     return chains
 
 
-def _list_entry(row: _types.Row, state: State) -> bool:
+def _is_list_entry_touched(row: _types.Row, state: State) -> bool:
     return any(
         _firewall.in_networks(row.get("address", ""), each) is not _firewall.MatchResult.NO
         for each in (state.technician, state.local)
     )
 
 
-def _route(row: _types.Row, state: State) -> bool:
+def _is_route_touched(row: _types.Row, state: State) -> bool:
     return (
         _firewall.in_networks(row.get("dst-address") or "0.0.0.0/0", state.technician) is not _firewall.MatchResult.NO
     )
 
 
-def _routing_rule(row: _types.Row, state: State) -> bool:
+def _is_routing_rule_touched(row: _types.Row, state: State) -> bool:
     ends = ((row.get("src-address", ""), state.local), (row.get("dst-address", ""), state.technician))
     return all(_firewall.in_networks(text, address) is not _firewall.MatchResult.NO for text, address in ends)
 
 
-def _group_touched(row: _types.Row, state: State) -> bool:
+def _is_group_touched(row: _types.Row, state: State) -> bool:
     user = state.find("/user", "name", state.path.user) or {}
     return row.get("name") == user.get("group")
 
@@ -185,17 +185,17 @@ _JUDGE_BY_MENU: Mapping[str, Callable[[_types.Row, State], bool]] = {
     "/interface/list": lambda *_: True,
     "/interface/list/member": _has_interface("interface"),
     "/interface/ovpn-client": _has_interface("name"),
-    "/ip/address": _address,
+    "/ip/address": _is_address_touched,
     "/ip/dhcp-client": _has_interface("interface"),
-    "/ip/firewall/address-list": _list_entry,
+    "/ip/firewall/address-list": _is_list_entry_touched,
     _firewall.FILTER: _rule_touched(_firewall.FILTER, {"input": False, "output": True}),
     _firewall.NAT: _rule_touched(_firewall.NAT, {"dstnat": False}),
     _firewall.MANGLE: _rule_touched(_firewall.MANGLE, {"prerouting": False, "input": False, "output": True}),
-    "/ip/route": _route,
+    "/ip/route": _is_route_touched,
     "/ip/service": lambda row, state: row.get("name") == state.path.service,
-    "/routing/rule": _routing_rule,
+    "/routing/rule": _is_routing_rule_touched,
     "/routing/settings": lambda *_: True,
     "/routing/table": lambda *_: True,
     "/user": lambda row, state: row.get("name") == state.path.user,
-    "/user/group": _group_touched,
+    "/user/group": _is_group_touched,
 }

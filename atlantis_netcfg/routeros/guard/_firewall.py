@@ -59,7 +59,7 @@ def matches(menu: str, rule: Row, packet: Packet, state: State) -> MatchResult:
     """Return the combined result of all matchers of a rule; an unknown matcher makes it MAYBE."""
     fields = MENUS[menu].by_name
     answers = [
-        _rule(name, value, packet, state)
+        _match_condition(name, value, packet, state)
         for name, value in rule.items()
         if name in fields and name not in _NO_MATCHERS and value
     ]
@@ -68,7 +68,7 @@ def matches(menu: str, rule: Row, packet: Packet, state: State) -> MatchResult:
     return min(answers, default=MatchResult.YES)
 
 
-def _rule(name: str, value: str, packet: Packet, state: State) -> MatchResult:
+def _match_condition(name: str, value: str, packet: Packet, state: State) -> MatchResult:
     judge = _JUDGES.get(name)
     if judge is None:
         return MatchResult.MAYBE
@@ -76,43 +76,43 @@ def _rule(name: str, value: str, packet: Packet, state: State) -> MatchResult:
     return MatchResult(MatchResult.YES - answer) if value.startswith("!") else answer
 
 
-def _yes(condition: bool) -> MatchResult:  # noqa: FBT001 - the answer to a question
+def _match_result(condition: bool) -> MatchResult:  # noqa: FBT001 - the answer to a question
     return MatchResult.YES if condition else MatchResult.NO
 
 
-def _in_network(text: str, address: IPv4Address) -> MatchResult:
+def _match_network(text: str, address: IPv4Address) -> MatchResult:
     first, dash, last = text.partition("-")
     try:
         if dash:
-            return _yes(IPv4Address(first) <= address <= IPv4Address(last))
-        return _yes(address in ip_network(text, strict=False))
+            return _match_result(IPv4Address(first) <= address <= IPv4Address(last))
+        return _match_result(address in ip_network(text, strict=False))
     except ValueError:
         return MatchResult.MAYBE
 
 
 def in_networks(text: str, address: IPv4Address) -> MatchResult:
     """Match the address against a list of prefixes or ranges; an empty list matches all."""
-    return max((_in_network(each, address) for each in text.split(",") if each), default=MatchResult.YES)
+    return max((_match_network(each, address) for each in text.split(",") if each), default=MatchResult.YES)
 
 
 def in_list(state: State, name: str, address: IPv4Address) -> MatchResult:
     """Match the address against an address list; entries that are names count as MAYBE."""
     entries = (row for row in state.enabled_rows("/ip/firewall/address-list") if row.get("list") == name)
-    return max((_in_network(row.get("address", ""), address) for row in entries), default=MatchResult.NO)
+    return max((_match_network(row.get("address", ""), address) for row in entries), default=MatchResult.NO)
 
 
-def _on_interface(text: str, name: str | None, state: State) -> MatchResult:
+def _match_interface(text: str, name: str | None, state: State) -> MatchResult:
     if name is None:
         return MatchResult.MAYBE
     if text == "all-ethernet":
-        return _yes(state.find("/interface/ethernet", "name", name) is not None)
-    return MatchResult.MAYBE if text.startswith("all-") else _yes(text == name)
+        return _match_result(state.find("/interface/ethernet", "name", name) is not None)
+    return MatchResult.MAYBE if text.startswith("all-") else _match_result(text == name)
 
 
 def _on_list(text: str, name: str | None, state: State, visited_lists: frozenset[str] = frozenset()) -> MatchResult:
     """Match an interface against a list: members, plus `include`, minus `exclude` (Manual, Interface Lists)."""
     if text in ("all", "none") or text in visited_lists:
-        return _yes(text == "all")
+        return _match_result(text == "all")
     if name is None or text in ("dynamic", "static"):
         return MatchResult.MAYBE
     row = state.find("/interface/list", "name", text) or {}
@@ -127,7 +127,7 @@ def _on_list(text: str, name: str | None, state: State, visited_lists: frozenset
     return max(included_matches, default=MatchResult.NO)
 
 
-def _has_port(text: str, ports: Iterable[int | None]) -> MatchResult:
+def _match_port(text: str, ports: Iterable[int | None]) -> MatchResult:
     known_ports = [port for port in ports if port is not None]
     if any(_is_port_in(text, port) for port in known_ports):
         return MatchResult.YES
@@ -147,23 +147,23 @@ def _words(text: str) -> set[str]:
 
 
 _JUDGES: Mapping[str, Callable[[str, Packet, State], MatchResult]] = {
-    "src-address": lambda text, packet, _: _in_network(text, packet.source),
-    "dst-address": lambda text, packet, _: _in_network(text, packet.target),
+    "src-address": lambda text, packet, _: _match_network(text, packet.source),
+    "dst-address": lambda text, packet, _: _match_network(text, packet.target),
     "src-address-list": lambda text, packet, state: in_list(state, text, packet.source),
     "dst-address-list": lambda text, packet, state: in_list(state, text, packet.target),
-    "in-interface": lambda text, packet, state: _on_interface(text, packet.in_interface, state),
-    "out-interface": lambda text, packet, state: _on_interface(text, packet.out_interface, state),
+    "in-interface": lambda text, packet, state: _match_interface(text, packet.in_interface, state),
+    "out-interface": lambda text, packet, state: _match_interface(text, packet.out_interface, state),
     "in-interface-list": lambda text, packet, state: _on_list(text, packet.in_interface, state),
     "out-interface-list": lambda text, packet, state: _on_list(text, packet.out_interface, state),
-    "protocol": lambda text, *_: _yes(text in ("tcp", "6")),
-    "src-port": lambda text, packet, _: _has_port(text, (packet.source_port,)),
-    "dst-port": lambda text, packet, _: _has_port(text, (packet.target_port,)),
-    "port": lambda text, packet, _: _has_port(text, (packet.source_port, packet.target_port)),
-    "connection-state": lambda text, packet, _: _yes(packet.state in _words(text)),
+    "protocol": lambda text, *_: _match_result(text in ("tcp", "6")),
+    "src-port": lambda text, packet, _: _match_port(text, (packet.source_port,)),
+    "dst-port": lambda text, packet, _: _match_port(text, (packet.target_port,)),
+    "port": lambda text, packet, _: _match_port(text, (packet.source_port, packet.target_port)),
+    "connection-state": lambda text, packet, _: _match_result(packet.state in _words(text)),
     "connection-nat-state": lambda *_: MatchResult.NO,
-    "fragment": lambda text, *_: _yes(text in ("no", "false")),
+    "fragment": lambda text, *_: _match_result(text in ("no", "false")),
     "icmp-options": lambda *_: MatchResult.NO,
-    "ipsec-policy": lambda text, *_: _yes(text.endswith(",none")),
+    "ipsec-policy": lambda text, *_: _match_result(text.endswith(",none")),
 }
 
 
@@ -258,8 +258,10 @@ def firewall_objections(before: State, after: State) -> Iterator[str]:
     """
     unread = any(map(is_bare, before.all("/ip/firewall/address-list")))
     for check in _CHECKS:
-        earlier_keys = frozenset() if unread else {_key(check, each) for each in _harmful(check, before)}
-        yield from (_harm_text(check, each) for each in _harmful(check, after) if _key(check, each) not in earlier_keys)
+        earlier_keys = frozenset() if unread else {_key(check, each) for each in _find_harms(check, before)}
+        yield from (
+            _harm_text(check, each) for each in _find_harms(check, after) if _key(check, each) not in earlier_keys
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,7 +284,7 @@ def _harm_text(check: _PacketCheck, harm: _Harm) -> str:
     return f"{menu.title}: the rule `{menu.name_of(harm.rule)}` {may} {check.words}{doubt}: {check.cure}"
 
 
-def _harmful(check: _PacketCheck, state: State) -> list[_Harm]:
+def _find_harms(check: _PacketCheck, state: State) -> list[_Harm]:
     walk = _Walk(check, state, check.packet(state))
     walk.through(check.chain, MatchResult.YES, frozenset())
     return walk.harms

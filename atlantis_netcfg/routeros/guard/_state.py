@@ -100,13 +100,13 @@ class State:
         members = [
             port["interface"] for port in self.enabled_rows("/interface/bridge/port") if port.get("bridge") == name
         ]
-        return frozenset(self._port(member) for member in members if self._is_on(member))
+        return frozenset(self._port_identity(member) for member in members if self._is_enabled(member))
 
-    def _port(self, name: str) -> str:
+    def _port_identity(self, name: str) -> str:
         interface = self.interface(name)
         return identity(*interface) if interface is not None else name
 
-    def _is_on(self, name: str) -> bool:
+    def _is_enabled(self, name: str) -> bool:
         interface = self.interface(name)
         return interface is None or not is_set(interface[1], "disabled")
 

@@ -51,7 +51,7 @@ class _WayBack:
             await self._let_go(far)
         is_near_kept = await self._near()
         if is_near_kept is None:
-            return self._unknown(near), self._unknown(far)
+            return self._unknown_result(near), self._unknown_result(far)
         if is_near_kept:
             return await self._forward()
         result = await self._far()
@@ -105,10 +105,10 @@ class _WayBack:
         far.say(Stage.WAITING, f"it returns by itself within {max(0.0, work.fires - clock()):.0f} s", patience_s)
         outcome = await self._wait_until_settled(far, patience_s, returning=True)
         if outcome is None:
-            return self._unknown(far)
+            return self._unknown_result(far)
         _, different_menus = outcome
         if different_menus and not await self._put_back(far):
-            return self._unknown(far)
+            return self._unknown_result(far)
         await self._no_job()
         return far.rolled_back(str(self.reason))
 
@@ -119,12 +119,12 @@ class _WayBack:
         outcome = await self._wait_until_settled(far, self.work.pair.link_timeout_s + far.job.patience.reach_s)
         if outcome is not None and await self._is_declared(far, outcome[0]):
             if not await self._defuse_far(outcome[0]):
-                return near.confirm(words), self._unknown(far)
+                return near.confirm(words), self._unknown_result(far)
             return near.confirm(words), far.confirm(words) if far.actions else self._untouched_result(far)
         if await self._put_back(near):
             result = await self._far()
             return near.rolled_back(str(self.reason)), result
-        return self._unknown(near), self._unknown(far)
+        return self._unknown_result(near), self._unknown_result(far)
 
     async def _after_all(self) -> tuple[apply.DeviceResult, apply.DeviceResult]:
         """Apply the change to the near end again, as the far end has kept its change."""
@@ -133,7 +133,7 @@ class _WayBack:
             replace(near.job, agreed_hash=None, journal=NoJournal()), mode=apply.JobMode.RESUME
         )
         if result.status is not apply.Status.CHANGED:
-            return self._unknown(near), self._unknown(far)
+            return self._unknown_result(near), self._unknown_result(far)
         return await self._forward()
 
     # --- both ------------------------------------------------------------------------------------------------------
@@ -229,7 +229,7 @@ class _WayBack:
         result = end.result(apply.Status.LEFT_AS_FOUND, f"nothing was changed: {self.reason}", hint=hint)
         return replace(result, was_reached=not isinstance(self.reason, Unreachable))
 
-    def _unknown(self, end: End) -> apply.DeviceResult:
+    def _unknown_result(self, end: End) -> apply.DeviceResult:
         site = self.work.near.job.site  # the one that was asked for; from there both ends are reached
         return end.result(
             apply.Status.UNKNOWN,

@@ -93,7 +93,10 @@ async def _converge_both(pair: Pair, mode: apply.JobMode) -> Results:
     start_time = asyncio.get_running_loop().time()
     near, far = (
         End(job, Contact(job), radio, start_time)
-        for job, radio in ((_patient(pair.near), pair.near_radio), (_patient(pair.far), pair.far_radio))
+        for job, radio in (
+            (_limit_connect_timeout(pair.near), pair.near_radio),
+            (_limit_connect_timeout(pair.far), pair.far_radio),
+        )
     )
     work = Transaction(pair, near, far)
     try:
@@ -138,7 +141,7 @@ async def _stoppable(work: Transaction, mode: apply.JobMode) -> Results | None:
         return near, far
 
 
-def _patient(job: apply.DeviceJob) -> apply.DeviceJob:
+def _limit_connect_timeout(job: apply.DeviceJob) -> apply.DeviceJob:
     endpoint = replace(job.endpoint, connect_timeout_s=min(job.endpoint.connect_timeout_s, _CONNECT_S))
     return replace(job, endpoint=endpoint)
 
@@ -147,7 +150,7 @@ async def _one_by_one(pair: Pair, mode: apply.JobMode, work: Transaction | None 
     """Run ordinary runs, far end first, so that a failure there does not affect the near end."""
     if work is not None and work.unseen is not None:
         near = await apply.converge(pair.near, mode=mode)
-        return replace(near, notes=(*near.notes, _end_by_end(pair))), work.far.finish(work.unseen)
+        return replace(near, notes=(*near.notes, _single_end_notice(pair))), work.far.finish(work.unseen)
     far = await apply.converge(pair.far, mode=mode)
     near = apply.stopped_before_turn(pair.near.name) if far.is_stopped else await apply.converge(pair.near, mode=mode)
     if work is not None:
@@ -157,19 +160,19 @@ async def _one_by_one(pair: Pair, mode: apply.JobMode, work: Transaction | None 
 
 def _add_notes(work: Transaction, end: End, result: apply.DeviceResult) -> apply.DeviceResult:
     """Add the pair's notes to the result of an end that was run alone."""
-    notes = [_words(work.pair)] if any(each.changes_radio for each in work.ends) else []
+    notes = [_pair_notice(work.pair)] if any(each.changes_radio for each in work.ends) else []
     notes += [f"removed {what}" for what in end.removed_items]
     return replace(result, notes=(*result.notes, *notes))
 
 
-def _end_by_end(pair: Pair) -> str:
+def _single_end_notice(pair: Pair) -> str:
     return (
         f"the radio of {pair.near.name} was off and {pair.far.name} is not to be seen: {pair.near.name} goes alone."
         f" When {pair.far.name} has been set up from its own cable, run this again: only then is the bridge proved"
     )
 
 
-def _words(pair: Pair) -> str:
+def _pair_notice(pair: Pair) -> str:
     return (
         f"{pair.name} change as one, far end first; if the link is not back within {pair.link_timeout_s:.0f} s both"
         f" return by themselves (where the far end's scheduler may not run, within {DEAD_SESSION_S / 60:.0f} min)"
@@ -282,7 +285,7 @@ async def _run_forward(work: Transaction) -> Results:
         return await roll_back(work, errors.DeviceError("stopped by hand"))
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, no end must stay between two states
         near, far = await roll_back(work, errors.DeviceError(f"provision itself failed ({type(fault).__name__})"))
-        return _ours(near, fault), _ours(far, fault)
+        return _mark_as_our_fault(near, fault), _mark_as_our_fault(far, fault)
     return _success_result(work.near), _success_result(work.far)
 
 
@@ -295,6 +298,6 @@ def _success_result(end: End) -> apply.DeviceResult:
     )
 
 
-def _ours(result: apply.DeviceResult, fault: Exception) -> apply.DeviceResult:
+def _mark_as_our_fault(result: apply.DeviceResult, fault: Exception) -> apply.DeviceResult:
     exit_ = errors.ExitCode.UNKNOWN if result.status is apply.Status.UNKNOWN else errors.ExitCode.OUR_FAULT
     return replace(result, exit=exit_, fault=fault)

@@ -174,7 +174,7 @@ def _values(near: PairRadio, far: PairRadio, names: tuple[str, str]) -> Iterator
     if ap.menu == LEGACY and _ap_protocol(ap) not in _station_protocols(station):
         words = (near.get("wireless-protocol"), far.get("wireless-protocol"))
         yield f"wireless-protocol would be {words[0]} on {names[0]} and {words[1]} on {names[1]}"
-    elif not _same_key(ap, station):
+    elif not _is_same_key(ap, station):
         yield f"the keys of {names[0]} and {names[1]} would differ"
 
 
@@ -188,13 +188,15 @@ def _station_protocols(station: PairRadio) -> frozenset[str]:
     return _PROTOCOLS.get(word, frozenset({word}))
 
 
-def _same_key(ap: PairRadio, station: PairRadio) -> bool:
+def _is_same_key(ap: PairRadio, station: PairRadio) -> bool:
     if ap.menu == LEGACY and _ap_protocol(ap) == "nv2":
         if ap.get("nv2-security", "disabled") != station.get("nv2-security", "disabled"):
             return False
         return ap.get("nv2-security") != "enabled" or _equal(ap, station, "nv2-preshared-key")
     if ap.menu != LEGACY:
-        return _share(ap, station, "security.authentication-types") and _equal(ap, station, "security.passphrase")
+        return _has_common_word(ap, station, "security.authentication-types") and _equal(
+            ap, station, "security.passphrase"
+        )
     if ap.get("security.mode", "none") != station.get("security.mode", "none"):
         return False
     if ap.get("security.mode", "none") != "dynamic-keys":
@@ -208,7 +210,7 @@ def _words(radio: PairRadio, name: str) -> frozenset[str]:
     return frozenset(word for word in radio.get(name).split(",") if word)
 
 
-def _share(ap: PairRadio, station: PairRadio, name: str) -> bool:
+def _has_common_word(ap: PairRadio, station: PairRadio, name: str) -> bool:
     ours, theirs = _words(ap, name), _words(station, name)
     return bool(ours & theirs) or ours == theirs
 

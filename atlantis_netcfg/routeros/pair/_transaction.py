@@ -94,16 +94,16 @@ class Transaction:
             await self._arm()
         for end in self.ends:
             if end.actions:
-                await self._take(end)
+                await self._take_safe_mode(end)
         await self._see_job()
 
     async def protect_near(self) -> None:
         """Save the near end and take its safe mode, for a change of that end alone."""
         self.near.announce()
         await self._save(self.near)
-        await self._take(self.near)
+        await self._take_safe_mode(self.near)
 
-    async def _take(self, end: _end.End) -> None:
+    async def _take_safe_mode(self, end: _end.End) -> None:
         try:
             end.owner = (await safe_mode.ApiSafeMode().take(end.channel)).who
         except safe_mode.SafeModeUnavailable as unavailable:

@@ -64,7 +64,7 @@ def plan(device: str, desired_state: DesiredState, observation: _types.Observati
     remarks = [remark for path, remark in desired_state.remarks if path in changed_menus]
     result = _types.Plan(
         device=device,
-        actions=tuple(_number_actions([*rename_changes(port_renames, observation), *_in_order(parts)])),
+        actions=tuple(_number_actions([*rename_changes(port_renames, observation), *_sort_changes(parts)])),
         diff=render((part.menu, part.lines) for part in parts),
         drift=tuple(drift for part in parts for drift in part.drift),
         hidden_secrets=tuple(secret for part in parts for secret in part.hidden_secrets),
@@ -152,7 +152,7 @@ def _take_names_out(part: MenuPlan, port_renames: list[Rename]) -> None:
             )
 
 
-def _in_order(parts: list[MenuPlan]) -> list[MenuChange]:
+def _sort_changes(parts: list[MenuPlan]) -> list[MenuChange]:
     return sorted((change for part in parts for change in part.changes), key=_turn)
 
 

@@ -131,7 +131,7 @@ def writes(
     if is_managed:
         for each in menu.fields:
             is_named = each.name in item.values or each.name in item.unknown
-            if each.name in row and not is_named and not _stays(context, each):
+            if each.name in row and not is_named and not _is_kept(context, each):
                 default = menu.default_of(each.name, row)
                 if not _is_run_time(context, menu, each.name, default, row):
                     desired_values |= _differing(menu, row, each.name, default)
@@ -143,7 +143,7 @@ def _is_run_time(context: Context, menu: Menu, name: str, desired_value: str | N
     return any(either.covers(menu, name, desired_value, row) for either in context.desired_state.run_time)
 
 
-def _stays(context: Context, each: Field) -> bool:
+def _is_kept(context: Context, each: Field) -> bool:
     return each.keep and (each.default is None or not context.desired_state.restores)
 
 

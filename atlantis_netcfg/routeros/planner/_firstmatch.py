@@ -42,7 +42,7 @@ def common(old: Sequence[Hashable], new: Sequence[Hashable]) -> list[tuple[int, 
     """
     head = _common_length(old, new, len(old), len(new))
     tail = _common_length(old[::-1], new[::-1], len(old) - head, len(new) - head)
-    middle = _increasing(old[head : len(old) - tail], new[head : len(new) - tail])
+    middle = _longest_increasing(old[head : len(old) - tail], new[head : len(new) - tail])
     ends = [(len(old) - tail + offset, len(new) - tail + offset) for offset in range(tail)]
     return [*((each, each) for each in range(head)), *((head + i, head + j) for i, j in middle), *ends]
 
@@ -54,7 +54,7 @@ def _common_length(old: Sequence[Hashable], new: Sequence[Hashable], *limits: in
     return length
 
 
-def _increasing(old: Sequence[Hashable], new: Sequence[Hashable]) -> list[tuple[int, int]]:
+def _longest_increasing(old: Sequence[Hashable], new: Sequence[Hashable]) -> list[tuple[int, int]]:
     places: dict[Hashable, list[int]] = {}
     for index in range(len(old) - 1, -1, -1):
         places.setdefault(old[index], []).append(index)

@@ -82,7 +82,7 @@ def _match(work: _MatchedRows, items: Iterable[RowItem], rows: list[_types.Row])
     _match_settings(work)
     for match in work.matches:
         if match.row is None and (match.item.exists or menu.shape is not Shape.LIST):
-            work.report.problems.append(_missing(menu, match.item, rows))
+            work.report.problems.append(_missing_row_text(menu, match.item, rows))
     undeclared_values = work.context.desired_state.undeclared_values.get(menu.path, {})
     work.matches += [
         _Match(RowItem(menu.path, {**_keys(menu, row), **undeclared_values}), row) for row in _find_implied_rows(work)
@@ -125,7 +125,7 @@ def _find_implied_rows(work: _MatchedRows) -> list[_types.Row]:
     return list(work.unmatched_rows)
 
 
-def _missing(menu: Menu, item: RowItem, rows: list[_types.Row]) -> str:
+def _missing_row_text(menu: Menu, item: RowItem, rows: list[_types.Row]) -> str:
     there = ", ".join(menu.name_of(row) for row in rows)
     return (
         f"line {item.line}: there is no {menu.name_of(item.defined_values)} in {menu.title}; "
@@ -147,7 +147,7 @@ def _make_room(work: _MatchedRows) -> None:
     if not work.menu.unique:
         return
     for names in (work.menu.keys, *((name,) for name in work.menu.unique)):
-        holders = {_value(work.menu, names, row): row for row in _present(work)}
+        holders = {_value(work.menu, names, row): row for row in _present_rows(work)}
         owners = {id(match.row): match for match in work.matches if match.row is not None}
         for match in work.matches:
             if match.row is None or match.writes:
@@ -160,7 +160,7 @@ def _make_room(work: _MatchedRows) -> None:
     work.matches = _in_turn(work)
 
 
-def _present(work: _MatchedRows) -> Iterator[_types.Row]:
+def _present_rows(work: _MatchedRows) -> Iterator[_types.Row]:
     yield from (match.row for match in work.matches if match.row is not None)
     yield from (row for row in work.unmatched_rows if row not in work.early)
 

@@ -121,7 +121,7 @@ def rename_changes(port_renames: Iterable[Rename], observation: _types.Observati
         now = next((name for name, each in waiting.items() if each.name not in waiting), None)
         if now is not None:
             each = waiting.pop(now)
-            yield _change(each, each.name)
+            yield _rename_change(each, each.name)
             continue
         # All that are left wait for each other.
         now = next((name for name in waiting if name not in session_ports), next(iter(waiting)))
@@ -131,10 +131,10 @@ def rename_changes(port_renames: Iterable[Rename], observation: _types.Observati
             spare += "-"
         used.add(spare)
         waiting[spare] = each
-        yield _change(each, spare)
+        yield _rename_change(each, spare)
 
 
-def _change(each: Rename, name: str) -> MenuChange:
+def _rename_change(each: Rename, name: str) -> MenuChange:
     subject = each.menu.name_of(each.row)
     return MenuChange(
         each.menu, _types.Verb.SET, _types.Layer.NAMES, subject, ids=(each.row[".id"],), values=(("name", name),)
@@ -165,7 +165,8 @@ def rename_rows(path: str, rows: Iterable[_types.Row], names: Mapping[str, str])
     if not names or not fields:
         return tuple(rows)
     return tuple(
-        {**row, **{name: _follow(row[name], names) for name in fields if name in row}} if row else row for row in rows
+        {**row, **{name: _apply_names(row[name], names) for name in fields if name in row}} if row else row
+        for row in rows
     )
 
 
@@ -174,7 +175,7 @@ def _is_own(menu: menus.Menu, name: str) -> bool:
     return name in ("name", "default-name") and menu.path.startswith("/interface/")
 
 
-def _follow(text: str, names: Mapping[str, str]) -> str:
+def _apply_names(text: str, names: Mapping[str, str]) -> str:
     negation = "!" if text.startswith("!") else ""
     words = text.removeprefix("!").split(",")
     return negation + ",".join(_word(word, names) for word in words)

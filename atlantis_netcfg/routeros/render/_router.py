@@ -85,7 +85,7 @@ def managers(inventory: view.InventoryView, host: view.DeclaredHost, interface: 
     site = inventory.sites[host.site]
     local = (("", "MGMT", [site.management.network]), (" in the LAN", "LAN", [site.lan.network]))
     others = [item for name, item in inventory.sites.items() if name != host.site]
-    behind = [inventory.pilot.vpn.network, *(network for other in others for network in _inner(other))]
+    behind = [inventory.pilot.vpn.network, *(network for other in others for network in _inner_networks(other))]
     way_in = "VPN" if interface is not None else "LAN" if server_in_lan(inventory, host) else ""
     for prefix in site.management.admit:
         has_network = False
@@ -99,7 +99,7 @@ def managers(inventory: view.InventoryView, host: view.DeclaredHost, interface: 
             yield view.Managers(" from outside", "WAN", str(prefix))
 
 
-def _inner(site: model.Site) -> tuple[IPv4Network, ...]:
+def _inner_networks(site: model.Site) -> tuple[IPv4Network, ...]:
     return site.lan.network, site.management.network
 
 
@@ -156,7 +156,7 @@ def router_view(inventory: view.InventoryView, host: view.DeclaredHost) -> view.
         management=_management(host.name, site, device),
         managers=tuple(managers(inventory, host, own_tunnel.interface if own_tunnel else None)),
         uplinks=_links.uplinks(host.name, device, site, inventory.pilot),
-        classes=tuple(_classes(site)),
+        classes=tuple(_traffic_classes(site)),
         served_links=_links.served_links(host.name, device, site),
         tunnel=own_tunnel,
         server_in_lan=server_in_lan(inventory, host),
@@ -188,11 +188,11 @@ def prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) -> tup
             view.Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
             for port in _links.ports(device)
         ),
-        *_radio_of(device),
+        *_radio_prerequisites(device),
     )
 
 
-def _radio_of(device: model.Router) -> Iterator[view.Prerequisite]:
+def _radio_prerequisites(device: model.Router) -> Iterator[view.Prerequisite]:
     if device.access_point is not None:
         menus = device.access_point.menus
         yield view.Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point for vehicles")
@@ -225,7 +225,7 @@ _QUEUES = {model.TrafficClass.TELEMETRY: (3, 5), model.TrafficClass.IMAGES: (5, 
 """Priority and share; control has 1 and a half, the rest 8 and a tenth (templates/routeros/parts/queues.rsc.j2)."""
 
 
-def _classes(site: model.Site) -> Iterator[view.ClassView]:
+def _traffic_classes(site: model.Site) -> Iterator[view.ClassView]:
     for kind, (priority, share) in _QUEUES.items():
         hosts = tuple(
             view.NamedAddress(row.name, str(row.address)) for row in site.lan.reservations if row.traffic is kind

@@ -133,7 +133,7 @@ class RscArguments:
             raise self.line.error(start, f"the quote that opens the value of `{name}` is never closed", hint=hint)
         if match is None and char not in _BLANK:
             raise self.line.error(
-                start, f"the value of `{name}` cannot start with {_describe_char(char)}", hint=_quotes(name)
+                start, f"the value of `{name}` cannot start with {_describe_char(char)}", hint=_quotes_hint(name)
             )
         if match is None:
             raise self.line.error(start, f"`{name}=` has no value", hint=f'an empty value is written  {name}=""')
@@ -151,7 +151,7 @@ class RscArguments:
             self.end = self.offset
             return
         complaint = f"{_describe_char(following)} cannot stand in the value of `{name}` like this"
-        raise self.line.error(self.offset, complaint, hint=_quotes(name))
+        raise self.line.error(self.offset, complaint, hint=_quotes_hint(name))
 
     def _unquote(self, literal: str, start: int) -> str:
         try:
@@ -171,18 +171,18 @@ class RscArguments:
         elif may_be_target:
             self.target = self._unquote(word, start)
         else:
-            raise self._stray(start, word)
+            raise self._stray_word_error(start, word)
         self.offset = match.end()
 
-    def _stray(self, start: int, word: str) -> _model.RscError:
+    def _stray_word_error(self, start: int, word: str) -> _model.RscError:
         if word.startswith("#"):
             hint = "move it to a line of its own above"
             return self.line.error(start, "a comment cannot follow on the same line", hint=hint)
-        hint = _quotes(self.values[-1][0]) if self.values else _ROW_HINT
+        hint = _quotes_hint(self.values[-1][0]) if self.values else _ROW_HINT
         return self.line.error(start, f"`{word}` stands alone, without name=", hint=hint)
 
 
-def _quotes(name: str) -> str:
+def _quotes_hint(name: str) -> str:
     return f'a value with spaces or signs needs quotes:  {name}="..."'
 
 
@@ -276,7 +276,7 @@ class _Reader:
             return
         self._end_header()
         if line.text.strip():
-            self._command(line)
+            self._read_command(line)
 
     def export(self) -> _model.Export:
         self._end_header()
@@ -287,10 +287,10 @@ class _Reader:
             self.header = tuple(self.comments)
             self.comments.clear()
 
-    def _command(self, line: LogicalLine) -> None:
+    def _read_command(self, line: LogicalLine) -> None:
         menu, verb, offset = _path(line, self.menu)
         if verb is None:
-            self._open(menu)
+            self._open_menu(menu)
             return
         arguments = RscArguments(line, offset, verb)
         arguments.read()
@@ -308,9 +308,9 @@ class _Reader:
         )
         self.comments.clear()
         if menu_text := line.text[arguments.end :]:
-            self._open(_join("/", menu_text[1:].split()))
+            self._open_menu(_join("/", menu_text[1:].split()))
 
-    def _open(self, menu: str) -> None:
+    def _open_menu(self, menu: str) -> None:
         self.menus.setdefault(menu)
         self.menu = menu
 

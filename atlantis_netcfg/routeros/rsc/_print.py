@@ -71,14 +71,14 @@ class ValueTextError(ValueError):
 def unquote(text: str) -> str:
     """Parse one value of export text, quoted or bare. Raises ValueTextError with a message for the user."""
     if not text.startswith('"'):
-        return _bare(text)
+        return _require_bare(text)
     if len(text) == 1 or not _QUOTED_VALUE.fullmatch(text):
         raise ValueTextError("the text must end with the one quote that closes it", len(text) - 1)
     raw = _ESCAPE.sub(_unescape, text[1:-1])
     return raw.encode(ENCODING, ERRORS).decode(ENCODING, ERRORS)
 
 
-def _bare(text: str) -> str:
+def _require_bare(text: str) -> str:
     for offset, char in enumerate(text):
         if char in '"\\$' or not "!" <= char <= "~":
             raise ValueTextError(f"{char} may only stand inside quotes", offset)
@@ -270,10 +270,12 @@ def drop_volatile(export: _model.Export) -> _model.Export:
     """Return the export without comments that report state."""
     return replace(
         export,
-        statements=tuple(replace(statement, comments=_lasting(statement.comments)) for statement in export.statements),
-        trailer=_lasting(export.trailer),
+        statements=tuple(
+            replace(statement, comments=_lasting_comments(statement.comments)) for statement in export.statements
+        ),
+        trailer=_lasting_comments(export.trailer),
     )
 
 
-def _lasting(comments: tuple[str, ...]) -> tuple[str, ...]:
+def _lasting_comments(comments: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(comment for comment in comments if not is_volatile(comment))

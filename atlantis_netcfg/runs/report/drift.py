@@ -90,7 +90,7 @@ class DriftReport:
     def _lines(self) -> Iterator[str]:
         for name, result in self.devices.items():
             yield f"{name}: {'ERROR, ' if verdict(result) == 'ERROR' else ''}{printable.below(result['message'], 4)}"
-            yield from (f"  {printable.below(line, 4)}" for line in self._beside(name, result))
+            yield from (f"  {printable.below(line, 4)}" for line in self._detail_lines(name, result))
             if result["comparison"] is not None:
                 yield from drift_lines(result["comparison"], translate).split("\n")[:-1]
             yield ""
@@ -98,9 +98,9 @@ class DriftReport:
         if self.is_rehearsal:
             yield "rehearsed on emulated devices as they are after `provision adopt`: nothing real was read"
 
-    def _beside(self, name: str, result: Mapping[str, Any]) -> Iterator[str]:
+    def _detail_lines(self, name: str, result: Mapping[str, Any]) -> Iterator[str]:
         if result["comparison"] is not None:
-            yield _last(result["comparison"], self.time_zone)
+            yield _confirmation_text(result["comparison"], self.time_zone)
         if result["hint"]:
             yield result["hint"]
         yield from cost_lines(result, is_rehearsal=self.is_rehearsal)
@@ -109,7 +109,7 @@ class DriftReport:
             yield f"note: run {self.unfinished_runs[name]} left its outcome open: `{self.next_commands[name]}` goes on"
 
 
-def _last(comparison: Mapping[str, Any], zone: str) -> str:
+def _confirmation_text(comparison: Mapping[str, Any], zone: str) -> str:
     confirmation = comparison["confirmed"]
     if confirmation is None:
         return "since when is unknown: no run has confirmed a state of this device"

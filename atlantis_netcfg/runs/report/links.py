@@ -174,18 +174,18 @@ def _since(stamp: str | None, zone: str) -> str:
 
 def _quality(kind: str, quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield label and text of each reading; unavailable readings are omitted."""
-    words = {"wifi_ptp": _radio, "lte": _unit, "satellite": _terminal}.get(kind)
+    words = {"wifi_ptp": _wifi_quality, "lte": _lte_quality, "satellite": _terminal_quality}.get(kind)
     if words is not None:
         yield from words(quality)
     if quality.get("port_link") is not None:
         yield "port", f"{quality['port']}, link {quality['port_link']}"
 
 
-def _radio(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _wifi_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     parts = list(_signal(quality))
     if parts:
         yield "signal", "; ".join(parts)
-    flow = [*_pair(quality, "rate", "rate_mbps", "Mbit/s"), *_pair(quality, "CCQ", "ccq_percent", "%")]
+    flow = [*_tx_rx_text(quality, "rate", "rate_mbps", "Mbit/s"), *_tx_rx_text(quality, "CCQ", "ccq_percent", "%")]
     if flow:
         yield "flow", ", ".join(flow)
     if quality.get("status") is not None or quality.get("channel") is not None:
@@ -209,7 +209,7 @@ def _radio_grade(level: float) -> str:
     return translate("good") if level >= -65 else translate("fair") if level >= -75 else translate("poor")  # noqa: PLR2004
 
 
-def _pair(quality: Mapping[str, Any], title: str, name: str, unit: str) -> Iterator[str]:
+def _tx_rx_text(quality: Mapping[str, Any], title: str, name: str, unit: str) -> Iterator[str]:
     tx_value, rx_value = quality.get(f"tx_{name}"), quality.get(f"rx_{name}")
     if tx_value is not None and rx_value is not None:
         yield f"{title} {tx_value:g}/{rx_value:g} {unit} sent/received"
@@ -225,7 +225,7 @@ _GRADES = {
 """Name, lower limit of good, upper limit of poor, unit: devices.md, section 4, from memory; for description only."""
 
 
-def _unit(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _lte_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     levels = [_level(key, quality[key]) for key in _GRADES if quality.get(key) is not None]
     if levels:
         yield "signal", ", ".join(levels)
@@ -244,7 +244,7 @@ def _level(key: str, value: float) -> str:
     return f"{name} {value:g} {unit} ({grade})"
 
 
-def _terminal(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _terminal_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     reachability = {"yes": "answers the router", "no": "has not answered the router of late"}.get(
         str(quality.get("next_hop_seen"))
     )

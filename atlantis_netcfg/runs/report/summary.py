@@ -172,20 +172,20 @@ class Summary:
 
     def verdict(self) -> str:
         """Return the verdict: a word in capitals, and a sentence."""
-        word, sentence = self._words()
+        word, sentence = self._headline()
         return f"{translate(word)}: {translate(sentence)}"
 
-    def _words(self) -> tuple[str, str]:
+    def _headline(self) -> tuple[str, str]:
         if self.stopped_by:
-            return f"STOPPED by {self.stopped_by}", self._after_a_stop()
+            return f"STOPPED by {self.stopped_by}", self._stopped_text()
         if self.exit is ExitCode.DONE:
-            return self._good()
+            return self._success_words()
         if self.exit is ExitCode.CHANGES:
             number = list(self.endings.values()).count(DeviceEnd.TO_CHANGE)
             return "PLANNED", f"{_devices(number)} would change; nothing was changed"
-        return self._bad()
+        return self._failure_words()
 
-    def _after_a_stop(self) -> str:
+    def _stopped_text(self) -> str:
         if self.purpose == "plan":
             return "nothing was changed"
         if self.is_rehearsal:
@@ -194,7 +194,7 @@ class Summary:
             return "what a device holds now is not known"
         return "what was read back stays, nothing else was changed"
 
-    def _good(self) -> tuple[str, str]:
+    def _success_words(self) -> tuple[str, str]:
         how = self.endings.values()
         whole, in_part, warning_text, sentence = self._good_words()
         active_count = sum(each in _ACTIVE_ENDS for each in how)
@@ -229,7 +229,7 @@ class Summary:
             return "emulated devices were changed as declared, and read back"
         return "emulated devices were read, nothing was changed"
 
-    def _bad(self) -> tuple[str, str]:
+    def _failure_words(self) -> tuple[str, str]:
         worst = self.endings.get(self._worst(), DeviceEnd.NOT_CHECKED)
         devices = [device for device, how in self.endings.items() if how is worst]
         word, single, several = _BAD[worst]
@@ -319,7 +319,7 @@ def _label_lines(label: str, text: str, width: int, most: int = 0) -> Iterator[p
     room = max(width - _LABEL, 20)
     lines = _wrap(re.sub(r"\s+", " ", text).strip(), room, 0)
     if most and len(lines) > most:
-        lines = [*lines[: most - 1], _cut(lines[most - 1], room)]
+        lines = [*lines[: most - 1], _shorten_line(lines[most - 1], room)]
     for place, line in enumerate(lines):
         yield _label("" if place else label), line
 
@@ -350,7 +350,7 @@ def _advice(hint: str, width: int, most: int) -> Iterator[printable.Row]:
     yield _command(command[1])
 
 
-def _cut(line: str, room: int) -> str:
+def _shorten_line(line: str, room: int) -> str:
     return f"{line[: room - 2].rstrip()} …"
 
 

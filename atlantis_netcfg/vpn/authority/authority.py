@@ -78,9 +78,9 @@ def prepare_folder(folder: Path) -> None:
 def init_authority(folder: Path, passphrase: Secret, names: model.ServerNames, who: str, sealing: Sealing) -> None:
     """Create the authority under the lock; do nothing if it exists. Raises UsageError if it has other names."""
     if is_complete(folder):
-        _same_names(folder, names)
+        _require_same_names(folder, names)
     else:
-        _make(folder, passphrase, names, who, sealing)
+        _create_authority(folder, passphrase, names, who, sealing)
     with model.os_errors_as("the authority cannot be completed"):
         model.forget(folder / UNFINISHED_MARK)
         model.sweep(folder)
@@ -92,7 +92,7 @@ def seal_ca_key(key: Secret, passphrase: Secret, sealing: Sealing) -> bytes:
     return encrypt(key.reveal().encode(), passphrase)
 
 
-def _make(folder: Path, passphrase: Secret, names: model.ServerNames, who: str, sealing: Sealing) -> None:
+def _create_authority(folder: Path, passphrase: Secret, names: model.ServerNames, who: str, sealing: Sealing) -> None:
     _check_leftovers(folder)
     now = ledger.utc_now()
     # Each authority has a name of its own: OpenVPN takes a list of another CA of the same name with a mere warning.
@@ -143,7 +143,7 @@ def _remains(folder: Path) -> str | None:
     return ", ".join(present_names) or None
 
 
-def _same_names(folder: Path, names: model.ServerNames) -> None:
+def _require_same_names(folder: Path, names: model.ServerNames) -> None:
     server = ledger.LedgerState(ledger.read(folder / ledger.FILE).sound().entries).server
     if server is None or names_of(server) != names:
         server_text = "nothing" if server is None else ", ".join((*server.dns, *map(str, server.addresses)))
@@ -218,18 +218,18 @@ def observe_sessions(
     withdrawn: list[str] = []
     for name in members:
         member = state.member(name)
-        new.extend(_of_member(member, sightings))
+        new.extend(_sighting_records(member, sightings))
         withdrawn.extend(
             certificate.common_name
             for certificate in member.certificates
-            if _after_its_end(certificate, sightings.get(certificate.common_name))
+            if _is_seen_after_revocation(certificate, sightings.get(certificate.common_name))
         )
     superseded_names = tuple(item.common_name for item in new if isinstance(item, records.SupersedeRecord))
     strangers = tuple(name for name in sightings if name not in state.issued)
     return new, model.SessionObservation(superseded_names, strangers, tuple(withdrawn))
 
 
-def _of_member(member: identity.Member, sightings: Mapping[str, datetime]) -> Iterator[records.Record]:
+def _sighting_records(member: identity.Member, sightings: Mapping[str, datetime]) -> Iterator[records.Record]:
     good = member.good
     for item in good:
         last = sightings.get(item.common_name)
@@ -244,7 +244,7 @@ def _of_member(member: identity.Member, sightings: Mapping[str, datetime]) -> It
         yield records.SupersedeRecord(common_name=old.common_name, by=good[max(in_use)].common_name)
 
 
-def _after_its_end(certificate: identity.Certificate, last: datetime | None) -> bool:
+def _is_seen_after_revocation(certificate: identity.Certificate, last: datetime | None) -> bool:
     return last is not None and certificate.revoked is not None and last > certificate.revoked
 
 
@@ -351,14 +351,14 @@ class Authority:
         """
         # Asked and opened before the lock: nobody waits for somebody who looks for the note with the passphrase.
         ca = unseal_ca(self.folder, passphrase())
-        with self._signing(ca, who, waiting=waiting, trust_clock=trust_clock) as signer:
+        with self._open_for_signing(ca, who, waiting=waiting, trust_clock=trust_clock) as signer:
             yield signer
 
     @contextmanager
-    def _signing(
+    def _open_for_signing(
         self, ca: pki.Ca, who: str, *, waiting: Callable[[str], None] | None = None, trust_clock: bool = False
     ) -> Iterator[Signer]:
-        with self._writing(who, waiting) as (ledger_session, was_killed):
+        with self._open_for_writing(who, waiting) as (ledger_session, was_killed):
             if ledger_session.state.founded is None or ledger_session.state.founded.ca_sha256 != pki.sha256(
                 ca.certificate
             ):
@@ -380,11 +380,13 @@ class Authority:
             sign_head(self.folder, ledger_session, ca)
 
     @contextmanager
-    def _writing(self, who: str, waiting: Callable[[str], None] | None = None) -> Iterator[tuple[LedgerSession, bool]]:
+    def _open_for_writing(
+        self, who: str, waiting: Callable[[str], None] | None = None
+    ) -> Iterator[tuple[LedgerSession, bool]]:
         require_authority(self.folder)
         with ExitStack() as exit_stack:
-            lock = exit_stack.enter_context(model.Lock(self.folder, who or _me(), waiting))
-            yield exit_stack.enter_context(LedgerSession(self.folder, who or _me())), lock.left
+            lock = exit_stack.enter_context(model.Lock(self.folder, who or _user_at_host(), waiting))
+            yield exit_stack.enter_context(LedgerSession(self.folder, who or _user_at_host())), lock.left
 
     def record_sessions(self, sightings: Mapping[str, datetime], who: str = "") -> model.SessionObservation:
         """Record the common names with sessions on the server, and when last; older certificates are superseded.
@@ -393,7 +395,7 @@ class Authority:
         """
         if not observe_sessions(self._state(), sightings)[0]:
             return observe_sessions(self._state(), sightings)[1]
-        with self._writing(who) as (ledger_session, _):
+        with self._open_for_writing(who) as (ledger_session, _):
             new, answer = observe_sessions(ledger_session.state, sightings)
             ledger_session.write(new, new_operation())
         return answer
@@ -403,13 +405,13 @@ class Authority:
         name_set = set(common_names)
         if not name_set.intersection(self.membership().queued_names):
             return
-        with self._writing(who) as (ledger_session, _):
+        with self._open_for_writing(who) as (ledger_session, _):
             out = [entry for entry in ledger_session.state.membership().queued_names if entry in name_set]
             ledger_session.write([records.SettlementRecord(common_name=item) for item in out], new_operation())
 
     def record_delivery(self, common_name: str, file: model.EnrolmentFile, who: str = "") -> None:
         """Record that a member's file was created or delivered again. Raises UsageError for a revoked one."""
-        with self._writing(who) as (ledger_session, _):
+        with self._open_for_writing(who) as (ledger_session, _):
             good = {
                 certificate.common_name
                 for _, certificate in ledger_session.state.membership().certificates()
@@ -425,7 +427,7 @@ class Authority:
 
     def reseal(self, old: Secret, new: Secret, who: str, sealed_by: Sealing = "age") -> None:
         """Encrypt the CA key with another passphrase. Repeating it has no effect."""
-        with self._writing(who) as (ledger_session, _):
+        with self._open_for_writing(who) as (ledger_session, _):
             ca = reseal_ca(self.folder, ledger_session, (old, new), sealed_by)
             sign_head(self.folder, ledger_session, ca)
 
@@ -433,6 +435,6 @@ class Authority:
         return ledger.LedgerState(self.history())
 
 
-def _me() -> str:
+def _user_at_host() -> str:
     holder = runs.LockHolder.me("")
     return f"{holder.user}@{holder.host}"

@@ -53,9 +53,9 @@ def problems(folder: Path, now: datetime) -> Iterator[str]:
     if reading.damage is not None:
         yield f"{reading.damage}; nothing is signed while it is so"
     yield from _disagreements(folder, reading, state, ca, _head(folder, reading, state, ca))
-    yield from _ends(folder, state, ca, now)
-    yield from _members(state, now)
-    yield from _modes(folder)
+    yield from _check_expiry(folder, state, ca, now)
+    yield from _check_member_expiry(state, now)
+    yield from _check_file_modes(folder)
 
 
 def agreement(folder: Path) -> Agreement:
@@ -110,11 +110,11 @@ def _disagreements(
     elif head is not None:
         yield from _check_unsigned_lines(folder, reading, state, head)
     yield from _check_unfinished(folder, state)
-    yield from _times(reading.entries)
-    yield from _server(folder, state)
-    yield from _certificates(state, ca)
-    yield from _copies(folder, state)
-    yield from _list(folder, state, ca)
+    yield from _check_times(reading.entries)
+    yield from _check_server(folder, state)
+    yield from _check_certificates(state, ca)
+    yield from _check_copies(folder, state)
+    yield from _check_crl(folder, state, ca)
 
 
 def _check_unsigned_lines(
@@ -132,7 +132,7 @@ def _check_unsigned_lines(
             )
 
 
-def _certificates(state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
+def _check_certificates(state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
     for item in state.issued.values():
         try:
             certificate = pki.load_cert(model.copy_of(item).decode("ascii"))
@@ -146,7 +146,7 @@ def _certificates(state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
             yield f"the certificate of {item.common_name} in the ledger is not one that this authority has signed so"
 
 
-def _times(entries: Sequence[LedgerEntry]) -> Iterator[str]:
+def _check_times(entries: Sequence[LedgerEntry]) -> Iterator[str]:
     for before, after in pairwise(entries):
         if after.at < before.at and not isinstance(after.record, records.ClockTrustRecord):
             yield f"line {after.number} of the ledger is older than the line before it"
@@ -160,7 +160,7 @@ def _check_unfinished(folder: Path, state: LedgerState) -> Iterator[str]:
         yield f"a command did not end ({commands}): the next one that signs puts it in order"
 
 
-def _ends(folder: Path, state: LedgerState, ca: x509.Certificate, now: datetime) -> Iterator[str]:
+def _check_expiry(folder: Path, state: LedgerState, ca: x509.Certificate, now: datetime) -> Iterator[str]:
     if ca.not_valid_after_utc - now < CA_SOON:
         yield f"the certificate authority ends on {ca.not_valid_after_utc:%Y-%m-%d}: found a new one in time"
     if state.server is not None and state.server.not_after - now < SOON:
@@ -179,7 +179,7 @@ def _ends(folder: Path, state: LedgerState, ca: x509.Certificate, now: datetime)
         yield f"{model.CRL} ends on {following:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
 
 
-def _server(folder: Path, state: LedgerState) -> Iterator[str]:
+def _check_server(folder: Path, state: LedgerState) -> Iterator[str]:
     if state.server is None:
         return
     try:
@@ -191,7 +191,7 @@ def _server(folder: Path, state: LedgerState) -> Iterator[str]:
         yield f"{model.SERVER_CERT} is not the certificate that was recorded"
 
 
-def _copies(folder: Path, state: LedgerState) -> Iterator[str]:
+def _check_copies(folder: Path, state: LedgerState) -> Iterator[str]:
     recorded_copies = {f"{name}.pem": model.copy_of(item) for name, item in state.issued.items()}
     there = {path.name: path for path in sorted((folder / model.CERTS).glob("[!.]*"))}
     for name, path in there.items():
@@ -203,7 +203,7 @@ def _copies(folder: Path, state: LedgerState) -> Iterator[str]:
         yield f"{model.CERTS}/{name} is missing; the next command that signs writes it again"
 
 
-def _list(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
+def _check_crl(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
     try:
         facts = pki.read_crl((folder / model.CRL).read_bytes(), ca)
     except OSError as error:
@@ -225,14 +225,14 @@ def _list(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterator[st
         yield f"{model.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
 
 
-def _members(state: LedgerState, now: datetime) -> Iterator[str]:
+def _check_member_expiry(state: LedgerState, now: datetime) -> Iterator[str]:
     for member in state.membership().members.values():
         if member.good and (last := member.good[-1]).not_after - now < SOON:
             ends = "ended" if last.not_after <= now else "ends"
             yield f"{last.common_name} {ends} on {last.not_after:%Y-%m-%d}: provision vpn renew name={member.name}"
 
 
-def _modes(folder: Path) -> Iterator[str]:
+def _check_file_modes(folder: Path) -> Iterator[str]:
     for path in (folder, *(folder / name for name in _PRIVATE)):
         if path.exists() and path.stat().st_mode & 0o077:
             yield f"{path} can be read by others: chmod go= {path}"

@@ -253,7 +253,7 @@ class SigningSession:
         """Return the key of a member's control channel."""
         if wrap is identity.Wrap.TLS_CRYPT:
             return self._shared_key
-        return pki.client_key(self._server, f"cn={common_name}".encode())
+        return pki.client_key(self._server_key, f"cn={common_name}".encode())
 
     def publish(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
         """Publish the list for the recorded state, plus the entries of `also`."""
@@ -295,7 +295,7 @@ class SigningSession:
         return CommitRecord() if whole and not withdrawn_names else RolledBack(common_names=withdrawn_names)
 
     @cached_property
-    def _server(self) -> Secret:
+    def _server_key(self) -> Secret:
         return self._secret(model.TLS_CRYPT_V2)
 
     @cached_property

@@ -276,7 +276,7 @@ class Lock:
     def _wait(self) -> None:
         until = time.monotonic() + PATIENCE_S
         is_reported = False
-        while not _try(self._descriptor, fcntl.LOCK_EX):
+        while not _try_lock(self._descriptor, fcntl.LOCK_EX):
             if time.monotonic() >= until:
                 raise AuthorityBusy(
                     f"the authority is being worked on by {self._holder()}, and was not free within {PATIENCE_S:.0f} s",
@@ -308,12 +308,12 @@ def is_held(folder: Path) -> bool:
     except OSError:
         return False
     try:
-        return not _try(descriptor, fcntl.LOCK_SH)
+        return not _try_lock(descriptor, fcntl.LOCK_SH)
     finally:
         os.close(descriptor)
 
 
-def _try(descriptor: int, how: int) -> bool:
+def _try_lock(descriptor: int, how: int) -> bool:
     try:
         fcntl.flock(descriptor, how | fcntl.LOCK_NB)
     except BlockingIOError:

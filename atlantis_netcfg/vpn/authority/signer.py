@@ -181,7 +181,7 @@ def known_member(membership: identity.MembershipList, name: str) -> identity.Mem
 
 def _find_member(membership: identity.MembershipList, request: model.EnrolmentRequest) -> identity.Member | None:
     """Return the existing member for a request, if there is one."""
-    _check(request)
+    _check_request_name(request)
     member = names.check_free(request.name, request.partner, request.device, membership)
     if member is None:
         return None
@@ -195,7 +195,7 @@ def _find_member(membership: identity.MembershipList, request: model.EnrolmentRe
     return member
 
 
-def _check(request: model.EnrolmentRequest) -> None:
+def _check_request_name(request: model.EnrolmentRequest) -> None:
     if request.partner is None:
         names.check_name(request.name, "host")
         right = request.device
@@ -324,7 +324,7 @@ def hand_out(
     try:
         session.ledger.write([records.BeginRecord(command=command, names=_names(plans))], operation)
         for start in range(0, len(plans), BATCH):
-            _batch(session, operation, plans[start : start + BATCH], deliver)
+            _issue_batch(session, operation, plans[start : start + BATCH], deliver)
         # Also without a revocation: by the number of its list a server knows a record that is older than this one.
         session.publish(operation)
         session.ledger.write([records.CommitRecord()], operation)
@@ -340,7 +340,7 @@ def _names(plans: Sequence[PlannedCertificate]) -> tuple[str, ...]:
     return tuple(item.member.name for item in plans)
 
 
-def _batch(
+def _issue_batch(
     session: ledger_session.SigningSession,
     operation: str,
     plans: Sequence[PlannedCertificate],
@@ -355,13 +355,13 @@ def _batch(
         for item in certificates:
             with model.os_errors_as(f"what `{item.plan.member.name}` gets cannot be written"):
                 file = deliver(_identity(session, item))
-            new_records.extend(_handed_out(item.plan, file))
+            new_records.extend(_delivery_records(item.plan, file))
     finally:
         if new_records:
             session.ledger.write(new_records, operation)
 
 
-def _handed_out(plan: PlannedCertificate, file: model.EnrolmentFile) -> Iterator[records.Record]:
+def _delivery_records(plan: PlannedCertificate, file: model.EnrolmentFile) -> Iterator[records.Record]:
     yield records.DeliveryRecord(common_name=plan.common_name, path=file.path, sha256=file.sha256)
     for old in plan.replaces:
         yield records.RevocationRecord(common_name=old, reason=REPLACED_REASON)

@@ -247,7 +247,7 @@ def contents(inventory: Inventory, identity: Identity, *, contact: str) -> dict[
 
 
 def _view(inventory: Inventory, identity: Identity, contact: str, names: tuple[str, ...]) -> pages.PageView:
-    files = [(name, _what(name)) for name in names]
+    files = [(name, _describe_file(name)) for name in names]
     file_name = _file_name(identity)
     return pages.page_view(inventory, identity, contact=contact.strip(), sealed_file=file_name, files=files)
 
@@ -268,7 +268,7 @@ def _key_files(inventory: Inventory, identity: Identity) -> Mapping[str, str]:
     return {f"{name}.ovpn": profile(inventory, identity).reveal()}
 
 
-def _what(name: str) -> str:
+def _describe_file(name: str) -> str:
     return _WHAT.get(name) or _WHAT[name[name.rindex(".") :]]
 
 
@@ -330,7 +330,7 @@ def accept(inventory: Inventory, data: bytes, secret: Secret, authority: Path, *
     identity that has expired or is older than the stored one.
     """
     identity = _identity(open_package(data, secret))
-    _check(inventory, identity, now)
+    _check_identity(inventory, identity, now)
     path = host_identity(authority, identity.member.name)
     already = _is_stored(path, identity)
     if not already:
@@ -347,7 +347,7 @@ def _identity(files: dict[str, str]) -> Identity:
     return read_identity(profile_texts[0])
 
 
-def _check(inventory: Inventory, identity: Identity, now: datetime) -> None:
+def _check_identity(inventory: Inventory, identity: Identity, now: datetime) -> None:
     member, certificate = identity.member, identity.certificate
     host = inventory.hosts.get(member.name)
     if host is None or member.partner is not None:

@@ -238,7 +238,7 @@ def page_view(
         pilot=inventory.pilot.name,
         name=member.name,
         kind="host" if is_declared(member) else str(member.kind),
-        what=_what(inventory, member),
+        what=_describe_device(inventory, member),
         address=member.address,
         until=day(identity),
         contact=contact,
@@ -330,7 +330,7 @@ def as_text(blocks: Sequence[str]) -> str:
 def as_html(blocks: Sequence[str]) -> str:
     """Return the page as HTML; it loads no external resources."""
     title = html.escape(blocks[0].partition("\n")[0])
-    body = "\n".join(_marked_up(html.escape(block, quote=False)) for block in blocks)
+    body = "\n".join(_to_html(html.escape(block, quote=False)) for block in blocks)
     return (
         environment().get_template("handout/README.html.j2").render(title=title, body=body, language=language.current())
     )
@@ -354,7 +354,7 @@ def _fill(text: str, indent: str = "") -> str:
     return wrapped_text.replace("\0", " ")
 
 
-def _marked_up(block: str) -> str:
+def _to_html(block: str) -> str:
     lines = block.split("\n")
     if _is_heading(lines):
         level = "h1" if lines[1][0] == "=" else "h2"
@@ -383,7 +383,7 @@ def _is_list(lines: Sequence[str]) -> bool:
     return lines[0].startswith("- ") and all(line.startswith(("- ", "  ")) for line in lines)
 
 
-def _what(inventory: Inventory, member: Member) -> str:
+def _describe_device(inventory: Inventory, member: Member) -> str:
     whose = f" of {inventory.partners[member.partner].full_name}" if member.partner else ""
     return f"{_WHAT[member.kind]} `{member.device}`{whose}"
 

@@ -125,11 +125,11 @@ def _identity(values: Mapping[str, str], blocks: Mapping[str, str]) -> Identity:
     member = Member(
         name=values["name"],
         kind=MemberKind(values["kind"]),
-        partner=_maybe(values["partner"]),
+        partner=_optional_value(values["partner"]),
         device=values["device"],
         address=IPv4Address(values["address"]),
         link=MemberLink(values["link"]),
-        vehicle=_maybe(values["vehicle"]),
+        vehicle=_optional_value(values["vehicle"]),
         certificates=(certificate,),
     )
     return Identity(
@@ -142,7 +142,7 @@ def _identity(values: Mapping[str, str], blocks: Mapping[str, str]) -> Identity:
     )
 
 
-def _maybe(value: str) -> str | None:
+def _optional_value(value: str) -> str | None:
     return None if value == _NONE else value
 
 

@@ -219,16 +219,16 @@ def describe(record: Record) -> str:
     """Describe the event in one line."""
     match record:
         case BeginRecord() | CommitRecord() | RolledBack():
-            return _of_command(record)
+            return _command_text(record)
         case IssueRecord() | DeliveryRecord() | RevocationRecord() | TakeoverRecord():
-            return _of_certificate(record)
+            return _certificate_text(record)
         case SightingRecord() | SupersedeRecord() | SettlementRecord():
-            return _of_server(record)
+            return _server_text(record)
         case _:
-            return _of_authority(record)
+            return _authority_text(record)
 
 
-def _of_command(record: BeginRecord | CommitRecord | RolledBack) -> str:
+def _command_text(record: BeginRecord | CommitRecord | RolledBack) -> str:
     match record:
         case BeginRecord():
             return _COMMANDS[record.command].format(_join_names(record.names))
@@ -243,7 +243,7 @@ def _of_command(record: BeginRecord | CommitRecord | RolledBack) -> str:
             )
 
 
-def _of_certificate(record: IssueRecord | DeliveryRecord | RevocationRecord | TakeoverRecord) -> str:
+def _certificate_text(record: IssueRecord | DeliveryRecord | RevocationRecord | TakeoverRecord) -> str:
     match record:
         case IssueRecord():
             whose = f"partner {record.partner}" if record.partner else "the pilot"
@@ -258,7 +258,7 @@ def _of_certificate(record: IssueRecord | DeliveryRecord | RevocationRecord | Ta
             return f"taken over from the server's list, issued by a copy of the authority that is lost: {serials}"
 
 
-def _of_server(record: SightingRecord | SupersedeRecord | SettlementRecord) -> str:
+def _server_text(record: SightingRecord | SupersedeRecord | SettlementRecord) -> str:
     match record:
         case SightingRecord():
             return f"{record.common_name} was connected, last at {record.last:%Y-%m-%d %H:%M} UTC"
@@ -268,7 +268,7 @@ def _of_server(record: SightingRecord | SupersedeRecord | SettlementRecord) -> s
             return f"the server confirmed that {record.common_name} is out"
 
 
-def _of_authority(
+def _authority_text(
     record: FoundingRecord | ServerIssueRecord | PublicationRecord | ResealRecord | ClockTrustRecord,
 ) -> str:
     match record:

@@ -128,28 +128,30 @@ class LedgerState:
 
     def _delivered(self, entry: LedgerEntry, record: records.DeliveryRecord) -> None:
         self.delivered[record.common_name] = record
-        self._did(entry, record.common_name)
+        self._mark_done(entry, record.common_name)
         if self.pending.pop(record.common_name, None) is not None:
             self._holder(record.common_name).member = _member(self.issued[record.common_name])
-            self._put(record.common_name, standing=identity.CertificateStatus.ISSUED, revoked=None, reason="")
+            self._update_certificate(
+                record.common_name, standing=identity.CertificateStatus.ISSUED, revoked=None, reason=""
+            )
 
     def _revoked(self, entry: LedgerEntry, record: records.RevocationRecord) -> None:
-        self._put(
+        self._update_certificate(
             record.common_name, standing=identity.CertificateStatus.REVOKED, revoked=entry.at, reason=record.reason
         )
-        self._did(entry, record.common_name)
+        self._mark_done(entry, record.common_name)
         self.pending.pop(record.common_name, None)
         if record.common_name in self.delivered:
             self._queued[record.common_name] = None
 
     def _seen(self, _: LedgerEntry, record: records.SightingRecord) -> None:
         if self._good(record.common_name):
-            self._put(record.common_name, standing=identity.CertificateStatus.SEEN, seen=record.last)
+            self._update_certificate(record.common_name, standing=identity.CertificateStatus.SEEN, seen=record.last)
 
     def _superseded(self, entry: LedgerEntry, record: records.SupersedeRecord) -> None:
         if self._good(record.common_name):
             reason = f"{record.by} was seen in use"
-            self._put(
+            self._update_certificate(
                 record.common_name, standing=identity.CertificateStatus.SUPERSEDED, revoked=entry.at, reason=reason
             )
 
@@ -176,14 +178,14 @@ class LedgerState:
         self.open.pop(operation, None)
         self.done.pop(operation, None)
 
-    def _did(self, entry: LedgerEntry, common_name: str) -> None:
+    def _mark_done(self, entry: LedgerEntry, common_name: str) -> None:
         if entry.operation in self.done:
             self.done[entry.operation].add(self.issued[common_name].name)
 
     def _holder(self, common_name: str) -> _AddressHolder:
         return self._holders[self.issued[common_name].name]
 
-    def _put(self, common_name: str, **changes: Any) -> None:  # noqa: ANN401 - fields of Certificate
+    def _update_certificate(self, common_name: str, **changes: Any) -> None:  # noqa: ANN401 - fields of Certificate
         certificates = self._holder(common_name).certificates
         certificates[common_name] = replace(certificates[common_name], **changes)
 

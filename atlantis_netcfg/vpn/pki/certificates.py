@@ -283,9 +283,9 @@ def check_crl(pem: bytes, ca_certificate: x509.Certificate, *, above: int | None
     if above is not None and facts.number <= above:
         _refuse(f"its number is {facts.number}, and number {above} was published already")
     if facts.this_update > now:
-        _refuse(f"it is not valid before {facts.this_update:%Y-%m-%d %H:%M} UTC, and now it is {_error_text(now)}")
+        _refuse(f"it is not valid before {facts.this_update:%Y-%m-%d %H:%M} UTC, and now it is {_format_time(now)}")
     if facts.next_update <= now:
-        _refuse(f"it has expired on {facts.next_update:%Y-%m-%d %H:%M} UTC, and now it is {_error_text(now)}")
+        _refuse(f"it has expired on {facts.next_update:%Y-%m-%d %H:%M} UTC, and now it is {_format_time(now)}")
     return facts
 
 
@@ -354,7 +354,7 @@ def _facts(crl: x509.CertificateRevocationList, pem: bytes) -> CrlFacts:
     return CrlFacts(number, this, following, serials, hashlib.sha256(pem).hexdigest())
 
 
-def _error_text(now: datetime) -> str:
+def _format_time(now: datetime) -> str:
     return f"{now.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
 
 

@@ -88,11 +88,15 @@ def test_new_routeros_menu_needs_one_schema_row_and_one_emulator_row(product: Co
         "atlantis_netcfg/routeros/menus/_system.py",
         """
 MENUS += (
-    Menu(
+    _model.Menu(
         "/system/watchdog",
-        Shape.SINGLETON,
+        _model.Shape.SINGLETON,
         Layer.FOUNDATION,
-        fields=(boolean("watchdog-timer", "yes"), text("watch-address", "none"), number("ping-start-after-boot", "5")),
+        fields=(
+            _model.boolean("watchdog-timer", "yes"),
+            _model.text("watch-address", "none"),
+            _model.number("ping-start-after-boot", "5"),
+        ),
     ),
 )
 """,
@@ -100,7 +104,8 @@ MENUS += (
     product.append(
         "atlantis_netcfg/emulator/routeros/menus/_system.py",
         """
-MENUS += (of_schema("/system/watchdog", noun="watchdog", kinds={"watch-address": Address(words=("none",))}),)
+_WATCHED = values.Address(words=("none",))
+MENUS += (_model.of_schema("/system/watchdog", noun="watchdog", kinds={"watch-address": _WATCHED}),)
 """,
     )
     engine = str(CHECKOUT / "tests/integration/routeros/engine")
@@ -244,12 +249,13 @@ PROBE = '''
 _of_the_column = steps
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """The items of the column, and a toy: the router has an interface for 4G."""
     if cell.router is None:
         return _of_the_column(cell)
     probe = Interface(cell.router.name)
-    toy = Step(name="port", title="The router has its port", kind=ItemKind.AUTOMATIC, phase=Phase.BENCH, probe=probe)
+    kind, phase = report.ItemKind.AUTOMATIC, report.Phase.BENCH
+    toy = base.Step(name="port", title="The router has its port", kind=kind, phase=phase, probe=probe)
     return (*_of_the_column(cell), toy)
 
 

@@ -41,7 +41,7 @@ class Liar(mock.MockRobot):
     silent: frozenset[str] = frozenset()
     """Topics that are announced, and on which nothing comes."""
 
-    def _every(self, rate_hz: float, name: str, kind: str, now: float, make: Callable[[], Any]) -> None:
+    def _publish_if_due(self, rate_hz: float, name: str, kind: str, now: float, make: Callable[[], Any]) -> None:
         short = name.rpartition("/")[2]
         if short in self.left_out:
             return
@@ -53,7 +53,7 @@ class Liar(mock.MockRobot):
         def made() -> Any:  # noqa: ANN401 - a message
             return self.types.empty(other) if other else self.change(short, make())
 
-        super()._every(self.rates.get(short, rate_hz), name, other or kind, now, made)
+        super()._publish_if_due(self.rates.get(short, rate_hz), name, other or kind, now, made)
 
     def _announce(self, name: str, kind: str) -> None:
         writers = self.publisher._writers

@@ -157,7 +157,7 @@ def test_full_disk_leaves_no_partial_file(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="No space left"):
-        install._place(str(tmp_path), "tool.pyz", b"tool")
+        install._install_file(str(tmp_path), "tool.pyz", b"tool")
     assert list(tmp_path.iterdir()) == []
 
 

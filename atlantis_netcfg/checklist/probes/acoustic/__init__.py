@@ -76,7 +76,7 @@ def _transcript(member: ModemMember, results: Mapping[str, base.Answer]) -> base
     return transcript
 
 
-def _not_compared(names: Iterable[str], result: int) -> Iterator[LinkFinding]:
+def _not_compared_findings(names: Iterable[str], result: int) -> Iterator[LinkFinding]:
     missing = ", ".join(names)
     if missing:
         rest = "the others agree or not without it" if result > 1 else "a comparison needs two"
@@ -85,7 +85,7 @@ def _not_compared(names: Iterable[str], result: int) -> Iterator[LinkFinding]:
         yield LinkFinding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
 
 
-def _strangers(members: tuple[ModemMember, ...], addresses: Mapping[str, int]) -> Iterator[LinkFinding]:
+def _wrong_address_findings(members: tuple[ModemMember, ...], addresses: Mapping[str, int]) -> Iterator[LinkFinding]:
     for member in members:
         address = addresses.get(member.name, member.expected_address)
         if member.expected_address is not None and address != member.expected_address:
@@ -101,14 +101,14 @@ def _join_values(values: Mapping[str, object]) -> str:
     return ", ".join(f"{name} {value}" for name, value in values.items())
 
 
-def _same(
+def _require_same(
     what: str, code: str, values: Mapping[str, Hashable], hint: str, *, verdict: Verdict
 ) -> Iterator[LinkFinding]:
     if len(set(values.values())) > 1:
         yield LinkFinding(verdict, code, f"the modems differ in their {what}: {_join_values(values)}", hint)
 
 
-def _unique(what: str, values: Mapping[str, int]) -> Iterator[LinkFinding]:
+def _require_unique(what: str, values: Mapping[str, int]) -> Iterator[LinkFinding]:
     for number in sorted(set(values.values())):
         names = [name for name, local in values.items() if local == number]
         if len(names) > 1:
@@ -135,38 +135,42 @@ class EvologicsFleet:
             for name, reading in readings.items()
         }
         whole = {name: values for name, values in result.items() if len(values) == len(_COMPARED_SETTINGS)}
-        findings = [*_not_compared((name for name in readings if name not in whole), len(whole))]
+        findings = [*_not_compared_findings((name for name in readings if name not in whole), len(whole))]
         if len(whole) > 1:
             findings += self._compare(whole, readings)
-        findings += _strangers(self.members, {name: values["Local Address"] for name, values in whole.items()})
+        findings += _wrong_address_findings(
+            self.members, {name: values["Local Address"] for name, values in whole.items()}
+        )
         evidence = tuple(
             report.Evidence(type=report.EvidenceType.READ, what=name, value=_join_values(values))
             for name, values in whole.items()
         )
-        return base.ProbeResult(tuple(findings) or (_agree(whole),), evidence)
+        return base.ProbeResult(tuple(findings) or (_agreement_finding(whole),), evidence)
 
     def _compare(
         self, result: Mapping[str, Mapping[str, int]], readings: Mapping[str, status.AcousticReading]
     ) -> Iterator[LinkFinding]:
         of = {key: {name: values[key] for name, values in result.items()} for key in _COMPARED_SETTINGS}
-        yield from _unique("acoustic address", of["Local Address"])
+        yield from _require_unique("acoustic address", of["Local Address"])
         hint = "have the crews set the same highest address on all modems: " + ", ".join(map(str, _HIGHEST))
-        yield from _same(
+        yield from _require_same(
             "highest address", "highest-address-differs", of["Highest Address"], hint, verdict=Verdict.FAIL
         )
-        yield from _wrong("highest address", "highest-address", of["Highest Address"], _HIGHEST, hint)
+        yield from _require_allowed("highest address", "highest-address", of["Highest Address"], _HIGHEST, hint)
         hint = "have the crews set the same packet time on all modems, between 50 and 1000 ms"
-        yield from _same("packet time (ms)", "packet-time-differs", of["Packet Time"], hint, verdict=Verdict.FAIL)
+        yield from _require_same(
+            "packet time (ms)", "packet-time-differs", of["Packet Time"], hint, verdict=Verdict.FAIL
+        )
         allowed_range = range(_PACKET_MS[0], _PACKET_MS[1] + 1)
-        yield from _wrong("packet time (ms)", "packet-time", of["Packet Time"], allowed_range, hint)
-        yield from _carriers(of["Carrier Waveform ID"])
+        yield from _require_allowed("packet time (ms)", "packet-time", of["Packet Time"], allowed_range, hint)
+        yield from _check_carriers(of["Carrier Waveform ID"])
         words = {name: evologics.answer(readings[name].replies, _PHY) for name in result}
         hint = "compare the models on the modems' labels: only modems of the same frequency band hear each other"
         physical_layers = {name: word for name, word in words.items() if word}
-        yield from _same("physical layer", "band-differs", physical_layers, hint, verdict=Verdict.WARN)
+        yield from _require_same("physical layer", "band-differs", physical_layers, hint, verdict=Verdict.WARN)
 
 
-def _wrong(
+def _require_allowed(
     what: str, code: str, values: Mapping[str, int], allowed_values: range | tuple[int, ...], hint: str
 ) -> Iterator[LinkFinding]:
     for name, value in values.items():
@@ -174,7 +178,7 @@ def _wrong(
             yield LinkFinding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which modems do not have", hint)
 
 
-def _carriers(values: Mapping[str, int]) -> Iterator[LinkFinding]:
+def _check_carriers(values: Mapping[str, int]) -> Iterator[LinkFinding]:
     deaf = [
         f"{a} ({values[a]}) and {b} ({values[b]})"
         for a, b in combinations(values, 2)
@@ -186,7 +190,7 @@ def _carriers(values: Mapping[str, int]) -> Iterator[LinkFinding]:
         yield LinkFinding(Verdict.FAIL, "carriers", message, hint)
 
 
-def _agree(result: Mapping[str, Mapping[str, int]]) -> LinkFinding:
+def _agreement_finding(result: Mapping[str, Mapping[str, int]]) -> LinkFinding:
     addresses = ", ".join(f"{name} {values['Local Address']}" for name, values in result.items())
     return LinkFinding(Verdict.PASS, "agree", f"the modems agree with each other; addresses: {addresses}")
 
@@ -205,17 +209,17 @@ class SeatracFleet:
         """Compare the settings of the beacons."""
         beacons = {member.name: status.Beacon.of(_transcript(member, results)).settings for member in self.members}
         values = {name: settings for name, settings in beacons.items() if settings is not None}
-        findings = [*_not_compared((name for name in beacons if name not in values), len(values))]
+        findings = [*_not_compared_findings((name for name in beacons if name not in values), len(values))]
         numbers = {name: settings.beacon for name, settings in values.items()}
         sound = {
             name: "by itself" if settings.auto_sound_speed else f"{status.plain(settings.sound_speed_mps)} m/s"
             for name, settings in values.items()
         }
         if len(values) > 1:
-            findings += _unique("beacon number", numbers)
+            findings += _require_unique("beacon number", numbers)
             hint = "have the crews set the same sound speed on all beacons, or let all work it out"
-            findings += _same("sound speed", "sound-speed-differs", sound, hint, verdict=Verdict.WARN)
-        findings += _strangers(self.members, numbers)
+            findings += _require_same("sound speed", "sound-speed-differs", sound, hint, verdict=Verdict.WARN)
+        findings += _wrong_address_findings(self.members, numbers)
         evidence = tuple(
             report.Evidence(
                 type=report.EvidenceType.READ, what=name, value=f"number {numbers[name]}, sound speed {sound[name]}"
@@ -271,7 +275,7 @@ class EvologicsMessage:
         )
         say = (
             ask_at("AT?S", _LISTENS),
-            ask_at("AT?AL", _TEXT_ONLY + rb"\+\+\+AT\?AL:\d+:%s\r\n" % _address(self.expected_address)),
+            ask_at("AT?AL", _TEXT_ONLY + rb"\+\+\+AT\?AL:\d+:%s\r\n" % _address_pattern(self.expected_address)),
             ask_at("AT?L", _QUIET),
             message(TEXT, self.partner, self.consent, end_pattern, within_s=_DELIVERED_S),
         )
@@ -349,7 +353,7 @@ class EvologicsMessage:
         return LinkFinding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
 
 
-def _address(address: int | None) -> bytes:
+def _address_pattern(address: int | None) -> bytes:
     return rb"\d+" if address is None else b"%d" % address
 
 
@@ -361,7 +365,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Return the modem's check, the fleet check once per site and driver, and a message if there is a partner."""
     modem = modem_of(cell)
     if modem is None:
-        return (_by_a_person(cell),)
+        return (_manual_step(cell),)
     return (_status(cell, modem), *_fleet(cell, modem), *_message(cell, modem))
 
 
@@ -429,7 +433,7 @@ def _sent_by_a_person(cell: base.Cell, partner: int) -> base.Step:
     )
 
 
-def _by_a_person(cell: base.Cell) -> base.Step:
+def _manual_step(cell: base.Cell) -> base.Step:
     is_declared = cell.endpoints.acoustic is not None
     why = "has no address at this site" if is_declared else "is not declared"
     return base.Step(

@@ -109,44 +109,44 @@ _READ_S = 3.0
 def refused_reason(data: bytes, *, active: bool) -> str | None:
     """Return why bytes must not be sent to a modem; None if they may. `active`: a person consented to transmit."""
     if data.startswith(b"#"):
-        return _refused_seatrac(data, active=active)
+        return _seatrac_refusal(data, active=active)
     if data.startswith(b"+++"):
-        return _refused_evologics(data, active=active)
+        return _evologics_refusal(data, active=active)
     return f"{data!r} is on no list of what may be said"
 
 
-def _refused_evologics(data: bytes, *, active: bool) -> str | None:
+def _evologics_refusal(data: bytes, *, active: bool) -> str | None:
     body = data.removeprefix(b"+++").removesuffix(b"\n")
     modem_command = next((command for pattern, command in EVOLOGICS.items() if re.fullmatch(pattern, body)), None)
     if modem_command is None or data != b"+++" + body + b"\n":
         return f"{data!r} is on no list of what may be said to an EvoLogics modem"
-    if modem_command.use is ModemUse.ACTIVE and not _whole_message(body):
+    if modem_command.use is ModemUse.ACTIVE and not _is_whole_message(body):
         return f"{data!r} is not one whole message to one modem"
-    return _unless(modem_command, data, active=active)
+    return _use_refusal(modem_command, data, active=active)
 
 
-def _whole_message(body: bytes) -> bool:
+def _is_whole_message(body: bytes) -> bool:
     _, length, to, _, text = body.split(b",", 4)
     return int(length) == len(text) <= _LONGEST and int(to) in _ADDRESSES
 
 
-def _refused_seatrac(data: bytes, *, active: bool) -> str | None:
+def _seatrac_refusal(data: bytes, *, active: bool) -> str | None:
     payload = seatrac.payload_of(data)
     modem_command = SEATRAC.get(payload[0]) if payload else None
     if payload is None or modem_command is None:
         return f"{data!r} is on no list of what may be said to a SeaTrac beacon"
     if modem_command.use is ModemUse.READ and len(payload) > 1:
         return f"{data!r} asks with a parameter, and no question needs one"
-    if modem_command.use is ModemUse.ACTIVE and not _one_ping(payload):
+    if modem_command.use is ModemUse.ACTIVE and not _is_single_ping(payload):
         return f"{data!r} transmits, and is no ping of one beacon"
-    return _unless(modem_command, data, active=active)
+    return _use_refusal(modem_command, data, active=active)
 
 
-def _one_ping(payload: bytes) -> bool:
+def _is_single_ping(payload: bytes) -> bool:
     return payload[0] == _PING and len(payload) == 3 and payload[1] in _BEACONS and payload[2] == _WITH_USBL  # noqa: PLR2004 - number, beacon, kind
 
 
-def _unless(modem_command: ModemCommand, data: bytes, *, active: bool) -> str | None:
+def _use_refusal(modem_command: ModemCommand, data: bytes, *, active: bool) -> str | None:
     if modem_command.use is ModemUse.READ or (modem_command.use is ModemUse.ACTIVE and active):
         return None
     if modem_command.use is ModemUse.ACTIVE:
@@ -295,14 +295,14 @@ def _enough(driver: model.AcousticDriver, endpoints: list[model.UsblEndpoint]) -
     remotes: list[int | None] = list(addresses)
     if any(not endpoint.hears for endpoint in endpoints):
         remotes.append(None)
-    pattern = b"".join(b"(?=(?:.*?%b){%d})" % (_fix_of(driver, remote), _FIXES) for remote in remotes)
+    pattern = b"".join(b"(?=(?:.*?%b){%d})" % (_fix_pattern(driver, remote), _FIXES) for remote in remotes)
     if not pattern or driver is model.AcousticDriver.SEATRAC:
         return rb"(?s)\A" + pattern if pattern else b""
     # Whose output of fixes is switched off need not be listened to.
     return rb"(?s)\A(?:%b|.*?\+\+\+AT\?ZU:1:0\r\n)" % pattern
 
 
-def _fix_of(driver: model.AcousticDriver, remote: int | None) -> bytes:
+def _fix_pattern(driver: model.AcousticDriver, remote: int | None) -> bytes:
     if driver is model.AcousticDriver.SEATRAC:
         return rb"\$(?:42|52)[0-9A-Fa-f]{2}%b[0-9A-Fa-f]+[\r\n]" % (
             rb"[0-9A-Fa-f]{2}" if remote is None else rb"(?i:%02X)" % remote

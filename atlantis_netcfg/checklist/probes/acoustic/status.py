@@ -391,12 +391,12 @@ class SeatracStatus:
 
 
 def _beacon_evidence(beacon: Beacon) -> Iterator[Evidence]:
-    for what, value in _read(beacon):
+    for what, value in _beacon_values(beacon):
         if value is not None:
             yield Evidence(type=EvidenceType.READ, what=what, value=value)
 
 
-def _read(beacon: Beacon) -> Iterator[tuple[str, str | None]]:
+def _beacon_values(beacon: Beacon) -> Iterator[tuple[str, str | None]]:
     yield "beacon", beacon.info
     if beacon.state is not None:
         yield "transceiver", f"0x{beacon.state:02X}"
@@ -404,10 +404,10 @@ def _read(beacon: Beacon) -> Iterator[tuple[str, str | None]]:
         yield "number", str(beacon.settings.beacon)
         yield "sound speed that is set", f"{plain(beacon.settings.sound_speed_mps)} m/s"
     if beacon.status is not None:
-        yield "supply", _with(beacon.status.supply_v, "V")
-        yield "depth", _with(beacon.status.depth_m, "m")
-        yield "sound speed in use", _with(beacon.status.sound_speed_mps, "m/s")
+        yield "supply", _with_unit(beacon.status.supply_v, "V")
+        yield "depth", _with_unit(beacon.status.depth_m, "m")
+        yield "sound speed in use", _with_unit(beacon.status.sound_speed_mps, "m/s")
 
 
-def _with(value: float | None, unit: str) -> str | None:
+def _with_unit(value: float | None, unit: str) -> str | None:
     return None if value is None else f"{plain(value)} {unit}"

@@ -222,7 +222,7 @@ def _offer(frame: bytes, cards: list[bytes], number: bytes) -> dict[str, str | N
     to_client = frame[23:24] == bytes([_UDP]) and frame[head + 2 : head + 4] == b"\0\x44"
     if not to_client or bootp[:1] != b"\2" or bootp[4:8] != number or bootp[28:34] not in cards:
         return None
-    options = _options(bootp[240:]) if bootp[236:240] == _COOKIE else {}
+    options = _parse_dhcp_options(bootp[240:]) if bootp[236:240] == _COOKIE else {}
     if options.get(_TYPE) != bytes([_OFFER]):
         return None
     return {
@@ -233,7 +233,7 @@ def _offer(frame: bytes, cards: list[bytes], number: bytes) -> dict[str, str | N
     }
 
 
-def _options(data: bytes) -> dict[int, bytes]:
+def _parse_dhcp_options(data: bytes) -> dict[int, bytes]:
     result: dict[int, bytes] = {}
     while data and data[0] != 255:  # noqa: PLR2004 - the last option
         if data[0] == 0:
@@ -425,10 +425,10 @@ def _collect(
         now = time.monotonic()
         borne = [token for token in send_times if token.encode() in data]
         delay = now - (send_times[borne[0]] if borne else min(send_times.values()))
-        answers.append([source[0], _came_by(ancillary), round(delay, 4), encode_bytes(data)])
+        answers.append([source[0], _receiving_interface(ancillary), round(delay, 4), encode_bytes(data)])
 
 
-def _came_by(ancillary: list[Any]) -> str:
+def _receiving_interface(ancillary: list[Any]) -> str:
     for level, kind, data in ancillary:
         if (level, kind) == (socket.IPPROTO_IP, _PKTINFO):
             with suppress(OSError):
@@ -468,14 +468,14 @@ class _AgentRequest(threading.Thread):
             other.over.wait()
         if self.over.is_set():  # given up meanwhile
             return
-        self._say(self._same_end() or self._ask(), {})
+        self._report_answer(self._same_end() or self._ask(), {})
 
     def report_timeout(self) -> None:
         """Report the data received so far, if the request has not ended."""
         sound = self._sound
-        self._say({} if sound is None else sound.as_answer(), {"trouble": "silent", "words": "timed out"})
+        self._report_answer({} if sound is None else sound.as_answer(), {"trouble": "silent", "words": "timed out"})
 
-    def _say(self, answer: dict[str, Any], more: dict[str, Any]) -> None:
+    def _report_answer(self, answer: dict[str, Any], more: dict[str, Any]) -> None:
         with self._lock:
             if not self.over.is_set():
                 self.answer = {**answer, **more}

@@ -249,7 +249,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Return the step of a cell: a probe if the inventory has an endpoint, otherwise a check by a person."""
     endpoint = cell.endpoints.gps
     if endpoint is None:
-        return (_by_a_person(cell),)
+        return (_manual_step(cell),)
     return (
         base.Step(
             name="",
@@ -257,13 +257,13 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
             kind=ItemKind.AUTOMATIC,
             phase=Phase.QUAY,
             probe=_probe(cell, endpoint),
-            concerns=_concerns(cell, endpoint),
+            concerns=_concerned_hosts(cell, endpoint),
         ),
     )
 
 
-def _by_a_person(cell: base.Cell) -> base.Step:
-    dimensions = "3D" if _flies(cell) else "2D or 3D"
+def _manual_step(cell: base.Cell) -> base.Step:
+    dimensions = "3D" if _is_uav(cell) else "2D or 3D"
     return base.Step(
         name="",
         title=f"{cell.name} knows where it is",
@@ -274,7 +274,7 @@ def _by_a_person(cell: base.Cell) -> base.Step:
     )
 
 
-def _flies(cell: base.Cell) -> bool:
+def _is_uav(cell: base.Cell) -> bool:
     return cell.vehicle is not None and cell.inventory.vehicles[cell.vehicle].kind is model.VehicleKind.UAV
 
 
@@ -307,7 +307,7 @@ def _expectation(cell: base.Cell, endpoint: model.GpsEndpoint, source: str, end:
         end=end,
         place=place,
         fence=cell.site_config.checklist.geofence,
-        three=_flies(cell),
+        three=_is_uav(cell),
         clear_sky=endpoint.clear_sky,
         reports=endpoint.reports,
         max_age_s=endpoint.max_age_s,
@@ -318,7 +318,7 @@ def _name(cell: base.Cell, place: base.Place) -> str:
     return cell.gateway.name if place is base.Place.GATEWAY and cell.gateway is not None else "this computer"
 
 
-def _concerns(cell: base.Cell, endpoint: model.GpsEndpoint) -> tuple[str, ...]:
+def _concerned_hosts(cell: base.Cell, endpoint: model.GpsEndpoint) -> tuple[str, ...]:
     if endpoint.driver is model.GpsDriver.ROUTEROS:
         return tuple(filter(None, (endpoint.seen_by or (cell.router.name if cell.router else None),)))
     stands = _name(cell, cell.place(endpoint.seen_from))

@@ -84,7 +84,7 @@ def judge(reception: record.Reception, expectation: record.GpsExpectation) -> tu
     if silent is not None:
         return (silent,)
     findings = tuple(_find_problems(reception, expectation))
-    return findings or (_well(reception, expectation),)
+    return findings or (_good_finding(reception, expectation),)
 
 
 def _find_problems(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
@@ -119,7 +119,7 @@ def _fix_findings(reception: record.Reception, expectation: record.GpsExpectatio
             sky, "fix-lost", message, "look at what stands over the antenna, at its cable, and for jammers near it"
         )
     elif reception.losses:
-        message = f"{expectation.name}'s fix was lost and came back while we listened, {_times(reception.losses)}"
+        message = f"{expectation.name}'s fix was lost and came back while we listened, {_times_text(reception.losses)}"
         yield LinkFinding(
             Verdict.WARN, "fix-unsteady", message, "look at what stands over the antenna, and at its cable"
         )
@@ -130,7 +130,7 @@ def _fix_findings(reception: record.Reception, expectation: record.GpsExpectatio
         yield LinkFinding(Verdict.INCONCLUSIVE if few else Verdict.WARN, "few-reports", message, hint)
 
 
-def _times(count: int) -> str:
+def _times_text(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
@@ -218,7 +218,7 @@ def _outside(positions: _Positions, fence: Geofence, expectation: record.GpsExpe
     if not outside:
         return
     far = max(outside, key=lambda item: from_middle_m(fence, *item))
-    if all(_inside(fence, longitude, latitude) for latitude, longitude in outside):
+    if all(_is_inside(fence, longitude, latitude) for latitude, longitude in outside):
         text = f"{place(*far)} lies in the geofence the other way round"
         message = f"{expectation.name}'s latitude and longitude are swapped: {text}"
         hint = (
@@ -230,17 +230,17 @@ def _outside(positions: _Positions, fence: Geofence, expectation: record.GpsExpe
     message = (
         f"{expectation.name} is at {place(*far)}, {away} from the middle of the geofence of {meters(fence.radius_m)}"
     )
-    yield LinkFinding(Verdict.FAIL, "outside-geofence", message, _sign(fence, *far))
+    yield LinkFinding(Verdict.FAIL, "outside-geofence", message, _sign_hint(fence, *far))
 
 
-def _inside(fence: Geofence, latitude: float, longitude: float) -> bool:
+def _is_inside(fence: Geofence, latitude: float, longitude: float) -> bool:
     return abs(latitude) <= 90 and from_middle_m(fence, latitude, longitude) <= fence.radius_m  # noqa: PLR2004 - the poles
 
 
-def _sign(fence: Geofence, latitude: float, longitude: float) -> str:
-    if _inside(fence, latitude, -longitude):
+def _sign_hint(fence: Geofence, latitude: float, longitude: float) -> str:
+    if _is_inside(fence, latitude, -longitude):
         return "the sign of the longitude is lost: west is negative; mend the driver or the converter"
-    if _inside(fence, -latitude, longitude):
+    if _is_inside(fence, -latitude, longitude):
         return "the sign of the latitude is lost: south is negative; mend the driver or the converter"
     return "compare it with the map: the receiver is wrong, or `checklist.geofence` of the site is"
 
@@ -259,16 +259,16 @@ def _check_time(reception: record.Reception, expectation: record.GpsExpectation)
         else:
             message = f"{expectation.name}'s positions have a time and no date: GGA and GLL have none"
             yield LinkFinding(Verdict.WARN, "no-date", message, hint)
-    back_s = max((_back_s(report, then) for report, then in pairwise(reception.fixes)), default=0.0)
+    back_s = max((_backward_step_s(report, then) for report, then in pairwise(reception.fixes)), default=0.0)
     if back_s > BACK_S:
-        message = f"{expectation.name}'s time goes back by {_span(back_s)} from one position to the next"
+        message = f"{expectation.name}'s time goes back by {_format_duration(back_s)} from one position to the next"
         hint = "look whether two receivers talk on this line, or a recorded log begins again and again"
         yield LinkFinding(Verdict.FAIL, "time-goes-back", message, hint)
         return
     yield from _clock(reception, expectation)
 
 
-def _back_s(report: record.Report, then: record.Report) -> float:
+def _backward_step_s(report: record.Report, then: record.Report) -> float:
     if report.time is not None and then.time is not None:
         return report.time - then.time
     if report.of_day is not None and then.of_day is not None:
@@ -310,7 +310,8 @@ def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> I
         return
     if uneven_s > UNEVEN_S:
         message = (
-            f"{expectation.name}'s time does not go as the clock of {whose} does: they move {_span(uneven_s)} apart"
+            f"{expectation.name}'s time does not go as the clock of {whose} does:"
+            f" they move {_format_duration(uneven_s)} apart"
         )
         hint = "look whether a recorded log is replayed to this end, at another pace than it was recorded"
         yield LinkFinding(Verdict.FAIL, "time-uneven", message, hint)
@@ -320,13 +321,13 @@ def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> I
     message = f"{expectation.name}'s receiver is {clock_words(ahead_s)} the clock of {whose}"
     verdict = Verdict.FAIL if ahead_s < 0 else Verdict.INCONCLUSIVE
     hint = f"see which of the two is wrong: compare both with a third clock, {whose} with its time server"
-    if _multiple(ahead_s, ROLLOVER_S):
+    if _is_multiple(ahead_s, ROLLOVER_S):
         verdict = Verdict.INCONCLUSIVE
         hint = (
             "if its week number has rolled over, its positions are right all the same, and it needs newer firmware: "
             "compare one with the map, and override this with that reason"
         )
-    elif _zone(ahead_s):
+    elif _is_zone_offset(ahead_s):
         verdict = Verdict.INCONCLUSIVE
         hint = "one of them runs in a time zone (receivers and computers keep UTC here), or an old log is replayed"
     elif abs(ahead_s) > record.DAY_S:
@@ -339,15 +340,15 @@ def clock_of(reception: record.Reception, expectation: record.GpsExpectation) ->
     return "this computer" if reception.single else expectation.place
 
 
-def _zone(ahead_s: float) -> bool:
-    return abs(ahead_s) <= 14 * 3600 + CLOCK_S and _multiple(ahead_s, ZONE_S)
+def _is_zone_offset(ahead_s: float) -> bool:
+    return abs(ahead_s) <= 14 * 3600 + CLOCK_S and _is_multiple(ahead_s, ZONE_S)
 
 
-def _multiple(value: float, of: float) -> bool:
+def _is_multiple(value: float, of: float) -> bool:
     return round(value / of) != 0 and abs(value - of * round(value / of)) <= CLOCK_S
 
 
-def _span(seconds: float) -> str:
+def _format_duration(seconds: float) -> str:
     for unit_s, unit in ((86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
         if seconds >= 2 * unit_s:
             return f"{seconds / unit_s:.0f} {unit}"
@@ -356,7 +357,7 @@ def _span(seconds: float) -> str:
 
 def clock_words(ahead_s: float) -> str:
     """Format a clock difference: `3.2 s behind`, `2 h ahead of`."""
-    return f"{_span(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
+    return f"{_format_duration(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
 
 
 def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
@@ -402,7 +403,7 @@ def _quality(reception: record.Reception, expectation: record.GpsExpectation) ->
         yield LinkFinding(verdict, "position-uncertain", message, hint)
 
 
-def _well(reception: record.Reception, expectation: record.GpsExpectation) -> LinkFinding:
+def _good_finding(reception: record.Reception, expectation: record.GpsExpectation) -> LinkFinding:
     last = reception.fixes[-1]
     count = "" if reception.satellites is None else f" of {reception.satellites} satellites"
     where = place(last.latitude, last.longitude)

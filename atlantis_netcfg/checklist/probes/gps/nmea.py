@@ -100,7 +100,7 @@ class _Epochs:
             self.date = f"{columns[2]:0>2}{columns[3]:0>2}{columns[4][-2:]}"
 
     def _epoch(self, at_s: float, kind: str, time: str) -> record.Report:
-        of_day = _of_day(time)
+        of_day = _parse_time_of_day(time)
         if self.open is None or kind in self.kinds or of_day != self.open.of_day:
             self.close()
             self.open = record.Report(at_s, of_day=of_day)
@@ -168,12 +168,12 @@ class _Epochs:
     def close(self) -> None:
         """Complete the epoch that is open."""
         if self.open is not None:
-            self.reports.append(self._whole(self.open))
+            self.reports.append(self._complete_report(self.open))
         self.open, self.kinds, self.void, self.fresh = None, set(), False, False
         # GSA may come more rarely than positions: that there was no fix is over with its epoch.
         self.dimensions = None if self.dimensions == 1 else self.dimensions
 
-    def _whole(self, report: record.Report) -> record.Report:
+    def _complete_report(self, report: record.Report) -> record.Report:
         if self.void or self.dimensions == 1:
             return replace(report, mode=1)
         mode = report.mode if report.mode is None or self.dimensions is None else self.dimensions
@@ -227,7 +227,7 @@ def _number(text: str) -> float | None:
     return float(text) if _NUMBER.fullmatch(text) else None
 
 
-def _of_day(text: str) -> float | None:
+def _parse_time_of_day(text: str) -> float | None:
     match = re.fullmatch(r"(\d\d)(\d\d)(\d\d(?:\.\d{1,9})?)", text)
     return int(match[1]) * 3600 + int(match[2]) * 60 + float(match[3]) if match else None
 

@@ -153,14 +153,14 @@ class Reception:
     @property
     def clock_ahead_s(self) -> float | None:
         """Seconds by which the receiver's time is ahead of the listening clock; None if unknown."""
-        return median(ahead) if (ahead := self._ahead_s()) else None
+        return median(ahead) if (ahead := self._clock_offsets_s()) else None
 
     @property
     def clock_uneven_s(self) -> float:
         """Variation of the clock difference while listening, in seconds."""
-        return max(ahead) - min(ahead) if (ahead := self._ahead_s()) else 0.0
+        return max(ahead) - min(ahead) if (ahead := self._clock_offsets_s()) else 0.0
 
-    def _ahead_s(self) -> list[float]:
+    def _clock_offsets_s(self) -> list[float]:
         if not self.began:
             return []
         offsets = [report.time - self.began - report.at_s for report in self.fixes if report.time is not None]
@@ -264,7 +264,7 @@ def speechless(reception: Reception, expectation: GpsExpectation) -> LinkFinding
     if reception.reports:
         return None
     if not reception.is_recognized and reception.heard_bytes:
-        return _foreign(reception, expectation)
+        return _foreign_finding(reception, expectation)
     if reception.devices is not None and not reception.devices:
         return LinkFinding(
             _FAIL,
@@ -275,7 +275,7 @@ def speechless(reception: Reception, expectation: GpsExpectation) -> LinkFinding
     return _no_data(reception, expectation)
 
 
-def _foreign(reception: Reception, expectation: GpsExpectation) -> LinkFinding:
+def _foreign_finding(reception: Reception, expectation: GpsExpectation) -> LinkFinding:
     if expectation.driver is GpsDriver.GPSD:
         return LinkFinding(
             _FAIL,

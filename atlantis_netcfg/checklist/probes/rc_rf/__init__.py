@@ -58,7 +58,9 @@ def _find_evidence(source: Stream, expectation: RcExpectation) -> Iterator[repor
     if system.channels:
         last = system.channels[-1]
         yield report.Evidence(type=_READ, what="channels", value=f"{last.count}, {_values(last.values)}")
-        yield report.Evidence(type=_READ, what="rssi", value=_rssi_step([channel.rssi for channel in system.channels]))
+        yield report.Evidence(
+            type=_READ, what="rssi", value=_describe_rssi([channel.rssi for channel in system.channels])
+        )
     if system.receiver:
         receiver = system.receiver[-1]
         words = (("present", receiver.present), ("enabled", receiver.is_enabled), ("healthy", receiver.healthy))
@@ -76,7 +78,7 @@ def _values(values: tuple[int | None, ...]) -> str:
     return " ".join("-" if value is None else str(value) for value in values) or "no values"
 
 
-def _rssi_step(result: list[int]) -> str:
+def _describe_rssi(result: list[int]) -> str:
     known_rssi = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if not known_rssi:
         return "not known (255)"
@@ -151,11 +153,11 @@ def _judge_answer(
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Return the steps of a cell: listening and sticks (by a person without an endpoint), failsafe, range."""
     endpoint = cell.endpoints.rc_rf
-    first = (_by_a_person(cell),) if endpoint is None else _by_the_stream(cell, endpoint)
+    first = (_manual_step(cell),) if endpoint is None else _stream_steps(cell, endpoint)
     return (*first, _failsafe(cell), _range(cell))
 
 
-def _by_the_stream(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, ...]:
+def _stream_steps(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, ...]:
     place = cell.place(endpoint.seen_from)
     gateway = cell.gateway.name if place is base.Place.GATEWAY and cell.gateway is not None else ""
     place_name, address = gateway or "this computer", cell.address(endpoint.address)
@@ -186,7 +188,7 @@ def _by_the_stream(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, 
     )
 
 
-def _by_a_person(cell: base.Cell) -> base.Step:
+def _manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
         title=f"{cell.name} hears its remote control",

@@ -32,15 +32,15 @@ def judge(stream: Stream, expectation: RcExpectation) -> tuple[LinkFinding, ...]
     """Judge a stream with the vehicle's data; without problems there is a single finding, which passes."""
     system = stream.systems[expectation.system_id]
     findings = (
-        *_alive(stream, system, expectation),
+        *_check_heartbeat(stream, system, expectation),
         *_receiver_findings(system, expectation),
         *_rssi(system, expectation),
         *_check_damage(stream, expectation),
     )
-    return findings or (_well(system, expectation),)
+    return findings or (_good_finding(system, expectation),)
 
 
-def _alive(stream: Stream, system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
+def _check_heartbeat(stream: Stream, system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     age_s = stream.ended_s - system.beats[-1].at_s
     if age_s > FRESH_S:
         message = f"{expectation.name}'s last heartbeat is {age_s:.0f} s old"
@@ -159,7 +159,7 @@ def _check_damage(stream: Stream, expectation: RcExpectation) -> Iterator[LinkFi
         )
 
 
-def _well(system: System, expectation: RcExpectation) -> LinkFinding:
+def _good_finding(system: System, expectation: RcExpectation) -> LinkFinding:
     last = system.channels[-1]
     message = f"{expectation.name} is disarmed and hears its remote control: {last.count} channels, rssi {last.rssi}"
     return LinkFinding(Verdict.PASS, "rc-heard", message)
@@ -185,7 +185,9 @@ def check_disarmed(stream: Stream, expectation: RcExpectation) -> LinkFinding | 
 def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> LinkFinding | None:
     """Return the finding for a stream without usable data of the vehicle; None if it has data."""
     if not stream.heard_bytes:
-        return _unheard(answer, expectation) if answer.trouble is not None else _silent(stream, expectation)
+        return (
+            _not_listened_finding(answer, expectation) if answer.trouble is not None else _silent(stream, expectation)
+        )
     if not stream.good:
         message = (
             f"what arrives at {expectation.end} is not MAVLink: {stream.heard_bytes} bytes, no whole frame among them"
@@ -194,7 +196,7 @@ def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> 
             _FAIL, "not-mavlink", message, "compare `port:` with the port to which the stream is forwarded"
         )
     system = stream.systems.get(expectation.system_id, System())
-    return None if system.beats else _absent(stream, system, expectation)
+    return None if system.beats else _absence_finding(stream, system, expectation)
 
 
 def doubts(stream: Stream, expectation: RcExpectation) -> Iterator[LinkFinding]:
@@ -255,7 +257,7 @@ def _silent(stream: Stream, expectation: RcExpectation) -> LinkFinding:
     return LinkFinding(_INCONCLUSIVE, "silent", message, hint)
 
 
-def _unheard(answer: Transcript, expectation: RcExpectation) -> LinkFinding:
+def _not_listened_finding(answer: Transcript, expectation: RcExpectation) -> LinkFinding:
     text = f": {answer.words}" if answer.words else ""
     if answer.trouble is Trouble.NO_PLACE:
         message = f"nobody has listened to {expectation.name}: {expectation.place} was not reached{text}"
@@ -275,7 +277,7 @@ def _unheard(answer: Transcript, expectation: RcExpectation) -> LinkFinding:
     return LinkFinding(_INCONCLUSIVE, "not-heard", message, f"look at {expectation.place}, then repeat this item")
 
 
-def _absent(stream: Stream, system: System, expectation: RcExpectation) -> LinkFinding:
+def _absence_finding(stream: Stream, system: System, expectation: RcExpectation) -> LinkFinding:
     if system.senders:
         result = ", ".join(system.senders)
         message = (

@@ -163,15 +163,15 @@ class _MavlinkReading:
             return
         self.versions.add(1 if message.get_msgbuf()[0] == _MAVLINK_1 else 2)
         if kind in _OVERRIDES:
-            self._of(message.target if kind == "MANUAL_CONTROL" else message.target_system).overrides += 1
+            self._system_reader(message.target if kind == "MANUAL_CONTROL" else message.target_system).overrides += 1
             return
-        item = self._of(message.get_srcSystem())
+        item = self._system_reader(message.get_srcSystem())
         if kind == "HEARTBEAT" and not self._beats(item, sender, message):
             return
         if message.get_srcComponent() == _AUTOPILOT and self.address in {None, sender}:
             item.take(at_s, self.began, message)
 
-    def _of(self, number: int) -> _SystemReader:
+    def _system_reader(self, number: int) -> _SystemReader:
         return self.systems.setdefault(number, _SystemReader())
 
     @staticmethod

@@ -52,7 +52,7 @@ class _Static:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         current = _on_sockets(results, self.site.router.name)
         findings = (
-            [current] if isinstance(current, LinkFinding) else list(self._of_router(self.site.router.name, current))
+            [current] if isinstance(current, LinkFinding) else list(self._judge_router(self.site.router.name, current))
         )
         evidence = [
             parse.declared_evidence(f"address of {name}", address) for name, address in self._declared_addresses()
@@ -60,7 +60,7 @@ class _Static:
         gateway = self.site.gateway
         if gateway is not None:
             local = parse.addresses(results["gateway"], gateway.name)
-            findings += [local] if isinstance(local, LinkFinding) else self._of_gateway(gateway, local, results)
+            findings += [local] if isinstance(local, LinkFinding) else self._judge_gateway(gateway, local, results)
             if not isinstance(local, LinkFinding):
                 evidence += [parse.read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
         return base.ProbeResult(tuple(findings), tuple(evidence))
@@ -74,14 +74,14 @@ class _Static:
         for link in (*view.uplinks, *view.served_links):
             yield link.port, link.interface_address
 
-    def _of_router(self, name: str, current: tuple[parse.InterfaceAddress, ...]) -> Iterator[LinkFinding]:
-        wrong = list(_wrong(name, tuple(self._declared_addresses()), current))
+    def _judge_router(self, name: str, current: tuple[parse.InterfaceAddress, ...]) -> Iterator[LinkFinding]:
+        wrong = list(_find_wrong_addresses(name, tuple(self._declared_addresses()), current))
         yield from wrong
         if not wrong:
             count = len(tuple(self._declared_addresses()))
             yield parse.good("router-as-declared", f"{name} has its {count} declared addresses, none of them leased")
 
-    def _of_gateway(
+    def _judge_gateway(
         self,
         gateway: parse.ComputerReadings,
         local: tuple[parse.InterfaceAddress, ...],
@@ -89,7 +89,7 @@ class _Static:
     ) -> list[LinkFinding]:
         interface = IPv4Interface(f"{gateway.device.address}/{self.site.site_config.lan.network.prefixlen}")
         there = next((item for item in local if item.address.ip == interface.ip), None)
-        wrong = _as_it_runs(gateway, interface, there)
+        wrong = _check_running_address(gateway, interface, there)
         if wrong is not None:
             return [wrong]
         problem = self._in_files(gateway, interface, results)
@@ -164,7 +164,7 @@ def _check_network_file(
     return None
 
 
-def _as_it_runs(
+def _check_running_address(
     gateway: parse.ComputerReadings, interface: IPv4Interface, there: parse.InterfaceAddress | None
 ) -> LinkFinding | None:
     if there is None:
@@ -184,7 +184,7 @@ def _as_it_runs(
     return None
 
 
-def _wrong(
+def _find_wrong_addresses(
     name: str, desired_addresses: tuple[tuple[str, str], ...], current: tuple[parse.InterfaceAddress, ...]
 ) -> Iterator[LinkFinding]:
     for interface, text in desired_addresses:
@@ -238,7 +238,7 @@ class _OneSubnet:
         values = {name: parse.addresses(results[question], name) for question, name in names.items()}
         current = {name: entries for name, entries in values.items() if not isinstance(entries, LinkFinding)}
         silence = tuple(entries for entries in values.values() if isinstance(entries, LinkFinding))
-        wrong = tuple(finding for name, entries in current.items() for finding in _twice(name, entries))
+        wrong = tuple(finding for name, entries in current.items() for finding in _find_shared_subnets(name, entries))
         evidence = tuple(
             parse.read(f"{item.interface} of {name}", _describe_address(item))
             for name, entries in current.items()
@@ -250,7 +250,7 @@ class _OneSubnet:
         return base.ProbeResult((*wrong, *silence) or (fine,), evidence)
 
 
-def _twice(name: str, entries: tuple[parse.InterfaceAddress, ...]) -> Iterator[LinkFinding]:
+def _find_shared_subnets(name: str, entries: tuple[parse.InterfaceAddress, ...]) -> Iterator[LinkFinding]:
     for item, other in combinations([current for current in entries if not current.dead], 2):
         if item.interface == other.interface and item.address.network.overlaps(other.address.network):
             message = (
@@ -294,24 +294,26 @@ class _Duplicates:
             result.append(parse.neighbours(results["neighbours"], self.site.gateway.name))
         leases = parse.rows(results["leases"], router, "its leases", "address")
         lan_neighbours = [
-            item for part in result if not isinstance(part, LinkFinding) for item in part if self._in_lan(item)
+            item for part in result if not isinstance(part, LinkFinding) for item in part if self._is_in_lan(item)
         ]
         silence = [part for part in (*result, leases) if isinstance(part, LinkFinding)]
         wrong = [
-            *self._twice(lan_neighbours),
-            *self._wrong(lan_neighbours),
+            *self._find_duplicates(lan_neighbours),
+            *self._compare_reservations(lan_neighbours),
             *self._busy(() if isinstance(leases, LinkFinding) else leases),
         ]
         evidence = tuple(
             parse.read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac)
             for neighbour in lan_neighbours
         )
-        return base.ProbeResult(tuple(dict.fromkeys((*wrong, *silence))) or (self._fine(lan_neighbours),), evidence)
+        return base.ProbeResult(
+            tuple(dict.fromkeys((*wrong, *silence))) or (self._good_finding(lan_neighbours),), evidence
+        )
 
-    def _in_lan(self, neighbour: parse.Neighbour) -> bool:
+    def _is_in_lan(self, neighbour: parse.Neighbour) -> bool:
         return IPv4Address(neighbour.address) in self.site.site_config.lan.network
 
-    def _twice(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[LinkFinding]:
+    def _find_duplicates(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[LinkFinding]:
         cards: dict[str, dict[str, parse.Neighbour]] = {}
         for neighbour in sorted(lan_neighbours, key=lambda entry: not entry.fresh):
             cards.setdefault(neighbour.address, {}).setdefault(neighbour.mac, neighbour)
@@ -325,7 +327,7 @@ class _Duplicates:
                     "address-changed", message, "repeat the check in some minutes: if it stays so, find the other one"
                 )
 
-    def _wrong(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[LinkFinding]:
+    def _compare_reservations(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[LinkFinding]:
         lan = self.site.site_config.lan
         by_address = {str(reservation.address): reservation for reservation in lan.reservations}
         by_card = {reservation.mac.lower(): reservation for reservation in lan.reservations}
@@ -352,7 +354,7 @@ class _Duplicates:
                 message = f"the router does not hand out {row.get('address', '?')}: somebody else answers there"
                 yield parse.warn("lease-busy", message, "find who has set that address by hand, and set it to DHCP")
 
-    def _fine(self, lan_neighbours: Sequence[parse.Neighbour]) -> LinkFinding:
+    def _good_finding(self, lan_neighbours: Sequence[parse.Neighbour]) -> LinkFinding:
         count = len({neighbour.address for neighbour in lan_neighbours})
         if not count:
             hint = "switch the robots on and repeat the check: only who has been spoken to lately is seen"

@@ -69,12 +69,12 @@ class _Certificates:
     site: parse.OwnSite
 
     @property
-    def _gateway_is_in(self) -> bool:
+    def _is_gateway_in_vpn(self) -> bool:
         return self.site.gateway is not None and self.site.gateway.device.vpn_address is not None
 
     def asks(self) -> tuple[base.Question, ...]:
         local = parse.run("identity", self.site, f"openssl storeutl -noout -text -certs {IDENTITY}")
-        return (*parse.ask("router", self.site, "/certificate", *_MENU), *(local if self._gateway_is_in else ()))
+        return (*parse.ask("router", self.site, "/certificate", *_MENU), *(local if self._is_gateway_in_vpn else ()))
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
@@ -84,9 +84,9 @@ class _Certificates:
         if isinstance(result, LinkFinding):
             missing.append(result)
         else:
-            missing += self._missing(result)
-            certificates += self._of_router(result)
-        if self._gateway_is_in:
+            missing += self._missing_certificates(result)
+            certificates += self._router_certificates(result)
+        if self._is_gateway_in_vpn:
             assert self.site.gateway is not None  # noqa: S101 - just looked
             local = _of_identity(self.site.gateway.name, self.site.name, results["identity"])
             missing += [local] if isinstance(local, LinkFinding) else []
@@ -109,7 +109,7 @@ class _Certificates:
             prerequisite.name: prerequisite.reason for prerequisite in all_of_it if prerequisite.menu == "/certificate"
         }
 
-    def _missing(self, result: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
+    def _missing_certificates(self, result: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         there = {row.get("name") for row in result}
         for name, reason in self._reason_by_name.items():
@@ -124,7 +124,7 @@ class _Certificates:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         return _ROUTER.format(name=self.site.router.name) if of_the_vpn else _API
 
-    def _of_router(self, result: Sequence[Mapping[str, str]]) -> Iterator[_SiteCertificate]:
+    def _router_certificates(self, result: Sequence[Mapping[str, str]]) -> Iterator[_SiteCertificate]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         for row in result:
             since, until = (_router_stamp(row.get(name, "")) for name in ("invalid-before", "invalid-after"))

@@ -80,7 +80,7 @@ class _ClockReading:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
-        offsets: dict[str, Offset | LinkFinding] = {router: _of_router(router, results["clock"])}
+        offsets: dict[str, Offset | LinkFinding] = {router: _router_offset(router, results["clock"])}
         if self.site.gateway is not None:
             offsets[self.site.gateway.name] = _of_computer(self.site.gateway.name, results["timedatectl"])
         known_offsets = {name: entry for name, entry in offsets.items() if isinstance(entry, Offset)}
@@ -101,7 +101,7 @@ class _ClockReading:
         """Yield findings on time sources and time zones; hosts that did not respond have their own finding."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, zone = self.site.router.name, self.site.inventory.pilot.time_zone
-        clock, ntp = _row(results["clock"]), parse.rows(results["ntp"], name, "what sets its clock", "enabled")
+        clock, ntp = _first_row(results["clock"]), parse.rows(results["ntp"], name, "what sets its clock", "enabled")
         if name in known_offsets:
             yield from _zone(name, clock.get("time-zone-name", ""), zone)
             yield from (ntp,) if isinstance(ntp, LinkFinding) else self._of_client(name, ntp[0] if ntp else {})
@@ -113,9 +113,9 @@ class _ClockReading:
             elif not {result.get("NTP"), result.get("NTPSynchronized")} <= _YES_NO:
                 yield parse.unreadable(gateway.name, "the service that sets its clock")
             elif result["NTP"] == "no":
-                yield _unset(gateway.name)
+                yield _no_time_server_finding(gateway.name)
             elif result["NTPSynchronized"] == "no":
-                yield _waiting(gateway.name, self.site.name)
+                yield _not_synchronised_finding(gateway.name, self.site.name)
             yield from _zone(gateway.name, result.get("Timezone", ""), zone)
 
     def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[LinkFinding]:
@@ -123,9 +123,9 @@ class _ClockReading:
         status, server = ntp.get("status", ""), ntp.get("synced-server", "")
         time_servers = {str(time_server.address) for time_server in self.site.inventory.pilot.time_servers}
         if ntp.get("enabled") in {"false", "no"} or status in {"stopped", "disabled"}:
-            yield _unset(name)
+            yield _no_time_server_finding(name)
         elif status in {"waiting", "started"}:
-            yield _waiting(name, self.site.name)
+            yield _not_synchronised_finding(name, self.site.name)
         elif status != "synchronized":
             text = f"`{status}`" if status else "nothing"
             message = f"the NTP client of {name} says {text}: whether a time server has set its clock is not known"
@@ -137,7 +137,10 @@ class _ClockReading:
 
     def _evidence(self, results: Mapping[str, base.Answer]) -> Iterator[Evidence]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        ntp, values = _row(results["ntp"]), _pairs(results["timedatectl"]) if self.site.gateway is not None else {}
+        ntp, values = (
+            _first_row(results["ntp"]),
+            _pairs(results["timedatectl"]) if self.site.gateway is not None else {},
+        )
         if "status" in ntp:
             server = f" with {ntp['synced-server']}" if ntp.get("synced-server") else ""
             yield parse.read(f"NTP client of {self.site.router.name}", ntp["status"] + server)
@@ -151,7 +154,7 @@ _YES_NO = frozenset({"yes", "no"})
 def _judge_offsets(known_offsets: Mapping[str, Offset]) -> Iterator[LinkFinding]:
     """Yield findings on clock differences; if two clocks agree with each other but not with ours, ours is wrong."""
     wrong = {name: offset for name, offset in known_offsets.items() if offset.wrong}
-    if len(wrong) == len(known_offsets) > 1 and _together(list(wrong.values())):
+    if len(wrong) == len(known_offsets) > 1 and _has_small_spread(list(wrong.values())):
         sample = next(iter(wrong.values()))
         span = _span(abs(sample.least_s + sample.most_s) / 2)
         behind = sample.least_s > 0
@@ -169,7 +172,7 @@ def _judge_offsets(known_offsets: Mapping[str, Offset]) -> Iterator[LinkFinding]
             yield parse.unknown("compared-too-coarsely", message, "repeat the check when the link to it has no gap")
 
 
-def _together(offsets: list[Offset]) -> bool:
+def _has_small_spread(offsets: list[Offset]) -> bool:
     return max(item.least_s for item in offsets) - min(offset.most_s for offset in offsets) <= APART_S
 
 
@@ -179,18 +182,18 @@ def _zone(name: str, text: str, zone: str) -> Iterator[LinkFinding]:
         yield parse.warn("time-zone", message, "run the site, which sets the declared `time_zone`")
 
 
-def _waiting(name: str, site: str) -> LinkFinding:
+def _not_synchronised_finding(name: str, site: str) -> LinkFinding:
     hint = f"can {name} reach the declared time servers? `provision links site={site}` tells whether any bearer is up"
     return parse.warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
 
 
-def _unset(name: str) -> LinkFinding:
+def _no_time_server_finding(name: str) -> LinkFinding:
     return parse.fail(
         "no-time-server", f"nothing sets the clock of {name}", "run the site, which switches its NTP client on"
     )
 
 
-def _of_router(name: str, answer: base.Answer) -> Offset | LinkFinding:
+def _router_offset(name: str, answer: base.Answer) -> Offset | LinkFinding:
     result = parse.rows(answer, name, "its clock", "time")
     if isinstance(result, LinkFinding):
         return result
@@ -235,7 +238,7 @@ def _not_compared_finding(name: str) -> LinkFinding:
     )
 
 
-def _row(answer: base.Answer) -> Mapping[str, str]:
+def _first_row(answer: base.Answer) -> Mapping[str, str]:
     return answer.rows[0] if isinstance(answer, base.Rows) and answer.trouble is None and answer.rows else {}
 
 

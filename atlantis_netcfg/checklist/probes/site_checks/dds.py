@@ -93,12 +93,12 @@ class _BoundPorts:
     @property
     def strangers(self) -> int:
         """Number of participants without the profile."""
-        return self._bound(_MULTICAST)
+        return self._count_at_offset(_MULTICAST)
 
     @property
     def is_dds(self) -> bool:
         """Whether a pair of related ports is bound; a single one may belong to another program."""
-        return any(self._bound(item) and self._bound(item + 1) for item in (_MULTICAST, _UNICAST))
+        return any(self._count_at_offset(item) and self._count_at_offset(item + 1) for item in (_MULTICAST, _UNICAST))
 
     @property
     def ports(self) -> str:
@@ -106,7 +106,7 @@ class _BoundPorts:
         known_ports = {item.port for item in self.sockets if item.participant is not None or item.offset == _MULTICAST}
         return ", ".join(map(str, sorted(known_ports)))
 
-    def _bound(self, offset: int) -> int:
+    def _count_at_offset(self, offset: int) -> int:
         return sum(item.offset == offset for item in self.sockets)
 
 
@@ -175,7 +175,7 @@ class _SeenParticipant:
             parse.measured_evidence(f"DDS participants that answer at {self._address}", _list_addresses(there)),
         )
         if not there and not ours.participants and not ours.is_dds:
-            return base.ProbeResult((_nobody(gateway.name, dds, near),), evidence)
+            return base.ProbeResult((_no_participant_finding(gateway.name, dds, near),), evidence)
         wrong = tuple(_judge_ports(gateway.name, dds, ours))
         is_unreachable = any(item.code == "without-profile" and item.verdict is Verdict.FAIL for item in wrong)
         reach_findings = () if is_unreachable else (self._judge_reachability(gateway.name, there, ours),)
@@ -290,7 +290,7 @@ def _read_sockets(text: str) -> Iterator[_BoundPorts]:
         yield _BoundPorts(domain, tuple(those))
 
 
-def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> LinkFinding:
+def _no_participant_finding(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> LinkFinding:
     if near:
         message = (
             f"DDS on {name} runs in domain {parse.join_words(str(item.domain) for item in near)}, "

@@ -83,7 +83,7 @@ class _Factory:
             entry for entry, told_of in pings.items() if not isinstance(told_of, LinkFinding) and _has_answers(told_of)
         ]
         wrong = [
-            *self._at_addresses(neighbour_places, answering_addresses),
+            *self._check_factory_addresses(neighbour_places, answering_addresses),
             *_check_names(self.site.name, () if isinstance(names, LinkFinding) else names),
         ]
         ping_problems = (
@@ -103,7 +103,7 @@ class _Factory:
             tuple(dict.fromkeys((*wrong, *silence))) or (parse.good("nobody-on-factory-settings", told_of),), evidence
         )
 
-    def _at_addresses(
+    def _check_factory_addresses(
         self, neighbour_places: Mapping[tuple[str, str], str], answering_addresses: list[str]
     ) -> Iterator[LinkFinding]:
         for address in self._addresses:

@@ -73,7 +73,7 @@ class _LinkQualificationCheck:
         wrong = (*self._wrong(record, answer.now, is_rehearsal=answer.is_rehearsal),)
         if answer.is_rehearsal:  # the record is made up: it shows what a fault looks like, and is evidence of nothing
             return base.ProbeResult(wrong or (self._not_measured(),))
-        return base.ProbeResult(wrong or (self._fine(record, answer.now),), tuple(_evidence(record)))
+        return base.ProbeResult(wrong or (self._good_finding(record, answer.now),), tuple(_evidence(record)))
 
     def _wrong(self, record: QualifyRecord, now: datetime, *, is_rehearsal: bool) -> Iterator[LinkFinding]:
         """Yield everything that prevents passing, failures first. Simulated rehearsal results are not stored."""
@@ -103,9 +103,9 @@ class _LinkQualificationCheck:
         if run.kind != self.link.kind.value:
             kinds = f"it was of kind {run.kind}, and is of kind {self.link.kind.value} now"
             yield parse.unknown("other-kind", f"{name} has changed since it was measured: {kinds}", again)
-        yield from self._aged(run.begun, now)
+        yield from self._check_age(run.begun, now)
 
-    def _aged(self, start: datetime, now: datetime) -> Iterator[LinkFinding]:
+    def _check_age(self, start: datetime, now: datetime) -> Iterator[LinkFinding]:
         days = self.site.site_config.checklist.qualified_within_days
         again = f"`provision qualify site={self.site.name} link={self.link.name}` measures it"
         if start > now + _AHEAD:
@@ -120,7 +120,7 @@ class _LinkQualificationCheck:
         message = f"{self.link.name} was not measured: a rehearsed checklist measures no link"
         return LinkFinding(Verdict.SKIP, "not-measured", message)
 
-    def _fine(self, record: QualifyRecord, now: datetime) -> LinkFinding:
+    def _good_finding(self, record: QualifyRecord, now: datetime) -> LinkFinding:
         count, age = len(record.judgements), (now - record.run.begun).days
         since = "today" if age < 1 else "yesterday" if age == 1 else f"{age} days ago"
         message = f"{self.link.name} holds all {count} criteria of `{record.thresholds_name}`, measured {since}"

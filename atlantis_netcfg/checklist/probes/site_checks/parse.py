@@ -206,7 +206,7 @@ def addresses(answer: base.Answer, who: str) -> tuple[InterfaceAddress, ...] | L
         current = () if isinstance(result, LinkFinding) else tuple(_of_router(result))
     else:
         result = parse_json_list(answer, who, "its addresses")
-        current = () if isinstance(result, LinkFinding) else tuple(_of_computer(result))
+        current = () if isinstance(result, LinkFinding) else tuple(_parse_computer_addresses(result))
     if isinstance(result, LinkFinding):
         return result
     known_addresses = tuple(item for item in current if item is not None)
@@ -229,7 +229,7 @@ def _of_router(router_rows: Iterable[Mapping[str, str]]) -> Iterable[InterfaceAd
             yield InterfaceAddress(row.get("interface", "?"), address, "dynamic" in flags, dead=dead, flags=flags)
 
 
-def _of_computer(result: list[dict[str, Any]]) -> Iterable[InterfaceAddress | None]:
+def _parse_computer_addresses(result: list[dict[str, Any]]) -> Iterable[InterfaceAddress | None]:
     for row in result:
         for entry in row.get("addr_info") or ():
             if isinstance(entry, dict) and entry.get("family") == "inet":

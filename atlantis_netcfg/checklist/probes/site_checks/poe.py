@@ -32,13 +32,13 @@ _FAULTS: Mapping[str, str] = {
 
 def poe_check(site: parse.OwnSite) -> base.Step:
     """Return one step for all PoE ports."""
-    ports = _ports(site)
+    ports = _feeding_ports(site)
     unless = "" if ports else "no port of the router is declared to feed power"
     fed = tuple(_fed(site).values())
     return parse.step("poe", "Boxes are fed by PoE", _PoeCheck(site), (*site.hosts[:1], *fed), unless)
 
 
-def _ports(site: parse.OwnSite) -> tuple[str, ...]:
+def _feeding_ports(site: parse.OwnSite) -> tuple[str, ...]:
     feeding = (port for port in site.device.ports if port.poe is not None and port.poe.out is not PoeMode.OFF)
     return tuple(port.name for port in feeding)
 
@@ -64,7 +64,7 @@ class _PoeCheck:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
         names = base.RouterOsQuery(_NAMES, name, Query("/interface/ethernet", "print", (), ("name", "default-name")))
-        return (*(self._monitor(name, port) for port in _ports(self.site)), names)
+        return (*(self._monitor(name, port) for port in _feeding_ports(self.site)), names)
 
     @staticmethod
     def _monitor(host: str, port: str) -> base.RouterOsQuery:
@@ -75,7 +75,10 @@ class _PoeCheck:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, fed = self.site.router.name, _fed(self.site)
-        values = {port: parse.rows(results[port], name, "the power on its ports", "name") for port in _ports(self.site)}
+        values = {
+            port: parse.rows(results[port], name, "the power on its ports", "name")
+            for port in _feeding_ports(self.site)
+        }
         silence = [entry for entry in values.values() if isinstance(entry, LinkFinding)]
         if len(silence) == len(values):
             return base.ProbeResult((_board(name, values) or silence[0],))
@@ -92,9 +95,9 @@ class _PoeCheck:
             for finding in _judge_port(name, port, fed.get(port), ports.get(port), modes[port])
         ]
         evidence = tuple(parse.read(f"PoE on {port} of {name}", _describe_power(row)) for port, row in ports.items())
-        return base.ProbeResult(tuple(wrong) or (self._fine(ports, fed),), evidence)
+        return base.ProbeResult(tuple(wrong) or (self._good_finding(ports, fed),), evidence)
 
-    def _fine(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> LinkFinding:
+    def _good_finding(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> LinkFinding:
         draws = [f"{box} ({_draw(ports[port])})" for port, box in fed.items() if port in ports]
         if not draws:
             return parse.good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")

@@ -51,33 +51,33 @@ class _DefaultRoute:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
         result = parse.rows(results["routes"], name, "its routes", "dst-address")
-        local = self._of_gateway(results)
+        local = self._judge_gateway(results)
         if isinstance(result, LinkFinding):
             return base.ProbeResult((result, *local))
         routes = [row for row in result if row.get("dst-address") == _DEFAULT]
-        findings = tuple(_broad(result)) or tuple(self._of_router(routes, results))
+        findings = tuple(_find_broad_route(result)) or tuple(self._judge_router(routes, results))
         evidence = tuple(parse.read(f"default route of {name}", _route_text(row)) for row in routes if _in_force(row))
         return base.ProbeResult((*findings, *local), evidence)
 
     @property
-    def _ways(self) -> tuple[policy.LinkRoute, ...]:
+    def _link_routes(self) -> tuple[policy.LinkRoute, ...]:
         assert self.site.view is not None  # noqa: S101 - the check is made for sites with a router
         return tuple(
             policy.LinkRoute(up.name, up.gateway, up.address, up.probe_targets, up.port, up.kind)
             for up in self.site.view.uplinks
         )
 
-    def _of_router(
+    def _judge_router(
         self, routes: Sequence[Mapping[str, str]], results: Mapping[str, base.Answer]
     ) -> Iterator[LinkFinding]:
-        active = policy.active_links(routes, self._ways)
+        active = policy.active_links(routes, self._link_routes)
         if not active:
-            yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
+            yield _no_route_finding(self.site.name, foreign=[row for row in routes if _in_force(row)])
         elif len(active) > 1:
             hint = "look at `/ip/route print` of the router for a default route that `provision` did not write"
             yield parse.fail("two-ways", f"the site's traffic is split between {parse.join_words(active)}", hint)
-        elif policy.active_link(routes, self._ways) is None:
-            yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
+        elif policy.active_link(routes, self._link_routes) is None:
+            yield _no_route_finding(self.site.name, foreign=[row for row in routes if _in_force(row)])
         else:
             yield self._judge_active(active[0], results)
 
@@ -97,7 +97,7 @@ class _DefaultRoute:
                 "in-use-for-a-time", f"traffic leaves by {active}{cost_note}: {use['message']}", use["hint"]
             )
         if up:
-            return self._passed_by(active, cost_note, up)
+            return self._not_best_finding(active, cost_note, up)
         if unseen:
             message = (
                 f"traffic leaves by {active}{cost_note}; whether {parse.join_words(unseen)}, which is better, works, "
@@ -111,7 +111,7 @@ class _DefaultRoute:
         why = f", because {parse.join_words(better)} is not up" if better else ""
         return parse.good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
 
-    def _passed_by(self, active: str, cost_note: str, up: list[str]) -> LinkFinding:
+    def _not_best_finding(self, active: str, cost_note: str, up: list[str]) -> LinkFinding:
         message = f"traffic leaves by {active}{cost_note}, though {up[0]} is up and better"
         wait = self.site.site_config.failover.fail_back_s
         hint = f"a better link is taken back after {wait} s without a break: wait so long, then run the site"
@@ -119,14 +119,14 @@ class _DefaultRoute:
             parse.fail("metered-by-mistake", message, hint) if cost_note else parse.warn("not-the-best", message, hint)
         )
 
-    def _of_gateway(self, results: Mapping[str, base.Answer]) -> tuple[LinkFinding, ...]:
+    def _judge_gateway(self, results: Mapping[str, base.Answer]) -> tuple[LinkFinding, ...]:
         gateway = self.site.gateway
         if gateway is None:
             return ()
         result = parse.parse_json_list(results["gateway"], gateway.name, "its default route")
         if isinstance(result, LinkFinding):
             return (result,)
-        return tuple(_of_computer(gateway.name, str(self.site.site_config.lan.gateway), result))
+        return tuple(_judge_computer_routes(gateway.name, str(self.site.site_config.lan.gateway), result))
 
 
 def _temporary_use_finding(look: base.Answer, active: str) -> Mapping[str, str] | None:
@@ -136,7 +136,7 @@ def _temporary_use_finding(look: base.Answer, active: str) -> Mapping[str, str] 
     return next((finding for finding in findings if finding.get("code") == IN_USE), None)
 
 
-def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> LinkFinding:
+def _no_route_finding(site: str, foreign: Sequence[Mapping[str, str]]) -> LinkFinding:
     if foreign:
         message = (
             f"the default route of the router leads to {foreign[0].get('gateway', '?')}, which is no bearer of {site}"
@@ -156,7 +156,7 @@ def _is_broad(text: str) -> bool:
         return False
 
 
-def _broad(rows: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
+def _find_broad_route(rows: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
     there = next((row for row in rows if _in_force(row) and _is_broad(row.get("dst-address", ""))), None)
     if there is not None:
         message = f"the router sends {there['dst-address']} to {there.get('gateway', '?')}, before its default route"
@@ -189,7 +189,7 @@ def _is_dead(row: Mapping[str, Any]) -> bool:
     return isinstance(flags, list) and not _DEAD.isdisjoint(map(str, flags))
 
 
-def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[LinkFinding]:
+def _judge_computer_routes(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[LinkFinding]:
     hint = f"set the default route of {name} to {router} alone: `provision` writes it where `network:` is declared"
     ways = sorted((row for row in routes if row.get("dst") == "default" and not _is_dead(row)), key=_metric)
     broad = next((route for route in routes if _is_broad(str(route.get("dst", "")))), None)
@@ -273,7 +273,7 @@ class _Filter:
         evidence = [
             parse.declared_evidence(
                 f"allowed over {uplink.name}",
-                parse.join_words(f"{target.name} ({_where(target)})" for target in uplink.targets),
+                parse.join_words(f"{target.name} ({_format_endpoint(target)})" for target in uplink.targets),
             )
             for uplink in self._satellites
         ]
@@ -297,7 +297,7 @@ class _Filter:
         )
 
 
-def _where(target: Any) -> str:  # noqa: ANN401 - a Target of the view
+def _format_endpoint(target: Any) -> str:  # noqa: ANN401 - a Target of the view
     return target.address if target.port is None else f"{target.address}:{target.port}/{target.transport}"
 
 
@@ -322,7 +322,7 @@ def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Itera
 
 def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[LinkFinding]:
     """Yield findings unless all outgoing traffic reaches the allow-list before another rule accepts it."""
-    place = next((place for place, row in enumerate(rules) if _jumps(row, satellite)), None)
+    place = next((place for place, row in enumerate(rules) if _is_jump_to(row, satellite)), None)
     if place is None:
         message = f"what leaves over {satellite.name} is not asked: chain {chain} has no rule that leads to"
         yield parse.fail("not-asked", f"{message} {satellite.chain}", _RUN)
@@ -334,11 +334,11 @@ def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain:
 def _accepts(row: Mapping[str, str], satellite: Uplink) -> bool:
     """Return whether a rule lets traffic bypass the list; traffic to the terminal itself costs no airtime."""
     elsewhere = row.get("out-interface", satellite.port) != satellite.port
-    terminal = _inside(row.get("dst-address", ""), satellite.network)
+    terminal = _is_inside(row.get("dst-address", ""), satellite.network)
     return row.get("action") in {"accept", "fasttrack-connection"} and not elsewhere and not terminal
 
 
-def _inside(text: str, network: str) -> bool:
+def _is_inside(text: str, network: str) -> bool:
     try:
         return IPv4Network(text).subnet_of(IPv4Network(network))
     except ValueError:
@@ -362,7 +362,7 @@ _HOLDS = frozenset(
 """Actions that let nothing through by themselves."""
 
 
-def _jumps(row: Mapping[str, str], satellite: Uplink) -> bool:
+def _is_jump_to(row: Mapping[str, str], satellite: Uplink) -> bool:
     leads = row.get("action") == "jump" and row.get("jump-target") == satellite.chain
     return leads and row.get("out-interface") == satellite.port and not _narrow(row, ("out-interface",))
 

@@ -63,7 +63,7 @@ class _VpnCheck:
         return None if address is None else str(address)
 
     @property
-    def _gateway_is_in(self) -> bool:
+    def _is_gateway_in_vpn(self) -> bool:
         return self.site.gateway is not None and self.site.gateway.device.vpn_address is not None
 
     def asks(self) -> tuple[base.Question, ...]:
@@ -73,7 +73,7 @@ class _VpnCheck:
             request += parse.ask(
                 "addresses", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"
             )
-        if self._gateway_is_in:
+        if self._is_gateway_in_vpn:
             request += parse.run("gateway", self.site, "ip -j addr show")
             if self._server is not None:
                 request += parse.run(
@@ -82,12 +82,12 @@ class _VpnCheck:
         return (*request, *parse.link_requests(self.site))
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
-        findings = list(self._of_router(results))
-        if self._gateway_is_in:
-            findings += self._of_gateway(results)
+        findings = list(self._judge_router(results))
+        if self._is_gateway_in_vpn:
+            findings += self._judge_gateway(results)
         return base.ProbeResult(tuple(findings), tuple(self._evidence(results)))
 
-    def _of_router(self, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
+    def _judge_router(self, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
         if "clients" not in results or self.site.router is None or self.site.view is None:
             return
         name, client, tunnel = self.site.router.name, self.site.device.vpn_client, self.site.view.tunnel
@@ -110,16 +110,16 @@ class _VpnCheck:
                 "router-tunnel-down", f"{tunnel.interface} of {name} is not connected to the VPN server", _REVOKED_HINT
             )
         else:
-            yield self._address(name, tunnel.interface, str(client.address), results["addresses"])
+            yield self._check_address(name, tunnel.interface, str(client.address), results["addresses"])
 
-    def _address(self, name: str, interface: str, expected_address: str, answer: base.Answer) -> LinkFinding:
+    def _check_address(self, name: str, interface: str, expected_address: str, answer: base.Answer) -> LinkFinding:
         current = parse.addresses(answer, name)
         if isinstance(current, LinkFinding):
             return current
         there = [str(item.address.ip) for item in current if item.interface == interface and not item.dead]
         return _compare_address("router", f"{interface} of {name}", expected_address, there)
 
-    def _of_gateway(self, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
+    def _judge_gateway(self, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
         gateway = self.site.gateway
         assert gateway is not None  # noqa: S101 - the caller checks it
         current = parse.addresses(results["gateway"], gateway.name)
@@ -154,7 +154,7 @@ class _VpnCheck:
 
     def _judge_echoes(self, echoes: Echoes, server: str, results: Mapping[str, base.Answer]) -> LinkFinding:
         sent_count, received_count = echoes.sent_count, echoes.received_count
-        if not received_count and self._over_satellite(results):
+        if not received_count and self._is_over_satellite(results):
             message = (
                 f"the VPN server {server} answered none of {sent_count} pings, over a satellite that may pause for 70 s"
             )
@@ -174,7 +174,7 @@ class _VpnCheck:
             else parse.warn("server-lossy", text, f"look at `provision links site={self.site.name}`")
         )
 
-    def _over_satellite(self, results: Mapping[str, base.Answer]) -> bool:
+    def _is_over_satellite(self, results: Mapping[str, base.Answer]) -> bool:
         link = parse.active_link(self.site, results)
         return link is not None and link.kind.traits.allow_list
 

@@ -91,15 +91,15 @@ def not_checked(sheet: _sheet.Sheet, document: Document) -> None:
 
 def notes(sheet: _sheet.Sheet, document: Document) -> None:
     """Print the notes on the site, which affect no verdict."""
-    _plain(sheet, _texts.PageText.NOTES, document.notes)
+    _add_section(sheet, _texts.PageText.NOTES, document.notes)
 
 
 def not_rehearsed(sheet: _sheet.Sheet, document: Document) -> None:
     """Print what no emulator covers."""
-    _plain(sheet, _texts.PageText.NOT_REHEARSED, document.not_rehearsed)
+    _add_section(sheet, _texts.PageText.NOT_REHEARSED, document.not_rehearsed)
 
 
-def _plain(sheet: _sheet.Sheet, what: str, sentences: tuple[str, ...]) -> None:
+def _add_section(sheet: _sheet.Sheet, what: str, sentences: tuple[str, ...]) -> None:
     if sentences:
         sheet.head(translate(what))
     for sentence in sentences:
@@ -192,17 +192,17 @@ def top(sheet: _sheet.Sheet, document: Document) -> None:
 
 def _rehearsal_banner(sheet: _sheet.Sheet, document: Document) -> None:
     """Print a banner between two thick bars, without colour: only verdicts have a coloured box."""
-    _bar(sheet)
+    _draw_triangle_row(sheet)
     sheet.tell(translate(_texts.PageText.REHEARSAL), size=13, bold=True)
     sheet.tell(translate(_texts.PageText.EMULATION_NOTE))
     if document.broken:
         sheet.tell(translate(_texts.PageText.BROKEN), bold=True)
     for item in document.broken:
         sheet.tell(f"• {translate(item)}", indent=_INDENT)
-    _bar(sheet)
+    _draw_triangle_row(sheet)
 
 
-def _bar(sheet: _sheet.Sheet) -> None:
+def _draw_triangle_row(sheet: _sheet.Sheet) -> None:
     sheet.set_y(sheet.y + 1.5)
     sheet.set_fill_color(0)
     for number in range(int(sheet.epw / 4)):
@@ -253,7 +253,7 @@ def table(sheet: _sheet.Sheet, document: Document) -> None:
     sheet.head(translate(_texts.PageText.TABLE))
     grid_layout = _shapes.grid(document)
     if grid_layout.rows:
-        _heads(sheet, grid_layout)
+        _draw_headings(sheet, grid_layout)
     place = False
     for row in sorted(grid_layout.rows, key=lambda grid_row: grid_row.is_location):
         sheet.room(_ROW + 2)
@@ -265,7 +265,7 @@ def table(sheet: _sheet.Sheet, document: Document) -> None:
         _fit_text(
             sheet, _shapes.cut(_sheet.printable(row.row.name), _NAME_LETTERS), (sheet.l_margin, y), (_NAME, _ROW), "L"
         )
-        for cell, x in zip(row.cells, _lefts(sheet, grid_layout), strict=True):
+        for cell, x in zip(row.cells, _column_positions(sheet, grid_layout), strict=True):
             _cell(sheet, cell, x, y, _width(sheet, grid_layout))
         sheet.set_xy(sheet.l_margin, y + _ROW + 0.6)
     _legend(sheet)
@@ -278,14 +278,14 @@ def _width(sheet: _sheet.Sheet, grid_layout: _shapes.Grid) -> float:
     return (sheet.epw - _NAME - _GAP) / max(len(grid_layout.columns) + len(grid_layout.beside), 1)
 
 
-def _lefts(sheet: _sheet.Sheet, grid_layout: _shapes.Grid) -> list[float]:
+def _column_positions(sheet: _sheet.Sheet, grid_layout: _shapes.Grid) -> list[float]:
     width, apart = _width(sheet, grid_layout), len(grid_layout.columns)
     every = range(apart + len(grid_layout.beside))
     return [sheet.l_margin + _NAME + width * number + (_GAP if number >= apart else 0) for number in every]
 
 
-def _heads(sheet: _sheet.Sheet, grid_layout: _shapes.Grid) -> None:
-    lefts, width, y = _lefts(sheet, grid_layout), _width(sheet, grid_layout), sheet.y
+def _draw_headings(sheet: _sheet.Sheet, grid_layout: _shapes.Grid) -> None:
+    lefts, width, y = _column_positions(sheet, grid_layout), _width(sheet, grid_layout), sheet.y
     sheet.plain(_sheet.SMALL, faint=True)
     if grid_layout.beside:
         span = width * len(grid_layout.beside)
@@ -380,7 +380,7 @@ class _Pen:
         sheet.set_auto_page_break(True, 16)
         sheet.set_xy(sheet.l_margin, self._y + shapes.height * self._scale + 2)
 
-    def _at(self, x: float, y: float) -> tuple[float, float]:
+    def _page_position(self, x: float, y: float) -> tuple[float, float]:
         return self._x + x * self._scale, self._y + y * self._scale
 
     def _wire(self, wire: _shapes.DrawnWire) -> None:
@@ -388,13 +388,13 @@ class _Pen:
         self._sheet.set_line_width(0.5 if wire.state in _LOUD else 0.3)
         if wire.is_dashed:
             self._sheet.set_dash_pattern(dash=1.2, gap=0.8)
-        self._sheet.polyline([self._at(*point) for point in wire.points])
+        self._sheet.polyline([self._page_position(*point) for point in wire.points])
         self._sheet.set_dash_pattern()
 
     def _face(self, shape: _shapes.DrawnBox | _shapes.Badge, height: float) -> None:
         self._sheet.tint(shape.state)
         self._sheet.set_line_width(0.7 if shape.state in _LOUD else 0.25)
-        x, y = self._at(shape.x, shape.y)
+        x, y = self._page_position(shape.x, shape.y)
         width, height = shape.width * self._scale, height * self._scale
         self._sheet.rect(x, y, width, height, style="DF", round_corners=True, corner_radius=1.2)
 
@@ -416,7 +416,7 @@ class _Pen:
         long = sheet.get_string_width(words)
         if long > width - 1:
             sheet.set_font_size(sheet.font_size_pt * max(width - 1, 0.5) / long)
-        x, y = self._at(shape.x, top)
+        x, y = self._page_position(shape.x, top)
         sheet.set_xy(x, y)
         sheet.c_margin, margin = 0.0, sheet.c_margin
         sheet.cell(width, 14 * self._scale, words, align="C")

@@ -42,7 +42,7 @@ _PAGES = "⌘⌘"
 _FAINT = (75, 88, 99)
 
 
-def _with_fonts(paper: FPDF) -> None:
+def _add_fonts(paper: FPDF) -> None:
     folder = resources.files("atlantis_netcfg.checklist.report") / "fonts"
     for family, style, name in (*((FAMILY, *font) for font in _FONTS.items()), (_CODE_FAMILY, "", _CODE_FONT)):
         with resources.as_file(folder / name) as path:
@@ -53,7 +53,7 @@ def _with_fonts(paper: FPDF) -> None:
 def _all_glyphs() -> tuple[frozenset[int], frozenset[int]]:
     """Return the characters of the two text fonts, and those of the code font."""
     paper = FPDF()
-    _with_fonts(paper)
+    _add_fonts(paper)
     *text, code = [frozenset(font.cmap) for font in _fonts(paper)]
     for font in _fonts(paper):
         font.close()
@@ -93,7 +93,7 @@ class Paper(FPDF):
         self.set_creator(printable(f"atlantis-netcfg {tool}"))
         self.set_lang(page_language())
         self.alias_nb_pages(_PAGES)
-        _with_fonts(self)
+        _add_fonts(self)
         self.head_line, self.foot_line = "", ""
         """Text on every page, so that a page that was torn off can be identified."""
         self.plain()

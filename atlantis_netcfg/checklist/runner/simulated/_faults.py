@@ -36,7 +36,7 @@ class RehearsedFault:
 _STRANGER = "02:00:5E:00:FC:66"
 
 
-def _gateway(change: Callable[[linux.ComputerSpec], dict[str, Any]]) -> Callable[[_world.World], None]:
+def _change_gateway(change: Callable[[linux.ComputerSpec], dict[str, Any]]) -> Callable[[_world.World], None]:
     return lambda world: world.gateway(change)
 
 
@@ -53,7 +53,7 @@ def _interface(name: str, change: Callable[[linux.InterfaceSpec], dict[str, Any]
             )
         }
 
-    return _gateway(update_interface)
+    return _change_gateway(update_interface)
 
 
 def _change_association(name: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of AssociationSpec
@@ -65,22 +65,24 @@ def _change_association(name: str, **changes: Any) -> Callable[[_world.World], N
 
 
 def _echo(address: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of EchoSpec
-    return _gateway(lambda computer: {"echoes": {**computer.echoes, address: linux.EchoSpec(**changes)}})
+    return _change_gateway(lambda computer: {"echoes": {**computer.echoes, address: linux.EchoSpec(**changes)}})
 
 
 def _offer(*knows: str) -> Callable[[_world.World], None]:
     offer = linux.OfferSpec(
         server="192.168.2.2", mac=_STRANGER, address="192.168.2.50", router="192.168.2.2", knows=knows
     )
-    return _gateway(lambda computer: {"dhcp": {name: (*offers, offer) for name, offers in computer.dhcp.items()}})
+    return _change_gateway(
+        lambda computer: {"dhcp": {name: (*offers, offer) for name, offers in computer.dhcp.items()}}
+    )
 
 
-def _advertising(computer: linux.ComputerSpec) -> dict[str, Any]:
+def _add_advertisement(computer: linux.ComputerSpec) -> dict[str, Any]:
     router = linux.AdvertisementSpec(address="fe80::ff:fe00:fc66", mac=_STRANGER, prefixes=("2001:db8:5::/64",))
     return {"routers": dict.fromkeys(computer.dhcp, (router,))}
 
 
-def _another_way(computer: linux.ComputerSpec) -> dict[str, Any]:
+def _change_default_route(computer: linux.ComputerSpec) -> dict[str, Any]:
     others = tuple(route for route in computer.routes if route.to != "default")
     return {"routes": (*others, linux.RouteSpec(via="10.70.2.1", dev="wlan1", protocol="dhcp"))}
 
@@ -90,7 +92,7 @@ def _neighbour(address: str, mac: str) -> Callable[[_world.World], None]:
         others = tuple(neighbour for neighbour in computer.neighbours if neighbour.address != address)
         return {"neighbours": (*others, linux.NeighbourSpec(address=address, dev="eth0", mac=mac))}
 
-    return _gateway(change)
+    return _change_gateway(change)
 
 
 def _without_server(computer: linux.ComputerSpec) -> dict[str, Any]:
@@ -99,7 +101,7 @@ def _without_server(computer: linux.ComputerSpec) -> dict[str, Any]:
 
 
 def _reflectors(**changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of ReflectorSpec
-    return _gateway(
+    return _change_gateway(
         lambda computer: {
             "reflectors": {address: there.model_copy(update=changes) for address, there in computer.reflectors.items()}
         }
@@ -152,7 +154,9 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
         _offer("02:00:5E:00:01:23"),
     ),
     "rogue-ra": RehearsedFault(
-        "a robot's own IPv6 router is plugged into the LAN", ("SITE/site/rogue-router",), _gateway(_advertising)
+        "a robot's own IPv6 router is plugged into the LAN",
+        ("SITE/site/rogue-router",),
+        _change_gateway(_add_advertisement),
     ),
     "second-address": RehearsedFault(
         "the gateway has leased a second address of its subnet on the same card",
@@ -172,12 +176,12 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
     "address-unkept": RehearsedFault(
         "no file gives the gateway its address at the next start",
         ("SITE/site/static-addresses",),
-        _gateway(lambda computer: {"files": {"/etc/resolv.conf": computer.files["/etc/resolv.conf"]}}),
+        _change_gateway(lambda computer: {"files": {"/etc/resolv.conf": computer.files["/etc/resolv.conf"]}}),
     ),
     "gateway-route": RehearsedFault(
         "the gateway's default route leads through a robot's access point",
         ("SITE/site/default-route",),
-        _gateway(_another_way),
+        _change_gateway(_change_default_route),
     ),
     "address-twice": RehearsedFault(
         "another card answers for the address of Zarco",
@@ -192,7 +196,7 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
     "gateway-clock": RehearsedFault(
         "the gateway's clock is an hour behind, and nothing sets it",
         ("SITE/site/clock",),
-        _gateway(
+        _change_gateway(
             lambda computer: {
                 "time": computer.time.model_copy(update={"offset_s": -3600.0, "is_synchronised": False, "ntp": False})
             }
@@ -201,22 +205,26 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
     "gateway-ntp-off": RehearsedFault(
         "a time server has set the gateway's clock once, and nothing sets it any more",
         ("SITE/site/clock",),
-        _gateway(lambda computer: {"time": computer.time.model_copy(update={"ntp": False})}),
+        _change_gateway(lambda computer: {"time": computer.time.model_copy(update={"ntp": False})}),
     ),
     "gateway-tunnel": RehearsedFault(
         "the gateway is not in the VPN",
         ("SITE/site/vpn", "SITE/site/data-reaches-scc", "SITE/site/dds"),
-        _gateway(
+        _change_gateway(
             lambda computer: {
                 "interfaces": tuple(interface for interface in computer.interfaces if interface.name != "tun0")
             }
         ),
     ),
     "server-silent": RehearsedFault(
-        "the VPN server does not answer", ("SITE/site/vpn", "SITE/site/data-reaches-scc"), _gateway(_without_server)
+        "the VPN server does not answer",
+        ("SITE/site/vpn", "SITE/site/data-reaches-scc"),
+        _change_gateway(_without_server),
     ),
     "centre-silent": RehearsedFault(
-        "the control centre does not answer", ("SITE/site/data-reaches-scc",), _gateway(lambda _: {"reflectors": {}})
+        "the control centre does not answer",
+        ("SITE/site/data-reaches-scc",),
+        _change_gateway(lambda _: {"reflectors": {}}),
     ),
     "centre-late": RehearsedFault(
         "what is sent to the control centre is answered after seconds",
@@ -229,15 +237,17 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
         _reflectors(arrives_by="eth0"),
     ),
     "certificate-expired": RehearsedFault(
-        "the gateway's certificate of the VPN has expired", ("SITE/site/certificates",), _gateway(_expire_certificate)
+        "the gateway's certificate of the VPN has expired",
+        ("SITE/site/certificates",),
+        _change_gateway(_expire_certificate),
     ),
     "dds-silent": RehearsedFault(
-        "nothing speaks DDS on the gateway", ("SITE/site/dds",), _gateway(lambda _: {"udp": (), "dds": ()})
+        "nothing speaks DDS on the gateway", ("SITE/site/dds",), _change_gateway(lambda _: {"udp": (), "dds": ()})
     ),
     "dds-loopback": RehearsedFault(
         "what speaks DDS on the gateway is bound to its loopback (ROS_LOCALHOST_ONLY=1)",
         ("SITE/site/dds",),
-        _gateway(lambda _: {"dds": (linux.DdsSpec(addresses=("127.0.0.1",)),)}),
+        _change_gateway(lambda _: {"dds": (linux.DdsSpec(addresses=("127.0.0.1",)),)}),
     ),
 }
 
@@ -249,7 +259,7 @@ def _add_acts(*acts: _world.Act) -> Callable[[_world.World], None]:
     return lambda world: world.acts.extend(acts)
 
 
-def _around(**changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of what stands around a router
+def _change_router(**changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of what stands around a router
     def spoil(world: _world.World) -> None:
         place = world.routers[_ROUTER]
         for name, value in changes.items():
@@ -270,7 +280,7 @@ def _unit(before: Mapping[str, Any], after: Mapping[str, Any]) -> Callable[[_wor
     return _add_acts(_world.change_modem(_UNIT, before, after))
 
 
-def _years_ago(world: _world.World) -> None:
+def _set_clock_back(world: _world.World) -> None:
     world.routers[_ROUTER]["time_server"] = None
     world.acts.append(_world.set_clock(_ROUTER, _LONG_AGO))
 
@@ -327,23 +337,25 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
         _add_acts(_world.silence_addresses(_ROUTER, ["198.51.100.11", "198.51.100.12"])),
     ),
     "poe-overload": RehearsedFault(
-        "the port of the 4G unit is overloaded", ("SITE/site/poe",), _around(loads={"ether2": {"status": "overload"}})
+        "the port of the 4G unit is overloaded",
+        ("SITE/site/poe",),
+        _change_router(loads={"ether2": {"status": "overload"}}),
     ),
-    "router-tunnel": RehearsedFault("the router is not in the VPN", ("SITE/site/vpn",), _around(tunnels={})),
+    "router-tunnel": RehearsedFault("the router is not in the VPN", ("SITE/site/vpn",), _change_router(tunnels={})),
     "router-clock": RehearsedFault(
         "the router's clock stands at the year before, and no time server answers",
         ("SITE/site/clock",),
-        _years_ago,
+        _set_clock_back,
     ),
     "router-ntp-waiting": RehearsedFault(
         "no time server answers the router, whose clock is right so far",
         ("SITE/site/clock",),
-        _around(time_server=None),
+        _change_router(time_server=None),
     ),
     "router-certificate": RehearsedFault(
         "the router's certificate of the VPN ends in a week",
         ("SITE/site/certificates",),
-        lambda world: world.routers[_ROUTER].update(validity={"atlantis-vpn": _week()}),
+        lambda world: world.routers[_ROUTER].update(validity={"atlantis-vpn": _expiring_validity()}),
     ),
     "router-subnet-twice": RehearsedFault(
         "the router has a second address of its LAN on the same bridge",
@@ -362,7 +374,7 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
 }
 
 
-def _week() -> dict[str, str]:
+def _expiring_validity() -> dict[str, str]:
     now = datetime.now(UTC)
     return {"since": (now - timedelta(days=358)).isoformat(), "until": (now + timedelta(days=7)).isoformat()}
 
@@ -379,7 +391,7 @@ def _autopilot(vehicle: str, **changes: Any) -> Callable[[_world.World], None]: 
     return lambda world: world.autopilot(vehicle, **changes)
 
 
-def _sent_from(vehicle: str, address: str) -> Callable[[_world.World], None]:
+def _change_sender(vehicle: str, address: str) -> Callable[[_world.World], None]:
     def spoil(world: _world.World) -> None:
         world.autopilots[vehicle] = replace(world.autopilots[vehicle], address=address)
 
@@ -489,7 +501,7 @@ _REMOTE = {
     "rc-foreign": RehearsedFault(
         "another computer sends as the autopilot of Stork",
         ("stork/rc_rf", "stork/rc_rf/sticks"),
-        _sent_from("stork", "10.64.1.199"),
+        _change_sender("stork", "10.64.1.199"),
     ),
     "rc-receiver-sick": RehearsedFault(
         "the autopilot of Stork calls its RC receiver sick",
@@ -520,14 +532,14 @@ def _robot(vehicle: str, change: robots.Change) -> Callable[[_world.World], None
     return lambda world: world.robots.change(vehicle, change)
 
 
-def _turns(vehicle: str, *items: str) -> tuple[str, ...]:
+def _item_ids(vehicle: str, *items: str) -> tuple[str, ...]:
     return tuple(f"{vehicle}/{item}" for item in items)
 
 
 _ROBOTS: Mapping[str, RehearsedFault] = {
     "robot-away": RehearsedFault(
         "the interface of Sparus is not started",
-        _turns("sparus", *_DISCOVERY_ITEMS, *_PUBLICATION_ITEMS),
+        _item_ids("sparus", *_DISCOVERY_ITEMS, *_PUBLICATION_ITEMS),
         _robot("sparus", robots.remove_robot),
     ),
     "robot-not-at-centre": RehearsedFault(
@@ -542,16 +554,16 @@ _ROBOTS: Mapping[str, RehearsedFault] = {
     ),
     "robot-token": RehearsedFault(
         "a robot that calls itself Stork has another token",
-        _turns("stork", *_DISCOVERY_ITEMS),
+        _item_ids("stork", *_DISCOVERY_ITEMS),
         _robot("stork", robots.says("EXAMPLE-stork-token", "EXAMPLE-another")),
     ),
     "robot-other-file": RehearsedFault(
         "the ECA ROV publishes another configuration than its file",
-        _turns("eca-rov", *_DISCOVERY_ITEMS),
+        _item_ids("eca-rov", *_DISCOVERY_ITEMS),
         _robot("eca-rov", robots.says("label: Leak", "label: Water")),
     ),
     "robot-twice": RehearsedFault(
-        "two robots call themselves Zarco", _turns("zarco", *_DISCOVERY_ITEMS), _robot("zarco", robots.another())
+        "two robots call themselves Zarco", _item_ids("zarco", *_DISCOVERY_ITEMS), _robot("zarco", robots.another())
     ),
     "robot-stranger": RehearsedFault(
         "a robot that nobody has declared introduces itself",

@@ -71,7 +71,10 @@ def gateway_computer(inventory: Inventory, host: Host, vehicles: tuple[str, ...]
             "reflectors": {
                 item.address: linux.ReflectorSpec(host=item.name) for item in far_computers(inventory, device)
             },
-            "echoes": {**computer.echoes, **dict.fromkeys(_behind(inventory, vehicles), linux.EchoSpec(rtt_ms=2.4))},
+            "echoes": {
+                **computer.echoes,
+                **dict.fromkeys(_access_point_addresses(inventory, vehicles), linux.EchoSpec(rtt_ms=2.4)),
+            },
         }
     )
 
@@ -116,7 +119,7 @@ def _access_points(inventory: Inventory, vehicles: tuple[str, ...]) -> Iterator[
             yield wifi
 
 
-def _behind(inventory: Inventory, vehicles: tuple[str, ...]) -> Iterator[str]:
+def _access_point_addresses(inventory: Inventory, vehicles: tuple[str, ...]) -> Iterator[str]:
     return (str(wifi.address) for wifi in _access_points(inventory, vehicles) if wifi.address is not None)
 
 
@@ -195,7 +198,7 @@ def add_row(emulator: str, menu: str, **row: str) -> Act:
     """Add a row, as if somebody had changed the configuration by hand."""
 
     def act(do: Do) -> Callable[[], object]:
-        number = _get_return_value(do(emulator, "console", words=[f"{menu}/add", *_words(row)]))
+        number = _get_return_value(do(emulator, "console", words=[f"{menu}/add", *_console_words(row)]))
         return lambda: do(emulator, "console", words=[f"{menu}/remove", f"=numbers={number}"])
 
     return act
@@ -210,8 +213,8 @@ def change_rows(emulator: str, menu: str, where: Mapping[str, str], **values: st
             raise LookupError(f"{emulator} has no row of {menu} with {dict(where)}")
         numbers = ",".join(row[".id"] for row in rows)
         before = {name: rows[0].get(name, "") for name in values}
-        _raise_on_trap(do(emulator, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(values)]))
-        return lambda: do(emulator, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(before)])
+        _raise_on_trap(do(emulator, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_console_words(values)]))
+        return lambda: do(emulator, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_console_words(before)])
 
     return act
 
@@ -219,13 +222,13 @@ def change_rows(emulator: str, menu: str, where: Mapping[str, str], **values: st
 def apart(near: str, *, before: Mapping[str, float], after: Mapping[str, float]) -> Act:
     """Change the radio conditions of a bridge, and wait until its ends reconnect."""
 
-    def put(do: Do, air: Mapping[str, float]) -> None:
+    def set_air(do: Do, air: Mapping[str, float]) -> None:
         do(near, "air", **air)
         _wait_for_registration(do, near)
 
     def act(do: Do) -> Callable[[], object]:
-        put(do, after)
-        return lambda: put(do, before)
+        set_air(do, after)
+        return lambda: set_air(do, before)
 
     return act
 
@@ -254,7 +257,7 @@ def clock_words(moment: datetime) -> list[str]:
     return ["/system/clock/set", f"=date={moment:%Y-%m-%d}", f"=time={moment:%H:%M:%S}"]
 
 
-def _words(values: Mapping[str, str]) -> list[str]:
+def _console_words(values: Mapping[str, str]) -> list[str]:
     return [f"={name.replace('_', '-')}={value}" for name, value in values.items()]
 
 
@@ -285,7 +288,7 @@ def surroundings(inventory: Inventory, host: Host) -> dict[str, Any]:
     if client is not None and tunnel is not None:
         tunnels[tunnel.interface] = f"{client.address}/{inventory.pilot.vpn.network.prefixlen}"
     return {
-        "cards": _cards(inventory, host.site) | {str(site.lan.gateway): ROUTER_MAC},
+        "cards": _mac_by_address(inventory, host.site) | {str(site.lan.gateway): ROUTER_MAC},
         "loads": {port: {} for port in _fed(inventory, host.name)},
         "leases": {str(reservation.address): "bound" for reservation in site.lan.reservations},
         "tunnels": tunnels,
@@ -296,7 +299,7 @@ def surroundings(inventory: Inventory, host: Host) -> dict[str, Any]:
     }
 
 
-def _cards(inventory: Inventory, site: str) -> dict[str, str]:
+def _mac_by_address(inventory: Inventory, site: str) -> dict[str, str]:
     cards = {str(reservation.address): reservation.mac for reservation in inventory.sites[site].lan.reservations}
     for host in inventory.site_hosts(site):
         if isinstance(host.device, model.ServerComputer) and host.device.mac is not None:

@@ -97,14 +97,14 @@ class RehearsedTransport:
         return (
             self._link_record(question)
             if isinstance(question, probes.LinkRecordRequest)
-            else self._of_computer(question)
+            else self._answer_by_computer(question)
         )
 
-    def _of_computer(self, question: probes.Question) -> probes.Answer:
+    def _answer_by_computer(self, question: probes.Question) -> probes.Answer:
         if self.computer is None or isinstance(question, probes.Listen):
             return trouble_answer(question, _NOBODY)
         if isinstance(question, probes.RunProgram):
-            return self._ran(question, self.computer)
+            return self._run_program(question, self.computer)
         if isinstance(question, probes.DhcpDiscoverRequest | probes.RouterSolicitRequest):
             return self._of_segment(question, self.computer)
         if isinstance(question, probes.DdsDiscoverRequest):
@@ -121,7 +121,7 @@ class RehearsedTransport:
         )
 
     @staticmethod
-    def _ran(question: probes.RunProgram, computer: Computer) -> probes.CommandResult:
+    def _run_program(question: probes.RunProgram, computer: Computer) -> probes.CommandResult:
         request_time = time.time()
         rc, out, err = computer.answer(question.argv)
         trouble, words = None, ""
@@ -201,13 +201,13 @@ class EmulatorEndpoint:
 def start_emulators(world: _world.World) -> Iterator[tuple[EmulatorEndpoint, ...]]:
     """Start every emulator in a world's description; they end with the context."""
     with ExitStack() as stack:
-        stands = [_receiver(stack, receiver) for receiver in world.receivers.values()]
-        stands += [_modem(stack, modem) for modem in world.modems.values()]
+        stands = [_start_receiver(stack, receiver) for receiver in world.receivers.values()]
+        stands += [_start_modem(stack, modem) for modem in world.modems.values()]
         stands += [_autopilot(stack, autopilot) for autopilot in world.autopilots.values()]
         yield tuple(stands)
 
 
-def _receiver(stack: ExitStack, receiver: _world.SimulatedReceiver) -> EmulatorEndpoint:
+def _start_receiver(stack: ExitStack, receiver: _world.SimulatedReceiver) -> EmulatorEndpoint:
     if receiver.device:
         port = stack.enter_context(gnss.RunningNmeaPort(receiver.spec))
         return EmulatorEndpoint("serial", device=receiver.device, here_device=port.path)
@@ -216,7 +216,7 @@ def _receiver(stack: ExitStack, receiver: _world.SimulatedReceiver) -> EmulatorE
     return EmulatorEndpoint("tcp", receiver.address, receiver.port, here_port=server.port)
 
 
-def _modem(stack: ExitStack, modem: _world.SimulatedModem) -> EmulatorEndpoint:
+def _start_modem(stack: ExitStack, modem: _world.SimulatedModem) -> EmulatorEndpoint:
     emulator = (
         acoustic.RunningEvologics(modem.spec)
         if isinstance(modem.spec, acoustic.EvologicsSpec)

@@ -106,7 +106,7 @@ int main(int count, char **words) {
 }
 
 
-def _asset(words: str) -> str:
+def _asset_source(words: str) -> str:
     return f"""\
 #include <uv_interoperability/asset.hpp>
 const char *library_words() {{ return "{NOT_THEIRS}, {words}"; }}
@@ -132,7 +132,7 @@ class InteropProjects:
         """
         messages = self._commit(MESSAGES, _MESSAGES, None)
         modules = f'[submodule "c4i-asset-msgs"]\n\tpath = c4i-asset-msgs\n\turl = {submodule_at}\n'
-        files = {**_LIBRARY, "uv_interoperability/src/asset.cpp": _asset(words or tag), ".gitmodules": modules}
+        files = {**_LIBRARY, "uv_interoperability/src/asset.cpp": _asset_source(words or tag), ".gitmodules": modules}
         return self._commit(LIBRARY, files, tag, {"c4i-asset-msgs": messages})
 
     def release_examples(self, tag: str, files: Mapping[str, str] | None = None) -> str:

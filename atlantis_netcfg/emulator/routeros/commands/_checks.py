@@ -103,7 +103,7 @@ def _check_words(core: Core, menu: str, values: Mapping[str, str]) -> None:
 
 def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: StoredItem | None) -> None:
     feature = table.menu.feature
-    if feature and _switches_on(table, values, item):
+    if feature and _is_switching_on(table, values, item):
         if not access.is_allowed(core.spec, feature):
             raise Trap(access.NOT_ALLOWED)
         if core.spec.device_mode.is_flagged and feature in access.SUSPICIOUS:
@@ -113,7 +113,7 @@ def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: Store
         raise Trap(access.FLAGGED_MESSAGE)
 
 
-def _switches_on(table: Table, values: Mapping[str, str], item: StoredItem | None) -> bool:
+def _is_switching_on(table: Table, values: Mapping[str, str], item: StoredItem | None) -> bool:
     arg = table.args.get("enabled")
     if arg is None:
         return True
@@ -121,7 +121,7 @@ def _switches_on(table: Table, values: Mapping[str, str], item: StoredItem | Non
     return values.get("enabled", arg.default) == "yes" and before != "yes"
 
 
-def _address(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
+def _check_address(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     ip = IPv4Interface(values["address"]).ip
     if ip.is_unspecified or ip.is_multicast or ip == _LIMITED_BROADCAST:
         raise Trap("invalid value for argument address", Category.ARGUMENT)
@@ -130,7 +130,7 @@ def _address(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -
 _LIMITED_BROADCAST = IPv4Interface("255.255.255.255").ip
 
 
-def _bridge_port(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
+def _check_bridge_port(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     name = spell(values["interface"], core.store)
     bridge = core.store.table("/interface/bridge")
     if core.store.id_of("interface", name) is not None and any(
@@ -168,7 +168,7 @@ _NEEDS = {
 }
 
 
-def _nat(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
+def _check_nat(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
     chain, action = values["chain"], values.get("action", "accept")
     if action in ("masquerade", "src-nat") and chain in ("dstnat", "output"):
         raise Trap(f"failure: {action} action must be in srcnat/input chains")
@@ -177,7 +177,7 @@ def _nat(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None
     _rule(core, values, item)
 
 
-def _static_dns(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
+def _check_static_dns(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     if "name" not in values and "regexp" not in values:
         raise MissingArgument("name")
     requirement = _RECORD_NEEDS.get(values.get("type", "A"))
@@ -197,7 +197,7 @@ _RECORD_NEEDS = {
 }
 
 
-def _ethernet(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
+def _check_ethernet(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
     poe_names = [name for name in values if name.startswith(("poe-", "power-cycle"))]
     if poe_names and item is not None and (item.factory or {})["name"] not in core.spec.poe_ports:
         raise Trap(f"unknown parameter {poe_names[0]}")
@@ -223,7 +223,7 @@ def _virtual(_core: Core, values: Mapping[str, str], item: StoredItem | None) ->
         raise Trap("failure: master interface not specified")
 
 
-def _service(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
+def _check_service(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
     for name in ("certificate", "tls-version"):
         if name in values and item is not None and name not in (item.factory or {}):
             raise Trap(f"unknown parameter {name}")
@@ -232,22 +232,22 @@ def _service(core: Core, values: Mapping[str, str], item: StoredItem | None) -> 
         raise Trap("failure: port already in use")
 
 
-def _user(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
-    if item is not None and not _someone_left(core, item, values):
+def _check_user(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
+    if item is not None and not _has_full_user_left(core, item, values):
         raise Trap("failure: there should be at least one user with full access")
 
 
-def _ssh_key(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
+def _check_ssh_key(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     if access.public_key(core, values.get("key", "")) is None:
         raise Trap(BAD_KEY)
 
 
-def _action(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
+def _check_action(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     if re.fullmatch(r"[A-Za-z0-9]*", values.get("name", "")) is None:
         raise Trap("action name can contain only letters and numbers")
 
 
-def _someone_left(core: Core, changed_item: StoredItem, values: Mapping[str, str] | None) -> bool:
+def _has_full_user_left(core: Core, changed_item: StoredItem, values: Mapping[str, str] | None) -> bool:
     table = core.store.table("/user")
     for other in table.items:
         now = values if other is changed_item else other.values
@@ -257,28 +257,28 @@ def _someone_left(core: Core, changed_item: StoredItem, values: Mapping[str, str
 
 
 _MORE: dict[str, Callable[[Core, Mapping[str, str], StoredItem | None], None]] = {
-    "/interface/bridge/port": _bridge_port,
-    "/interface/ethernet": _ethernet,
+    "/interface/bridge/port": _check_bridge_port,
+    "/interface/ethernet": _check_ethernet,
     "/interface/lte": _modem,
     "/interface/wifi": _virtual,
     "/interface/wireless": _virtual,
-    "/ip/address": _address,
-    "/ip/dns/static": _static_dns,
+    "/ip/address": _check_address,
+    "/ip/dns/static": _check_static_dns,
     "/ip/firewall/filter": _rule,
     "/ip/firewall/mangle": _rule,
-    "/ip/firewall/nat": _nat,
+    "/ip/firewall/nat": _check_nat,
     "/ip/firewall/raw": _rule,
     "/ip/route": _route,
-    "/ip/service": _service,
-    "/system/logging/action": _action,
-    "/user": _user,
-    "/user/ssh-keys": _ssh_key,
+    "/ip/service": _check_service,
+    "/system/logging/action": _check_action,
+    "/user": _check_user,
+    "/user/ssh-keys": _check_ssh_key,
 }
 
 
 def check_removal(core: Core, menu: str, item: StoredItem) -> None:
     """Refuse to remove a row that the router needs. Raises Trap."""
-    if menu == "/user" and not _someone_left(core, item, None):
+    if menu == "/user" and not _has_full_user_left(core, item, None):
         raise Trap("failure: there should be at least one user with full access")
 
 
@@ -287,7 +287,9 @@ Values = tuple[tuple[str, str | None], ...]
 
 def record_addition(core: Core, call: Call, item: StoredItem) -> None:
     """Record that a row was added."""
-    _record(core, call, "added", Statement(call.menu, "remove", target=id_text(item.id)), _add(core, call, item))
+    _record(
+        core, call, "added", Statement(call.menu, "remove", target=id_text(item.id)), _add_statement(core, call, item)
+    )
 
 
 def record_change(core: Core, call: Call, item: StoredItem, before: Mapping[str, str]) -> None:
@@ -304,7 +306,7 @@ def record_change(core: Core, call: Call, item: StoredItem, before: Mapping[str,
 
 def remove_row(core: Core, call: Call, item: StoredItem) -> None:
     """Remove a row and record it."""
-    undo = _add(core, call, item)
+    undo = _add_statement(core, call, item)
     core.store.remove(call.menu, item)
     _record(core, call, "removed", undo, Statement(call.menu, "remove", target=id_text(item.id)))
 
@@ -323,7 +325,7 @@ def _record(core: Core, call: Call, verb: str, undo: Statement, redo: Statement)
     core.note("system,info", f"{noun} {verb} by {caller.via}:{caller.user}@{caller.address}")
 
 
-def _add(core: Core, call: Call, item: StoredItem) -> Statement:
+def _add_statement(core: Core, call: Call, item: StoredItem) -> Statement:
     table = core.store.table(call.menu)
     names = sorted(name for name in item.values if name in table.args)
     return Statement(call.menu, "add", _values(core, table, names, item.values))
@@ -403,7 +405,7 @@ def _fill_address(_core: Core, values: dict[str, str], changed_names: frozenset[
         values["network"] = str(IPv4Interface(values["address"]).network.network_address)
 
 
-def _tunnel(core: Core, values: dict[str, str], _changed_names: frozenset[str] | None) -> None:
+def _complete_tunnel(core: Core, values: dict[str, str], _changed_names: frozenset[str] | None) -> None:
     values.setdefault("mac-address", mac_of(core.spec.name + values.get("name", ""), 0xFE))
 
 
@@ -418,11 +420,11 @@ def _clock(core: Core, values: dict[str, str], _changed_names: frozenset[str] | 
     try:
         core.set_clock(datetime.strptime(f"{date} {time}", f"{form} %H:%M:%S").replace(tzinfo=UTC))
     except ValueError as error:
-        wrong = "time" if _reads(date, form) else "date"
+        wrong = "time" if _is_in_format(date, form) else "date"
         raise Trap(f"invalid value for argument {wrong}", Category.ARGUMENT) from error
 
 
-def _reads(text: str, form: str) -> bool:
+def _is_in_format(text: str, form: str) -> bool:
     try:
         return bool(datetime.strptime(text, form).replace(tzinfo=UTC))
     except ValueError:
@@ -438,7 +440,7 @@ def _schedule(core: Core, values: dict[str, str], _changed_names: frozenset[str]
 
 _COMPLETE: dict[str, Callable[[Core, dict[str, str], frozenset[str] | None], None]] = {
     "/ip/address": _fill_address,
-    "/interface/ovpn-client": _tunnel,
+    "/interface/ovpn-client": _complete_tunnel,
     "/system/clock": _clock,
     "/system/scheduler": _schedule,
 }

@@ -29,7 +29,7 @@ _DISK = 1073741824
 """Disk size of an RB5009UPr+S+ in bytes."""
 
 
-def _truth(value: object) -> str:
+def _format_bool(value: object) -> str:
     return "true" if value else "false"
 
 
@@ -57,7 +57,7 @@ def _interface(core: Core, table: Table, item: StoredItem, interface: Interface)
         flags["slave"] = True
     rx, tx = core.octets.get(row.get("default-name", ""), (0, 0))
     traffic = dict.fromkeys(TRAFFIC, "0") | {"rx-byte": str(rx), "tx-byte": str(tx)}
-    return row | traffic | {name: _truth(value) for name, value in flags.items()}
+    return row | traffic | {name: _format_bool(value) for name, value in flags.items()}
 
 
 def _update(core: Core, _call: Call) -> Rows:
@@ -117,9 +117,9 @@ def _packages(core: Core, _call: Call) -> Rows:
 def _device_mode(core: Core, _call: Call) -> Rows:
     mode = core.spec.device_mode
     arguments = core.schema.arguments("/system/device-mode", "update")
-    features = {name: _truth(is_allowed(core.spec, name)) for name in FEATURES if name in arguments}
+    features = {name: _format_bool(is_allowed(core.spec, name)) for name in FEATURES if name in arguments}
     mode_name = mode.mode.value if core.schema.at_least("7.17") else "enterprise"
-    return [{"mode": mode_name, "flagged": _truth(mode.is_flagged), "flagging-enabled": "true", **features}]
+    return [{"mode": mode_name, "flagged": _format_bool(mode.is_flagged), "flagging-enabled": "true", **features}]
 
 
 def _history(core: Core, _call: Call) -> Rows:
@@ -134,15 +134,15 @@ def _history(core: Core, _call: Call) -> Rows:
             "time": entry.time,
             "undo": _ID.sub("0", entry.undo) if nameless else entry.undo,
             "redo": _ID.sub("0", entry.redo) if nameless else entry.redo,
-            "undoable": _truth(not entry.undone),
-            "redoable": _truth(entry.undone),
-            "floating-undo": _truth(entry.floating),
+            "undoable": _format_bool(not entry.undone),
+            "redoable": _format_bool(entry.undone),
+            "floating-undo": _format_bool(entry.floating),
         }
         for entry in entries
     ]
 
 
-def _active(core: Core, _call: Call) -> Rows:
+def _active_users(core: Core, _call: Call) -> Rows:
     rows = [
         {
             ".id": id_text(caller.number),
@@ -164,7 +164,7 @@ def _safe_mode(core: Core, call: Call) -> Rows:
         return [{"enabled": "false", "current": "false"}]
     current = holder.number == call.caller.number
     owner = f"{holder.via}:{holder.user}@{holder.address}"
-    return [{"enabled": "true", "user": holder.user, "current": _truth(current), "owner": owner}]
+    return [{"enabled": "true", "user": holder.user, "current": _format_bool(current), "owner": owner}]
 
 
 def _files(core: Core, _call: Call) -> Rows:
@@ -270,7 +270,7 @@ def _bridge_hosts(core: Core, _call: Call) -> Rows:
             hosts += [(mac.upper(), place, False) for mac in macs]
     flags = {"dynamic": "true", "invalid": "false", "external": "false", "disabled": "false"}
     return [
-        {".id": id_text(number), "mac-address": mac, **place, "local": _truth(local), **flags}
+        {".id": id_text(number), "mac-address": mac, **place, "local": _format_bool(local), **flags}
         for number, (mac, place, local) in enumerate(hosts, start=1)
     ]
 
@@ -293,5 +293,5 @@ COMPUTED_MENUS: dict[str, Callable[[Core, Call], Rows]] = {
     "/system/resource": _resource,
     "/system/resource/cpu": _cpus,
     "/system/routerboard": _routerboard,
-    "/user/active": _active,
+    "/user/active": _active_users,
 }

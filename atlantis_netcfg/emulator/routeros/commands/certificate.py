@@ -155,7 +155,7 @@ def import_profile(core: Core, call: Call) -> CallResult:
     values = {**_parse_values(core, {**read.values, **account}), "disabled": "yes"}
     _checks.check(core, _CLIENTS, values, None)
     if call.arguments.get("skip-cert-import", "no") not in _TRUE and read.certificates:
-        _certificates(core, read.certificates, stem, values)
+        _import_certificates(core, read.certificates, stem, values)
     _checks.complete(core, _CLIENTS, values)
     item = core.store.insert(_CLIENTS, values)
     if read.wrap is not None:
@@ -180,7 +180,7 @@ def _parse_values(core: Core, values: dict[str, str]) -> dict[str, str]:
         raise Trap("failure: invalid value in the configuration") from error
 
 
-def _certificates(core: Core, pem: str, stem: str, values: dict[str, str]) -> None:
+def _import_certificates(core: Core, pem: str, stem: str, values: dict[str, str]) -> None:
     try:
         rows, _keys = take(core, pem, lambda authority, _number: f"{'ca' if authority else 'cert'}_{stem}")
     except ValueError as error:

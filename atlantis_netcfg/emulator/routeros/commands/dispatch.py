@@ -88,7 +88,7 @@ def dispatch(core: Core, call: Call) -> CallResult:
     if feature is not None and not access.is_allowed(core.spec, feature):
         raise Trap(access.NOT_ALLOWED)
     handler, policy = _handler(core, call)
-    _permit(core, call, policy)
+    _require_policy(core, call, policy)
     return handler(core, call)
 
 
@@ -117,7 +117,7 @@ def _check_names(core: Core, call: Call) -> None:
             raise unknown(name)
 
 
-def _permit(core: Core, call: Call, policy: str) -> None:
+def _require_policy(core: Core, call: Call, policy: str) -> None:
     policies = core.policies(call.caller)
     required_policies = {policy, "policy"} if policy == "write" and call.menu.startswith("/user") else {policy}
     if not required_policies <= policies:

@@ -18,7 +18,7 @@ _MOST_CHUNK = 32768
 _TRUE = ("", "yes", "true")
 
 
-def _arguments(core: Core, call: Call) -> None:
+def _check_arguments(core: Core, call: Call) -> None:
     for name in (*call.arguments, *call.unset):
         if name not in core.schema.arguments(call.menu, call.command) | {".id"}:
             raise _checks.unknown(name)
@@ -48,21 +48,21 @@ def _write(core: Core, name: str, contents: str) -> FlashFile:
 
 def add(core: Core, call: Call) -> CallResult:
     """Create a file; contents come in one argument of limited size (Manual, Files: 60 kB)."""
-    _arguments(core, call)
+    _check_arguments(core, call)
     name = _require_argument(call, "name")
     if name in core.files:
         raise answers.Trap("failure: file already exists")
-    return CallResult(ret=id_text(_write(core, name, _contents(call)).number))
+    return CallResult(ret=id_text(_write(core, name, _checked_contents(call)).number))
 
 
-def _contents(call: Call) -> str:
+def _checked_contents(call: Call) -> str:
     contents = call.arguments.get("contents", "")
     if len(contents.encode(errors="surrogateescape")) > _MOST_CONTENTS:
         raise answers.Trap("invalid value for argument contents", answers.Category.ARGUMENT)
     return contents
 
 
-def _targets(core: Core, call: Call) -> list[str]:
+def _target_names(core: Core, call: Call) -> list[str]:
     selector = call.arguments.get(".id") or call.arguments.get("numbers")
     if selector is None:
         raise _checks.MissingArgument(".id")
@@ -71,10 +71,10 @@ def _targets(core: Core, call: Call) -> list[str]:
 
 def set_(core: Core, call: Call) -> CallResult:
     """Overwrite or rename a file."""
-    _arguments(core, call)
-    for name in _targets(core, call):
+    _check_arguments(core, call)
+    for name in _target_names(core, call):
         if "contents" in call.arguments:
-            _write(core, name, _contents(call))
+            _write(core, name, _checked_contents(call))
         if "name" in call.arguments:
             core.files[call.arguments["name"]] = core.files.pop(name)
     return CallResult()
@@ -82,15 +82,15 @@ def set_(core: Core, call: Call) -> CallResult:
 
 def remove(core: Core, call: Call) -> CallResult:
     """Delete files."""
-    _arguments(core, call)
-    for name in _targets(core, call):
+    _check_arguments(core, call)
+    for name in _target_names(core, call):
         del core.files[name]
     return CallResult()
 
 
 def read(core: Core, call: Call) -> CallResult:
     """Return `chunk-size` bytes of a file from `offset`."""
-    _arguments(core, call)
+    _check_arguments(core, call)
     data = core.files[_find_file_name(core, _require_argument(call, "file"))].contents.encode(errors="surrogateescape")
     offset, size = _number(call, "offset", 0), _number(call, "chunk-size", _MOST_CHUNK)
     if not 1 <= size <= _MOST_CHUNK:
@@ -110,7 +110,7 @@ def export(core: Core, call: Call) -> CallResult:
 
     Version 6 shows secrets by default, version 7 hides them (Manual, Configuration Management).
     """
-    _arguments(core, call)
+    _check_arguments(core, call)
     if "where" in call.arguments:
         raise answers.Trap(f"not rehearsed by the twin: {call.path} where")
     show_sensitive = "show-sensitive" in call.arguments or not (
@@ -131,7 +131,7 @@ def export(core: Core, call: Call) -> CallResult:
 
 def import_(core: Core, call: Call) -> CallResult:
     """Run a file of commands; with `dry-run` only check the syntax."""
-    _arguments(core, call)
+    _check_arguments(core, call)
     text = core.files[_find_file_name(core, _require_argument(call, "file-name"))].contents
     first = _number(call, "from-line", 1)
     text = "\n".join(text.split("\n")[first - 1 :])
@@ -146,7 +146,7 @@ def import_(core: Core, call: Call) -> CallResult:
 
 def execute(core: Core, call: Call) -> CallResult:
     """Run a script; with `as-string` wait and return its output, else return its job's id."""
-    _arguments(core, call)
+    _check_arguments(core, call)
     if core.spec.execute is Execute.NONE:
         raise answers.Trap("no such command", answers.Category.MISSING)
     script = _require_argument(call, "script")
@@ -171,7 +171,7 @@ def execute(core: Core, call: Call) -> CallResult:
 
 def save(core: Core, call: Call) -> CallResult:
     """Save a backup of the configuration to a file."""
-    _arguments(core, call)
+    _check_arguments(core, call)
     name = call.arguments.get("name", core.spec.name)
     _write(core, f"{name.removesuffix('.backup')}.backup", json.dumps(core.store.dump()))
     return CallResult()
@@ -179,7 +179,7 @@ def save(core: Core, call: Call) -> CallResult:
 
 def load(core: Core, call: Call) -> CallResult:
     """Load a backup, which reboots the router; the extension may be omitted, as with `save`."""
-    _arguments(core, call)
+    _check_arguments(core, call)
     name = _require_argument(call, "name")
     contents = core.files[_find_file_name(core, name if name in core.files else f"{name}.backup")].contents
     core.history.clear()

@@ -113,7 +113,7 @@ def registrations(core: Core, call: Call) -> list[_Row]:
     for item, mine in _radios(core, menu):
         if (peer := _state(core, item, mine).peer) is not None:
             rows.append(_REGISTRATIONS[menu](core, menu, item, mine, peer))
-        rows += [_of_station(menu, _names(core, menu, item)[1], mine, station) for station in _stations(core, mine)]
+        rows += [_station_row(menu, _names(core, menu, item)[1], mine, station) for station in _stations(core, mine)]
     return [{".id": id_text(number), **row} for number, row in enumerate(rows, start=1)]
 
 
@@ -139,7 +139,7 @@ def _passphrases(mine: _settings.RadioSettings) -> list[str]:
     return re.split(rf",(?=(?:{kinds})=)", mine.passphrase)
 
 
-def _of_station(menu: str, interface: str, mine: _settings.RadioSettings, station: NearbyStation) -> _Row:
+def _station_row(menu: str, interface: str, mine: _settings.RadioSettings, station: NearbyStation) -> _Row:
     kind = min(mine.authentication, default="none")
     row = {"interface": interface, "mac-address": station.mac.upper(), "uptime": "10m", "last-activity": "0ms"}
     if menu == _read.WIFI:

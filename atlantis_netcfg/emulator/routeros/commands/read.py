@@ -38,13 +38,13 @@ def matches(queries: Sequence[str], row: Mapping[str, str], *, orders_texts: boo
     stack: list[bool] = []
     for query in queries:
         if query.startswith("#"):
-            _operate(query[1:], stack)
+            _apply_operations(query[1:], stack)
         else:
-            stack.append(_test(query, row, orders_texts=orders_texts))
+            stack.append(_is_query_true(query, row, orders_texts=orders_texts))
     return all(stack)
 
 
-def _test(query: str, row: Mapping[str, str], *, orders_texts: bool) -> bool:
+def _is_query_true(query: str, row: Mapping[str, str], *, orders_texts: bool) -> bool:
     if query.startswith("-"):
         return query[1:] not in row
     if query.startswith(("<", ">")):
@@ -61,7 +61,7 @@ def _less(local: str, other: str, *, greater: bool, orders_texts: bool) -> bool:
     return int(local) < int(other) if local.isdecimal() and other.isdecimal() else orders_texts and local < other
 
 
-def _operate(text: str, stack: list[bool]) -> None:
+def _apply_operations(text: str, stack: list[bool]) -> None:
     operations = _OPERATIONS.findall(text)
     if not operations or "".join(operations) != text:
         raise answers.Trap("invalid query")
@@ -173,7 +173,7 @@ def get(core: Core, call: Call) -> CallResult:
     for name in call.arguments:
         if name not in argument_names:
             raise _checks.unknown(name)
-    row = _row(core, call)
+    row = _selected_row(core, call)
     value_name = call.arguments.get("value-name")
     if value_name is None:
         return CallResult(ret=";".join(f"{key}={value}" for key, value in row.items()))
@@ -182,7 +182,7 @@ def get(core: Core, call: Call) -> CallResult:
     return CallResult(ret=row.get(value_name, ""))
 
 
-def _row(core: Core, call: Call) -> dict[str, str]:
+def _selected_row(core: Core, call: Call) -> dict[str, str]:
     menu_rows = all_rows(core, call)
     number = call.arguments.get(".id") or call.arguments.get("number") or call.arguments.get("numbers")
     if not any(".id" in row for row in menu_rows) and _is_settings(core, call.menu):
@@ -300,7 +300,7 @@ def _sort_key(text: str) -> tuple[int, int, str]:
     return (0, int(text), "") if text.isdecimal() else (1, 0, text)
 
 
-def _rows(core: Core, call: Call) -> dict[str, dict[str, str]]:
+def _rows_by_id(core: Core, call: Call) -> dict[str, dict[str, str]]:
     return {row[".id"]: row for row in all_rows(core, call) if ".id" in row}
 
 
@@ -311,7 +311,7 @@ def emit(core: Core) -> None:
     """
     settle(core)
     for listener in core.listeners:
-        now = _rows(core, listener.call)
+        now = _rows_by_id(core, listener.call)
         news = [row for number, row in now.items() if listener.shown_rows.get(number) != row]
         news += [{".id": number, ".dead": "true"} for number in listener.shown_rows if number not in now]
         listener.shown_rows = now

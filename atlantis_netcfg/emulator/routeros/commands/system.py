@@ -126,11 +126,11 @@ def interface(core: Core, call: Call) -> CallResult:
             raise _checks.unknown(name)
     for part in selector.split(","):
         rest = {name: value for name, value in call.arguments.items() if name != "numbers"}
-        _ROW_COMMANDS[call.command](core, replace(call, menu=_home(core, part), arguments=rest | {".id": part}))
+        _ROW_COMMANDS[call.command](core, replace(call, menu=_find_menu(core, part), arguments=rest | {".id": part}))
     return CallResult()
 
 
-def _home(core: Core, selector: str) -> str:
+def _find_menu(core: Core, selector: str) -> str:
     for table in core.store.space_tables("interface"):
         if write.find_item(core, table, selector) is not None:
             return table.menu.path
@@ -209,7 +209,7 @@ def _row(core: Core, item: StoredItem) -> dict[str, str]:
     return local | load_of(core, (item.factory or {})["name"], setting)
 
 
-def _arguments(core: Core, call: Call) -> None:
+def _check_arguments(core: Core, call: Call) -> None:
     for name in (*call.arguments, *call.unset):
         if name not in core.schema.arguments(call.menu, call.command):
             raise _checks.unknown(name)
@@ -217,7 +217,7 @@ def _arguments(core: Core, call: Call) -> None:
 
 def take(core: Core, call: Call) -> CallResult:
     """Enter safe mode; only one session may hold it."""
-    _arguments(core, call)
+    _check_arguments(core, call)
     holder = core.history.holder
     if holder is not None and holder.number != call.caller.number:
         if core.deviates(Deviation.SECOND_TAKER):
@@ -233,7 +233,7 @@ def take(core: Core, call: Call) -> CallResult:
 
 def release(core: Core, call: Call) -> CallResult:
     """Release safe mode and keep its changes; any session may do that."""
-    _arguments(core, call)
+    _check_arguments(core, call)
     if core.history.holder is not None:
         notify_holder_lost(core, call.caller)
         core.history.release()
@@ -243,7 +243,7 @@ def release(core: Core, call: Call) -> CallResult:
 
 def unroll(core: Core, call: Call) -> CallResult:
     """Undo all changes and leave safe mode; the session continues."""
-    _arguments(core, call)
+    _check_arguments(core, call)
     if core.history.holder is not None:
         notify_holder_lost(core, call.caller)
         core.history.unroll(core.store)

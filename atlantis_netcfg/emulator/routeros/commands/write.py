@@ -80,7 +80,7 @@ def set_(core: Core, call: Call) -> CallResult:
     argument_names = core.schema.arguments(call.menu, "set") & {*table.args}
     change = _parse_arguments(core, table, call, argument_names)
     items = _selected_items(core, call, table)
-    _may_change(items)
+    _refuse_builtin(items)
     for item in items:
         _set_one(core, call, item, change, unset=call.unset)
     return CallResult()
@@ -103,7 +103,7 @@ def _set_one(core: Core, call: Call, item: StoredItem, change: Mapping[str, str]
 
 def unset(core: Core, call: Call) -> CallResult:
     """Remove properties from rows (`value-name=a,b`)."""
-    _only(core, call, {"value-name"})
+    _check_arguments(core, call, {"value-name"})
     table = core.store.table(call.menu)
     if "value-name" not in call.arguments:
         raise _checks.MissingArgument("value-name")
@@ -111,7 +111,7 @@ def unset(core: Core, call: Call) -> CallResult:
     for name in names:
         _check_unset(table, name)
     items = _selected_items(core, call, table)
-    _may_change(items)
+    _refuse_builtin(items)
     for item in items:
         _set_one(core, call, item, {}, unset=names)
     return CallResult()
@@ -119,18 +119,18 @@ def unset(core: Core, call: Call) -> CallResult:
 
 def enable(core: Core, call: Call) -> CallResult:
     """Set `disabled=no`."""
-    return _able(core, call, "no")
+    return _set_disabled(core, call, "no")
 
 
 def disable(core: Core, call: Call) -> CallResult:
     """Set `disabled=yes`."""
-    return _able(core, call, "yes")
+    return _set_disabled(core, call, "yes")
 
 
-def _able(core: Core, call: Call, disabled_value: str) -> CallResult:
-    _only(core, call, set())
+def _set_disabled(core: Core, call: Call, disabled_value: str) -> CallResult:
+    _check_arguments(core, call, set())
     items = _selected_items(core, call, core.store.table(call.menu))
-    _may_change(items)
+    _refuse_builtin(items)
     for item in items:
         _set_one(core, call, item, {"disabled": disabled_value})
     return CallResult()
@@ -138,11 +138,11 @@ def _able(core: Core, call: Call, disabled_value: str) -> CallResult:
 
 def comment(core: Core, call: Call) -> CallResult:
     """Set a row's comment; an empty one removes it."""
-    _only(core, call, {"comment"})
+    _check_arguments(core, call, {"comment"})
     if "comment" not in call.arguments:
         raise _checks.MissingArgument("comment")
     items = _selected_items(core, call, core.store.table(call.menu))
-    _may_change(items)
+    _refuse_builtin(items)
     text = call.arguments["comment"]
     for item in items:
         _set_one(core, call, item, {"comment": text} if text else {}, unset=() if text else ("comment",))
@@ -151,10 +151,10 @@ def comment(core: Core, call: Call) -> CallResult:
 
 def remove(core: Core, call: Call) -> CallResult:
     """Remove rows; nothing is removed if one of them must stay."""
-    _only(core, call, set())
+    _check_arguments(core, call, set())
     table = core.store.table(call.menu)
     items = _selected_items(core, call, table)
-    _may_change(items)
+    _refuse_builtin(items)
     for item in items:
         if item.factory is not None:
             raise Trap("failure: cannot remove builtin")
@@ -166,10 +166,10 @@ def remove(core: Core, call: Call) -> CallResult:
 
 def move(core: Core, call: Call) -> CallResult:
     """Move rows before the row `destination`, or to the end."""
-    _only(core, call, {"destination"})
+    _check_arguments(core, call, {"destination"})
     table = core.store.table(call.menu)
     items = _selected_items(core, call, table)
-    _may_change(items)
+    _refuse_builtin(items)
     destination = call.arguments.get("destination")
     target = _item(core, call, table, destination) if destination else None
     if target in items:
@@ -192,7 +192,7 @@ def check_rows(core: Core, call: Call) -> None:
 # --- which rows ----------------------------------------------------------------------------------------------------
 
 
-def _only(core: Core, call: Call, names: set[str]) -> None:
+def _check_arguments(core: Core, call: Call, names: set[str]) -> None:
     argument_names = core.schema.arguments(call.menu, call.command) | names | set(_SELECTORS)
     for name in (*call.arguments, *call.unset):
         if name not in argument_names:
@@ -245,7 +245,7 @@ def find_item(core: Core, table: Table, selector: str, *, console: bool = False)
     )
 
 
-def _may_change(items: Iterable[StoredItem]) -> None:
+def _refuse_builtin(items: Iterable[StoredItem]) -> None:
     for item in items:
         if item.dynamic and item.factory is not None:
             raise Trap(_BUILTIN)

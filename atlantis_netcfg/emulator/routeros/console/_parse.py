@@ -214,7 +214,7 @@ class TextPart:
         while self.at < self.end:
             if self.peek() in _INDENT:
                 self.at += 1
-            elif not self._join():
+            elif not self._skip_line_join():
                 return
             else:
                 self._notes()
@@ -226,7 +226,7 @@ class TextPart:
             self.take("\n")
             self._indent()
 
-    def _join(self) -> bool:
+    def _skip_line_join(self) -> bool:
         if not self.take("\\\n"):
             return False
         self._indent()
@@ -243,7 +243,7 @@ class TextPart:
 
     def value(self) -> str:
         """Parse a quoted or bare value. Raises ConsoleError if there is none."""
-        while self._join():
+        while self._skip_line_join():
             pass
         if self.peek() == '"':
             return "".join(part for part in self.template() if isinstance(part, str))
@@ -251,7 +251,7 @@ class TextPart:
         parts = []
         while (part := self.match(_BARE)) is not None:
             parts.append(part)
-            if not self._join():
+            if not self._skip_line_join():
                 break
         if not parts or self.peek() in tuple("\"\\$&'()=?[^{|"):
             raise self.error("syntax error", self.at if parts else start)
@@ -290,7 +290,7 @@ class TextPart:
 
     def _character(self) -> str:
         if self.peek() == "\\":
-            return "" if self._join() or self.take("\\ ") or self.take("\\\t") else self._escape()
+            return "" if self._skip_line_join() or self.take("\\ ") or self.take("\\\t") else self._escape()
         self.at += 1
         return self.source[self.at - 1]
 
@@ -402,18 +402,18 @@ class Parser:
         """Parse a statement other than a menu command, if there is one."""
         if self.text.match(_PUT) is not None:
             self.text.space()
-            return Put(self._put())
+            return Put(self._put_argument())
         if self.text.match(_DO) is not None:
-            return self._attempt()
+            return self._do_on_error()
         if self.text.match(_IF) is not None:
-            return self._choice()
+            return self._if_statement()
         if self.text.match(_ERROR) is not None:
-            return self._failure()
+            return self._error_statement()
         if (local := self.text.match(_LOCAL)) is not None:
             return LocalVariable(local.split()[1], self._bracket())
-        return self._each() if self.text.peek() == ":" else None
+        return self._foreach() if self.text.peek() == ":" else None
 
-    def _attempt(self) -> DoOnError:
+    def _do_on_error(self) -> DoOnError:
         menu = self.menu
         body = self._block()
         self.text.space()
@@ -423,7 +423,7 @@ class Parser:
         self.menu = menu
         return attempt
 
-    def _choice(self) -> IfStatement:
+    def _if_statement(self) -> IfStatement:
         menu = self.menu
         self._expect("(")
         left = self._left_operand()
@@ -446,7 +446,7 @@ class Parser:
         self.menu = menu
         return IfStatement(left, sign, right if pattern else int(right), then, otherwise)
 
-    def _each(self) -> Each | None:
+    def _foreach(self) -> Each | None:
         names = _FOREACH.match(self.text.source, self.text.at)
         if names is None:
             return None
@@ -504,7 +504,7 @@ class Parser:
             raise self.text.error("syntax error")
         return tuple(inside)
 
-    def _put(self) -> Template | MenuCommand | Find | Parse:
+    def _put_argument(self) -> Template | MenuCommand | Find | Parse:
         if self.text.match(_PARSE) is not None:
             self.text.space()
             parse = Parse(self._template())
@@ -527,7 +527,7 @@ class Parser:
             raise self.text.error("syntax error")
         return tuple(pieces)
 
-    def _failure(self) -> Failure:
+    def _error_statement(self) -> Failure:
         line = self.text.line
         self.text.space()
         return Failure(self._template(), line)
@@ -621,21 +621,21 @@ class Parser:
         if command.name == "get" and "number" not in self.core.schema.arguments(command.menu, "get"):
             positional.remove("number")  # settings have no rows: `get name`
         group = ""
-        while self._more():
+        while self._has_more():
             start = self.text.at
             if (unset := self.text.match(_UNSET)) is not None:
                 whole = self._whole(unset[1:], argument_names)
-                self._check(command, whole, argument_names, start)
+                self._check_parameter(command, whole, argument_names, start)
                 command.unset.append(whole)
             elif (name := self.text.match(_NAME)) is not None:
                 name = self._whole(f"{group}{name}" if name.startswith(".") else name, argument_names)
                 group = name.rpartition(".")[0]
-                self._check(command, name, argument_names, start)
+                self._check_parameter(command, name, argument_names, start)
                 command.arguments[name] = self._argument_value(command, name)
             elif command.name == "print" and self._where(command):
                 return
             else:
-                self._positional(command, argument_names, positional, start)
+                self._positional_argument(command, argument_names, positional, start)
 
     def _argument_names(self, command: MenuCommand) -> frozenset[str]:
         names = self.core.schema.arguments(command.menu, command.name)
@@ -644,11 +644,11 @@ class Parser:
             names &= {*table.args, "numbers", "copy-from", "place-before"}
         return names
 
-    def _more(self) -> bool:
+    def _has_more(self) -> bool:
         self.text.space()
         return self.text.peek() not in ("\n", ";", "]", "}", "")
 
-    def _check(self, command: MenuCommand, name: str, argument_names: frozenset[str], start: int) -> None:
+    def _check_parameter(self, command: MenuCommand, name: str, argument_names: frozenset[str], start: int) -> None:
         if name not in argument_names:
             raise self._bad_parameter(command, name, start)
 
@@ -671,7 +671,7 @@ class Parser:
     def _arg(self, command: MenuCommand, name: str) -> Arg | None:
         return self.core.store.table(command.menu).args.get(name) if command.name in ("add", "set") else None
 
-    def _positional(
+    def _positional_argument(
         self, command: MenuCommand, argument_names: frozenset[str], positional: list[str], start: int
     ) -> None:
         if positional:
@@ -681,7 +681,7 @@ class Parser:
         if word is None:
             raise self.text.error("syntax error", start)
         word = self._whole(word, argument_names)
-        self._check(command, word, argument_names, start)
+        self._check_parameter(command, word, argument_names, start)
         if self.text.peek() == "=":
             raise self.text.error("syntax error")
         command.arguments[word] = ""
@@ -723,7 +723,7 @@ class Parser:
 
     def _conditions(self, command: MenuCommand) -> None:
         alternatives: list[list[Condition]] = [[]]
-        while self._more():
+        while self._has_more():
             word = self.text.match(_JOINT)
             if word is None:
                 alternatives[-1].append(self._condition())

@@ -154,7 +154,7 @@ class PrintView:
 def render_print(core: Core, view: PrintView, rows: Sequence[Row]) -> list[str]:
     """Render the output of a `print`."""
     v7 = core.schema.at_least("7.0")
-    if _single(core, view.menu):
+    if _is_single_row(core, view.menu):
         return _values(rows[0] if rows else {}, view, is_padded=core.schema.at_least("7.18"))
     if view.menu == "/log" and not view.words & {"detail", "terse"}:
         return [f" {row['time'].rpartition(' ')[2]} {row['topics']} {row['message']} " for row in rows]
@@ -171,7 +171,7 @@ def as_value_rows(core: Core, view: PrintView, rows: Sequence[Row]) -> list[Row]
     """Return the properties for `as-value`: those named, with `detail` all, else those of the table."""
     if view.columns:
         return [{name: value for name, value in row.items() if name in (".id", *view.columns)} for row in rows]
-    if view.words & {"detail", "stats"} or _single(core, view.menu):
+    if view.words & {"detail", "stats"} or _is_single_row(core, view.menu):
         return list(rows)
     names = (".id", *columns_of(core, view.menu), "comment")
     return [{name: row[name] for name in names if name in row} for row in rows]
@@ -205,7 +205,7 @@ def columns_of(core: Core, menu: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*(("name",) if "name" in visible_names else ()), *visible_names]))[:_WIDEST]
 
 
-def _single(core: Core, menu: str) -> bool:
+def _is_single_row(core: Core, menu: str) -> bool:
     from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED_MENUS  # noqa: PLC0415 - that module reads the console's files
 
     if menu in COMPUTED_MENUS:

@@ -189,20 +189,20 @@ class _Runner:
             self.variables[statement.name] = self._evaluate(statement.value)
             return []
         if isinstance(statement, _parse.Each):
-            return self._each(statement)
+            return self._run_foreach(statement)
         if isinstance(statement, _parse.Failure):
             self.failed_command = None
             raise Trap(f"{self._fill(statement.text)} (:error; line {statement.line})")
         if isinstance(statement, _parse.Put):
-            return self._put(statement.what)
+            return self._evaluate_put(statement.what)
         return self._command(statement)[1]
 
-    def _put(self, what: _parse.Template | _parse.MenuCommand | _parse.Find | _parse.Parse) -> list[str]:
+    def _evaluate_put(self, what: _parse.Template | _parse.MenuCommand | _parse.Find | _parse.Parse) -> list[str]:
         if isinstance(what, _parse.Parse):
             return [_code(self.core, self._fill(what.text))]
         return [self._fill(what) if isinstance(what, tuple) else self._evaluate(what)]
 
-    def _each(self, each: _parse.Each) -> list[str]:
+    def _run_foreach(self, each: _parse.Each) -> list[str]:
         lines: list[str] = []
         for index, text in enumerate(each.texts):
             self.variables |= {each.index: str(index), each.value: self._fill(text)}
@@ -269,7 +269,7 @@ class _Runner:
             return self._print(call, command.where)
         result = self.core.dispatch(self.core, call)
         if "as-value" in arguments:
-            return _as_value(result.rows), []
+            return _join_rows(result.rows), []
         return result.ret or "", [*result.text.splitlines(), *people.render_report(call.command, result.rows)]
 
     def _resolve_numbers(self, menu: str, value: str) -> str:
@@ -307,14 +307,14 @@ class _Runner:
         columns = tuple(call.arguments.get("proplist", call.arguments.get(".proplist", "")).split(","))
         view = people.PrintView(call.menu, words, columns if columns != ("",) else (), self.width)
         if "as-value" in words:
-            return _as_value(people.as_value_rows(self.core, view, matching_rows)), []
+            return _join_rows(people.as_value_rows(self.core, view, matching_rows)), []
         if self.width is not None:
             self.core.numbered[self.caller.number, call.menu] = [row.get(".id", "") for row in matching_rows]
         self.is_paged = self.is_paged or "without-paging" not in words
         return "", people.render_print(self.core, view, matching_rows)
 
 
-def _as_value(rows: list[dict[str, str]]) -> str:
+def _join_rows(rows: list[dict[str, str]]) -> str:
     return ";".join(f"{name}={value}" for row in rows for name, value in row.items())
 
 
@@ -339,11 +339,10 @@ def _code(core: Core, text: str) -> str:
 def _code_of(statement: _parse.Statement) -> str:
     if isinstance(statement, _parse.MenuCommand):
         path = f"{statement.menu.rstrip('/')}/{statement.name}"
-        return (
-            f"(evl {path}{';'.join(f'{name}={_echo(value)}' for name, value in sorted(statement.arguments.items()))})"
-        )
+        arguments = sorted(statement.arguments.items())
+        return f"(evl {path}{';'.join(f'{name}={_code_of_value(value)}' for name, value in arguments)})"
     if isinstance(statement, _parse.Put):
-        return f"(evl /putmessage={_echo(statement.what)})"
+        return f"(evl /putmessage={_code_of_value(statement.what)})"
     # Of statements that hold others no code is recorded in full. Assumption: parse-words
     words = {
         _parse.DoOnError: "do",
@@ -355,11 +354,11 @@ def _code_of(statement: _parse.Statement) -> str:
     return f"(evl /{words[type(statement)]})"
 
 
-def _echo(value: str | _parse.Template | _parse.MenuCommand | _parse.Find | _parse.Parse) -> str:
+def _code_of_value(value: str | _parse.Template | _parse.MenuCommand | _parse.Find | _parse.Parse) -> str:
     if isinstance(value, str):
         return value
     if isinstance(value, tuple):
         return "".join(part if isinstance(part, str) else f"${part.name}" for part in value)
     if isinstance(value, _parse.MenuCommand):
         return _code_of(value)
-    return f"(evl {value.menu}/find)" if isinstance(value, _parse.Find) else f"(evl /parse{_echo(value.text)})"
+    return f"(evl {value.menu}/find)" if isinstance(value, _parse.Find) else f"(evl /parse{_code_of_value(value.text)})"

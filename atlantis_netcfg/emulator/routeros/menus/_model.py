@@ -138,7 +138,7 @@ _PLAIN: Final = {
 _LISTS: Final = (schema.PropertyKind.SEQUENCE, schema.PropertyKind.SET)
 
 
-def _naming(path: str, field: schema.Field) -> values.ValueType | None:
+def _reference_type(path: str, field: schema.Field) -> values.ValueType | None:
     return (references if field.kind in _LISTS else reference)(path, field.name)
 
 
@@ -160,7 +160,7 @@ def of_schema(
     args = {
         field.name: Arg(
             field.name,
-            narrower.get(field.name) or _PLAIN.get(field.kind) or _naming(path, field) or values.Text(),
+            narrower.get(field.name) or _PLAIN.get(field.kind) or _reference_type(path, field) or values.Text(),
             None if field.name == "comment" else field.default,
             secret=field.secret,
         )

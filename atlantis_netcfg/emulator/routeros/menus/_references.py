@@ -37,7 +37,7 @@ def reference(path: str, name: str) -> Ref | None:
         *(["interface"] if interfaces or (lists and "interface" in name and not name.endswith("list")) else []),
         *(["list"] if lists else []),
     ]
-    menu = None if spaces else _menu(path, name)
+    menu = None if spaces else _referenced_menu(path, name)
     if menu is not None:
         return Ref((_SPACES.get(menu, menu),), tuple(sorted(words - schema.recorded_rows()[menu])))
     return Ref(tuple(spaces), tuple(sorted(words - interfaces - lists))) if spaces else None
@@ -49,7 +49,7 @@ def names_rows(path: str, name: str) -> bool:
     return bool(schema.menus_named(path, name)) or not devices.isdisjoint(schema.offered_values(path, name))
 
 
-def _menu(path: str, name: str) -> str | None:
+def _referenced_menu(path: str, name: str) -> str | None:
     menus = schema.menus_named(path, name)
     if set(_DEVICES) & set(menus) or "address" in schema.description(path, name):
         return None

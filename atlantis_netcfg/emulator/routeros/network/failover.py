@@ -54,7 +54,7 @@ def watch(core: Core) -> None:
     while (due := next_watch(core)) is not None and due <= now:
         hop = next((hop for hop, each in core.watched.gateways.items() if each.at == due), None)
         if hop is not None:
-            _ask(core, hop, core.watched.gateways[hop])
+            _check_gateway(core, hop, core.watched.gateways[hop])
         else:
             number = next(number for number, each in core.watched.rows.items() if each.at == due)
             _test(core, number, core.watched.rows[number])
@@ -69,28 +69,28 @@ def _align(core: Core, at: float) -> None:
     is_start = watch_state.revision is None
     watch_state.revision = core.store.revision
     table = core.store.table(_ROWS) if core.schema.has_menu(_ROWS) else None
-    rows = {} if table is None else {item.id: item for item in table.items if _watches(core, table, item)}
+    rows = {} if table is None else {item.id: item for item in table.items if _is_watched(core, table, item)}
     for number in [number for number in watch_state.rows if number not in rows]:
         del watch_state.rows[number]
     for number, item in rows.items():
         state = watch_state.rows.get(number)
         if table is not None and (state is None or state.values != item.values):
-            begin = _span(core, table, item, "start-delay")
-            begin += core.started + _span(core, table, item, "startup-delay") if is_start else at
+            begin = _read_seconds(core, table, item, "start-delay")
+            begin += core.started + _read_seconds(core, table, item, "startup-delay") if is_start else at
             watch_state.rows[number] = NetwatchState(dict(item.values), begin, begin, since=at)
     hops = _checked_hops(core)
     for hop in [hop for hop in watch_state.gateways if hop not in hops]:
         del watch_state.gateways[hop]
-    _bury(core, core.dead & hops)
+    _set_dead(core, core.dead & hops)
     for hop in hops - set(watch_state.gateways):
         watch_state.gateways[hop] = NextHop(at + _check(core, "interval"))
 
 
-def _watches(core: Core, table: Table, item: StoredItem) -> bool:
+def _is_watched(core: Core, table: Table, item: StoredItem) -> bool:
     return core.store.text(table, item, "disabled") != "yes" and core.store.text(table, item, "type") in _TYPES
 
 
-def _span(core: Core, table: Table, item: StoredItem, name: str) -> float:
+def _read_seconds(core: Core, table: Table, item: StoredItem, name: str) -> float:
     return seconds(core.store.text(table, item, name) or "0s") or 0.0
 
 
@@ -122,14 +122,14 @@ def _check(core: Core, what: str) -> float:
     return seconds(core.store.text(table, table.items[0], name) or "") or defaults[what]
 
 
-def _ask(core: Core, hop: IPv4Address, gateway: NextHop) -> None:
+def _check_gateway(core: Core, hop: IPv4Address, gateway: NextHop) -> None:
     interval, timeout = _check(core, "interval"), _check(core, "timeout")
     if gateway.waiting:
         gateway.waiting = False
         gateway.at += interval - timeout
         gateway.missed_count += 1
         if gateway.missed_count >= _check(core, "count"):
-            _bury(core, core.dead | {hop})
+            _set_dead(core, core.dead | {hop})
         return
     is_resolved = any(route.gateway == hop and route.way for route in core.topology.routes)
     if is_resolved and hop in core.silent:
@@ -138,10 +138,10 @@ def _ask(core: Core, hop: IPv4Address, gateway: NextHop) -> None:
         return
     gateway.missed_count = 0
     gateway.at += interval
-    _bury(core, core.dead - {hop})
+    _set_dead(core, core.dead - {hop})
 
 
-def _bury(core: Core, dead: frozenset[IPv4Address]) -> None:
+def _set_dead(core: Core, dead: frozenset[IPv4Address]) -> None:
     if dead != core.dead:
         core.dead = dead
         core.store.revision += 1
@@ -163,11 +163,11 @@ def _test(core: Core, number: int, row: NetwatchState) -> None:
         row.sent_count += 1
         row.answer_count += has_answer
         if row.sent_count < count:
-            row.at += _span(core, table, item, "packet-interval")
+            row.at += _read_seconds(core, table, item, "packet-interval")
             return
         if not has_answer:
             row.waiting = True
-            row.at += _span(core, table, item, "timeout")
+            row.at += _read_seconds(core, table, item, "timeout")
             return
     _finish(core, table, item, row)
 
@@ -193,7 +193,7 @@ def _finish(core: Core, table: Table, item: StoredItem, row: NetwatchState) -> N
     )
     has_changed, row.status = row.status != status, status
     row.since = end if has_changed else row.since
-    row.start = max(row.start + _span(core, table, item, "interval"), end)
+    row.start = max(row.start + _read_seconds(core, table, item, "interval"), end)
     row.at, row.sent_count, row.answer_count, row.waiting = row.start, 0, 0, False
     scripts = [f"{status}-script"] if has_changed and not _is_ignored(core, table, item, row, status) else []
     for name in (*scripts, "test-script"):

@@ -56,7 +56,7 @@ def walk(  # noqa: PLR0913 - one packet, and where it is
     """Evaluate a chain and its jumps; ids of matched rules are appended to `matched_ids`."""
     table = topology.store.table(path)
     for item in table.items:
-        if not _in_force(topology, table, item, chain) or not _matches(topology, table, item, packet):
+        if not _is_in_force(topology, table, item, chain) or not _matches(topology, table, item, packet):
             continue
         if matched_ids is not None:
             matched_ids.append(item.id)
@@ -75,7 +75,7 @@ def walk(  # noqa: PLR0913 - one packet, and where it is
     return PacketVerdict.FALL
 
 
-def _in_force(topology: Topology, table: Table, item: StoredItem, chain: str) -> bool:
+def _is_in_force(topology: Topology, table: Table, item: StoredItem, chain: str) -> bool:
     store = topology.store
     return store.text(table, item, "chain") == chain and store.text(table, item, "disabled") != "yes"
 
@@ -105,10 +105,10 @@ def _decide_plain(topology: Topology, name: str, stored_value: str, value: str, 
         if name in _INTERFACES:
             return _is_interface(topology, stored_value, field)
         if name in _INTERFACE_LISTS:
-            return _in_list(topology, stored_value, field)
+            return _is_in_list(topology, stored_value, field)
         return _of_packet(topology, name, value, field)
     if name in _PORT_MATCHERS:
-        return any(_port_in(getattr(packet, which), value) for which in _PORT_MATCHERS[name])
+        return any(_is_port_in(getattr(packet, which), value) for which in _PORT_MATCHERS[name])
     if name in _MARKS:
         return value == "no-mark"
     return False if name == "connection-nat-state" else None
@@ -119,7 +119,7 @@ def _of_packet(topology: Topology, name: str, value: str, field: IPv4Address | s
     if isinstance(field, str):
         return field in value.split(",") or _NUMBERS.get(field) == value
     if name in _ADDRESSES:
-        return _within(field, value)
+        return _is_within(field, value)
     if name in _ADDRESS_LISTS:
         return _in_address_list(topology, value, field)
     return _type(topology, field) in value.split(",")
@@ -190,7 +190,7 @@ _UNDECIDABLE = (
 _MATCHERS = frozenset({"connection-nat-state", *_FIELDS, *_PORT_MATCHERS, *_MARKS, *_UNDECIDABLE})
 
 
-def _within(address: IPv4Address, value: str) -> bool:
+def _is_within(address: IPv4Address, value: str) -> bool:
     first, dash, last = value.partition("-")
     if dash:
         return IPv4Address(first) <= address <= IPv4Address(last)
@@ -203,7 +203,7 @@ def _in_address_list(topology: Topology, name: str, address: IPv4Address) -> boo
     for item in table.items:
         value = store.text(table, item, "address") or ""
         live = store.text(table, item, "list") == name and store.text(table, item, "disabled") != "yes"
-        if live and value[:1].isdecimal() and _within(address, value):
+        if live and value[:1].isdecimal() and _is_within(address, value):
             return True
     return False
 
@@ -224,13 +224,13 @@ def _is_interface(topology: Topology, stored_value: str, interface: int | None) 
     return interface is not None and interface in {number for _, number in references(stored_value)}
 
 
-def _in_list(topology: Topology, stored_value: str, interface: int | None) -> bool:
+def _is_in_list(topology: Topology, stored_value: str, interface: int | None) -> bool:
     return interface is not None and any(
         topology.is_in_list(number, interface) for _, number in references(stored_value)
     )
 
 
-def _port_in(port: int | None, value: str) -> bool:
+def _is_port_in(port: int | None, value: str) -> bool:
     if port is None:
         return False
     for part in value.split(","):

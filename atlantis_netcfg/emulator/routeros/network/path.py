@@ -44,7 +44,7 @@ def path_open(  # noqa: PLR0913 - one packet's two ends
         return False
     states = ("established",) if is_established else ("new", "established")
     return all(
-        _round_trip(
+        _can_round_trip(
             topology,
             firewall.Packet(
                 src, dst, state, src_port=_CLIENT_PORT, dst_port=port, in_interface=interface, in_port=entry
@@ -79,10 +79,12 @@ def _receives(core: Core, entry: int, interface: int, dst: IPv4Address) -> bool:
     """Return whether packets from `entry` reach the address on that interface, and ARP is answered there."""
     topology = core.topology
     here = [local for local in topology.locals if local.works and local.address.ip == dst and local.on == interface]
-    return bool(here) and _arp(topology, interface) and (entry == interface or _reaches_bridge(core, entry, interface))
+    return (
+        bool(here) and _has_arp(topology, interface) and (entry == interface or _reaches_bridge(core, entry, interface))
+    )
 
 
-def _arp(topology: Topology, interface: int) -> bool:
+def _has_arp(topology: Topology, interface: int) -> bool:
     table = topology.store.table(topology.interfaces[interface].menu)
     item = table.find(interface)
     return item is not None and topology.store.text(table, item, "arp") in ("enabled", "proxy-arp", "local-proxy-arp")
@@ -102,7 +104,7 @@ def _reaches_bridge(core: Core, entry: int, bridge: int) -> bool:
     return store.text(ports, port, "pvid") == store.text(bridges, bridge_item, "pvid")
 
 
-def _round_trip(topology: Topology, packet: firewall.Packet) -> bool:
+def _can_round_trip(topology: Topology, packet: firewall.Packet) -> bool:
     if firewall.walk(topology, _RAW, "prerouting", packet) is firewall.PacketVerdict.DROP:
         return False
     if packet.state == "new" and _is_redirected(topology, packet):

@@ -86,7 +86,7 @@ class Topology:
         self._dead = dead
         self.revision = store.revision
         self.interfaces = {interface.id: interface for interface in self._interfaces()}
-        self._enslave()
+        self._assign_bridge_ports()
         self.locals = list(self._locals())
         self.routes = [*self._connected_routes(), *self._static()]
         self._decide()
@@ -105,7 +105,7 @@ class Topology:
                 name = self.store.text(table, item, "name") or ""
                 yield Interface(item.id, name, table.menu.path, is_enabled, up)
 
-    def _enslave(self) -> None:
+    def _assign_bridge_ports(self) -> None:
         table = self.store.table("/interface/bridge/port")
         for item in table.items:
             if self.store.text(table, item, "disabled") == "yes":
@@ -140,11 +140,11 @@ class Topology:
         if any(self.is_in_list(number, interface, depth + 1) for number in excluded_lists):
             return False
         included_lists = [number for _, number in references(item.values.get("include", ""))]
-        return self._member(list_id, interface) or any(
+        return self._is_member(list_id, interface) or any(
             self.is_in_list(number, interface, depth + 1) for number in included_lists
         )
 
-    def _member(self, list_id: int, interface: int) -> bool:
+    def _is_member(self, list_id: int, interface: int) -> bool:
         table = self.store.table("/interface/list/member")
         return any(
             self.store.text(table, item, "disabled") != "yes"

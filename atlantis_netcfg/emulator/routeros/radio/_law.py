@@ -126,29 +126,31 @@ def signal_dbm(
 
 def why_not(settings: _settings.RadioSettings, other: _settings.RadioSettings, air: _settings.Air) -> str:
     """Return why two radios are not connected; empty if they can connect."""
-    return next(_reasons(settings, other, air), "")
+    return next(_refusal_reasons(settings, other, air), "")
 
 
-def _reasons(settings: _settings.RadioSettings, other: _settings.RadioSettings, air: _settings.Air) -> Iterator[str]:
+def _refusal_reasons(
+    settings: _settings.RadioSettings, other: _settings.RadioSettings, air: _settings.Air
+) -> Iterator[str]:
     if not (settings.is_enabled and other.is_enabled):
         yield "a radio is disabled"
     if settings.is_ap == other.is_ap:
         yield "both ends are access points" if settings.is_ap else "no end is an access point"
         return
     ap, station = (settings, other) if settings.is_ap else (other, settings)
-    yield from _roles(ap, station)
+    yield from _role_reasons(ap, station)
     if silent := why_silent(ap, air):
         yield silent
-    yield from _channel(ap, station)
+    yield from _channel_reasons(ap, station)
     if station.ssid not in ("", ap.ssid):
         yield "the network names differ"
     if _key(ap, ap.speaks) != _key(station, ap.speaks) and not _same_secret(ap, station):
         yield "the keys differ"
-    yield from _lists(ap, station)
-    yield from _distance(ap, station, air)
+    yield from _list_reasons(ap, station)
+    yield from _distance_reasons(ap, station, air)
 
 
-def _roles(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Iterator[str]:
+def _role_reasons(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Iterator[str]:
     if ap.driver is not station.driver:
         yield "station-bridge does not work between the two drivers"
     if station.mode != "station-bridge" or not ap.bridges_stations:
@@ -167,7 +169,7 @@ def why_silent(ap: _settings.RadioSettings, air: _settings.Air) -> str:
     return "a radar is on this channel" if ap.channel_mhz in air.radar_mhz else ""
 
 
-def _channel(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Iterator[str]:
+def _channel_reasons(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Iterator[str]:
     bands = _settings.standards_of(ap.band, ap.driver) & _settings.standards_of(station.band, station.driver)
     if _settings.ghz_of(ap.band) != _settings.ghz_of(station.band) or not bands:
         yield "the bands differ"
@@ -194,13 +196,15 @@ def _same_secret(ap: _settings.RadioSettings, station: _settings.RadioSettings) 
     return bool(ap.authentication & station.authentication) and ap.passphrase == station.passphrase
 
 
-def _lists(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Iterator[str]:
+def _list_reasons(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Iterator[str]:
     for here, there in ((ap, station), (station, ap)):
         if there.mac not in here.admits and here.refuses & {there.mac, "*"}:
             yield "a list turns the other end away"
 
 
-def _distance(ap: _settings.RadioSettings, station: _settings.RadioSettings, air: _settings.Air) -> Iterator[str]:
+def _distance_reasons(
+    ap: _settings.RadioSettings, station: _settings.RadioSettings, air: _settings.Air
+) -> Iterator[str]:
     limits = [each.reach_km for each in (ap, station) if each.reach_km is not None]
     counts = ap.speaks == "nv2" or ap.driver is _settings.Driver.WIFI
     if counts and limits and air.distance_m > min(limits) * 1000:

@@ -93,7 +93,7 @@ class RadioLink:
         if up and not self.up:
             self.since = now
         has_changed, self.up = up is not self.up, up
-        self._wake(due, now)
+        self._schedule_look(due, now)
         self._show(now)
         is_carrying = self._carries()
         if has_changed or is_carrying is not self._carried:
@@ -104,16 +104,16 @@ class RadioLink:
     def _due(self) -> float:
         """Return when the station is registered: after radar check and association."""
         ends = [(end, end.settings) for end in (self.near, self.far) if end.settings is not None]
-        ready = max(end.since + (self._wait(settings) if settings.is_ap else 0.0) for end, settings in ends)
+        ready = max(end.since + (self._radar_wait_s(settings) if settings.is_ap else 0.0) for end, settings in ends)
         return ready + self.air.association_s
 
-    def _wait(self, ap: _settings.RadioSettings) -> float:
+    def _radar_wait_s(self, ap: _settings.RadioSettings) -> float:
         rule = _law.find_rule(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless)
         if rule is None or not rule.dfs:
             return 0.0
         return self.air.weather_wait_s if ap.channel_mhz in _WEATHER else self.air.dfs_wait_s
 
-    def _wake(self, due: float, now: float) -> None:
+    def _schedule_look(self, due: float, now: float) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -124,7 +124,11 @@ class RadioLink:
     def _listen_ends(self) -> list[float]:
         """Return when the access points finish their radar check."""
         ends = (self.near, self.far)
-        return [end.since + self._wait(end.settings) for end in ends if end.settings is not None and end.settings.is_ap]
+        return [
+            end.since + self._radar_wait_s(end.settings)
+            for end in ends
+            if end.settings is not None and end.settings.is_ap
+        ]
 
     def _carries(self) -> bool:
         """Return whether frames pass from the technician's cable through the near end and the radio link."""
@@ -171,5 +175,5 @@ class RadioLink:
             return _settings.RadioState("connected-to-ess" if peer is not None else "searching-for-network", peer)
         if _law.why_silent(mine, self.air):
             return _settings.RadioState("radar-detecting", None)
-        listens = now < end.since + self._wait(mine)
+        listens = now < end.since + self._radar_wait_s(mine)
         return _settings.RadioState("radar-detecting" if listens else "running-ap", peer)

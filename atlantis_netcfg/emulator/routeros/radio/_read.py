@@ -92,11 +92,11 @@ def _legacy(core: Core, table: Table, item: StoredItem) -> RadioSettings:
         gain_dbi=card.gain_dbi,
         refuses=refuses,
         admits=admits,
-        rest=_rest(item.values),
+        rest=_restart_values(item.values),
     )
 
 
-def _rest(values: Mapping[str, str]) -> frozenset[tuple[str, str]]:
+def _restart_values(values: Mapping[str, str]) -> frozenset[tuple[str, str]]:
     return frozenset((name, value) for name, value in values.items() if name not in _IDLE)
 
 
@@ -164,7 +164,7 @@ def _wifi(core: Core, table: Table, item: StoredItem) -> RadioSettings:
         gain_dbi=card.gain_dbi,
         refuses=frozenset(),
         admits=frozenset(),
-        rest=_rest(values),
+        rest=_restart_values(values),
     )
 
 
@@ -193,14 +193,14 @@ def _layers(store: RowStore, table: Table, item: StoredItem) -> Iterator[tuple[s
             full = f"{_CONFIGURATION}.{name}" if inside and "." not in name and name not in _PARTS else name
             yield full, store.text(table, item, name)
     for part in _PARTS:
-        yield from _of_profile(store, table, item, part)
+        yield from _profile_values(store, table, item, part)
     if not inside:
         profile = _profile(store, table, item, _CONFIGURATION)
         if profile is not None:
             yield from _layers(store, *profile)
 
 
-def _of_profile(store: RowStore, table: Table, item: StoredItem, part: str) -> Iterator[tuple[str, str | None]]:
+def _profile_values(store: RowStore, table: Table, item: StoredItem, part: str) -> Iterator[tuple[str, str | None]]:
     profile = _profile(store, table, item, part)
     if profile is not None:
         rows, row = profile

@@ -79,7 +79,7 @@ class RadioSettings:
         if self.protocol == "unspecified":
             return frozenset(("802.11", "nstreme"))
         return frozenset(
-            ("nv2", "nstreme", "802.11") if self.protocol == "nv2-nstreme-802.11" else _both(self.protocol)
+            ("nv2", "nstreme", "802.11") if self.protocol == "nv2-nstreme-802.11" else _split_protocols(self.protocol)
         )
 
     @property
@@ -90,7 +90,7 @@ class RadioSettings:
         return 2412 if ghz_of(self.band) == 2 else 5500  # noqa: PLR2004 (GHz)
 
 
-def _both(protocol: str) -> tuple[str, ...]:
+def _split_protocols(protocol: str) -> tuple[str, ...]:
     return tuple(protocol.split("-")) if protocol.startswith("nv2-") else (protocol,)
 
 
@@ -169,7 +169,7 @@ class RadioPair(BaseModel):
     air: Air = Air()
 
     @model_validator(mode="after")
-    def _two(self) -> Self:
+    def _check_two_ends(self) -> Self:
         if self.near == self.far:
             raise ValueError(f"{self.near} cannot be both ends of a radio link")
         return self

@@ -42,30 +42,30 @@ class WorkItem:
         faults = await self.begin(line)
         reply = action()
         await self.end(faults)
-        return _spoilt(faults, reply)
+        return _apply_reply_faults(faults, reply)
 
     async def begin(self, line: str) -> list[link.LinkFault]:
         """Count the command and apply delays and faults before it; return the faults."""
         self._wire.tally.counters.sentences += 1
         self._wire.tally.sentences.append(link.mask_words((line,)))
         faults = self._host.upon(line)
-        await self._suffer(faults, "before")
+        await self._apply_faults(faults, "before")
         await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
-        self._check()
+        self._require_connection()
         return faults
 
     async def end(self, faults: Sequence[link.LinkFault]) -> None:
         """Apply the changes, notify sessions, and apply faults before the response."""
         await self._host.settle()
         self._host.tell()
-        await self._suffer(faults, "after")
-        self._check()
+        await self._apply_faults(faults, "after")
+        self._require_connection()
 
-    def _check(self) -> None:
+    def _require_connection(self) -> None:
         if self._wire.over:
             raise ConnectionLost
 
-    async def _suffer(self, faults: Sequence[link.LinkFault], when: str) -> None:
+    async def _apply_faults(self, faults: Sequence[link.LinkFault], when: str) -> None:
         for fault in faults:
             if fault.when != when:
                 continue
@@ -79,7 +79,7 @@ class WorkItem:
                 self._host.strike(fault)
 
 
-def _spoilt(faults: Sequence[link.LinkFault], reply: ConsoleReply) -> ConsoleReply:
+def _apply_reply_faults(faults: Sequence[link.LinkFault], reply: ConsoleReply) -> ConsoleReply:
     text = reply.text
     for fault in faults:
         at = fault.offset

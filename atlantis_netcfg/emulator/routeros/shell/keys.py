@@ -290,11 +290,11 @@ def split_login(name: str) -> tuple[str, Screen]:
     if not plus:
         return user, screen
     for number, letter in _FLAG.findall(flags):
-        screen = _with(screen, letter, int(number or 0))
+        screen = _apply_screen_option(screen, letter, int(number or 0))
     return user, screen.resize(*screen.requested_size)
 
 
-def _with(screen: Screen, letter: str, number: int) -> Screen:
+def _apply_screen_option(screen: Screen, letter: str, number: int) -> Screen:
     if letter == "c":
         return replace(screen, colours=False)
     if letter == "e":

@@ -65,18 +65,18 @@ class SerialLine:
         self._caller = self._session = None
         self._end()
         if clean:
-            self._say(_GOING_DOWN.encode())
+            self._write(_GOING_DOWN.encode())
 
     def up(self) -> None:
         """Handle the start of the router."""
         spec = self._device.spec
-        self._say(_STARTING.format(version=spec.version, board=spec.board).encode())
+        self._write(_STARTING.format(version=spec.version, board=spec.board).encode())
         self._begin()
 
     def check(self) -> None:
         """Log out if this session was removed from `/user/active`."""
         if self._caller is not None and self._caller.number in self._device.closed_sessions:
-            self._leave()
+            self._log_out()
             self._end()
             self._begin()
 
@@ -95,7 +95,7 @@ class SerialLine:
         with contextlib.suppress(BlockingIOError, OSError):
             self._typed.put_nowait(os.read(self._master, _MOST))
 
-    def _say(self, data: bytes) -> None:
+    def _write(self, data: bytes) -> None:
         self._unsaid += data
         del self._unsaid[:-_BUFFER_SIZE]
         self._flush()
@@ -128,26 +128,26 @@ class SerialLine:
         while not self._typed.empty():
             self._typed.get_nowait()
         while True:
-            self._say(f"\r\n\r\nMikroTik {self._device.spec.version} (stable)\r\n".encode())
-            await self._admit()
+            self._write(f"\r\n\r\nMikroTik {self._device.spec.version} (stable)\r\n".encode())
+            await self._log_in()
             try:
-                await self._converse()
+                await self._run_session()
             except ConnectionLost:
                 return
-            self._leave()
+            self._log_out()
 
-    async def _admit(self) -> None:
+    async def _log_in(self) -> None:
         while self._caller is None:
-            self._say(b"Login: ")
+            self._write(b"Login: ")
             name = await self._line(has_echo=True)
             if not name:
                 continue
-            self._say(b"Password: ")
+            self._write(b"Password: ")
             password = await self._line(has_echo=False)
             try:
                 self._caller = self._device.login(split_login(name)[0], password, via="console", address="")
             except Trap:
-                self._say(f"{_LOGIN_FAILED}\r\n\r\n".encode())
+                self._write(f"{_LOGIN_FAILED}\r\n\r\n".encode())
             else:
                 self._screen = split_login(name)[1]
 
@@ -159,15 +159,15 @@ class SerialLine:
             for place, byte in enumerate(data):
                 for key in keys.feed(bytes([byte])):
                     if key is Key.ENTER:
-                        self._say(b"\r\n")
+                        self._write(b"\r\n")
                         self._unread(data[place + 1 :])
                         return text
                     if key is Key.BACKSPACE and text:
                         text = text[:-1]
-                        self._say(b"\b \b" if has_echo else b"")
+                        self._write(b"\b \b" if has_echo else b"")
                     elif isinstance(key, str):
                         text += key
-                        self._say(key.encode(errors="surrogateescape") if has_echo else b"")
+                        self._write(key.encode(errors="surrogateescape") if has_echo else b"")
 
     def _unread(self, data: bytes) -> None:
         """Put back input that was typed ahead, without the line feed of a CR LF."""
@@ -177,11 +177,11 @@ class SerialLine:
         if any(rest):
             self._typed.put_nowait(b"".join(rest))
 
-    async def _converse(self) -> None:
+    async def _run_session(self) -> None:
         if self._caller is None:
             return
         talk = _SettledTalk(self, self._host, self._device, self._caller)
-        self._session = session = ConsoleSession(talk, self._screen, self._say, has_size=False)
+        self._session = session = ConsoleSession(talk, self._screen, self._write, has_size=False)
         await session.start()
         while not session.over:
             patience = None if session.begun else self._host.knobs.probe_s
@@ -195,7 +195,7 @@ class SerialLine:
         if session.quitted:
             self._device.keep(self._caller)
 
-    def _leave(self) -> None:
+    def _log_out(self) -> None:
         if self._caller is not None:
             self._device.logout(self._caller, clean=True)
             self._host.tell()

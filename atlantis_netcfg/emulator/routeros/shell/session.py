@@ -100,16 +100,16 @@ class Greeting:
         await self.next()
 
     def _new_password(self) -> None:
-        self._session.ask_secret(NEW_PASSWORD, self._first)
+        self._session.ask_secret(NEW_PASSWORD, self._take_password)
 
-    async def _first(self, text: str) -> None:
+    async def _take_password(self, text: str) -> None:
         if text == _CTRL_C:
             await self.next()
             return
         self._expected = text
-        self._session.ask_secret(REPEAT_PASSWORD, self._second)
+        self._session.ask_secret(REPEAT_PASSWORD, self._take_repeated_password)
 
-    async def _second(self, text: str) -> None:
+    async def _take_repeated_password(self, text: str) -> None:
         if text == _CTRL_C:
             await self.next()
         elif text != self._expected:
@@ -215,13 +215,13 @@ class ConsoleSession:
         """Ask a question that is answered by one key."""
         self.say(question)
         self._answer = answer
-        self._mode = self._at_question
+        self._mode = self._handle_question_key
 
     def ask_secret(self, prompt: str, answer: Callable[[str], Awaitable[None]]) -> None:
         """Ask for a hidden line; Ctrl+C is passed on as its own character."""
         self.say(self._line.begin(prompt, secret=True))
         self._answer = answer
-        self._mode = self._at_secret
+        self._mode = self._handle_secret_key
 
     # --- beginning -------------------------------------------------------------------------------------------------
 
@@ -261,7 +261,7 @@ class ConsoleSession:
             self.say("\r\x1b7\x1b8" if not self.screen.dumb else "\r\n")
             self.over = True
         elif key in (keys.Key.UP, keys.Key.DOWN):
-            self._remember(-1 if key is keys.Key.UP else 1)
+            self._recall_history(-1 if key is keys.Key.UP else 1)
         else:
             self.say(self._edit(key))
 
@@ -285,7 +285,7 @@ class ConsoleSession:
             return line.cut()
         return line.repaint() if key is keys.Key.REDRAW and not line.screen.dumb else ""
 
-    def _remember(self, step: int) -> None:
+    def _recall_history(self, step: int) -> None:
         self._recall = min(max(self._recall + step, 0), len(self._history))
         text = self._history[self._recall] if self._recall < len(self._history) else ""
         self.say(self._line.replace(text))
@@ -312,7 +312,7 @@ class ConsoleSession:
             self.ask(reply.asks, lambda key: self._decide(key, line))
         elif reply.is_paged and not self.screen.dumb and self._sized:
             self._pages = keys.Pages(reply.text, self.screen)
-            await self._page(self._pages.next())
+            await self._show_page(self._pages.next())
         else:
             self.lines(reply.text)
             await self._show_prompt()
@@ -329,13 +329,13 @@ class ConsoleSession:
 
     # --- other than the prompt -------------------------------------------------------------------------------------
 
-    async def _at_question(self, key: str | keys.Key) -> None:
+    async def _handle_question_key(self, key: str | keys.Key) -> None:
         if key is keys.Key.FEED:
             return
         self._mode = self._waiting
         await self._answer(key if isinstance(key, str) else "\x03" if key is keys.Key.CANCEL else "\r")
 
-    async def _at_secret(self, key: str | keys.Key) -> None:
+    async def _handle_secret_key(self, key: str | keys.Key) -> None:
         if isinstance(key, str):
             self.say(self._line.insert(key))
         elif key is keys.Key.BACKSPACE:
@@ -347,24 +347,24 @@ class ConsoleSession:
         elif key is keys.Key.EOF:
             self.over = True
 
-    async def _at_pager(self, key: str | keys.Key) -> None:
+    async def _handle_pager_key(self, key: str | keys.Key) -> None:
         if key is keys.Key.FEED:
             return
         self.say("\r\x1b[K")
         if key in ("q", "Q", keys.Key.CANCEL):
             await self._show_prompt()
         elif key in ("d", "D"):
-            await self._page(self._pages.rest())
+            await self._show_page(self._pages.rest())
         else:
-            await self._page(self._pages.next(1 if key in (keys.Key.DOWN, keys.Key.ENTER) else None))
+            await self._show_page(self._pages.next(1 if key in (keys.Key.DOWN, keys.Key.ENTER) else None))
 
-    async def _page(self, text: str) -> None:
+    async def _show_page(self, text: str) -> None:
         self.say(text)
         if self._pages.is_done:
             await self._show_prompt()
         else:
             self.say(pager(self.talk.device))
-            self._mode = self._at_pager
+            self._mode = self._handle_pager_key
 
 
 class ConsoleDevice(Protocol):

@@ -63,7 +63,7 @@ class Sftp(asyncssh.SFTPServer):
     async def open(self, path: bytes, pflags: int, attrs: asyncssh.SFTPAttrs) -> _Handle:
         """Open a file for reading, or for writing from its start."""
         del attrs
-        name = _name(path)
+        name = _normalise_path(path)
         files = self._files()
         writing = bool(pflags & asyncssh.FXF_WRITE)
         if (not writing and name not in files) or not self._is_folder(name.rpartition("/")[0]):
@@ -99,7 +99,7 @@ class Sftp(asyncssh.SFTPServer):
 
     def stat(self, path: bytes) -> asyncssh.SFTPAttrs:
         """Return size and time."""
-        name = _name(path)
+        name = _normalise_path(path)
         files = self._files()
         if self._is_folder(name):
             return asyncssh.SFTPAttrs(type=asyncssh.FILEXFER_TYPE_DIRECTORY, permissions=stat.S_IFDIR | 0o755, size=0)
@@ -126,7 +126,7 @@ class Sftp(asyncssh.SFTPServer):
 
     async def scandir(self, path: bytes) -> AsyncIterator[asyncssh.SFTPName]:
         """Yield the contents of a folder; the root is a folder."""
-        folder, files = _name(path), self._files()
+        folder, files = _normalise_path(path), self._files()
         if not self._is_folder(folder):
             raise asyncssh.SFTPNoSuchFile(f"no such file: {folder}")
         for name in sorted({*files, *self._device.folders}):
@@ -136,28 +136,28 @@ class Sftp(asyncssh.SFTPServer):
 
     def remove(self, path: bytes) -> None:
         """Delete a file."""
-        name = _name(path)
+        name = _normalise_path(path)
         if name not in self._files() or not self._device.drop_file(name):
             raise asyncssh.SFTPNoSuchFile("no such file")
 
     def rename(self, oldpath: bytes, newpath: bytes) -> None:
         """Rename a file."""
         files = self._files()
-        if _name(oldpath) not in files:
+        if _normalise_path(oldpath) not in files:
             raise asyncssh.SFTPNoSuchFile("no such file")
-        self._store(_name(newpath), files[_name(oldpath)])
-        self._device.drop_file(_name(oldpath))
+        self._store(_normalise_path(newpath), files[_normalise_path(oldpath)])
+        self._device.drop_file(_normalise_path(oldpath))
 
     posix_rename = rename
 
     def realpath(self, path: bytes) -> bytes:
         """Return the absolute path; a session starts in the root."""
-        return b"/" + _name(path).encode()
+        return b"/" + _normalise_path(path).encode()
 
     def mkdir(self, path: bytes, attrs: asyncssh.SFTPAttrs) -> None:
         """Create a folder in an existing folder."""
         del attrs
-        name = _name(path)
+        name = _normalise_path(path)
         files = self._files()
         if name in files or self._is_folder(name) or not self._is_folder(name.rpartition("/")[0]):
             raise asyncssh.SFTPFailure(f"cannot make {name}")
@@ -168,7 +168,7 @@ class Sftp(asyncssh.SFTPServer):
 
     def rmdir(self, path: bytes) -> None:
         """Delete an empty folder."""
-        name = _name(path)
+        name = _normalise_path(path)
         if any(other.startswith(f"{name}/") for other in (*self._files(), *self._device.folders)):
             raise asyncssh.SFTPFailure(f"{name} is not empty")
         if name not in self._device.folders or not self._device.drop_file(name):
@@ -190,7 +190,7 @@ class Sftp(asyncssh.SFTPServer):
             raise asyncssh.SFTPNoSpaceOnFilesystem(refused.message) from refused
 
 
-def _name(path: bytes) -> str:
+def _normalise_path(path: bytes) -> str:
     text = path.decode(errors="surrogateescape")
     return posixpath.normpath(f"/{text}").strip("/")
 

@@ -331,31 +331,31 @@ class SshShell:
     def start(self) -> None:
         """Start in the background: typed commands are completed even if the client has gone."""
         self._connection.add_shell(self)
-        self._connection.start_task(self._work())
+        self._connection.start_task(self._run_session())
 
     def tell(self) -> None:
         """Show pending messages of the router."""
         if self._session is not None:
             self._session.tell()
 
-    async def _work(self) -> None:
+    async def _run_session(self) -> None:
         caller = self._connection.caller()
         command = self._channel.get_command()
         try:
             if command is None:
                 await self._converse(caller)
             else:
-                await self._obey(caller, command)
+                await self._run_command(caller, command)
         except ConnectionLost:
             pass
         finally:
             self._connection.remove_shell(self)
             self._connection.end_channel(caller)
 
-    async def _obey(self, caller: Caller, command: str) -> None:
+    async def _run_command(self, caller: Caller, command: str) -> None:
         reply = await WireTalk(self._connection, caller).type(command, None)
         lines = reply.text.split("\n") if reply.text else []
-        self._say("".join(f"{line}\r\n" for line in lines).encode(errors="surrogateescape"))
+        self._write("".join(f"{line}\r\n" for line in lines).encode(errors="surrogateescape"))
         if not self._channel.is_closing():
             self._channel.exit(1 if reply.has_failed else 0)
 
@@ -363,7 +363,7 @@ class SshShell:
         """Feed the session until it or the terminal ends."""
         kind = self._channel.get_terminal_type()
         session = ConsoleSession(
-            WireTalk(self._connection, caller), self._screen(kind), self._say, has_size=kind is not None
+            WireTalk(self._connection, caller), self._screen(kind), self._write, has_size=kind is not None
         )
         self._session = session
         await session.start()
@@ -401,7 +401,7 @@ class SshShell:
         )
         return screen.plain() if kind == "dumb" else screen
 
-    def _say(self, data: bytes) -> None:
+    def _write(self, data: bytes) -> None:
         if not self._channel.is_closing():
             self._connection.tally.counters.bytes_out += len(data)
             self._channel.write(data)
@@ -429,17 +429,17 @@ class WireTalk:
 
     async def set_password(self, password: str) -> str:
         """Set the caller's password; return the error text, or an empty string."""
-        return await self._quiet("new password", lambda: self.device.set_password(self.caller, password))
+        return await self._run_with_faults("new password", lambda: self.device.set_password(self.caller, password))
 
     async def remove_defaults(self) -> None:
         """Remove the default configuration."""
-        await self._quiet("remove defaults", self._remove_defaults)
+        await self._run_with_faults("remove defaults", self._remove_defaults)
 
     def _remove_defaults(self) -> str:
         self.device.remove_defaults(self.caller)
         return ""
 
-    async def _quiet(self, name: str, action: Callable[[], str]) -> str:
+    async def _run_with_faults(self, name: str, action: Callable[[], str]) -> str:
         faults = await self._labour.begin(name)
         text = action()
         await self._labour.end(faults)

@@ -224,13 +224,13 @@ class GatewayValue(_plain.ValueType):
             return ""
         hop, at, vrf = text.partition("@")
         if at and (number := names.id_of("table", vrf)) is not None:
-            return self._hop(hop, names) + "@" + _plain.reference("table", number)
+            return self._parse_gateway(hop, names) + "@" + _plain.reference("table", number)
         if at:
             raise _plain.BadValue
-        return self._hop(hop, names)
+        return self._parse_gateway(hop, names)
 
     @staticmethod
-    def _hop(text: str, names: _plain.NamesValue) -> str:
+    def _parse_gateway(text: str, names: _plain.NamesValue) -> str:
         address, percent, interface = text.partition("%")
         if not percent:
             try:
@@ -256,13 +256,13 @@ class Ref(_plain.ValueType):
         if text in self.words:
             return text
         for space in self.spaces:
-            number = _number(text, space, names)
+            number = _resolve_row_id(text, space, names)
             if number is not None:
                 return _plain.reference(space, number)
         raise _plain.BadValue(_plain.NOT_OFFERED)
 
 
-def _number(text: str, space: str, names: _plain.NamesValue) -> int | None:
+def _resolve_row_id(text: str, space: str, names: _plain.NamesValue) -> int | None:
     by_id = re.fullmatch(r"\*([0-9A-Fa-f]+)", text)
     if by_id is None:
         return names.id_of(space, text)

@@ -308,7 +308,7 @@ class Time(ValueType):
     def code(self, text: str) -> str:
         """Format as a clock: `00:00:02.200`, `1w1d00:00:00`."""
         value = seconds(text)
-        return text if value is None else _clock(round(value * 1000))
+        return text if value is None else _format_duration(round(value * 1000))
 
 
 @dataclass(frozen=True, slots=True)
@@ -340,7 +340,7 @@ def seconds(text: str) -> float | None:
     return float(sum(int(number) * _UNIT_SECONDS[unit] for number, unit in parts))
 
 
-def _clock(milliseconds: int) -> str:
+def _format_duration(milliseconds: int) -> str:
     whole, rest = divmod(milliseconds, 1000)
     weeks, whole = divmod(whole, 604800)
     days, whole = divmod(whole, 86400)

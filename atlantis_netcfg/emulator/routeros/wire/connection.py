@@ -138,7 +138,7 @@ class Connection:
         self._closed = False
 
     @property
-    def _over(self) -> bool:
+    def _is_over(self) -> bool:
         return self._mute or self._closed or self.pipe.ended or self.pipe.lost
 
     # What the pipe reports.
@@ -195,7 +195,7 @@ class Connection:
         self._send(self._channel.flush())
         if plain:
             self._count_turn(chunk, len(plain))
-            self._listen(plain, chunk.answer_count)
+            self._receive_sentences(plain, chunk.answer_count)
 
     def _count_turn(self, chunk: link.Chunk, size: int) -> None:
         self.tally.counters.bytes_in += size
@@ -203,7 +203,7 @@ class Connection:
             self.tally.counters.turns += 1
             self._listened = chunk.heard_count
 
-    def _listen(self, plain: bytes, answer_count: int) -> None:
+    def _receive_sentences(self, plain: bytes, answer_count: int) -> None:
         try:
             for words in self._decoder.feed(plain):
                 self._writes.append(not (words and words[0].endswith("/print")))
@@ -224,7 +224,7 @@ class Connection:
         while True:
             await self._news.wait()
             self._news.clear()
-            while self._inbox and not self._over:
+            while self._inbox and not self._is_over:
                 await self._answer_burst(self._next_burst())
                 self._host.tell()
 
@@ -249,25 +249,25 @@ class Connection:
 
     async def _answer(self, sentence: _InboxItem) -> list[Reply]:
         """Run one sentence with its scheduled faults; return the remaining replies."""
-        if self._over:
+        if self._is_over:
             return []
         if not sentence.words:
             self.hang_up()
             return []
-        self._note(sentence.words)
+        self._record_sentence(sentence.words)
         faults = self._host.upon(link.Faults.command(sentence.words))
-        self._suffer(faults, "before")
+        self._apply_faults(faults, "before")
         await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
-        if self._over:
+        if self._is_over:
             return []
         for fault in faults:
             sentence = _InboxItem(fault.shorten(sentence.words), sentence.answer_count)
         replies = self._run(sentence)
         await self._host.settle()
-        self._suffer(faults, "after")
+        self._apply_faults(faults, "after")
         return self._spoil(faults, replies)
 
-    def _note(self, words: tuple[str, ...]) -> None:
+    def _record_sentence(self, words: tuple[str, ...]) -> None:
         self.tally.counters.sentences += 1
         self.tally.sentences.append(link.mask_words(words))
 
@@ -279,7 +279,7 @@ class Connection:
             self._decoder.limit = _LONGEST_WORD
         return replies
 
-    def _suffer(self, faults: Sequence[link.LinkFault], when: str) -> None:
+    def _apply_faults(self, faults: Sequence[link.LinkFault], when: str) -> None:
         for fault in faults:
             if fault.when != when:
                 continue
@@ -297,12 +297,12 @@ class Connection:
         for fault in faults:
             if fault.do is link.FaultKind.TRUNCATE:
                 whole = _encode(replies)
-                self._speak(whole[: len(whole) // 2 if fault.offset is None else fault.offset], 0)
+                self._send_plain(whole[: len(whole) // 2 if fault.offset is None else fault.offset], 0)
                 self.hang_up()
                 return []
             if fault.do is link.FaultKind.GARBAGE:
                 whole, at = _encode(replies), fault.offset or 0
-                self._speak(whole[:at] + bytes.fromhex(fault.data) + whole[at:], _count_completed(replies))
+                self._send_plain(whole[:at] + bytes.fromhex(fault.data) + whole[at:], _count_completed(replies))
                 return []
         return replies
 
@@ -315,12 +315,12 @@ class Connection:
     def say(self, replies: Sequence[Reply]) -> None:
         """Send replies; `!fatal` ends the connection."""
         if replies:
-            self._speak(_encode(replies), _count_completed(replies))
+            self._send_plain(_encode(replies), _count_completed(replies))
         if any(answer.kind == "!fatal" for _, answer in replies):
             self.hang_up()
 
-    def _speak(self, plain: bytes, completed_count: int) -> None:
-        if self._over or not plain:
+    def _send_plain(self, plain: bytes, completed_count: int) -> None:
+        if self._is_over or not plain:
             return
         self.tally.counters.bytes_out += len(plain)
         self._sent += 1

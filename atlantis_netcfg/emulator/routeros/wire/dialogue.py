@@ -51,13 +51,13 @@ class Dialogue:
             answers = self._cancel(self.caller, tag, words)
         else:
             answers = self._run(self.caller, tag, words)
-        return self._count(answers)
+        return self._count_completed(answers)
 
     def pending(self) -> list[Reply]:
         """Return later replies of continuing sentences."""
         if self.caller is None:
             return []
-        return self._count(self._pending(self.caller))
+        return self._count_completed(self._pending(self.caller))
 
     @property
     def is_evicted(self) -> bool:
@@ -128,6 +128,6 @@ class Dialogue:
         interruptions: Iterable[Reply] = ((victim, _INTERRUPTION) for victim in victims)
         return [*earlier, *interruptions, (tag, DONE_REPLY), *((victim, DONE_REPLY) for victim in victims), *others]
 
-    def _count(self, replies: list[Reply]) -> list[Reply]:
+    def _count_completed(self, replies: list[Reply]) -> list[Reply]:
         self._completed += sum(answer.last for _, answer in replies)
         return replies

@@ -230,7 +230,7 @@ class Pipe(asyncio.Protocol):
         """Handle a new client's SYN."""
         self._transport = cast("asyncio.Transport", transport)
         site_link, air = self._host.link, self._host.air
-        self._up = DelayLine(site_link, Direction.UP, air, self._arrive)
+        self._up = DelayLine(site_link, Direction.UP, air, self._receive_chunk)
         self._down = DelayLine(site_link, Direction.DOWN, air, self._leave)
         self._up.earliest = asyncio.get_running_loop().time() + site_link.connect_s
         self._tasks = [asyncio.create_task(work) for work in (self._up.pump(), self._down.pump(), self.end.work())]
@@ -264,7 +264,7 @@ class Pipe(asyncio.Protocol):
 
     # The router's end.
 
-    def _arrive(self, chunk: Chunk) -> None:
+    def _receive_chunk(self, chunk: Chunk) -> None:
         if self.ended:
             return
         if not self._path:
@@ -294,7 +294,7 @@ class Pipe(asyncio.Protocol):
             for chunk in down:
                 self.depart(chunk)
             for chunk in up:
-                self._arrive(chunk)
+                self._receive_chunk(chunk)
         self.note_silence()
 
     def _accept(self) -> None:

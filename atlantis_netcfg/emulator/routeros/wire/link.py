@@ -124,9 +124,9 @@ class WireLink:
         if size:
             self.count(self.link.port, direction, size + HEADERS)
         arrival = self._tcp.arrival(size, departure, up=direction is Direction.UP)
-        return arrival + self._retransmission(direction, size)
+        return arrival + self._retransmission_delay_s(direction, size)
 
-    def _retransmission(self, direction: Direction, size: int) -> float:
+    def _retransmission_delay_s(self, direction: Direction, size: int) -> float:
         if not size or self.link.stall_every is None:
             return 0.0
         self._segments[direction] += 1

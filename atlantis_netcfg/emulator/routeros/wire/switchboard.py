@@ -234,7 +234,7 @@ class Switchboard:
         if self.line is not None:
             self.line.down(clean=clean)
         self._device.reboot(clean=clean)
-        self._touch_radio()
+        self._notify_radio()
         self.regate()
         self._timers.append(asyncio.get_running_loop().call_later(self.knobs.boot_s, self._end_boot))
         self._alarm.set()
@@ -243,7 +243,7 @@ class Switchboard:
         self.booting = False
         if self.line is not None:
             self.line.up()
-        self._touch_radio()
+        self._notify_radio()
         self.regate()
         self._alarm.set()
 
@@ -311,7 +311,7 @@ class Switchboard:
                 return
             self._revision = self._device.revision
             await self._on_change()
-            self._touch_radio()
+            self._notify_radio()
             self.regate()
 
     def tell(self) -> None:
@@ -332,7 +332,7 @@ class Switchboard:
             for connection in self.connections:
                 connection.drop()
 
-    def _touch_radio(self) -> None:
+    def _notify_radio(self) -> None:
         if self.radio is not None:
             self.radio()
 

@@ -123,7 +123,7 @@ async def serve(udp_socket: socket.socket, reflector: Reflector, end: asyncio.Ev
         loop.remove_reader(udp_socket.fileno())
 
 
-async def _until_ended(udp_socket: socket.socket, reflector: Reflector, idle_s: float | None) -> None:
+async def _wait_for_end(udp_socket: socket.socket, reflector: Reflector, idle_s: float | None) -> None:
     end = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -175,7 +175,7 @@ def main(words: list[str] | None = None) -> int:
             rate_bps=arguments.rate_mbps * 1e6,
             clock=(lambda: ClockState(True, arguments.clock_error_s)) if arguments.synchronised else kernel_clock,
         )
-        asyncio.run(_until_ended(udp_socket, reflector, arguments.idle_s))
+        asyncio.run(_wait_for_end(udp_socket, reflector, arguments.idle_s))
     print(reflector.statistics, file=sys.stderr)  # noqa: T201
     return 0
 

@@ -252,15 +252,15 @@ class Reflector:
         if self._is_stale(packet, now):
             self.statistics.stale += 1
             return None
-        session = self._known_session(packet, source, now)
+        session = self._get_or_add_session(packet, source, now)
         if session is None or not self._admit(session, packet):
             self.statistics.replayed += 1
             return None
         return session
 
-    def _known_session(self, packet: SenderPacket, source: Source, now: int) -> _TestSession | None:
+    def _get_or_add_session(self, packet: SenderPacket, source: Source, now: int) -> _TestSession | None:
         name: object = (source, packet.session_id) if self._key is None else packet.session_id
-        self._forget(now)
+        self._forget_idle_sessions(now)
         session = self._sessions.get(name)
         if session is None:
             session = self._sessions[name] = _TestSession(now, self._ended.get(packet.session_id, -1))
@@ -273,7 +273,7 @@ class Reflector:
         self._sessions.move_to_end(name)
         return session
 
-    def _forget(self, now: int) -> None:
+    def _forget_idle_sessions(self, now: int) -> None:
         while self._sessions:
             name, oldest = next(iter(self._sessions.items()))
             if len(self._sessions) <= _SESSIONS and now - oldest.used_ns < _IDLE_NS:

@@ -52,7 +52,7 @@ def run(work: Path, text: str, ca: pki.Ca | None = None) -> None:
     else:
         ca = _ca(work) if ca is None else ca
         assert ca is not None
-        with Authority.open(folder)._signing(ca, "child") as signer:
+        with Authority.open(folder)._open_for_signing(ca, "child") as signer:
             _sign(signer, folder, command, names)
 
 

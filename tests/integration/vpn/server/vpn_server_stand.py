@@ -138,7 +138,7 @@ class Stand:
         def deliver(identity: Identity) -> EnrolmentFile:
             return self._keep(identity)
 
-        with self.authority._signing(self.ca, "tester") as signer:
+        with self.authority._open_for_signing(self.ca, "tester") as signer:
             signer.issue(wishes, deliver)
 
     def _keep(self, identity: Identity) -> EnrolmentFile:
@@ -157,7 +157,7 @@ class Stand:
         return wish.name
 
     def revoke(self, name: str) -> None:
-        with self.authority._signing(self.ca, "tester") as signer:
+        with self.authority._open_for_signing(self.ca, "tester") as signer:
             signer.revoke([name], "lost")
 
     def client(self, name: str, profile: str | None = None) -> Client:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.adopt import _from
+from atlantis_netcfg.cli.adopt import _read_secret_file
 from atlantis_netcfg.core.errors import UsageError
 
 SITE = ("adopt", "site=scc", "device=scc-router")
@@ -39,13 +39,13 @@ def test_password_file_must_be_private(tmp_path: Path) -> None:
     file.write_text("5TICKER \n")
     file.chmod(0o644)
     with pytest.raises(UsageError, match="others may read the password file") as refused:
-        _from(file)
+        _read_secret_file(file)
     assert refused.value.hint == f"type `chmod 600 {file}`"
     file.chmod(0o600)
-    assert _from(file).reveal() == "5TICKER "
-    assert "5TICKER" not in str(_from(file))
+    assert _read_secret_file(file).reveal() == "5TICKER "
+    assert "5TICKER" not in str(_read_secret_file(file))
 
 
 def test_missing_password_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="the password file cannot be read"):
-        _from(tmp_path / "sticker.txt")
+        _read_secret_file(tmp_path / "sticker.txt")

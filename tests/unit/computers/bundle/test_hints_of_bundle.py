@@ -89,7 +89,7 @@ def told(hint: str) -> str:
 
 def too_dear(_at: Place) -> str:
     wanted: Any = SimpleNamespace(desired_packages=SimpleNamespace(limit_words="", limit_bytes=1))
-    return told(str(AptConvergence._too_dear(wanted, "20 MB").hint))
+    return told(str(AptConvergence._over_limit_error(wanted, "20 MB").hint))
 
 
 def no_name(_at: Place) -> str:

@@ -18,7 +18,7 @@ def able(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
     monkeypatch.setattr(ready, "_KEYRING", Path("/"))
-    monkeypatch.setattr(ready, "_overlays", lambda: True)
+    monkeypatch.setattr(ready, "_has_overlays", lambda: True)
     monkeypatch.setattr(
         "atlantis_netcfg.emulator.lab.hosts.output_of", lambda words: subprocess.CompletedProcess(words, 0)
     )
@@ -55,7 +55,7 @@ def test_missing_debian_keyring_is_reported(monkeypatch: pytest.MonkeyPatch, tmp
 
 
 def test_kernel_without_overlayfs_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ready, "_overlays", lambda: False)
+    monkeypatch.setattr(ready, "_has_overlays", lambda: False)
     assert why_not({}) == "the kernel has no overlay file system"
 
 

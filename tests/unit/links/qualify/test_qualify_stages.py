@@ -138,7 +138,7 @@ def test_rehearsal_states_which_gaps_it_can_detect() -> None:
     bearer = BEARERS["satellite"]
     broken = replace(link_shapes(bearer)[0], gaps_s=((1.0, 100.0),))
     measured, _ = measurement(bearer, Selection.TELEMETRY, net=network(broken, link_shapes(bearer)[1]))
-    measured._idle()
+    measured._measure_idle()
     assert described(measured, Selection.TELEMETRY, reason="done").record.verdict is not Verdict.PASS
 
 
@@ -155,8 +155,8 @@ def test_goodput_is_measured_in_both_directions() -> None:
     measured, _ = measurement(bearer, Selection.THROUGHPUT)
     # The round trips beside the load take a part of the link: in a rehearsal, which hurries, a large one.
     measured.plan = build_plan(bearer, Selection.THROUGHPUT)
-    measured._load()
-    measured._load_down()
+    measured._measure_load()
+    measured._measure_load_down()
     assert measured.reason == "done"
     for stream, kbps in (("load up", bearer.rate.up_kbps), ("load down", bearer.rate.down_kbps)):
         figures = message_figures(measured.samples, stream)
@@ -209,8 +209,8 @@ def test_silent_link_never_passes() -> None:
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY, net=dead)
     assert measured.measure() == "no answer"
     for cell in measured.plan.cells[:2]:
-        measured._cell(cell)
-    measured._search(200)
+        measured._measure_cell(cell)
+    measured._search_rate(200)
     found = described(measured, Selection.TELEMETRY)
     assert {each.verdict for each in found.record.judgements} <= {Verdict.FAIL, Verdict.INCONCLUSIVE}
     assert [row.verdict for row in found.record.telemetry] == 2 * [Verdict.INCONCLUSIVE]

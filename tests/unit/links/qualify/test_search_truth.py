@@ -46,8 +46,8 @@ class Trial:
         rate = declared.rate.model_copy(update={"up_kbps": round(self.declared * self.rate_bps / 1000)})
         plan = build_plan(declared.model_copy(update={"rate": rate}), Selection.TELEMETRY)
         measured = Measurement(plan, ReflectorPeer(KEY), CountedTransport(net), unlimited(net), samples.append)
-        measured._idle()
-        measured._search(self.size)
+        measured._measure_idle()
+        measured._search_rate(self.size)
         (found,) = measured.rates
         (again,) = make_record(measured_run(), samples).highest_rates
         assert again.rate_hz == (None if found.rate_hz is None else pytest.approx(found.rate_hz, rel=1e-4))

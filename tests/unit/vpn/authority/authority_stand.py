@@ -55,7 +55,7 @@ class Stand:
 
     def signing(self, **options: Any) -> AbstractContextManager[Signer]:  # noqa: ANN401 - of `unlocked`
         """As `unlocked`, with the key that was unsealed once."""
-        return self.authority._signing(self.ca, "tester", **options)
+        return self.authority._open_for_signing(self.ca, "tester", **options)
 
     def deliver(self, identity: Identity) -> EnrolmentFile:
         self.identities.append(identity)

@@ -69,9 +69,9 @@ class ActionModule(zipapp_action.ZipappAction):
         for role in self._task.args["roles"]:
             paths = [folder / role / "tasks" / "main.yml" for folder in folders]
             for path in [path for path in paths if path.exists()][:1]:
-                yield from self._of_file(path, host_vars, {})
+                yield from self._file_calls(path, host_vars, {})
 
-    def _of_file(
+    def _file_calls(
         self, path: Path, host_vars: dict[str, Any], scope: dict[str, Any]
     ) -> Iterator[tuple[str, dict[str, Any]]]:
         tasks = self._loader.load_from_file(str(path), trusted_as_template=True)
@@ -90,15 +90,15 @@ class ActionModule(zipapp_action.ZipappAction):
             if "block" in task:
                 yield from self._block_calls(task, folder, host_vars, variables)
             elif (file := task.get("ansible.builtin.include_tasks")) is not None:
-                yield from self._of_file(folder / file, host_vars, variables)
+                yield from self._file_calls(folder / file, host_vars, variables)
             for action in task:
                 name = action.removeprefix(_COLLECTION)
                 if name != action:
                     values = templar.template({"values": task[action] or {}})["values"]
                     arguments = {**templar.template(defaults.get(action, {})), **values}
-                    yield from self._of_action(name, arguments, task, host_vars)
+                    yield from self._action_calls(name, arguments, task, host_vars)
 
-    def _of_action(
+    def _action_calls(
         self, name: str, arguments: Mapping[str, Any], task: Mapping[str, Any], host_vars: dict[str, Any]
     ) -> Iterator[tuple[str, dict[str, Any]]]:
         from atlantis_netcfg.operations.common.request import of_variables  # noqa: PLC0415 - as above

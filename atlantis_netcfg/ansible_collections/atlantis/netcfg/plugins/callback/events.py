@@ -39,12 +39,12 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:  # noqa: ANN401, FBT001, FBT002
         """Print one line for a failed task, unless its errors are ignored."""
         if not ignore_errors:
-            self._tell(result, "failed")
+            self._display_message(result, "failed")
 
     def v2_runner_on_unreachable(self, result: Any) -> None:  # noqa: ANN401
         """Print one line for an unreachable host."""
-        self._tell(result, "unreachable")
+        self._display_message(result, "unreachable")
 
-    def _tell(self, result: Any, otherwise: str) -> None:  # noqa: ANN401
+    def _display_message(self, result: Any, otherwise: str) -> None:  # noqa: ANN401
         words = printable.below(str(result.result.get("msg", otherwise)), 2)
         self._display.display(f"{result.host.get_name()}: {words}", stderr=True)

@@ -213,7 +213,7 @@ class AptConvergence:
     def _forecast(self, missing: Mapping[str, str | None], *, ready: bool) -> None:
         versions: dict[str, str] = {}
         if missing and ready and self.sources.is_updated:
-            versions = to_install(self.apt.get("-s", "--yes", *self._install(missing)).output)
+            versions = to_install(self.apt.get("-s", "--yes", *self._install_arguments(missing)).output)
         for name, version in missing.items():
             self.outcome.changes.append(f"package {name} {versions.get(name) or version or ''}".rstrip())
 
@@ -226,7 +226,7 @@ class AptConvergence:
         self.sources.write()
         missing = self._missing(list_installed(self.apt) if half_installed else before)
         if missing and not self._current_lists_suffice(missing):
-            self._afford_lists()
+            self._check_lists_cost()
             self._update()
         elif self._stale and self.desired_packages.limit_bytes is None:
             self._update()
@@ -234,7 +234,7 @@ class AptConvergence:
             self._repair(missing)
         if missing:
             self._refuse_unknown(missing)
-            self._run_apt(self._install(missing), list(missing))
+            self._run_apt(self._install_arguments(missing), list(missing))
 
     def _current_lists_suffice(self, missing: Mapping[str, str | None]) -> bool:
         """Return whether metered data can be saved: the current lists already offer all missing packages."""
@@ -245,15 +245,15 @@ class AptConvergence:
             any(version_matches(item, version) for item in versions.get(name, ())) for name, version in missing.items()
         )
 
-    def _afford_lists(self) -> None:
+    def _check_lists_cost(self) -> None:
         limit = self.desired_packages.limit_bytes
         size = max_lists_download(self.apt) if self.apt.bundle is None else 0
         if limit is not None and (size is None or size > limit):
             self.sources.take_back()
             text = "an unknown size, mostly 10 to 40 MB" if size is None else f"up to {format_size(size)}"
-            raise self._too_dear(f"the lists of packages have to be fetched first: {text}")
+            raise self._over_limit_error(f"the lists of packages have to be fetched first: {text}")
 
-    def _too_dear(self, what: str) -> ModuleError:
+    def _over_limit_error(self, what: str) -> ModuleError:
         why = f" ({self.desired_packages.limit_words})" if self.desired_packages.limit_words else ""
         return ModuleError(
             f"{what}; {format_size(self.desired_packages.limit_bytes or 0)} are agreed{why}. "
@@ -325,7 +325,7 @@ class AptConvergence:
                 versions.setdefault(words[0], []).append(words[1])
         return versions
 
-    def _install(self, missing: Mapping[str, str | None]) -> list[str]:
+    def _install_arguments(self, missing: Mapping[str, str | None]) -> list[str]:
         exact = [f"{name}={version}" if version else name for name, version in missing.items()]
         down = ["--allow-downgrades"] if any(missing.values()) or self.desired_packages.keys else []
         return [*_INSTALL, *down, "install", *exact]
@@ -335,7 +335,7 @@ class AptConvergence:
         forecast = self.apt.get("-s", "--yes", *arguments)
         if forecast.code:
             raise explain_install_failure(forecast.output, names)
-        self._afford(arguments, to_install(forecast.output))
+        self._check_install_cost(arguments, to_install(forecast.output))
         result = self.apt.get("--yes", *arguments)
         if result.code and _DAMAGED_ARCHIVE in result.output:
             self.apt.get("clean")
@@ -343,11 +343,13 @@ class AptConvergence:
         if result.code:
             raise explain_install_failure(result.output, names)
 
-    def _afford(self, arguments: Sequence[str], packages: dict[str, str]) -> None:
+    def _check_install_cost(self, arguments: Sequence[str], packages: dict[str, str]) -> None:
         costs = costs_of(self.apt, arguments, packages)
         limit = self.desired_packages.limit_bytes
         if limit is not None and costs.download > limit:
-            raise self._too_dear(f"{len(packages)} packages of {format_size(costs.download)} would be downloaded")
+            raise self._over_limit_error(
+                f"{len(packages)} packages of {format_size(costs.download)} would be downloaded"
+            )
         refuse_if_full(self.apt, costs)
         self.outcome.download_bytes += costs.download
 

@@ -165,29 +165,38 @@ def explain_update_failure(text: str, code: int, urls: Sequence[str], architectu
     """Return why an update of package lists from `urls` failed; None if they succeeded for `architecture`."""
     missing = f"doesn't support architecture '{architecture}'"
     lines = [line for line in problems(text) if "doesn't support architecture" not in line or missing in line]
-    result = _first(_COMPUTER, lines)
+    result = _first_matching_error(_COMPUTER, lines)
     if result is not None:
         return result
-    result = _first(_SOURCES, [line for line in lines if any(url.rstrip("/") in line for url in urls)])
+    result = _first_matching_error(_SOURCES, [line for line in lines if any(url.rstrip("/") in line for url in urls)])
     if result is not None or (code == 0 and urls):
         return result
-    return (_first(_SOURCES, lines) or _raw("the lists of packages could not be updated", text)) if code else None
+    return (
+        (
+            _first_matching_error(_SOURCES, lines)
+            or _raw_output_error("the lists of packages could not be updated", text)
+        )
+        if code
+        else None
+    )
 
 
 def explain_install_failure(text: str, names: Iterable[str]) -> ModuleError:
     """Return the error that explains why apt or dpkg could not install."""
     script = _SCRIPT.search(text)
     lines = text.splitlines()
-    full = _first(_COMPUTER, lines)
+    full = _first_matching_error(_COMPUTER, lines)
     if full is not None:
         return full
     if script is not None:
         return ModuleError(
-            f"{script['name']} could not be set up: {script['why'].strip()}\n{_around(text, script.start())}",
+            f"{script['name']} could not be set up: {script['why'].strip()}\n{_lines_before(text, script.start())}",
             "what it says above is the reason; after it is mended type the same again: it goes on from there",
         )
-    error = _first(_PACKAGES, lines, names=" ".join(names)) or _first(_SOURCES, problems(text))
-    return error or _raw("the packages could not be installed", text)
+    error = _first_matching_error(_PACKAGES, lines, names=" ".join(names)) or _first_matching_error(
+        _SOURCES, problems(text)
+    )
+    return error or _raw_output_error("the packages could not be installed", text)
 
 
 def other_source_notes(text: str, urls: Sequence[str]) -> list[str]:
@@ -210,7 +219,7 @@ def problems(text: str) -> list[str]:
     return result
 
 
-def _first(rows: Iterable[_MessageRow], lines: Sequence[str], **more: str) -> ModuleError | None:
+def _first_matching_error(rows: Iterable[_MessageRow], lines: Sequence[str], **more: str) -> ModuleError | None:
     for row in rows:
         for line in lines:
             match = re.search(row.pattern, line)
@@ -220,11 +229,11 @@ def _first(rows: Iterable[_MessageRow], lines: Sequence[str], **more: str) -> Mo
     return None
 
 
-def _around(text: str, at: int) -> str:
+def _lines_before(text: str, at: int) -> str:
     lines = [line for line in text[:at].splitlines()[:-1] if line.strip()]
     return "\n".join(lines[-_LINES:])
 
 
-def _raw(what: str, text: str) -> ModuleError:
+def _raw_output_error(what: str, text: str) -> ModuleError:
     lines = [line.rstrip() for line in text.splitlines() if line.strip() and not _PROGRESS.search(line)]
     return ModuleError(f"{what}:\n" + "\n".join(lines[-_LINES:]), "the words above are those of apt")

@@ -50,10 +50,10 @@ def check_key(key: AptKey, now: float) -> str | None:
             f"the key for {key.path} is {', '.join(item.fingerprint for item in keys)}, declared is {key.fingerprint}",
             "ask who keeps the archive which is the right one; do not take one that nobody vouches for",
         )
-    return _in_time(keys[0], now)
+    return _check_key_validity(keys[0], now)
 
 
-def _in_time(key: PublicKey, now: float) -> str | None:
+def _check_key_validity(key: PublicKey, now: float) -> str | None:
     today = _day(now)
     if now < key.renewed_at:
         raise ModuleError(
@@ -108,7 +108,7 @@ class Sources:
 
     def before_and_after(self, path: str) -> tuple[str, str]:
         """Return the current and the desired content of a file, for the diff; keys are not text."""
-        return (_text(self.was.get(path, self.tree.read(path))), _text(self.files.get(path)))
+        return (_decode_or_digest(self.was.get(path, self.tree.read(path))), _decode_or_digest(self.files.get(path)))
 
     def write(self) -> None:
         """Write the files that differ, and keep their previous content."""
@@ -138,7 +138,7 @@ class Sources:
         return {path: hashlib.sha256(content).hexdigest() for path, content in self.files.items()}
 
 
-def _text(content: bytes | None) -> str:
+def _decode_or_digest(content: bytes | None) -> str:
     try:
         return (content or b"").decode()
     except UnicodeDecodeError:

@@ -95,15 +95,15 @@ def configure(home: str, offline: str | None, urls: Iterable[str]) -> None:
     )
     mirrors = f"file://{offline.rstrip('/')}/git/" if offline is not None else None
     if mirrors is not None:
-        text += '[protocol "file"]\n\tallow = always\n' + _instead(mirrors, "https://", "http://")
+        text += '[protocol "file"]\n\tallow = always\n' + _url_rewrite(mirrors, "https://", "http://")
     for scheme, server in sorted({urlsplit(url)[:2] for url in urls}):
         host = server.partition(":")[0]
-        text += _instead(f"{mirrors or scheme + '://'}{server}/", f"git@{host}:", f"ssh://git@{host}/")
+        text += _url_rewrite(f"{mirrors or scheme + '://'}{server}/", f"git@{host}:", f"ssh://git@{host}/")
     with open(os.path.join(home, ".gitconfig"), "w", encoding="utf-8") as file:
         file.write(text)
 
 
-def _instead(address: str, *of: str) -> str:
+def _url_rewrite(address: str, *of: str) -> str:
     return f'[url "{address}"]\n' + "".join(f"\tinsteadOf = {item}\n" for item in of)
 
 
@@ -179,7 +179,7 @@ class Git:
             self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", tag_refspec)
         except _GitError as failed:
             if trouble(failed.output) is BuildTrouble.REVISION:
-                self._no_branch()
+                self._refuse_branch()
             if "shallow" not in failed.output:
                 raise
             self._online("fetch", "--no-tags", "--quiet", "origin", tag_refspec)
@@ -193,7 +193,7 @@ class Git:
             return False
         return True
 
-    def _no_branch(self) -> None:
+    def _refuse_branch(self) -> None:
         revision = self.repository.revision
         if self._online("ls-remote", "--heads", "origin", f"refs/heads/{revision}").strip():
             raise ModuleError(

@@ -101,7 +101,7 @@ class BuildTools:
         start_offset = os.path.getsize(self.log)
         with open(self.log, "ab") as log:
             process = subprocess.run(  # noqa: S603
-                ["/bin/sh", "-c", f"{self._sources(with_library=with_library)}{command}"],
+                ["/bin/sh", "-c", f"{self._source_commands(with_library=with_library)}{command}"],
                 cwd=os.path.join(self.folder, where),
                 env=self._environment(),
                 stdin=subprocess.DEVNULL,
@@ -117,7 +117,7 @@ class BuildTools:
 
     def _shell(self, command: str, where: str, arguments: list[str], *, with_library: bool) -> str:
         process = subprocess.run(  # noqa: S603
-            ["/bin/sh", "-c", f"{self._sources(with_library=with_library)}{command}", "sh", *arguments],
+            ["/bin/sh", "-c", f"{self._source_commands(with_library=with_library)}{command}", "sh", *arguments],
             cwd=os.path.join(self.folder, where),
             env=self._environment(),
             stdin=subprocess.DEVNULL,
@@ -130,7 +130,7 @@ class BuildTools:
             raise about_building("the library", text)
         return text
 
-    def _sources(self, *, with_library: bool) -> str:
+    def _source_commands(self, *, with_library: bool) -> str:
         install = os.path.join(self.folder, "library", "install", "setup.sh")
         return "".join(f". '{path}' && " for path in (self.ros_setup, *([install] if with_library else [])))
 
@@ -164,17 +164,17 @@ def _is_elf(path: str) -> bool:
 
 def main(job_file: str) -> int:
     """Run the build job; return 1 if it failed, with the reason in its outcome file."""
-    signal.signal(signal.SIGTERM, _stop)
+    signal.signal(signal.SIGTERM, _handle_stop_signal)
     with open(job_file, encoding="utf-8") as file:
         job = json.load(file)
     began = time.monotonic()
     try:
         notes = work(job, os.path.dirname(job_file))
         outcome = {"run": job["run"], "ok": True, "notes": notes}
-        _say(f"complete after {time.monotonic() - began:.0f} s")
+        _print_step(f"complete after {time.monotonic() - began:.0f} s")
     except ModuleError as refused:
         outcome = {"run": job["run"], "ok": False, "message": refused.message, "hint": refused.hint}
-        _say(f"failed after {time.monotonic() - began:.0f} s: {refused.message}")
+        _print_step(f"failed after {time.monotonic() - began:.0f} s: {refused.message}")
     with open(f"{job['outcome']}.new", "w", encoding="utf-8") as file:
         json.dump(outcome, file)
     os.replace(f"{job['outcome']}.new", job["outcome"])
@@ -210,15 +210,17 @@ def _build(
     folder = shelf.at(plan.key)
     with open("/proc/meminfo", encoding="ascii") as meminfo:
         jobs = jobs_within(meminfo.read(), os.cpu_count() or 1, job["jobs"])
-    make = BuildTools(folder, plan.ros_setup, jobs, job["log"], _say)
+    make = BuildTools(folder, plan.ros_setup, jobs, job["log"], _print_step)
     make.clean()
     configure(home, job["offline"], [repository.url for repository in plan.repositories.values()])
     commits, current = {}, shelf.link_target("current")
     for name, item in plan.repositories.items():
-        _say(f"fetching the {name}, revision {item.revision}, from {item.url}" + _place(job["offline"]))
+        _print_step(f"fetching the {name}, revision {item.revision}, from {item.url}" + _offline_note(job["offline"]))
         seed = os.path.join(shelf.at(current), name) if current is not None else None
-        commits[name] = Git(item, name, os.path.join(folder, name), home, job["offline"], _say, sleep).fetch(seed)
-        _say(f"the {name} is at commit {commits[name]}")
+        commits[name] = Git(item, name, os.path.join(folder, name), home, job["offline"], _print_step, sleep).fetch(
+            seed
+        )
+        _print_step(f"the {name} is at commit {commits[name]}")
     _forget(home, plan)
     notes = _find_moved_tags(plan, shelf, commits)
     make.library()
@@ -242,7 +244,7 @@ def _find_moved_tags(plan: BuildPlan, shelf: BuildStore, commits: dict[str, str]
                 f" built, and leads to {commits[name]} now; ask the partner whether that is meant"
             )
     for note in notes:
-        _say(note)
+        _print_step(note)
     return notes
 
 
@@ -253,15 +255,15 @@ def _forget(home: str, plan: BuildPlan) -> None:
                 os.unlink(path)
 
 
-def _place(offline: str | None) -> str:
+def _offline_note(offline: str | None) -> str:
     return f", as {offline} holds it" if offline is not None else ""
 
 
-def _say(line: str) -> None:
+def _print_step(line: str) -> None:
     print(f"== {line}", flush=True)  # noqa: T201 - the log of the build
 
 
-def _stop(*_: object) -> None:
+def _handle_stop_signal(*_: object) -> None:
     raise ModuleError("the build was stopped before it was complete", "type the same again: what was fetched is kept")
 
 

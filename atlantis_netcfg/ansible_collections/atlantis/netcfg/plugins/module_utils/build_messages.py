@@ -124,7 +124,7 @@ def about_git(text: str, url: str, revision: str, *, has_token: bool) -> ModuleE
             "the partner has to give it an https address in .gitmodules",
         )
     if kind is BuildTrouble.SPACE:
-        return _full(f"while {at} was fetched")
+        return _card_full_error(f"while {at} was fetched")
     if kind is BuildTrouble.LINK:
         return ModuleError(
             f"{host} could not be reached, or the link broke, while {at} was fetched:\n{last}",
@@ -137,7 +137,7 @@ def about_building(what: str, text: str) -> ModuleError:
     """Return the error for a failure of colcon, cmake, make or a compiler."""
     last = error_lines(text)
     if re.search(r"No space left on device|Disk quota exceeded", text):
-        return _full(f"while {what} was built")
+        return _card_full_error(f"while {what} was built")
     if re.search(r"Killed signal|virtual memory exhausted|Cannot allocate memory|out of memory|\bKilled\b", text):
         return ModuleError(
             f"the memory of the gateway did not suffice to build {what}:\n{last}",
@@ -160,14 +160,14 @@ def error_lines(text: str) -> str:
     """Return the last lines that contain an error; if there are none, the last lines."""
     lines = [line.rstrip()[:_LONG] for line in text.splitlines() if line.strip()]
     messages = [line for line in lines if _MEANINGFUL.search(line) and not _ECHOES.search(line)]
-    return "\n".join(_once(messages)[-_LINES:] or lines[-_LINES:])
+    return "\n".join(_unique_lines(messages)[-_LINES:] or lines[-_LINES:])
 
 
-def _once(lines: Iterable[str]) -> list[str]:
+def _unique_lines(lines: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def _full(when: str) -> ModuleError:
+def _card_full_error(when: str) -> ModuleError:
     return CardFull(
         f"the card of the gateway became full {when}",
         "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h; df -i` tells where it is"

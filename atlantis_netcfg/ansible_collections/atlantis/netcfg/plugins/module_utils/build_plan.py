@@ -90,10 +90,12 @@ class BuildPlan:
     @property
     def words(self) -> str:
         """Description of the plan for a person."""
-        return " and ".join(f"{name} {_short(repository.revision)}" for name, repository in self.repositories.items())
+        return " and ".join(
+            f"{name} {_shorten_revision(repository.revision)}" for name, repository in self.repositories.items()
+        )
 
 
-def _short(revision: str) -> str:
+def _shorten_revision(revision: str) -> str:
     return revision[:_KEY_DIGITS] if is_commit(revision) else revision
 
 

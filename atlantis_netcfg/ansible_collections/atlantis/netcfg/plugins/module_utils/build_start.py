@@ -99,11 +99,11 @@ class Build:
     def visit(self, run_id: str | None) -> dict[str, Any]:
         """Advance the build by one step; `run_id` is the run whose outcome is to be reported. Raises ModuleError."""
         try:
-            return self._visit(run_id)
+            return self._start_or_follow_build(run_id)
         except OSError as error:
             raise as_module_error(error, str(error.filename or self.places.prefix)) from error
 
-    def _visit(self, run_id: str | None) -> dict[str, Any]:
+    def _start_or_follow_build(self, run_id: str | None) -> dict[str, Any]:
         compiler_version = compiler(self.run)
         if compiler_version is None and self.check:
             self.changes.append("build of the library, once its packages are installed")
@@ -113,15 +113,15 @@ class Build:
         values = {"key": plan.key, "unit": _unit(plan.key), "log": self.places.log(plan.key)}
         marker = shelf.marker(plan.key)
         if marker is not None:
-            self._take(plan, shelf, marker)
+            self._activate_build(plan, shelf, marker)
             return {**values, "state": "ready", "commits": marker["commits"]}
-        if self._runs(plan.key):
+        if self._is_running(plan.key):
             if run_id is not None:
                 raise ModuleError(
                     f"the build of {plan.words} is still at work on the gateway",
                     f"type the same again later: it goes on by itself; {values['log']} shows how far it is",
                 )
-            return {**values, "state": "running", "run": self._running(plan.key)}
+            return {**values, "state": "running", "run": self._running_run_id(plan.key)}
         if run_id is not None:
             raise self._build_failure(plan, run_id)
         self.changes.append(f"build of {plan.words} started")
@@ -130,7 +130,7 @@ class Build:
         self._prerequisites(compiler_version)
         return {**values, "state": "running", "run": self._start(plan, shelf)}
 
-    def _take(self, plan: BuildPlan, shelf: BuildStore, marker: Mapping[str, Any]) -> None:
+    def _activate_build(self, plan: BuildPlan, shelf: BuildStore, marker: Mapping[str, Any]) -> None:
         if shelf.link_target("current") != plan.key:
             self.changes.append(f"build {plan.key} of {plan.words} taken into use")
             self.notes.extend(marker["notes"])
@@ -139,14 +139,14 @@ class Build:
             shelf.note_tags(plan, marker["commits"])
             shelf.use(plan.key)
         if not self.check:
-            for key in shelf.prune([key for key in self._list_unfinished(shelf) if self._runs(key)]):
+            for key in shelf.prune([key for key in self._list_unfinished(shelf) if self._is_running(key)]):
                 self._remove_log(key)
 
     def _start(self, plan: BuildPlan, shelf: BuildStore) -> str:
         """Write the job and start it with systemd; stop a running build that is no longer desired."""
         for key in self._list_unfinished(shelf):
             if key != plan.key:
-                if self._runs(key):
+                if self._is_running(key):
                     self.run(["systemctl", "stop", _unit(key)])
                     self.notes.append(f"the build {key}, which is declared no longer, was stopped")
                 shelf.discard(key)
@@ -229,11 +229,11 @@ class Build:
                 "the packages of `interop.packages` bring them: build-essential, cmake, git; colcon comes with ROS 2",
             )
 
-    def _runs(self, key: str) -> bool:
+    def _is_running(self, key: str) -> bool:
         result = self.run(["systemctl", "show", "--property", "ActiveState", "--value", _unit(key)])
         return result.output.strip() in _RUNNING
 
-    def _running(self, key: str) -> str:
+    def _running_run_id(self, key: str) -> str:
         try:
             with open(os.path.join(self.places.job(key), "job.json"), encoding="utf-8") as file:
                 return str(json.load(file)["run"])

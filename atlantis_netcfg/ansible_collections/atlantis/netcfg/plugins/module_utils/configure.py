@@ -163,24 +163,24 @@ class Configure:
         if self.wishes.way_in is not None:
             ssh_access.require_access(self.wishes.way_in, self.tree, environment)
         if self.check:
-            self._all()
+            self._apply_all()
         else:
             with hold_lock(self.tree, environment):
-                self._all()
+                self._apply_all()
 
-    def _all(self) -> None:
-        self._place()
+    def _apply_all(self) -> None:
+        self._place_files()
         self._read_unit_files()
         for step in self.wishes.steps:
             if self._left.isdisjoint(step.after):
-                self._take(step)
-        self._bring_units()
+                self._run_step(step)
+        self._apply_units()
         self.notes += [brought.note for brought in self.wishes.brought if self.tree.find(brought.path) is None]
         self.findings += [
             (check.finding, check.hint) for check in self.wishes.checks if self.run(list(check.run)).code != 0
         ]
 
-    def _place(self) -> None:
+    def _place_files(self) -> None:
         stray_paths = unknown_paths(self.tree, self.wishes)
         self.wishes = replace(self.wishes, absent=(*self.wishes.absent, *stray_paths))
         placing = FileTransaction(self.tree, self.wishes, self.run)
@@ -213,7 +213,7 @@ class Configure:
             self.systemd.reload_manager()
         self.changes.append(_MANAGER)
 
-    def _take(self, step: ConvergeStep) -> None:
+    def _run_step(self, step: ConvergeStep) -> None:
         after = self._digests(step.after)
         digests = {**after, "run": _digest(json.dumps(step.run).encode())}
         is_absent = set(after.values()) == {ABSENT}
@@ -227,7 +227,7 @@ class Configure:
             self.stamps.note(step.name, digests)
         self.changes.append(f"step {step.name}")
 
-    def _bring_units(self) -> None:
+    def _apply_units(self) -> None:
         started_units: list[tuple[Unit, dict[str, str]]] = []
         for unit in self.wishes.units:
             if not self._left.isdisjoint(unit.after):

@@ -155,8 +155,8 @@ class DesiredState:
         for file in wishes.files:
             mode_of(file)
         _check_paths(wishes)
-        _check_once("step", (step.name for step in wishes.steps))
-        _check_once("unit", (unit.name for unit in wishes.units))
+        _check_no_duplicates("step", (step.name for step in wishes.steps))
+        _check_no_duplicates("unit", (unit.name for unit in wishes.units))
         return wishes
 
 
@@ -207,10 +207,10 @@ def _check_paths(wishes: DesiredState) -> None:
     for path in (*paths, *wishes.only):
         if not path.startswith("/") or posixpath.normpath(path) != path or path == "/":
             raise ModuleError(f"`{path}` is no path from the root", "write it in full, like /etc/hosts")
-    _check_once("path", paths)
+    _check_no_duplicates("path", paths)
 
 
-def _check_once(what: str, names: Iterable[str]) -> None:
+def _check_no_duplicates(what: str, names: Iterable[str]) -> None:
     seen_names: set[str] = set()
     for name in names:
         if name in seen_names:

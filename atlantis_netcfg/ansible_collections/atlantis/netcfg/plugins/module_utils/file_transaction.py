@@ -27,14 +27,14 @@ class FileTransaction:
         self.wishes = wishes
         self.run = run
         self.found = {
-            **{directory.path: self._find(directory.path, ("directory",)) for directory in wishes.directories},
-            **{file.path: self._find(file.path, ("file", "link")) for file in wishes.files},
-            **{link.path: self._find(link.path, ("file", "link")) for link in wishes.links},
-            **{path: self._find(path, ("file", "link")) for path in wishes.absent},
+            **{directory.path: self._find_of_kind(directory.path, ("directory",)) for directory in wishes.directories},
+            **{file.path: self._find_of_kind(file.path, ("file", "link")) for file in wishes.files},
+            **{link.path: self._find_of_kind(link.path, ("file", "link")) for link in wishes.links},
+            **{path: self._find_of_kind(path, ("file", "link")) for path in wishes.absent},
         }
         self.owned: tuple[Directory | File, ...] = (*wishes.directories, *wishes.files)
         self.owners = {entry.path: (tree.uid(entry.owner), tree.gid(entry.group)) for entry in self.owned}
-        self.rewritten = [request for request in wishes.files if self._is_other(request)]
+        self.rewritten = [request for request in wishes.files if self._has_other_content(request)]
         self._made: list[str] = []
         self.left: dict[str, tuple[str, str]] = {}
         """Rejected files that do not stop the rest: path -> finding and hint."""
@@ -49,7 +49,7 @@ class FileTransaction:
                 if current is None
                 else self._list_mode_changes("directory", directory, current)
             )
-        for file in self._files:
+        for file in self._accepted_files:
             current = self.found[file.path]
             if file in self.rewritten or current is None:
                 lines.append(f"file {file.path}")
@@ -58,7 +58,7 @@ class FileTransaction:
         lines += [
             f"link {link.path} -> {link.target}"
             for link in self.wishes.links
-            if not self._links(link.path, link.target)
+            if not self._is_link_to(link.path, link.target)
         ]
         return lines + [f"absent {path}" for path in self.wishes.absent if self.found[path] is not None]
 
@@ -79,7 +79,7 @@ class FileTransaction:
         return rows
 
     @property
-    def _files(self) -> list[File]:
+    def _accepted_files(self) -> list[File]:
         return [file for file in self.wishes.files if file.path not in self.left]
 
     def validate_aside(self) -> None:
@@ -110,11 +110,11 @@ class FileTransaction:
             for path in self.left:
                 self.tree.unstage(path)
         except BaseException:
-            self._take_back()
+            self._undo_staging()
             raise
-        self._put()
+        self._apply_changes()
 
-    def _put(self) -> None:
+    def _apply_changes(self) -> None:
         for file in self.rewritten:
             self.tree.put(file.path)
         for request in self.owned:
@@ -123,7 +123,7 @@ class FileTransaction:
             if current is not None and is_unchanged and self._list_mode_changes("", request, current):
                 self.tree.set_attributes(request.path, mode_of(request), *self.owners[request.path])
         for link in self.wishes.links:
-            if not self._links(link.path, link.target):
+            if not self._is_link_to(link.path, link.target):
                 self.tree.link(link.path, link.target)
         for path in self.wishes.absent:
             if self.found[path] is not None:
@@ -135,18 +135,18 @@ class FileTransaction:
     def _make_directories(self) -> None:
         for directory in self.wishes.directories:
             if self.found[directory.path] is None:
-                self._make_above(directory.path)
+                self._make_parents(directory.path)
                 self.tree.make_directory(directory.path, mode_of(directory), *self.owners[directory.path])
                 self._made.append(directory.path)
         for path in (*(file.path for file in self.wishes.files), *(link.path for link in self.wishes.links)):
-            self._make_above(path)
+            self._make_parents(path)
 
-    def _make_above(self, path: str) -> None:
+    def _make_parents(self, path: str) -> None:
         for above in self.tree.missing_above(path):
             self.tree.make_directory(above, 0o755, os.geteuid(), os.getegid())
             self._made.append(above)
 
-    def _take_back(self) -> None:
+    def _undo_staging(self) -> None:
         for file in self.wishes.files:
             self.tree.unstage(file.path)
         for directory in reversed(self._made):
@@ -157,20 +157,20 @@ class FileTransaction:
         program, end = file.validate[0], "which stays as it was" if file.finding else "so that nothing was changed"
         if not is_there(program):
             why = f"`{program}`, which has to accept {file.path}, is not installed, {end}"
-            self._leave(file, why, "install the package that holds it")
+            self._skip_file(file, why, "install the package that holds it")
             return
         result = self.run([word.replace("%s", beside) for word in file.validate])
         if result.code != 0:
             text = "" if file.secret else ":\n" + last_lines(result.output.replace(beside, file.path))
-            self._leave(file, f"{program} does not accept the new {file.path}, {end}{text}", file.hint)
+            self._skip_file(file, f"{program} does not accept the new {file.path}, {end}{text}", file.hint)
 
-    def _leave(self, file: File, why: str, hint: str) -> None:
+    def _skip_file(self, file: File, why: str, hint: str) -> None:
         if not file.finding:
             raise ModuleError(why, hint)
         self.left[file.path] = (f"{file.finding}: {why}", hint)
         self.rewritten = [each for each in self.rewritten if each.path != file.path]
 
-    def _find(self, path: str, kinds: tuple[str, ...]) -> FoundFile | None:
+    def _find_of_kind(self, path: str, kinds: tuple[str, ...]) -> FoundFile | None:
         result = self.tree.find(path)
         if result is None or result.kind in kinds:
             return result
@@ -180,15 +180,15 @@ class FileTransaction:
             )
         what = {"directory": "a directory", "file": "a file", "link": "a link"}.get(result.kind, "a device or a socket")
         raise ModuleError(
-            f"{path} is {what}, and has to be {_as(kinds)}. Nothing was changed",
+            f"{path} is {what}, and has to be {_describe_kind(kinds)}. Nothing was changed",
             f"look at it, and move it away: `ls -ld {path}`",
         )
 
-    def _is_other(self, file: File) -> bool:
+    def _has_other_content(self, file: File) -> bool:
         current = self.found[file.path]
         return current is None or current.kind != "file" or current.content != file.data
 
-    def _links(self, path: str, target: str) -> bool:
+    def _is_link_to(self, path: str, target: str) -> bool:
         current = self.found[path]
         return current is not None and current.kind == "link" and current.target == target
 
@@ -201,7 +201,7 @@ class FileTransaction:
         return lines
 
 
-def _as(kinds: tuple[str, ...]) -> str:
+def _describe_kind(kinds: tuple[str, ...]) -> str:
     return "a directory" if "directory" in kinds else "a file"
 
 
@@ -220,7 +220,9 @@ def unknown_paths(tree: FileSystem, wishes: DesiredState) -> tuple[str, ...]:
     """Return unknown files and links, at any depth, below the folders `only`; links to directories are not followed."""
     kinds = (wishes.directories, wishes.files, wishes.links)
     declared_paths = {item.path for kind in kinds for item in kind} | {*wishes.absent}
-    return tuple(path for folder in wishes.only for path in _below(tree, folder) if path not in declared_paths)
+    return tuple(
+        path for folder in wishes.only for path in _list_files_below(tree, folder) if path not in declared_paths
+    )
 
 
 def clear(tree: FileSystem, wishes: DesiredState, removed_paths: tuple[str, ...]) -> None:
@@ -231,7 +233,7 @@ def clear(tree: FileSystem, wishes: DesiredState, removed_paths: tuple[str, ...]
             tree.remove_directory(str(empty))
 
 
-def _below(tree: FileSystem, folder: str) -> Iterator[str]:
+def _list_files_below(tree: FileSystem, folder: str) -> Iterator[str]:
     root = Path(tree.root)
     for at, directories, files in os.walk(tree.at(folder)):
         links = [name for name in directories if Path(at, name).is_symlink()]

@@ -112,7 +112,7 @@ class FileSystem:
     def make_directory(self, path: str, mode: int = 0o755, uid: int = 0, gid: int = 0) -> None:
         """Make one directory whose parent is there."""
         real = self.at(path)
-        with self._words(path):
+        with self._translate_errors(path):
             os.mkdir(real, mode & 0o700)
             self._chown(real, uid, gid)
             os.chmod(real, mode)
@@ -125,7 +125,7 @@ class FileSystem:
         file with the same second and size as unchanged (facts of the VPN, 4).
         """
         beside = self._staging_path(path)
-        with self._words(path):
+        with self._translate_errors(path):
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(beside)
             handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
@@ -136,13 +136,13 @@ class FileSystem:
                 if (uid, gid) != (os.geteuid(), os.getegid()):
                     os.fchown(handle, uid, gid)
                 os.fchmod(handle, mode)
-                self._younger(handle, path)
+                self._set_newer_mtime(handle, path)
                 os.fsync(handle)
             finally:
                 os.close(handle)
         return beside
 
-    def _younger(self, handle: int, path: str) -> None:
+    def _set_newer_mtime(self, handle: int, path: str) -> None:
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             after = (os.lstat(self.at(path)).st_mtime_ns // _SECOND_NS + 1) * _SECOND_NS
             if os.fstat(handle).st_mtime_ns < after:
@@ -150,12 +150,12 @@ class FileSystem:
 
     def put(self, path: str) -> None:
         """Move the staged file into place."""
-        with self._words(path):
+        with self._translate_errors(path):
             os.replace(self._staging_path(path), self.at(path))
 
     def unstage(self, path: str) -> None:
         """Remove the staged file, also one left by an interrupted run."""
-        with self._words(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        with self._translate_errors(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
             os.unlink(self._staging_path(path))
 
     def write(self, path: str, content: bytes, mode: int = 0o644) -> None:
@@ -169,7 +169,7 @@ class FileSystem:
     def link(self, path: str, target: str) -> None:
         """Make `path` a symbolic link to `target`, replacing an existing file or link."""
         beside = self._staging_path(path)
-        with self._words(path):
+        with self._translate_errors(path):
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(beside)
             os.symlink(target, beside)
@@ -177,13 +177,13 @@ class FileSystem:
 
     def set_attributes(self, path: str, mode: int, uid: int, gid: int) -> None:
         """Set owner and mode, in this order, because chown(2) clears the set-user-ID bits."""
-        with self._words(path):
+        with self._translate_errors(path):
             self._chown(self.at(path), uid, gid)
             os.chmod(self.at(path), mode)
 
     def remove(self, path: str) -> None:
         """Remove a file or a symbolic link."""
-        with self._words(path), contextlib.suppress(FileNotFoundError):
+        with self._translate_errors(path), contextlib.suppress(FileNotFoundError):
             os.unlink(self.at(path))
 
     def remove_directory(self, path: str) -> None:
@@ -193,7 +193,7 @@ class FileSystem:
 
     def sync(self, path: str) -> None:
         """Sync the directory that holds `path` to disk."""
-        with self._words(path):
+        with self._translate_errors(path):
             self._sync(os.path.dirname(self.at(path)))
 
     def _staging_path(self, path: str) -> str:
@@ -217,7 +217,7 @@ class FileSystem:
 
     @staticmethod
     @contextlib.contextmanager
-    def _words(path: str) -> Iterator[None]:
+    def _translate_errors(path: str) -> Iterator[None]:
         try:
             yield
         except OSError as error:

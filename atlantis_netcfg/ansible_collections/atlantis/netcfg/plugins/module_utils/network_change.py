@@ -161,7 +161,7 @@ class NetworkChange:
             if began is not None and end_s is not None and began <= end_s:
                 return {"state": "pending", "again": True, "why": "this session is older than the change"}
             if missing := self._missing(name):
-                self._take_back_now()
+                self._start_rollback()
                 return {"state": "pending", "again": False, "why": missing}
             self._keep(name)
         return {**self.look(name, 0.0), "again": False}
@@ -169,9 +169,9 @@ class NetworkChange:
     def look(self, name: str, patience_s: float) -> dict[str, Any]:
         """Return the state of a change (pending, confirmed or rolled back) and why; waits while it is pending."""
         end = time.monotonic() + patience_s
-        while self._pending(name) and time.monotonic() < end:
+        while self._is_pending(name) and time.monotonic() < end:
             time.sleep(_PAUSE_S)
-        if self._pending(name):
+        if self._is_pending(name):
             return {"state": "pending", "why": "it waits for its confirmation"}
         values = self.computer.load(OUTCOME) or {}
         if values.get("id") != name:
@@ -194,7 +194,7 @@ class NetworkChange:
                 before = now.get("text") or ""
                 result = before if OURS in before else ""  # somebody else's may hold the key of a radio network
                 self.diff.append({"before_header": path, "after_header": path, "before": result, "after": text or ""})
-        if self.desired.by == "networkd" and not self._networkd("is-enabled", "enabled"):
+        if self.desired.by == "networkd" and not self._is_networkd_state("is-enabled", "enabled"):
             entries.append({"path": _ENABLED_LINK, "link": _UNIT})
             self.changes.append(f"unit {_NETWORKD} enabled")
         if not self.changes:
@@ -210,7 +210,7 @@ class NetworkChange:
         with computer.hold_lock():
             if computer.load(PENDING) is not None:
                 raise ModuleError("another run is changing the network of this computer", "let it come to its end")
-            active = self._networkd("is-active", "active")
+            active = self._is_networkd_state("is-active", "active")
             previous = {
                 "files": [state_of(computer, entry["path"]) for entry in entries],
                 "interfaces": interfaces,
@@ -275,7 +275,7 @@ class NetworkChange:
         ]
         return list(dict.fromkeys([self.desired.interface, *there]))
 
-    def _networkd(self, verb: str, word: str) -> bool:
+    def _is_networkd_state(self, verb: str, word: str) -> bool:
         return self.computer.run(("systemctl", verb, _NETWORKD)).output.split("\n")[0].startswith(word)
 
     def _end_earlier(self) -> None:
@@ -285,7 +285,7 @@ class NetworkChange:
             return
         is_armed = self.computer.run(("systemctl", "is-active", BACK_TIMER)).output == "active"
         if not is_armed:
-            self._take_back_now()
+            self._start_rollback()
         if self.look(pending["id"], self.desired.rollback_s + _MARGIN_S)["state"] == "pending":
             raise ModuleError(
                 "an earlier change of the network still waits for its confirmation",
@@ -298,21 +298,21 @@ class NetworkChange:
         if not missing:
             return ""
         with self.computer.hold_lock():
-            if self._pending(name):
+            if self._is_pending(name):
                 self.computer.write(PENDING, json.dumps({"id": name, "unconfirmed": missing}))
         return "; ".join(self.desired.wait_until_reachable(self.computer, _SETTLED_S))
 
-    def _take_back_now(self) -> None:
+    def _start_rollback(self) -> None:
         self.computer.run(("systemctl", "start", "--no-block", BACK))
 
-    def _pending(self, name: str) -> bool:
+    def _is_pending(self, name: str) -> bool:
         pending = self.computer.load(PENDING)
         return pending is not None and pending["id"] == name
 
     def _wait_applied(self, name: str) -> bool:
         """Wait until the tool has ended; False if the change is no longer waiting."""
         end = time.monotonic() + self.desired.rollback_s
-        while self._pending(name) and time.monotonic() < end:
+        while self._is_pending(name) and time.monotonic() < end:
             if (self.computer.load(APPLIED_PATH) or {}).get("ended_s") is not None:
                 return True
             time.sleep(_PAUSE_S)
@@ -321,7 +321,7 @@ class NetworkChange:
     def _keep(self, name: str) -> None:
         """Make the new configuration permanent; it is so from the moment that the pending marker is removed."""
         with self.computer.hold_lock():
-            if not self._pending(name):
+            if not self._is_pending(name):
                 return
             values = {"id": name, "confirmed": True, "why": "a new session has confirmed it"}
             self.computer.write(OUTCOME, json.dumps(values))

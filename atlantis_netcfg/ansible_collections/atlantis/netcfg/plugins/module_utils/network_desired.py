@@ -42,9 +42,9 @@ def find_conflicting_files(
     ignored_paths = removed_paths | {local}
     conflicts = [
         *_of_netplan(computer, interface, ignored_paths),
-        *_of_ifupdown(computer, interface, ignored_paths),
+        *_ifupdown_files(computer, interface, ignored_paths),
         *_of_networkd(computer, interface, local, ignored_paths),
-        *_of_network_manager(computer, interface, ignored_paths),
+        *_network_manager_files(computer, interface, ignored_paths),
     ]
     return sorted(set(conflicts))
 
@@ -79,14 +79,14 @@ def matches_interface(computer: NetworkComputer, text: str, interface: str) -> b
     rows = re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", section.group(1), re.MULTILINE) if section else []
     mac = (computer.read(f"/sys/class/net/{interface}/address") or "").strip().lower()
     for key, value in rows:
-        if key == "Name" and not _among(interface, value.split()):
+        if key == "Name" and not _is_matching_name(interface, value.split()):
             return False
         if key in ("MACAddress", "PermanentMACAddress") and mac not in value.lower().replace("-", ":").split():
             return False
     return bool(rows)
 
 
-def _among(name: str, patterns: list[str]) -> bool:
+def _is_matching_name(name: str, patterns: list[str]) -> bool:
     if patterns and patterns[0].startswith("!"):
         return not any(fnmatch.fnmatchcase(name, pattern.lstrip("!")) for pattern in patterns)
     return any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
@@ -123,8 +123,10 @@ def stanzas(computer: NetworkComputer) -> list[tuple[str, str]]:
     ]
 
 
-def _of_ifupdown(computer: NetworkComputer, interface: str, ignored_paths: frozenset[str]) -> Iterator[str]:
-    return (path for path, name in stanzas(computer) if path not in ignored_paths and _among(interface, [name]))
+def _ifupdown_files(computer: NetworkComputer, interface: str, ignored_paths: frozenset[str]) -> Iterator[str]:
+    return (
+        path for path, name in stanzas(computer) if path not in ignored_paths and _is_matching_name(interface, [name])
+    )
 
 
 def _included_files(computer: NetworkComputer, path: str) -> Iterator[str]:
@@ -159,7 +161,7 @@ def _of_networkd(computer: NetworkComputer, interface: str, local: str, ignored_
                 yield path
 
 
-def _of_network_manager(computer: NetworkComputer, interface: str, ignored_paths: frozenset[str]) -> Iterator[str]:
+def _network_manager_files(computer: NetworkComputer, interface: str, ignored_paths: frozenset[str]) -> Iterator[str]:
     for path in _glob(computer, f"{_PROFILES}/*.nmconnection"):
         row = rf"^interface-name={re.escape(interface)}\s*$"
         if path not in ignored_paths and re.search(row, computer.read(path) or "", re.MULTILINE):
@@ -270,12 +272,12 @@ class DesiredNetwork:
         """Return what is not in effect, or that the gateway does not respond; wait until neither or the timeout."""
         end = time.monotonic() + patience_s
         while True:
-            missing = self.list_deviations(computer) or self._silent(computer)
+            missing = self.list_deviations(computer) or self._gateway_problems(computer)
             if not missing or time.monotonic() >= end:
                 return missing
             time.sleep(_PAUSE_S)
 
-    def _silent(self, computer: NetworkComputer) -> list[str]:
+    def _gateway_problems(self, computer: NetworkComputer) -> list[str]:
         self._trigger_arp()
         text = computer.run(("ip", "-json", "-4", "neighbour", "show", self.gateway, "dev", self.interface)).output
         neighbours = json.loads(text or "[]")
@@ -306,7 +308,9 @@ class DesiredNetwork:
             raise ModuleError(
                 f"there is no interface {self.interface}; there is: {others}", "correct `network: {interface: …}`"
             )
-        complaint = {"netplan": self._by_netplan, "ifupdown": self._by_ifupdown, "networkd": self._by_networkd}[self.by]
+        complaint = {"netplan": self._by_netplan, "ifupdown": self._check_with_ifupdown, "networkd": self._by_networkd}[
+            self.by
+        ]
         if text := complaint(computer):
             raise ModuleError(f"{self.by} does not take the new configuration: {text}", "nothing was changed")
 
@@ -343,7 +347,7 @@ class DesiredNetwork:
             return text
         return f"it makes nothing for {self.interface}; does another file of /etc/netplan name a `renderer`?"
 
-    def _by_ifupdown(self, computer: NetworkComputer) -> str:
+    def _check_with_ifupdown(self, computer: NetworkComputer) -> str:
         with tempfile.NamedTemporaryFile("w", prefix="atlantis-interfaces-", encoding="utf-8") as file:
             file.write(self.content)
             file.flush()

@@ -62,7 +62,7 @@ class NetworkComputer:
 
     def write(self, path: str, text: str, mode: int = 0o600, owner: tuple[int, int] | None = None) -> None:
         """Replace a file so that a power cut leaves the old one or the new one."""
-        beside = self._beside(path)
+        beside = self._temporary_path(path)
         with contextlib.suppress(FileNotFoundError):
             os.unlink(beside)
         handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -78,7 +78,7 @@ class NetworkComputer:
 
     def link(self, path: str, target: str) -> None:
         """Replace the file at a path by a symbolic link."""
-        beside = self._beside(path)
+        beside = self._temporary_path(path)
         with contextlib.suppress(FileNotFoundError):
             os.unlink(beside)
         os.symlink(target, beside)
@@ -117,7 +117,7 @@ class NetworkComputer:
         finally:
             os.close(handle)
 
-    def _beside(self, path: str) -> str:
+    def _temporary_path(self, path: str) -> str:
         folder, name = os.path.split(path)
         self.make(folder)
         return self.at(f"{folder}/.{name}.atlantis-new")

@@ -119,17 +119,17 @@ def apply(computer: NetworkComputer) -> None:
         complaints = activate(computer, desired_manifest, previous)
         computer.write(APPLIED_PATH, json.dumps({"id": pending["id"], "ended_s": boot_time()}))
         if complaints:
-            _back(computer, complaints[0])
+            _roll_back(computer, complaints[0])
 
 
 def roll_back(computer: NetworkComputer) -> None:
     """Roll back an unconfirmed change. Raises OSError if a file could not be restored."""
     computer.run(("systemctl", "stop", APPLY_UNIT))
     with computer.hold_lock():
-        _back(computer)
+        _roll_back(computer)
 
 
-def _back(computer: NetworkComputer, why: str | None = None) -> None:
+def _roll_back(computer: NetworkComputer, why: str | None = None) -> None:
     pending, previous = computer.load(PENDING), computer.load(PREVIOUS)
     if pending is None or previous is None:
         return
@@ -139,7 +139,7 @@ def _back(computer: NetworkComputer, why: str | None = None) -> None:
         activate(computer, previous, desired_manifest)
         _settle(computer, previous, desired_manifest)
     put(computer, previous)
-    _close(computer, pending, why or pending["unconfirmed"])
+    _close_change(computer, pending, why or pending["unconfirmed"])
 
 
 def _settle(computer: NetworkComputer, previous: Manifest, desired_manifest: Manifest) -> None:
@@ -167,10 +167,10 @@ def boot(computer: NetworkComputer) -> None:
         put(computer, previous)
         if any(item["path"].startswith("/etc/netplan/") for item in previous["files"]):
             computer.run(("netplan", "generate"))  # its own generator has run before us, with the files of the change
-        _close(computer, pending, "the computer was started anew before a new session had confirmed it")
+        _close_change(computer, pending, "the computer was started anew before a new session had confirmed it")
 
 
-def _close(computer: NetworkComputer, pending: Manifest, why: str) -> None:
+def _close_change(computer: NetworkComputer, pending: Manifest, why: str) -> None:
     computer.write(OUTCOME, json.dumps({"id": pending["id"], "confirmed": False, "why": why}))
     computer.remove(PENDING)
     computer.remove(APPLIED_PATH)

@@ -31,14 +31,14 @@ class SshClient:
 
 def client(environment: Mapping[str, str]) -> SshClient | None:
     """Return the SSH session of this process: its `SSH_CONNECTION`, or an ancestor's if sudo has dropped it."""
-    text = environment.get("SSH_CONNECTION") or _of_ancestors()
+    text = environment.get("SSH_CONNECTION") or _read_ssh_connection()
     words = text.split()
     if len(words) != 4 or not words[3].isdigit():  # noqa: PLR2004 - ssh(1): client address, port, server address, port
         return None
     return SshClient(words[0].partition("%")[0], int(words[3]))
 
 
-def _of_ancestors() -> str:
+def _read_ssh_connection() -> str:
     pid = "self"
     for _ in range(_ANCESTORS):
         try:

@@ -356,7 +356,7 @@ def verify(
     for path, digest in files.items():
         if _digest(server.tree.read(path) or b"") != digest:
             problems.append(f"{path} is not what it has to be")
-    problems += _passing(server, addresses) if addresses else []
+    problems += _firewall_problems(server, addresses) if addresses else []
     there = [
         f"{their['common_name']} has a session from {their['real']}"
         for their in filter_sessions(sessions, common_names, addresses)
@@ -376,7 +376,7 @@ def verify(
     }
 
 
-def _passing(server: ManagedServer, addresses: Sequence[str]) -> list[str]:
+def _firewall_problems(server: ManagedServer, addresses: Sequence[str]) -> list[str]:
     try:
         inside = server.firewall.members()
     except ModuleError as refused:

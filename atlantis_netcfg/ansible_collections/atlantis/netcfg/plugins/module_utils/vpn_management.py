@@ -119,7 +119,7 @@ class ManagementSocket:
 
         The session remains until the client exits, or for five seconds more if the client ignores the order.
         """
-        return self._order(f"client-kill {int(cid)} HALT")
+        return self._run_command(f"client-kill {int(cid)} HALT")
 
     def kill(self, real: str) -> str:
         """End a session at once, by its client's real address, without notifying the client. Return the reply.
@@ -129,9 +129,9 @@ class ManagementSocket:
         """
         if not _REAL.fullmatch(real):
             raise ValueError(f"no address and port of a client: {real!r}")
-        return self._order(f"kill {real}")
+        return self._run_command(f"kill {real}")
 
-    def _order(self, command: str) -> str:
+    def _run_command(self, command: str) -> str:
         self._send(command)
         end = time.monotonic() + self._patience_s
         while True:

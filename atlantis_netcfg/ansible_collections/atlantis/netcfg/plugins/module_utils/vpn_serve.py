@@ -216,12 +216,12 @@ def unpack_line(line: bytes) -> dict[str, Any]:
 def main() -> None:
     """Serve requests until the input ends. A link that breaks does not stop a request in progress."""
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    _tell({"id": 0, "done": {"python": platform.python_version(), "root": os.geteuid() == 0}})
+    _write_response({"id": 0, "done": {"python": platform.python_version(), "root": os.geteuid() == 0}})
     for line in iter(sys.stdin.buffer.readline, b""):
-        _tell(_answer(line.strip()))
+        _write_response(_answer_request(line.strip()))
 
 
-def _answer(line: bytes) -> dict[str, Any]:
+def _answer_request(line: bytes) -> dict[str, Any]:
     number = None
     try:
         request = unpack_line(line)
@@ -237,6 +237,6 @@ def _answer(line: bytes) -> dict[str, Any]:
         return {"id": number, "broken": f"{type(error).__name__}: {error}"}
 
 
-def _tell(values: dict[str, Any]) -> None:
+def _write_response(values: dict[str, Any]) -> None:
     sys.stdout.buffer.write(MARK.encode() + pack_line(values) + b"\n")
     sys.stdout.buffer.flush()

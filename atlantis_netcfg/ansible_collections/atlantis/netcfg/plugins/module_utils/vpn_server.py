@@ -83,23 +83,23 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
             "the server was set up by another authority: `provision site=…` brings this one's",
         )
     if old is not None and old.is_signed and new != old:
-        _follow(new, old)
+        _require_newer_crl(new, old)
     if new.begins > now:
         raise ModuleError(
-            f"by the server's clock ({_words(now)}) the new list of revoked certificates is not valid yet: nobody "
-            "could connect any more",
+            f"by the server's clock ({_format_time(now)}) the new list of revoked certificates is not valid yet: "
+            "nobody could connect any more",
             "set the clocks right: `date` on both computers, `timedatectl` on the server",
         )
     if new.ends <= now:
         raise ModuleError(
-            f"by the server's clock ({_words(now)}) the new list of revoked certificates has expired: nobody could "
-            "connect any more",
+            f"by the server's clock ({_format_time(now)}) the new list of revoked certificates has expired: nobody "
+            "could connect any more",
             "`date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
         )
     return new
 
 
-def _follow(new: Crl, old: Crl) -> None:
+def _require_newer_crl(new: Crl, old: Crl) -> None:
     lost_count = len(old.serials - new.serials)
     if new.number > old.number and not lost_count:
         return
@@ -120,7 +120,7 @@ def _seconds(text: str) -> int:
     return calendar.timegm(time.strptime(text.strip(), "%b %d %H:%M:%S %Y GMT"))
 
 
-def _words(now: float) -> str:
+def _format_time(now: float) -> str:
     return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(now))
 
 

@@ -112,20 +112,20 @@ class BundleStore:
 
         `files` None: the list stored when the bundle was assembled. `check`: change nothing.
         """
-        with _words(self.folder):
+        with _translate_errors(self.folder):
             result = files if files is not None else self._listed_files(name)
             if result is None:
                 return BundleStatus(False, False, (), ())
-            if self._whole(name, result):
+            if self._is_complete(name, result):
                 return BundleStatus(True, True, (), () if check else tuple(self._prune(name, result)))
             if not check:
-                self._ready()
+                self._prepare_folders()
                 self._take_in({entry.sha256: entry for entry in result})
             missing = tuple(sorted({entry.sha256 for entry in result if not self._has(entry, check=check)}))
             if missing or check:
                 self._refuse_if_full({item.sha256: item.size for item in result if item.sha256 in missing})
                 return BundleStatus(False, True, missing, ())
-            self._compose(name, result)
+            self._assemble_folder(name, result)
             return BundleStatus(True, True, (), (f"bundle {name} put together", *self._prune(name, result)))
 
     def _listed_files(self, name: str) -> tuple[StoredFile, ...] | None:
@@ -135,12 +135,12 @@ class BundleStore:
         except (FileNotFoundError, ValueError, TypeError):
             return None
 
-    def _whole(self, name: str, result: tuple[StoredFile, ...]) -> bool:
+    def _is_complete(self, name: str, result: tuple[StoredFile, ...]) -> bool:
         if self._listed_files(name) != result:
             return False
         return all(_is(os.path.join(self.folder, name, item.path), item) for item in result)
 
-    def _ready(self) -> None:
+    def _prepare_folders(self) -> None:
         os.makedirs(self.folder, mode=0o755, exist_ok=True)
         for place, owner in ((self._store, os.geteuid()), (self._incoming, self.owner)):
             with contextlib.suppress(FileExistsError):
@@ -159,10 +159,10 @@ class BundleStore:
                     item = files_by_hash.get(member.name)
                     content = archive.extractfile(member) if item is not None else None
                     if item is not None and content is not None and not self._has(item, check=False):
-                        self._keep(item, content)
+                        self._store_file(item, content)
             os.unlink(path)
 
-    def _keep(self, item: StoredFile, content: IO[bytes]) -> None:
+    def _store_file(self, item: StoredFile, content: IO[bytes]) -> None:
         scratch = os.path.join(self._store, ".new")
         digest = hashlib.sha256()
         with contextlib.suppress(FileNotFoundError):
@@ -203,7 +203,7 @@ class BundleStore:
                 "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` tells where",
             )
 
-    def _compose(self, name: str, result: tuple[StoredFile, ...]) -> None:
+    def _assemble_folder(self, name: str, result: tuple[StoredFile, ...]) -> None:
         new, place = os.path.join(self.folder, f".{name}.new"), os.path.join(self.folder, name)
         shutil.rmtree(new, ignore_errors=True)
         os.mkdir(new, 0o755)
@@ -250,7 +250,7 @@ def _is(path: str, item: StoredFile) -> bool:
 
 
 @contextlib.contextmanager
-def _words(folder: str) -> Iterator[None]:
+def _translate_errors(folder: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:

@@ -76,19 +76,19 @@ class Clock:
         """Set the clock to `now`, in seconds since 1970, unless it is near or synchronised. Raises ModuleError."""
         if now < _OLDEST.timestamp():
             raise ModuleError(
-                f"the clock of this laptop is wrong ({_in_words(now)}): it cannot set another clock",
+                f"the clock of this laptop is wrong ({_format_time(now)}): it cannot set another clock",
                 "set the clock of your own computer, and type the same again",
             )
         was = self.read()
         if abs(was - now) <= tolerance_s:
             return
-        off = _off(was - now)
+        off = _describe_offset(was - now)
         if self._follows():
             self.notes.append(f"its clock is {off} of your computer's, and follows a time server: look at your own")
             return
         if not self.check:
             self._set(now, off)
-        self.changes.append(f"clock set: it was {off} ({_in_words(was)})")
+        self.changes.append(f"clock set: it was {off} ({_format_time(was)})")
 
     def _set(self, now: float, off: str) -> None:
         try:
@@ -108,13 +108,13 @@ class Clock:
         return self.run(["timedatectl", "show", "--property", "NTPSynchronized", "--value"]).output.strip() == "yes"
 
 
-def _off(seconds: float) -> str:
+def _describe_offset(seconds: float) -> str:
     word = "ahead" if seconds > 0 else "behind"
     size = abs(seconds)
     return f"{size / _DAY_S:.0f} days {word}" if size >= 2 * _DAY_S else f"{size:.0f} s {word}"
 
 
-def _in_words(moment: float) -> str:
+def _format_time(moment: float) -> str:
     return datetime.fromtimestamp(moment, timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
 
 

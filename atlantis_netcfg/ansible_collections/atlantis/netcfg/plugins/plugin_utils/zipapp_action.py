@@ -164,11 +164,11 @@ def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
         words = f"this computer has Python {is_there}, and at least {required_version} is needed"
         return {"failed": True, "msg": words, "hint": "that comes with Ubuntu 20.04 and Debian 11"}
     if values["rc"] == _NOT_FOUND:
-        last = _last(str(values["stderr"]).split("\n"))
+        last = _last_lines(str(values["stderr"]).split("\n"))
         words = f"this computer has no Python where it is looked for: {last}"
         hint = "`apt-get install python3` on it; `ansible_python_interpreter` tells where it is otherwise"
         return {"failed": True, "msg": words, "hint": hint}
-    last = _last([*lines, *str(values["stderr"]).split("\n")])
+    last = _last_lines([*lines, *str(values["stderr"]).split("\n")])
     words = f"{name} was cut off on this computer (exit {values['rc']})" + (f":\n{last}" if last else " without a word")
     return {"failed": True, "msg": words, "hint": "type the same again: it goes on from whatever was left"}
 
@@ -184,5 +184,5 @@ def mask_secrets(result: Mapping[str, Any], secrets: Iterable[str]) -> dict[str,
     return plain | {key: value for key, value in result.items() if value is None or isinstance(value, bool)}
 
 
-def _last(lines: list[str]) -> str:
+def _last_lines(lines: list[str]) -> str:
     return "\n".join([line.rstrip() for line in lines if line.strip()][-_LAST_LINES:])

@@ -36,7 +36,7 @@ def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
         _fail(mark, "the toolkit's program did not arrive whole", "type the same again")
     name = f"{sha256}.pyz"
     try:
-        _place(folder, name, tool)
+        _install_file(folder, name, tool)
     except OSError as error:
         words: dict[str, Any] = {"__name__": "errors"}
         exec(zipfile.ZipFile(io.BytesIO(tool)).read(WORDS), words)  # noqa: S102 - what has just been compared
@@ -47,7 +47,7 @@ def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
     runpy.run_path(sys.argv[0], run_name="__main__")
 
 
-def _place(folder: str, name: str, content: bytes) -> None:
+def _install_file(folder: str, name: str, content: bytes) -> None:
     before = os.umask(0o022)
     try:
         os.makedirs(folder, exist_ok=True)
