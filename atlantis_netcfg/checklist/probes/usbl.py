@@ -44,6 +44,8 @@ _BELOW = (
     rb"(?:(?:0[3-9A-F]|[1-9A-F][0-9A-F])[0-9A-F]{2}|[0-9A-F]{2}(?!00)[0-9A-F]{2})0000"  # 3 dm and deeper
 )
 _ANSWERED_S = 10.0
+_READY_S = 6.0
+"""For each response that allows the ping: a busy laptop delays them in a rehearsal, a busy vehicle always."""
 _BUSY, _TIMEOUT = 0x30, 0x34
 
 
@@ -77,10 +79,10 @@ class Ping:
     def _question(self) -> base.Listen:
         end_pattern = rb"(?i)\$(?:42[0-9A-F]{2}%02X[0-9A-F]+|43[0-9A-F]{8}|40(?!00)[0-9A-F]{8})[\r\n]" % self.beacon
         say = (
-            ask_seatrac(seatrac.TRANSCEIVER, _IDLE),
-            ask_seatrac(seatrac.STATUS, _BELOW),
+            ask_seatrac(seatrac.TRANSCEIVER, _IDLE, within_s=_READY_S),
+            ask_seatrac(seatrac.STATUS, _BELOW, within_s=_READY_S),
             # Twice: a script cannot work out the checksum of an answer, and a damaged one rarely shows a depth again.
-            ask_seatrac(seatrac.STATUS, _BELOW),
+            ask_seatrac(seatrac.STATUS, _BELOW, within_s=_READY_S),
             ping(self.beacon, self.consent, end_pattern, within_s=_ANSWERED_S),
         )
         return self.modem.listen(f"ping from {self.modem.where}", say, listen_s=0.0, turn=WATER)
@@ -154,7 +156,8 @@ class Ping:
             hint = "have its crew let the status tell the environment; without a depth nothing is sent"
             return LinkFinding(Verdict.INCONCLUSIVE, "depth-unknown", message, hint)
         if status.depth_m >= _DEPTH_M:
-            message = f"the beacon of {self.name} has not answered the ping command"
+            # The transcript does not show what was sent: a depth that came too late sends no ping.
+            message = f"the beacon of {self.name} responded too late to be pinged, or not to the ping command"
             return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
         message = f"no ping was sent: the beacon of {self.name} measures a depth of {status.depth_m:.1f} m, as in air"
         hint = f"put the vehicle into the water: from {_DEPTH_M} m on the ping is sent"
