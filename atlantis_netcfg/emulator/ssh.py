@@ -64,17 +64,17 @@ def _serve(connection: socket.socket, command: Sequence[str], environment: Mappi
         return
     lock, end_event = threading.Lock(), threading.Event()
 
-    def frame(kind: bytes, number: int, data: bytes = b"") -> None:
+    def send_frame(kind: bytes, number: int, data: bytes = b"") -> None:
         with lock, contextlib.suppress(OSError):
             connection.sendall(_FRAME.pack(kind, number) + data)
 
     def send_keepalives() -> None:
         while not end_event.wait(_ALIVE_S):
-            frame(_ALIVE, 0)
+            send_frame(_ALIVE, 0)
 
     def frames(source: IO[bytes], kind: bytes) -> None:
         while data := os.read(source.fileno(), _PIECE):
-            frame(kind, len(data), data)
+            send_frame(kind, len(data), data)
 
     with subprocess.Popen(  # noqa: S603 - a program of ours
         command,
@@ -94,7 +94,7 @@ def _serve(connection: socket.socket, command: Sequence[str], environment: Mappi
         frames(process.stdout, _OUT)
         errors.join()
         end_event.set()
-        frame(_END, process.wait() & 0xFF)
+        send_frame(_END, process.wait() & 0xFF)
 
 
 def _copy(source: IO[bytes], target: IO[bytes]) -> None:

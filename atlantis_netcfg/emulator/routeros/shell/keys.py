@@ -99,11 +99,11 @@ class Keyboard:
     def feed(self, data: bytes) -> Iterator[str | Key | Position]:
         """Yield keys, and text as single characters."""
         for char in self._decoder.decode(data):
-            key = self._key(char)
+            key = self._parse_key(char)
             if key is not None:
                 yield key
 
-    def _key(self, char: str) -> str | Key | Position | None:
+    def _parse_key(self, char: str) -> str | Key | Position | None:
         if self._escape is not None:
             return self._sequence(char)
         was_return, self._returned = self._returned, char == "\r"

@@ -138,7 +138,7 @@ class BundleStore:
     def _is_complete(self, name: str, result: tuple[StoredFile, ...]) -> bool:
         if self._listed_files(name) != result:
             return False
-        return all(_is(os.path.join(self.folder, name, item.path), item) for item in result)
+        return all(_has_content(os.path.join(self.folder, name, item.path), item) for item in result)
 
     def _prepare_folders(self) -> None:
         os.makedirs(self.folder, mode=0o755, exist_ok=True)
@@ -184,7 +184,7 @@ class BundleStore:
     def _has(self, item: StoredFile, *, check: bool) -> bool:
         """Return whether the store has the content; remove a damaged copy."""
         path = os.path.join(self._store, item.sha256)
-        if _is(path, item):
+        if _has_content(path, item):
             return True
         if not check:
             with contextlib.suppress(FileNotFoundError):
@@ -235,7 +235,7 @@ class BundleStore:
                     os.unlink(os.path.join(place, entry))
 
 
-def _is(path: str, item: StoredFile) -> bool:
+def _has_content(path: str, item: StoredFile) -> bool:
     """Return whether the file at a path has that content."""
     try:
         if os.lstat(path).st_size != item.size:
