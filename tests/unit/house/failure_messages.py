@@ -28,11 +28,12 @@ REASONS = {
     "routeros/guard/_route.py": "*",
     "routeros/planner/__init__.py": "_find_unsupported _version_problem",
     "routeros/commands.py": "objections",
-    "routeros/apply/_change.py": "_policies _certificates _features",
+    "routeros/apply/_change.py": "_missing_policies _missing_certificates _forbidden_features",
     "routeros/apply/_executor.py": "_summary _describe_no_protection",
     "routeros/apply/_work.py": "find_missing_consent",
     "vpn/authority/ledger_session.py": "beyond_record",
-    "vpn/authority/check.py": "_check_unsigned_lines _check_unfinished _times _server _certificates _disagreements",
+    "vpn/authority/check.py": "_check_unsigned_lines _check_unfinished _check_times _check_server _check_certificates"
+    " _disagreements",
     "vpn/ledger/file.py": "read",
 }
 """Functions whose texts are passed on by a message: what they return, yield, or name `damage` or `text`."""

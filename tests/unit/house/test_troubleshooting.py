@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from failure_messages import LEAST, Message, failing, messages, passed_on, read
+from failure_messages import LEAST, PACKAGE, REASONS, Message, failing, messages, passed_on, read
 
 from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
 
@@ -156,6 +156,13 @@ def test_messages_are_extracted_from_source(base: str) -> None:
         "…: the first has gone!",
         "…: the second has gone!",
     ]
+
+
+def test_every_function_with_reasons_exists() -> None:
+    for file, functions in REASONS.items():
+        nodes = ast.walk(ast.parse((PACKAGE / file).read_text()))
+        defined = {node.name for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)}
+        assert set(functions.split()) - {"*"} <= defined, file
 
 
 def test_reasons_are_read_only_from_their_modules() -> None:
