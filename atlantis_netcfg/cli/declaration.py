@@ -38,14 +38,11 @@ VALIDATE = syntax.CommandSpec(
 
 def run_validate(arguments: syntax.Arguments) -> ExitCode:
     """Run `validate`: print what was checked, or list every error."""
-    from pathlib import Path
-
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import InventoryInvalid, load
     from atlantis_netcfg.inventory.robots.reading import load_robots
 
-    inventory_name = arguments.optional("inventory")
-    inventory = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
+    inventory = paths.inventory_folder(arguments.optional("inventory"))
     try:
         pilot_inventory = load(inventory)
         sources, _ = load_robots(pilot_inventory)
@@ -175,8 +172,7 @@ def run_dds(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.links.standing_traffic import TrafficSource
     from atlantis_netcfg.operations.common.traffic_budget import standing_traffic
 
-    inventory_name = arguments.optional("inventory")
-    inventory = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    inventory = load(paths.inventory_folder(arguments.optional("inventory")))
     (host,) = choose(inventory, arguments.word("site"), (arguments.word("host"),))
     views = profile_views(inventory, host, arguments.optional("distribution"))
     files = {name: text for view in views for name, text in profiles(view).items()}
