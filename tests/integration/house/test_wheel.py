@@ -67,8 +67,8 @@ def install(tmp_path_factory: pytest.TempPathFactory) -> Install:
         (place / folder).mkdir()
     subprocess.run([sys.executable, "-I", "-m", "venv", "--without-pip", place / "environment"], check=True)
     python = place / "environment" / "bin" / "python"
-    pip = [sys.executable, "-I", "-m", "pip", "--python", python, "install", "--quiet", "--no-index", "--no-deps"]
-    subprocess.run([*pip, "--disable-pip-version-check", wheel], check=True)
+    pip = [sys.executable, "-I", "-m", "pip", "--python", str(python), "install", "--quiet", "--no-index", "--no-deps"]
+    subprocess.run([*pip, "--disable-pip-version-check", str(wheel)], check=True)
     result = Install(place, wheel)
     (result.package.parent / "dependencies.pth").write_text(sysconfig.get_path("purelib"))
     return result
@@ -88,9 +88,7 @@ def test_the_installed_package_has_everything_of_the_checkout(install: Install) 
     for name in ("inventory", "playbooks", "roles", "templates"):
         shipped = {path.relative_to(tree / name) for path in (tree / name).rglob("*") if path.is_file()}
         copy = install.package / "share" / name
-        assert {
-            path.relative_to(copy) for path in copy.rglob("*") if path.is_file() and path.suffix != ".pyc"
-        } == shipped
+        assert {path.relative_to(copy) for path in install.files() if path.is_relative_to(copy)} == shipped
     modules = {path.relative_to(tree / "atlantis_netcfg") for path in (tree / "atlantis_netcfg").rglob("*")}
     files = {path.relative_to(install.package) for path in install.files()}
     assert {path for path in modules if (tree / "atlantis_netcfg" / path).is_file()} <= files
