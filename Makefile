@@ -19,7 +19,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 # Container images like to set it; then each of the thousands of processes of a test run would compile our modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help rehearse test test-full affected costs quick mutants lint docs pictures campaign satcom test-arm64 bench clean
+.PHONY: help rehearse test test-full affected costs quick mutants lint docs pictures campaign satcom test-arm64 bench release clean
 
 help: ## list the targets
 	@echo "make TARGET, where TARGET is one of:"
@@ -87,6 +87,10 @@ bench: ## measure us and our peers on slow links, write docs/benchmarks.md (BENC
 	@tools/develop system
 	@tools/strangers
 	python -m bench --write docs/benchmarks.md $(BENCH_ARGS)
+
+release: ## build the wheel of the newest commit into dist/, install it in an empty environment and use it there
+	@tools/develop
+	@tools/release
 
 clean: ## remove .venv and everything that tools left behind
 	rm -rf .venv .venv-setup .venv-strangers .ansible .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist *.egg-info

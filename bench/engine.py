@@ -18,7 +18,6 @@ from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.common.request import Target
 from atlantis_netcfg.operations.common.session_link import LAN
 from atlantis_netcfg.operations.common.vault import Vault
-from bench.declared import CHECKOUT
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Event
@@ -42,7 +41,7 @@ def main() -> int:
         moments.append(time.perf_counter())
 
     vault = Vault()
-    runner = PlaybookRunner(CHECKOUT, load(Path(inventory), decrypt=vault.decrypt), vault)
+    runner = PlaybookRunner(load(Path(inventory), decrypt=vault.decrypt), vault)
     outcome = runner.play(list(targets), request, seen)
     for name, result in outcome.devices.items():
         print(f"{name}: {result['message']}")

@@ -74,14 +74,12 @@ def run_adopt(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _load_inventory(arguments: syntax.Arguments) -> tuple[Inventory, Host]:
-    from pathlib import Path
 
     from atlantis_netcfg.cli.base.passphrase import vault_of
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose, load
 
-    inventory_name = arguments.optional("inventory")
-    root = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
+    root = paths.inventory_folder(arguments.optional("inventory"))
     inventory = load(root, decrypt=vault_of(arguments).decrypt)
     (host,) = choose(inventory, arguments.word("site"), [arguments.word("device")])
     return inventory, host

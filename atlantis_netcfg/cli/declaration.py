@@ -38,14 +38,11 @@ VALIDATE = syntax.CommandSpec(
 
 def run_validate(arguments: syntax.Arguments) -> ExitCode:
     """Run `validate`: print what was checked, or list every error."""
-    from pathlib import Path
-
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import InventoryInvalid, load
     from atlantis_netcfg.inventory.robots.reading import load_robots
 
-    inventory_name = arguments.optional("inventory")
-    inventory = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
+    inventory = paths.inventory_folder(arguments.optional("inventory"))
     try:
         pilot_inventory = load(inventory)
         sources, _ = load_robots(pilot_inventory)
@@ -88,7 +85,7 @@ def _print_valid(inventory: Inventory, warnings: Sequence[Finding], arguments: s
     for name, some in names_by_kind.items():
         print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
     _tell_warnings(warnings)
-    _tell_examples(inventory, lists_all=arguments.flag("examples"))
+    _tell_examples(inventory, arguments)
     return ExitCode.DONE
 
 
@@ -117,20 +114,23 @@ def _tell_warnings(warnings: Sequence[Finding]) -> None:
         print(translate(report(warnings, warnings=True)))
 
 
-def _tell_examples(inventory: Inventory, *, lists_all: bool) -> None:
+def _tell_examples(inventory: Inventory, arguments: syntax.Arguments) -> None:
+    from atlantis_netcfg.cli.base.output import as_typed, carried_words
     from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.inventory.examples import by_line
 
-    examples = inventory.examples
+    examples, lists_all = inventory.examples, arguments.flag("examples")
+    words = carried_words(arguments)
     for line in by_line(examples) if lists_all else ():
         print(f"  {line}")
     if inventory.pilot.example_values and examples:
         rehearsal = f"`provision site={next(iter(inventory.sites))} --rehearse`"
-        print(translate(f"It still holds example values: only rehearsals use it ({rehearsal})."))
+        print(as_typed(translate(f"It still holds example values: only rehearsals use it ({rehearsal})."), words))
         if lists_all:
             print(translate(f"{len(examples)} values are examples."))
         else:
-            print(translate(f"{len(examples)} values are examples: `provision validate --examples` lists them."))
+            listing = translate(f"{len(examples)} values are examples: `provision validate --examples` lists them.")
+            print(as_typed(listing, words))
     elif inventory.pilot.example_values:
         print(translate("No example value is left, but `example_values: true` says so: real runs are refused."))
         print(translate("Set `example_values: false` in group_vars/all/pilot.yml when every value is yours."))
@@ -175,8 +175,7 @@ def run_dds(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.links.standing_traffic import TrafficSource
     from atlantis_netcfg.operations.common.traffic_budget import standing_traffic
 
-    inventory_name = arguments.optional("inventory")
-    inventory = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    inventory = load(paths.inventory_folder(arguments.optional("inventory")))
     (host,) = choose(inventory, arguments.word("site"), (arguments.word("host"),))
     views = profile_views(inventory, host, arguments.optional("distribution"))
     files = {name: text for view in views for name, text in profiles(view).items()}

@@ -55,7 +55,6 @@ _WIDTH = 80
 def run_fit(arguments: syntax.Arguments) -> ExitCode:
     """Run `fit`: compute and report."""
     import sys
-    from pathlib import Path
 
     from atlantis_netcfg.core import paths, printable
     from atlantis_netcfg.core.errors import ExitCode
@@ -63,8 +62,7 @@ def run_fit(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.fit import vehicle_fit
     from atlantis_netcfg.runs import Store, utc_now
 
-    inventory_name = arguments.optional("inventory")
-    inventory = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    inventory = load(paths.inventory_folder(arguments.optional("inventory")))
     telemetry, change = _listen(arguments, inventory)
     state = paths.state_dir()
     fit = vehicle_fit(

@@ -84,7 +84,7 @@ def _source(arguments: syntax.Arguments) -> str:
 def _example_folder() -> Path:
     from atlantis_netcfg.core import paths
 
-    return paths.checkout() / "inventory"
+    return paths.resource("inventory")
 
 
 def _read(path: Path) -> tuple[InventoryAnswers, None] | InventoryInvalid:

@@ -49,8 +49,6 @@ _NAME = 19
 
 def run_doctor(arguments: syntax.Arguments) -> ExitCode:
     """Run `doctor`: check and report."""
-    from pathlib import Path
-
     from atlantis_netcfg.core import paths, printable
 
     try:
@@ -59,9 +57,8 @@ def run_doctor(arguments: syntax.Arguments) -> ExitCode:
     except ImportError as error:
         _refuse_drift(error)
         raise
-    inventory_name = arguments.optional("inventory")
     diagnosis = examine(
-        Path(inventory_name) if inventory_name else paths.checkout() / "inventory",
+        paths.inventory_folder(arguments.optional("inventory")),
         arguments.optional("site"),
         via=arguments.optional("via"),
         decrypt=vault_of(arguments).decrypt,

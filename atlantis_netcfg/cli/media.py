@@ -64,8 +64,7 @@ def run_image(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.inventory import choose, load
     from atlantis_netcfg.operations.image import ImageOrder, prepare_image
 
-    inventory_name = arguments.optional("inventory")
-    inventory = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    inventory = load(paths.inventory_folder(arguments.optional("inventory")))
     (host,) = choose(inventory, arguments.word("site"), [arguments.word("host")])
     image = Path(arguments.word("from"))
     order = ImageOrder(inventory, host, image, arguments.optional("sha256"), paths.state_dir())
@@ -228,8 +227,7 @@ def run_bundle(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens
     from atlantis_netcfg.operations.common.request import Request
 
-    inventory_name, check = arguments.optional("inventory"), arguments.optional("check")
-    inventory = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
+    inventory, check = paths.inventory_folder(arguments.optional("inventory")), arguments.optional("check")
     pilot_inventory = load(inventory)
     if check is None and has_tokens(pilot_inventory):
         pilot_inventory = load(inventory, decrypt=vault_of(arguments).decrypt)

@@ -462,13 +462,11 @@ def _replay(
 
 
 def _inventory(arguments: syntax.Arguments) -> Inventory:
-    from pathlib import Path
 
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import load
 
-    folder = arguments.optional("inventory")
-    return load(Path(folder) if folder else paths.checkout() / "inventory")
+    return load(paths.inventory_folder(arguments.optional("inventory")))
 
 
 def _require_site(inventory: Inventory, site: str) -> None:

@@ -1,4 +1,4 @@
-"""Paths: the checkout, the cache, and the state that outlives a run (journals, backups, certificates, logs)."""
+"""Paths: the shipped files, the cache, and the state that outlives a run (journals, backups, certificates, logs)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,39 @@ _HINT = "name a directory of your own: ATLANTIS_STATE=/some/directory provision 
 _CACHE_HINT = "name a directory of your own: XDG_CACHE_HOME=/some/directory provision …"
 
 
+_PACKAGE = Path(__file__).resolve().parents[1]
+_SHARE = _PACKAGE / "share"
+"""Copy of the shipped files in an installed package (setup.py); a checkout has none."""
+
+
 def checkout() -> Path:
-    """Return this package's checkout, with inventory/, playbooks/, roles/ and templates/."""
-    return Path(__file__).resolve().parents[2]
+    """Return the folder of this package: the checkout, or `site-packages` where it is installed."""
+    return _PACKAGE.parent
+
+
+def is_installed() -> bool:
+    """Return whether this package was installed from a wheel, without a checkout."""
+    return _SHARE.is_dir()
+
+
+def resource(name: str) -> Path:
+    """Return a shipped folder or file: `ansible.cfg`, `inventory`, `playbooks`, `roles` or `templates`."""
+    return (_SHARE if is_installed() else checkout()) / name
+
+
+def collections() -> Path:
+    """Return the folder that Ansible's collections_path names: it holds `ansible_collections`."""
+    return _PACKAGE
+
+
+def inventory_folder(name: str | None) -> Path:
+    """Return the inventory named on the command line; without a name, the checkout's own.
+
+    An installed program takes `inventory` in the current folder: commands write to inventories.
+    """
+    if name:
+        return Path(name)
+    return Path.cwd() / "inventory" if is_installed() else resource("inventory")
 
 
 def state_dir(environ: Mapping[str, str] | None = None) -> Path:

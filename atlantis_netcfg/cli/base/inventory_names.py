@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from contextlib import suppress
 from enum import Enum
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
 
 class Values(Enum):
@@ -42,7 +42,7 @@ def folder_of(command_line: Sequence[str]) -> Path:
     from atlantis_netcfg.core import paths
 
     inventories = [word.partition("=")[2] for word in command_line if word.startswith("inventory=")]
-    return Path(inventories[-1]).expanduser() if inventories and inventories[-1] else paths.checkout() / "inventory"
+    return paths.inventory_folder(inventories[-1] if inventories else None).expanduser()
 
 
 def names(folder: Path, values: Values, site: str = "") -> list[str]:

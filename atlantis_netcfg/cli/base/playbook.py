@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
-from atlantis_netcfg.core import errors, events
+from atlantis_netcfg.core import errors, events, paths
 from atlantis_netcfg.operations.common import play_control
 from atlantis_netcfg.operations.common.request import share_inventory
 from atlantis_netcfg.operations.common.vault import Vault, import_ansible, load_used_plugins
@@ -58,8 +58,7 @@ _LEFT_AS_FOUND = Status.LEFT_AS_FOUND.value
 class PlaybookRunner:
     """Runs Ansible in this process. The engine uses `inventory`: it does not read the inventory again."""
 
-    def __init__(self, checkout: Path, inventory: Inventory, vault: Vault) -> None:
-        self._checkout = checkout
+    def __init__(self, inventory: Inventory, vault: Vault) -> None:
         self._vault = vault
         self._inventory = inventory
         self._ansible: _Ansible | None = None
@@ -79,7 +78,7 @@ class PlaybookRunner:
         A stop signal is passed to the engine, which finishes cleanly: it is no KeyboardInterrupt here. Raises
         EngineError if the request was rejected, and no device was changed or compared.
         """
-        self._ansible = self._ansible or _Ansible(self._checkout, self._inventory.root, self._vault)
+        self._ansible = self._ansible or _Ansible(self._inventory.root, self._vault)
         control = play_control.PlayControl()
         with _EventListener(notify, on_result) as listener, control.current(), share_inventory(self._inventory):
             play_request = request.model_copy(update={"events_fd": listener.writer})
@@ -105,8 +104,8 @@ class PlaybookRunner:
 class _Ansible:
     """Ansible's objects that are reused between plays, without its command line, which would parse everything again."""
 
-    def __init__(self, checkout: Path, inventory: Path, vault: Vault) -> None:
-        self._playbook = checkout / "playbooks" / "site.yml"
+    def __init__(self, inventory: Path, vault: Vault) -> None:
+        self._playbook = paths.resource("playbooks") / "site.yml"
         if not self._playbook.is_file():
             raise errors.UsageError(
                 f"there is no {self._playbook}", hint="run `provision` from a checkout of the toolkit"

@@ -11,7 +11,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from atlantis_netcfg import inventory
@@ -33,6 +32,7 @@ from atlantis_netcfg.runs.report.run import RunReport, consent_question
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from atlantis_netcfg.inventory import Host, Inventory
     from atlantis_netcfg.operations.common.link_shapes import Replay
@@ -151,7 +151,7 @@ class CommandSession:
         request = request.model_copy(update={"accept_cost": True}) if is_paid else self.confirm_cost(request)
         names = [host.name for host in (*self.handled_hosts, *other_hosts)]
         self._refuse_early(request)
-        self._runner = self._runner or PlaybookRunner(paths.checkout(), self.inventory, self.vault)
+        self._runner = self._runner or PlaybookRunner(self.inventory, self.vault)
         with output.progress(quiet=self.as_json) as notify:
             on_result = partial(self._stream_result, sys.stdout)
             outcome = self._runner.play(names, request, notify, on_result=on_result) if names else PlayOutcome()
@@ -443,12 +443,9 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     """
     changed_devices: list[str] = []
     try:
-        inventory_name = arguments.optional("inventory")
         # Whoever logs in to a device needs its password; emulated devices get those of the real ones.
         vault = vault_of(arguments)
-        pilot_inventory = inventory.load(
-            Path(inventory_name) if inventory_name else paths.checkout() / "inventory", decrypt=vault.decrypt
-        )
+        pilot_inventory = inventory.load(paths.inventory_folder(arguments.optional("inventory")), decrypt=vault.decrypt)
         if rehearse:
             pilot_inventory = replace(pilot_inventory, decrypt=None)  # emulated robots know no token that is vaulted
         if only is None:

@@ -104,7 +104,9 @@ class Flag:
         return f"-{self.short}, --{self.name}{value}" if self.short else f"--{self.name}{value}"
 
 
-INVENTORY = Word("inventory", "folder of the declaration; the checkout's own if left out")
+INVENTORY = Word(
+    "inventory", "folder of the declaration; if left out, the checkout's own, or ./inventory where installed"
+)
 ONLY = Word("only", "only these hosts of it", many=True, example="coastal-router")
 VIA = Word("via", "the bearer over which you work, where it is not the declared one", example="4g")
 JSON = Flag("json", "print one JSON object instead of text, on errors as well")

@@ -73,13 +73,10 @@ def open_authority(arguments: syntax.Arguments) -> Authority:
 
 def load_inventory(arguments: syntax.Arguments) -> Inventory:
     """Load and validate the whole inventory; vaulted values stay encrypted."""
-    from pathlib import Path
-
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import load
 
-    inventory_name = arguments.optional(syntax.INVENTORY.name)
-    return load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    return load(paths.inventory_folder(arguments.optional(syntax.INVENTORY.name)))
 
 
 def who() -> str:

@@ -59,14 +59,11 @@ VPN_INSTALL = syntax.CommandSpec(
 
 def run_vpn_install(arguments: syntax.Arguments) -> ExitCode:
     """Run `vpn install`: read the router, ask, install, verify."""
-    from pathlib import Path
-
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import ALL, choose, load
 
-    inventory_name = arguments.optional(syntax.INVENTORY.name)
-    pilot_inventory = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
+    pilot_inventory = load(paths.inventory_folder(arguments.optional(syntax.INVENTORY.name)))
     (host,) = choose(pilot_inventory, ALL, [arguments.word("host")])
     with session(
         arguments,

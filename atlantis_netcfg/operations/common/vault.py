@@ -57,7 +57,8 @@ def import_ansible() -> None:
     stack = ExitStack()
     atexit.register(stack.close)
     ours = {
-        "ANSIBLE_CONFIG": str(paths.checkout() / "ansible.cfg"),
+        "ANSIBLE_CONFIG": str(paths.resource("ansible.cfg")),
+        "ANSIBLE_COLLECTIONS_PATH": str(paths.collections()),
         "ANSIBLE_LOCAL_TEMP": str(stack.enter_context(temporary.folder("run"))),
         "ANSIBLE_NOCOLOR": "1",
         # An inventory need not have every group of the playbook; whom a run is for was chosen before.

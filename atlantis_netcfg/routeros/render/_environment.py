@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
 
-from atlantis_netcfg.core.paths import checkout, private_cache
+from atlantis_netcfg.core import paths
 from atlantis_netcfg.routeros.rsc import quote
 
 if TYPE_CHECKING:
@@ -26,16 +26,14 @@ if TYPE_CHECKING:
 MARK = "atlantis: "
 """Start of the comment of every row that is ours."""
 
-_PACKAGE = Path(__file__).resolve().parents[2]
 _KEPT_S = 30 * 24 * 3600
 """Time for which a compiled template is kept."""
 _UNITS = (("w", 7 * 24 * 3600), ("d", 24 * 3600), ("h", 3600), ("m", 60), ("s", 1))
 
 
 def template_folder() -> Path:
-    """Return `templates/` of the checkout; in an installed wheel, the copy inside the package."""
-    beside = checkout() / "templates"
-    return beside if (beside / "routeros").is_dir() else _PACKAGE / "templates"
+    """Return the folder of the shipped templates."""
+    return paths.resource("templates")
 
 
 def environment(templates: Path | None = None) -> Environment:
@@ -78,7 +76,7 @@ def get_template_cache(*modules: str) -> FileSystemBytecodeCache | None:
     Jinja evaluates constant expressions at compile time, filters included: `modules` are the files that define
     environment and filters.
     """
-    folder = private_cache("templates")
+    folder = paths.private_cache("templates")
     if folder is None:
         return None
     sources = [version("jinja2").encode(), *(Path(module).read_bytes() for module in modules)]

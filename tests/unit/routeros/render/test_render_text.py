@@ -6,7 +6,7 @@ from jinja2 import UndefinedError
 from pydantic import TypeAdapter
 from render_declared import GOLDEN, SITES, Declaration, declaration, with_router, with_site
 
-import atlantis_netcfg
+from atlantis_netcfg.core import paths
 from atlantis_netcfg.inventory.model import Forward, Router, Transport
 from atlantis_netcfg.inventory.satellite_allow_list import derive_targets
 from atlantis_netcfg.routeros import render, rsc
@@ -182,8 +182,8 @@ def test_misspelt_template_name_is_an_error(tmp_path: Path) -> None:
 
 def test_templates_are_in_the_checkout_or_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (template_folder() / "routeros" / "router.rsc.j2").is_file()
-    monkeypatch.setattr("atlantis_netcfg.routeros.render._environment.checkout", lambda: tmp_path)
-    assert template_folder() == Path(atlantis_netcfg.__file__).parent / "templates"
+    monkeypatch.setattr(paths, "_SHARE", tmp_path)
+    assert template_folder() == tmp_path / "templates"
 
 
 def test_public_names_are_sorted_and_exist() -> None:

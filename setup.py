@@ -1,0 +1,38 @@
+"""Lays the folders that a run needs, which stand beside the package in a checkout, into the package of a wheel."""
+
+from pathlib import Path
+from shutil import copy2
+
+from setuptools import setup
+from setuptools.command.build_py import build_py
+
+ROOT = Path(__file__).parent
+RESOURCES = ("ansible.cfg", "inventory", "playbooks", "roles", "templates")
+"""`atlantis_netcfg.core.paths.resource` finds them, in a checkout and in an installed package."""
+
+
+def resource_files(root: Path = ROOT) -> list[Path]:
+    """Return the paths of all files to lay in, without what tools left behind, and without images of systems."""
+    files = (file for name in RESOURCES for file in ((root / name), *sorted((root / name).rglob("*"))))
+    paths = [file.relative_to(root) for file in files if file.is_file()]
+    return [path for path in paths if "__pycache__" not in path.parts and path.parts[:2] != ("inventory", "images")]
+
+
+class BuildWithResources(build_py):
+    """Build the package with its resources; an editable installation uses those of the checkout."""
+
+    def run(self) -> None:
+        """Copy them below the modules."""
+        super().run()
+        for path in [] if self.editable_mode else resource_files():
+            copy = Path(self.build_lib, "atlantis_netcfg", "share", path)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            copy2(ROOT / path, copy)
+
+    def get_source_files(self) -> list[str]:
+        """Return what the source archive needs to build the same."""
+        return [*super().get_source_files(), *map(str, resource_files())]
+
+
+if __name__ == "__main__":
+    setup(cmdclass={"build_py": BuildWithResources})
