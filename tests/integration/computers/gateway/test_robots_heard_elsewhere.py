@@ -50,7 +50,7 @@ def packages() -> str:
     spec = find_spec("cyclonedds")
     assert spec is not None
     assert spec.origin is not None
-    return str(Path(spec.origin).parents[2])
+    return str(Path(spec.origin).parents[1])
 
 
 def install(centre: Machine) -> None:
