@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 YES = frozenset({"yes", "y", "sim", "s"})
 NO = frozenset({"no", "n", "não", "nao", ""})
+_NUMBER = re.compile(r"-?[0-9]{1,15}(?:[.,][0-9]{1,15})?")
+_GROUPED = re.compile(r"[1-9][0-9]{0,2}(?:([., '\u2019])[0-9]{3})(?:\1[0-9]{3})*(?:[.,][0-9]+)?")
+"""A number with thousands separators, or with one that may be a decimal separator."""
 _HERE = Mark("answer", 1, 1)
 _EXAMPLE = "an EXAMPLE value"
 _NOTHING = "left out"
@@ -106,6 +110,10 @@ _PARTS: Sequence[tuple[str, str, type[BaseModel], Sequence[Question]]] = (
 _LINKS = ("wifi_bridge", "cable", "lte", "satellite")
 
 
+class InvalidAnswer(ValueError):
+    """An answer that cannot be used; the message says what to type."""
+
+
 class Interview:
     """Asks a person, and returns the answers in the form of `InventoryAnswers`."""
 
@@ -178,7 +186,11 @@ class Interview:
             text = self.ask(prompt).strip()
             if not text and question.without:
                 return None
-            value = parse_answer(model.model_fields[question.key].annotation, text)
+            try:
+                value = parse_answer(model.model_fields[question.key].annotation, text)
+            except InvalidAnswer as error:
+                self.tell(str(error))
+                continue
             problem = validation_error(model, question.key, value)
             if problem is None:
                 return value
@@ -186,24 +198,43 @@ class Interview:
 
 
 def parse_answer(annotation: Any, text: str) -> Any:  # noqa: ANN401 - a type, and what YAML holds
-    """Convert a typed answer to the value that YAML would have read from a file."""
+    """Convert a typed answer to the value that YAML would have read from a file.
+
+    Raises InvalidAnswer for a number with a thousands separator.
+    """
     if _schema.model_of(annotation) is LinkRate:
-        numbers = [_number(part) for part in text.replace(",", " ").split()]
+        numbers = [parse_number(part) for part in _numbers(text)]
         required_keys = [key for key, field in LinkRate.model_fields.items() if field.is_required()]
         return dict(zip(required_keys, numbers, strict=True)) if len(numbers) == len(required_keys) else text
     item = _schema.item_of(annotation)
     if item is not None:
         return [parse_answer(item, part) for part in text.replace(",", " ").split()]
-    return _number(text) if _schema.unwrap(annotation) in {int, float} else text
+    kind = _schema.unwrap(annotation)
+    return parse_number(text, has_fraction=kind is float) if kind in {int, float} else text
 
 
-def _number(text: str) -> int | float | str:
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+def _numbers(text: str) -> list[str]:
+    """Split a list of numbers at spaces, in which a comma is a decimal comma; or at commas, without any space."""
+    parts = text.split()
+    return text.split(",") if len(parts) == 1 else [part.rstrip(",") for part in parts]
+
+
+def parse_number(text: str, *, has_fraction: bool = True) -> int | float | str:
+    """Parse a number with a decimal point or comma; return any other text as it is.
+
+    Raises InvalidAnswer for a thousands separator, which may be a decimal one where it stands only once.
+    """
+    if _GROUPED.fullmatch(text):
+        *groups, last = re.split(r"[^0-9]", text)
+        separators = re.findall(r"[^0-9]", text)
+        if has_fraction and separators in ([","], ["."]):
+            whole, fraction = f"{groups[0]}{last}", f"{groups[0]}.{last}0"
+            raise InvalidAnswer(f"`{text}` can mean {whole} or {fraction[:-1]}: type {whole} or {fraction}")
+        number = "".join([*groups, "." if len(set(separators)) > 1 else "", last])
+        raise InvalidAnswer(f"`{text}` has a thousands separator: type {number}")
+    if not _NUMBER.fullmatch(text):
+        return text
+    return int(text) if text.lstrip("-").isdigit() else float(text.replace(",", "."))
 
 
 def validation_error(model: type[BaseModel], key: str, value: Any) -> str | None:  # noqa: ANN401 - as YAML has it

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 from hints_said import advised
+from pydantic import BaseModel
 from schema_reader import EditorLoader, files, problems, schema_of
 
 from atlantis_netcfg.cli import main
@@ -14,7 +15,13 @@ from atlantis_netcfg.cli.inventory import _encrypt
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers, LteAnswers, PilotAnswers, SiteAnswers
+from atlantis_netcfg.inventory.new_inventory.answers import (
+    BridgeAnswers,
+    InventoryAnswers,
+    LteAnswers,
+    PilotAnswers,
+    SiteAnswers,
+)
 from atlantis_netcfg.inventory.new_inventory.questions import Interview, Question, validation_error
 from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, VaultSecret, document
 from atlantis_netcfg.operations.common.vault import Vault
@@ -228,6 +235,46 @@ class TestInterview:
         given = [interview.answer(LteAnswers, Question(key, key)) for key in ("rate", "canaries", "price_per_mb")]
         assert given == [{"rtt_ms": 60, "up_kbps": 20000, "down_kbps": 10000}, ["10.0.0.1", "10.0.0.2"], 0.5]
         assert validation_error(LteAnswers, "rate", "60 fast") is not None
+
+    @pytest.mark.parametrize(
+        ("key", "text", "value"),
+        [
+            ("price_per_mb", "2,5", 2.5),
+            ("price_per_mb", "0,125", 0.125),
+            ("price_per_mb", "1,1250", 1.125),
+            ("rate", "9,5 20000 10000,25", {"rtt_ms": 9.5, "up_kbps": 20000, "down_kbps": 10000.25}),
+            ("rate", "9,5, 20000, 10000", {"rtt_ms": 9.5, "up_kbps": 20000, "down_kbps": 10000}),
+            ("rate", "60,20000,10000", {"rtt_ms": 60, "up_kbps": 20000, "down_kbps": 10000}),
+        ],
+    )
+    def test_a_decimal_comma_is_understood(self, key: str, text: str, value: object) -> None:
+        interview, _, told = self.interview([text])
+        assert interview.answer(LteAnswers, Question(key, key)) == value
+        assert told == []
+
+    @pytest.mark.parametrize(
+        ("model", "key", "text", "message"),
+        [
+            (LteAnswers, "price_per_mb", "1.125", "`1.125` can mean 1125 or 1.125: type 1125 or 1.1250"),
+            (LteAnswers, "price_per_mb", "1.234,5", "`1.234,5` has a thousands separator: type 1234.5"),
+            (LteAnswers, "price_per_mb", "1 234", "`1 234` has a thousands separator: type 1234"),
+            (LteAnswers, "price_per_mb", "1,234,567", "`1,234,567` has a thousands separator: type 1234567"),
+            (LteAnswers, "rate", "60 20.000 20000", "`20.000` can mean 20000 or 20.000: type 20000 or 20.0000"),
+            (BridgeAnswers, "frequency_mhz", "5.500", "`5.500` has a thousands separator: type 5500"),
+        ],
+    )
+    def test_a_thousands_separator_is_refused_with_what_to_type(
+        self, model: type[BaseModel], key: str, text: str, message: str
+    ) -> None:
+        interview, _, told = self.interview([text, ""])
+        assert interview.answer(model, Question(key, key)) is None
+        assert told == [message]
+
+    @pytest.mark.parametrize("text", ["inf", "nan", "1e999", "1_000", "9" * 5000, "٣", "2,5,1", "--1"])
+    def test_a_text_that_is_no_number_is_refused(self, text: str) -> None:
+        interview, _, told = self.interview([text, ""])
+        assert interview.answer(LteAnswers, Question("price_per_mb", "Price")) is None
+        assert len(told) == 1
 
 
 def test_typed_answers_are_saved_when_the_inventory_is_invalid(
