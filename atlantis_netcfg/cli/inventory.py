@@ -106,13 +106,16 @@ def _ask_person() -> tuple[InventoryAnswers, Mapping[str, Any]]:
 
     def ask(prompt: str) -> str:
         try:
-            return input(f"{printable.line(translate(prompt.strip()))} ")
+            return input(f"{printable.line(prompt.strip())} ")
+        except ValueError:  # bytes that are no text in the terminal's encoding
+            return "\ufffd\0"
         except EOFError:
             raise UsageError(
                 "the questions were not answered to the end, so nothing was written", hint="type the command again"
             ) from None
 
-    print(translate("Enter alone gives what stands in brackets. Ctrl-C stops: nothing is written then."))
+    print(translate("Ctrl-C stops: nothing is written then."))
+    print(translate("Enter takes what stands in brackets, `<` goes back, `-` clears an earlier answer."))
     raw_answers = Interview(ask, lambda words: print(translate(words))).answers()
     return InventoryAnswers.model_validate(raw_answers), raw_answers
 

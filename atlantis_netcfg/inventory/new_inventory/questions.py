@@ -24,6 +24,7 @@ from atlantis_netcfg.inventory.new_inventory.answers import (
     SiteAnswers,
     VpnAnswers,
 )
+from atlantis_netcfg.inventory.new_inventory.dialogue import Dialogue, InvalidAnswer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -110,34 +111,44 @@ _PARTS: Sequence[tuple[str, str, type[BaseModel], Sequence[Question]]] = (
 _LINKS = ("wifi_bridge", "cable", "lte", "satellite")
 
 
-class InvalidAnswer(ValueError):
-    """An answer that cannot be used; the message says what to type."""
-
-
 class Interview:
     """Asks a person, and returns the answers in the form of `InventoryAnswers`."""
 
-    def __init__(self, ask: Callable[[str], str], tell: Callable[[str], None]) -> None:
-        self.ask = ask
-        self.tell = tell
+    def __init__(
+        self,
+        ask: Callable[[str], str],
+        tell: Callable[[str], None],
+        keep: Callable[[Sequence[tuple[str, str]]], None] = lambda _: None,
+        kept_answers: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        self.dialogue = Dialogue(ask, tell, keep, kept_answers)
+        self.block_name = ""
+        """What is asked about: part of the key of each answer."""
 
     def answers(self) -> dict[str, Any]:
-        """Ask all questions in order."""
-        self.tell("The pilot")
+        """Ask all questions in order; `<` goes back one question."""
+        return self.dialogue.run(self._answers)
+
+    def _answers(self) -> dict[str, Any]:
+        self._start("The pilot")
         pilot = self.block(PilotAnswers, _PILOT)
-        self.tell("The VPN")
+        self._start("The VPN")
         vpn = self.block(VpnAnswers, _VPN)
-        self.tell("The control centre, the far end of all links")
+        self._start("The control centre, the far end of all links")
         (name,) = self.names("Short name of it", "scc")
         centre = {"name": name, **self.block(CentreAnswers, _PLACE)}
-        self.tell("Its link to the rest of the world")
+        self._start("Its link to the rest of the world")
         centre["uplink"] = self.block(CableAnswers, _CABLE)
         centre["computer"] = self.yes("Is there a computer for its services?")
         sites = {}
         for site in self.names("Short names of the test sites, with commas between", "", other=name):
-            self.tell(f"The test site {site}")
+            self._start(f"The test site {site}")
             sites[site] = self.site()
         return {"pilot": pilot, "vpn": vpn, "control_centre": centre, "sites": sites}
+
+    def _start(self, heading: str) -> None:
+        self.block_name = heading
+        self.dialogue.start_block(heading)
 
     def site(self) -> dict[str, Any]:
         """Ask about one test site with at least one link."""
@@ -148,21 +159,23 @@ class Interview:
                     place[key] = self.block(model, questions)
             if any(link in place for link in _LINKS):
                 return place
-            self.tell("A site needs a link: a bridge, a cable, 4G or a satellite.")
+            self.dialogue.remark("A site needs a link: a bridge, a cable, 4G or a satellite.")
 
     def yes(self, text: str) -> bool:
         """Ask a yes/no question."""
-        while True:
-            answer = self.ask(f"{text} (yes/no) [no]: ").strip().lower()
-            if answer in YES | NO:
-                return answer in YES
-            self.tell("Type yes or no.")
+
+        def parse(answer: str) -> bool:
+            if answer.lower() not in YES | NO:
+                raise InvalidAnswer("Type yes or no.")
+            return answer.lower() in YES
+
+        return self.dialogue.answer(f"{self.block_name}: {text}", f"{text} (yes/no)", "no", parse)
 
     def names(self, text: str, default: str, other: str = "") -> list[str]:
         """Ask for one or more distinct names."""
-        while True:
-            answer = self.ask(f"{text} [{default}]: " if default else f"{text}: ").strip() or default
-            names = [name.strip() for name in answer.split(",") if name.strip()]
+
+        def parse(answer: str) -> list[str]:
+            names = [name.strip() for name in (answer or default).split(",") if name.strip()]
             problems = [f"{why[0]}: {why[1]}" for name in names if (why := why_no_name(name))]
             if default and len(names) > 1:
                 problems.append("Type one name.")
@@ -170,9 +183,11 @@ class Interview:
                 problems.append(f"There is room for {MOST_SITES} sites.")
             if not names or len(set(names)) < len(names) or other in names:
                 problems.append("Type a name for each, none of them twice.")
-            if not problems:
-                return names
-            self.tell(problems[0])
+            if problems:
+                raise InvalidAnswer(problems[0])
+            return names
+
+        return self.dialogue.answer(f"{self.block_name}: {text}", text, default, parse)
 
     def block(self, model: type[BaseModel], questions: Sequence[Question]) -> dict[str, Any]:
         """Ask the questions about one block and return the answers by key; unanswered questions are left out."""
@@ -181,20 +196,17 @@ class Interview:
 
     def answer(self, model: type[BaseModel], question: Question) -> Any:  # noqa: ANN401 - as YAML has it
         """Ask a question until the answer is valid; return None if an optional question is left empty."""
-        prompt = f"{question.text} [{question.without}]: " if question.without else f"{question.text}: "
-        while True:
-            text = self.ask(prompt).strip()
+
+        def parse(text: str) -> Any:  # noqa: ANN401 - as YAML has it
             if not text and question.without:
                 return None
-            try:
-                value = parse_answer(model.model_fields[question.key].annotation, text)
-            except InvalidAnswer as error:
-                self.tell(str(error))
-                continue
-            problem = validation_error(model, question.key, value)
-            if problem is None:
-                return value
-            self.tell(problem)
+            value = parse_answer(model.model_fields[question.key].annotation, text)
+            if (problem := validation_error(model, question.key, value)) is not None:
+                raise InvalidAnswer(problem)
+            return value
+
+        key = f"{self.block_name}: {model.__name__}.{question.key}"
+        return self.dialogue.answer(key, question.text, question.without, parse)
 
 
 def parse_answer(annotation: Any, text: str) -> Any:  # noqa: ANN401 - a type, and what YAML holds

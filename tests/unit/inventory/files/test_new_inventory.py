@@ -190,6 +190,65 @@ class TestInterview:
 
         return Interview(ask, told.append), asked, told
 
+    def test_back_returns_to_the_question_before_with_its_answer_as_default(self) -> None:
+        typed = ["Douro", "belgium", "<", "<", "", "portugal", *[""] * 4, "203.0.113.9", "<", "<", "eca", ""]
+        interview, asked, told = self.interview(typed)
+        with pytest.raises(StopIteration):
+            interview.answers()
+        assert [prompt.rpartition(" [")[2].strip(" :]") for prompt in asked[2:5]] == [
+            "that of the country",
+            "belgium",
+            "Douro",
+        ]
+        assert [prompt.split(" (")[0] for prompt in asked[12:]] == [
+            "Public address of the VPN's server [203.0.113.9]: ",
+            "Partners in the VPN",
+            "Public address of the VPN's server [203.0.113.9]: ",
+            "DNS name of the VPN's server [an EXAMPLE value]: ",
+        ]
+        assert told == ["The pilot", "The VPN", "The pilot", "The VPN"]
+
+    def test_back_at_the_first_question_asks_it_again(self) -> None:
+        interview, asked, told = self.interview(["<", "Douro"])
+        with pytest.raises(StopIteration):
+            interview.answers()
+        assert asked[:2] == ["Name of the pilot: "] * 2
+        assert told == ["The pilot", "This is the first question."]
+
+    def test_every_answer_can_be_taken_back(self) -> None:
+        """Back after each answer, and Enter: the result is as without."""
+        needed = {"Name of the pilot": "Douro", "Country": "portugal", "Short names": "pier, boat", "Price": "0,5"}
+        seen: list[str] = []
+        told: list[str] = []
+
+        def plain(prompt: str) -> str:
+            return "yes" if "yes/no" in prompt else next((needed[key] for key in needed if prompt.startswith(key)), "")
+
+        def hesitant(prompt: str) -> str:
+            seen.append(prompt)
+            if len(seen) % 3 == 2 and len(seen) > 2:
+                return "<"
+            return "" if len(seen) % 3 == 0 and len(seen) > 2 else plain(prompt)
+
+        expected = Interview(plain, told.append).answers()
+        told.clear()
+        assert Interview(hesitant, told.append).answers() == expected
+        assert "Price of the contract in EUR for 1 MB [0,5]: " in seen
+        assert "Is there a 4G unit? (yes/no) [yes]: " in seen
+        assert not [words for words in told if "Type" in words]
+
+    def test_a_dash_clears_an_earlier_answer(self) -> None:
+        interview, asked, _ = self.interview(["10.0.0.0/24", "<", "-", "10.1.0.0/24"])
+        questions = (Question("lan", "Local network"), Question("management", "Management network"))
+        answers = interview.dialogue.run(lambda: interview.block(SiteAnswers, questions))
+        assert answers == {"management": "10.1.0.0/24"}
+        assert asked == [
+            "Local network [an EXAMPLE value]: ",
+            "Management network [an EXAMPLE value]: ",
+            "Local network [10.0.0.0/24]: ",
+            "Management network [an EXAMPLE value]: ",
+        ]
+
     def test_a_wrong_answer_is_asked_again(self) -> None:
         interview, asked, told = self.interview(["10.0.0.0/30", "10.0.0.0", "10.0.0.0/24"])
         assert interview.answer(SiteAnswers, Question("lan", "Local network")) == "10.0.0.0/24"
