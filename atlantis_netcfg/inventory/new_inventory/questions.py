@@ -161,15 +161,16 @@ class Interview:
                 return place
             self.dialogue.remark("A site needs a link: a bridge, a cable, 4G or a satellite.")
 
-    def yes(self, text: str) -> bool:
+    def yes(self, text: str, default: str = "no") -> bool:
         """Ask a yes/no question."""
 
         def parse(answer: str) -> bool:
-            if answer.lower() not in YES | NO:
+            word = (answer or default).lower()
+            if word not in YES | NO:
                 raise InvalidAnswer("Type yes or no.")
-            return answer.lower() in YES
+            return word in YES
 
-        return self.dialogue.answer(f"{self.block_name}: {text}", f"{text} (yes/no)", "no", parse)
+        return self.dialogue.answer(f"{self.block_name}: {text}", f"{text} (yes/no)", default, parse)
 
     def names(self, text: str, default: str, other: str = "") -> list[str]:
         """Ask for one or more distinct names."""

@@ -15,7 +15,9 @@ from waiting import HANG_S
 pytestmark = pytest.mark.slow
 
 AT_A_TERMINAL = """
-import fcntl, os, sys, termios
+import fcntl, os, signal, sys, termios
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 os.setsid()
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execv(sys.executable, [sys.executable, "-m", "atlantis_netcfg", *sys.argv[1:]])
@@ -78,21 +80,33 @@ BOAT = [
 ]
 
 
-def typed(words: Sequence[str], answers: Sequence[tuple[str, str]], environment: dict[str, str]) -> tuple[int, str]:
-    """Type a command at a terminal of its own, and an answer to each question when it is there."""
+def typed(
+    words: Sequence[str],
+    answers: Sequence[tuple[str, str]],
+    environment: dict[str, str],
+    end: tuple[str, bytes] | None = None,
+) -> tuple[int, str]:
+    """Type a command at a terminal of its own, and an answer to each question when it is there.
+
+    `end` is a last question and the key that is pressed at it; without a key the terminal is closed.
+    """
     ours, theirs = os.openpty()
     command = [sys.executable, "-P", "-c", AT_A_TERMINAL, *words]
     process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment)
     os.close(theirs)
     seen, unread = "", ""
-    for question, answer in answers:
+    lines = [(question, f"{answer}\n".encode(errors="surrogateescape")) for question, answer in answers]
+    for question, keys in [*lines, *([] if end is None else [end])]:
         while question not in unread:
             ready, _, _ = select.select([ours], [], [], HANG_S)
             assert ready, f"`{question}` was never asked: {unread}"
             unread += (more := os.read(ours, 4096).decode(errors="replace"))
             seen += more
         unread = unread.partition(question)[2]
-        os.write(ours, f"{answer}\n".encode())
+        if not keys:
+            os.close(ours)
+            return process.wait(HANG_S), seen.replace("\r\n", "\n")
+        os.write(ours, keys)
     while True:
         try:
             more = os.read(ours, 4096).decode(errors="replace")
@@ -112,20 +126,24 @@ def run(words: Sequence[str], environment: dict[str, str]) -> subprocess.Complet
     )
 
 
-@pytest.mark.smoke
-def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture(name="environment")
+def _environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     monkeypatch.chdir(tmp_path)
     password = tmp_path / "vault-password"
     password.write_text("of a test\n", encoding="utf-8")
-    environment = {
+    return {
         **os.environ,
         "ATLANTIS_STATE": str(tmp_path / "state"),
         "ANSIBLE_VAULT_PASSWORD_FILE": str(password),
         "LC_ALL": "C.UTF-8",
         "TERM": "dumb",
     }
+
+
+@pytest.mark.smoke
+def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
+    tmp_path: Path, environment: dict[str, str]
+) -> None:
     code, seen = typed(["init", "douro"], [*PILOT, *PIER, *BOAT], environment)
     assert code == 0, seen
     assert "did you mean" in seen or "`spain` is no word" in seen
@@ -159,3 +177,60 @@ def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
     assert "pier-router" in rehearsed.stdout
     assert "actions applied and verified" in rehearsed.stdout
     assert "example" not in rehearsed.stdout + rehearsed.stderr
+
+
+@pytest.mark.parametrize("stop", ["Ctrl-C", "Ctrl-D", "hang up"])
+def test_a_stopped_init_goes_on_where_it_stopped(tmp_path: Path, environment: dict[str, str], stop: str) -> None:
+    end = {"Ctrl-C": b"\x03", "Ctrl-D": b"\x04", "hang up": b""}[stop]
+    answers = [*PILOT, *PIER, *BOAT]
+    code, seen = typed(["init", "douro"], answers[:30], environment, (answers[30][0], end))
+    assert code != 0
+    assert "Traceback" not in seen
+    assert not (tmp_path / "douro").exists()
+    (kept,) = (tmp_path / "state/init").iterdir()
+    assert kept.stat().st_mode & 0o777 == 0o600
+    assert kept.parent.stat().st_mode & 0o777 == 0o700
+
+    code, seen = typed(["init", "douro"], [("Go on with them?", ""), *answers[30:]], environment)
+    assert code == 0, seen
+    assert "29 answers are kept from the last time." in seen
+    assert "Name of the pilot" not in seen
+    assert seen.splitlines()[-4] == "douro: written and checked, no errors, 10 hosts at 3 sites"
+    assert not kept.exists()
+
+
+def test_kept_answers_are_removed_when_the_person_starts_again(tmp_path: Path, environment: dict[str, str]) -> None:
+    typed(["init", "douro"], PILOT[:4], environment, (PILOT[4][0], b"\x03"))
+    (kept,) = (tmp_path / "state/init").iterdir()
+    again = [("Go on with them?", "no"), ("Name of the pilot", "Tejo")]
+    code, seen = typed(["init", "./douro"], again, environment, ("Country", b"\x03"))
+    assert code != 0
+    assert "stopped by Ctrl-C; nothing was changed" in seen
+    assert "Tejo" in kept.read_text(encoding="utf-8")
+    assert "Douro" not in kept.read_text(encoding="utf-8")
+    (tmp_path / "douro").mkdir()
+    (tmp_path / "douro/letter.txt").touch()
+    code, seen = typed(["init", "douro"], [], environment)
+    assert code == 3
+    assert "douro has something in it" in seen
+
+
+def test_hostile_input_is_refused_and_asked_again(environment: dict[str, str]) -> None:
+    name = "Name of the pilot"
+    hostile = ["", "a" * 4000, "\x1b[31mred", "a\x07b", "\udcff\udcfe", "<", "\u202egnp"]
+    answers = [*((name, text) for text in hostile), (name, "Douro")]
+    code, seen = typed(["init", "douro"], answers, environment, ("Country", b"\x04"))
+    assert code == 3
+    assert "Traceback" not in seen
+    assert "An answer has at most 2000 characters." in seen
+    assert seen.count("characters that cannot be printed: type it again") == 4
+    assert "type the command again: it offers to go on where it stopped" in seen
+
+
+def test_a_state_directory_that_cannot_be_written_keeps_nothing(tmp_path: Path, environment: dict[str, str]) -> None:
+    (tmp_path / "state").touch()
+    code, seen = typed(["init", "douro"], PILOT[:1], environment, ("Country", b"\x04"))
+    assert code == 3
+    assert "Your answers are not kept if you stop" in seen
+    assert "Traceback" not in seen
+    assert seen.rstrip().endswith("type the command again")

@@ -345,7 +345,7 @@ def test_typed_answers_are_saved_when_the_inventory_is_invalid(
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("atlantis_netcfg.cli.inventory._source", lambda _: "questions")
     monkeypatch.setattr(
-        "atlantis_netcfg.cli.inventory._ask_person", lambda: (InventoryAnswers.model_validate(typed), typed)
+        "atlantis_netcfg.cli.inventory._ask_person", lambda _: (InventoryAnswers.model_validate(typed), typed)
     )
     monkeypatch.setattr("atlantis_netcfg.cli.inventory._encrypt", lambda **_: None)
     assert main(["init", "douro"]) == ExitCode.USAGE
