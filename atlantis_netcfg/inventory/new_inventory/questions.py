@@ -14,6 +14,7 @@ from atlantis_netcfg.inventory.findings import Mark, why_no_name
 from atlantis_netcfg.inventory.model import LinkRate
 from atlantis_netcfg.inventory.new_inventory.answers import (
     MOST_SITES,
+    PARTNERS,
     BridgeAnswers,
     CableAnswers,
     CentreAnswers,
@@ -47,7 +48,11 @@ class Question:
     text: str
     without: str = _EXAMPLE
     """Default for an empty input; empty: an answer is required."""
+    note: str = ""
+    """A line above the question."""
 
+
+_PARTNERS_NOTE = f"Of the report: {', '.join(f'{n} {name}' for n, name in enumerate(PARTNERS, 1))}; any name."
 
 _RATE = Question("rate", "Round trip in ms, kbit/s up and down (60 20000 20000)")
 _PROBE_TARGETS = Question("canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed")
@@ -64,7 +69,9 @@ _PILOT = (
     Question("time_zone", "Time zone", "that of the country"),
     Question("time_servers", "Addresses of time servers"),
     Question("ros_distribution", "ROS 2 of the gateways (foxy, humble, jazzy)", "neither ROS nor DDS"),
-    Question("partners", "Partners in the VPN (inesc, iqua, eca, udg, vtt)", "none"),
+    Question(
+        "partners", "Partners in the VPN (numbers or names, with commas between)", "no partners", note=_PARTNERS_NOTE
+    ),
 )
 _VPN = (
     Question("endpoint", "Public address of the VPN's server"),
@@ -207,7 +214,7 @@ class Interview:
             return value
 
         key = f"{self.block_name}: {model.__name__}.{question.key}"
-        return self.dialogue.answer(key, question.text, question.without, parse)
+        return self.dialogue.answer(key, question.text, question.without, parse, question.note)
 
 
 def parse_answer(annotation: Any, text: str) -> Any:  # noqa: ANN401 - a type, and what YAML holds
@@ -220,10 +227,29 @@ def parse_answer(annotation: Any, text: str) -> Any:  # noqa: ANN401 - a type, a
         required_keys = [key for key, field in LinkRate.model_fields.items() if field.is_required()]
         return dict(zip(required_keys, numbers, strict=True)) if len(numbers) == len(required_keys) else text
     item = _schema.item_of(annotation)
+    if annotation == PilotAnswers.model_fields["partners"].annotation:
+        return _partner_names(text)
     if item is not None:
         return [parse_answer(item, part) for part in text.replace(",", " ").split()]
     kind = _schema.unwrap(annotation)
     return parse_number(text, has_fraction=kind is float) if kind in {int, float} else text
+
+
+def _partner_names(text: str) -> list[str]:
+    """Split a list of partners at commas; numbers and short names of the report's partners also at spaces.
+
+    Raises InvalidAnswer for a number that no partner has.
+    """
+    short_names = list(PARTNERS)
+    names: list[str] = []
+    for part in filter(None, map(str.strip, text.split(","))):
+        words = part.lower().split()
+        is_known = all(word in short_names or word.isdecimal() for word in words)
+        for word in words if is_known else [part]:
+            if word.isdecimal() and word not in map(str, range(1, len(short_names) + 1)):
+                raise InvalidAnswer(f"Partner {word} is not known: type 1 to {len(short_names)}, or a name.")
+            names.append(short_names[int(word) - 1] if word.isdecimal() else word)
+    return names
 
 
 def _numbers(text: str) -> list[str]:

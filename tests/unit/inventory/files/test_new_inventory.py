@@ -73,6 +73,18 @@ def test_generated_files_match_the_schema(capsys: pytest.CaptureFixture[str]) ->
         assert problems(path, schema) == [], path
 
 
+def test_any_organisation_can_be_a_partner_with_a_pool_of_its_own() -> None:
+    names = ", ".join(["inesc", "Blue Ocean", *(f"partner {n}" for n in range(13))])
+    pilot = f"{{name: Douro, country: belgium, partners: [{names}]}}"
+    Path("answers.yml").write_text(f"pilot: {pilot}\nvpn: {{network: 10.80.0.0/20}}\nsites:\n  pier: {{lte: {{}}}}\n")
+    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    partners = load(Path("douro")).partners
+    assert partners["inesc"].full_name == "INESC TEC"
+    assert partners["blue-ocean"].full_name == "Blue Ocean"
+    assert str(partners["blue-ocean"].vpn_pool) == "10.80.2.0/24"
+    assert len({partner.vpn_pool for partner in partners.values()}) == len(partners) == 15
+
+
 def test_the_example_is_copied_whole(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["init", "mine", "--from", "example"]) == ExitCode.DONE
     assert "13 hosts at 3 sites" in capsys.readouterr().out
@@ -206,7 +218,8 @@ class TestInterview:
             "Public address of the VPN's server [203.0.113.9]: ",
             "DNS name of the VPN's server [an EXAMPLE value]: ",
         ]
-        assert told == ["The pilot", "The VPN", "The pilot", "The VPN"]
+        note = "Of the report: 1 inesc, 2 iqua, 3 eca, 4 udg, 5 vtt, 6 spaceapps; any name."
+        assert told == ["The pilot", note, "The VPN", "The pilot", note, "The VPN"]
 
     def test_back_at_the_first_question_asks_it_again(self) -> None:
         interview, asked, told = self.interview(["<", "Douro"])
@@ -248,6 +261,35 @@ class TestInterview:
             "Local network [10.0.0.0/24]: ",
             "Management network [an EXAMPLE value]: ",
         ]
+
+    @pytest.mark.parametrize(
+        ("text", "names"),
+        [
+            ("inesc, eca", ["inesc", "eca"]),
+            ("1 6", ["inesc", "spaceapps"]),
+            ("1,3", ["inesc", "eca"]),
+            ("2, Blue Ocean, VTT", ["iqua", "Blue Ocean", "vtt"]),
+            ("INESC TEC", ["INESC TEC"]),
+        ],
+    )
+    def test_partners_are_numbers_or_names(self, text: str, names: list[str]) -> None:
+        interview, _, told = self.interview([text])
+        assert interview.answer(PilotAnswers, Question("partners", "Partners", "no partners")) == names
+        assert told == []
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("7", "Partner 7 is not known: type 1 to 6, or a name."),
+            ("1, inesc", "the partner `inesc` is named twice: name each partner once"),
+            ("INESC TEC, 1", "the partner `inesc` is named twice: name each partner once"),
+            ("!!", "`!!` is no name of a partner: a name has letters or digits"),
+        ],
+    )
+    def test_unknown_partners_are_refused(self, text: str, message: str) -> None:
+        interview, _, told = self.interview([text, ""])
+        assert interview.answer(PilotAnswers, Question("partners", "Partners", "no partners")) is None
+        assert told == [message]
 
     def test_a_wrong_answer_is_asked_again(self) -> None:
         interview, asked, told = self.interview(["10.0.0.0/30", "10.0.0.0", "10.0.0.0/24"])
