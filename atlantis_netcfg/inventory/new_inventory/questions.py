@@ -50,24 +50,28 @@ class Question:
     """Default for an empty input; empty: an answer is required."""
     note: str = ""
     """A line above the question."""
+    is_detail: bool = False
+    """Whether only a person who wants all questions is asked."""
 
 
 _PARTNERS_NOTE = f"Of the report: {', '.join(f'{n} {name}' for n, name in enumerate(PARTNERS, 1))}; any name."
 
-_RATE = Question("rate", "Round trip in ms, kbit/s up and down (60 20000 20000)")
-_PROBE_TARGETS = Question("canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed")
+_RATE = Question("rate", "Round trip in ms, kbit/s up and down (60 20000 20000)", is_detail=True)
+_PROBE_TARGETS = Question(
+    "canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed", is_detail=True
+)
 _PLACE = (
-    Question("title", "What people call it", "its short name"),
+    Question("title", "What people call it", "its short name", is_detail=True),
     Question("lan", "Local network (like 10.20.1.0/24)"),
-    Question("management", "Network of the management port (like 10.20.101.0/24)"),
-    Question("domain", "DNS suffix of the local network"),
-    Question("router_ports", "Ethernet ports of the router"),
+    Question("management", "Network of the management port (like 10.20.101.0/24)", is_detail=True),
+    Question("domain", "DNS suffix of the local network", is_detail=True),
+    Question("router_ports", "Ethernet ports of the router", is_detail=True),
 )
 _PILOT = (
     Question("name", "Name of the pilot", ""),
     Question("country", "Country of the radios (portugal, belgium)", ""),
-    Question("time_zone", "Time zone", "that of the country"),
-    Question("time_servers", "Addresses of time servers"),
+    Question("time_zone", "Time zone", "that of the country", is_detail=True),
+    Question("time_servers", "Addresses of time servers", is_detail=True),
     Question("ros_distribution", "ROS 2 of the gateways (foxy, humble, jazzy)", "neither ROS nor DDS"),
     Question(
         "partners", "Partners in the VPN (numbers or names, with commas between)", "no partners", note=_PARTNERS_NOTE
@@ -76,27 +80,27 @@ _PILOT = (
 _VPN = (
     Question("endpoint", "Public address of the VPN's server"),
     Question("endpoint_name", "DNS name of the VPN's server"),
-    Question("network", "Tunnel addresses, /20 or larger (like 10.80.0.0/16)"),
+    Question("network", "Tunnel addresses, /20 or larger (like 10.80.0.0/16)", is_detail=True),
 )
 _CABLE = (
     Question("network", "Network between router and provider"),
-    Question("address", "The router's address in it", "its second address"),
-    Question("gateway", "The provider's box in it", "its first address"),
+    Question("address", "The router's address in it", "its second address", is_detail=True),
+    Question("gateway", "The provider's box in it", "its first address", is_detail=True),
     _RATE,
 )
 _BRIDGE = (
-    Question("network", "Network of the bridge, /29 or larger"),
+    Question("network", "Network of the bridge, /29 or larger", is_detail=True),
     Question("ssid", "Name of the radio network (SSID)"),
-    Question("protocol", "What the radios speak (nv2, 802.11)", "nv2"),
+    Question("protocol", "What the radios speak (nv2, 802.11)", "nv2", is_detail=True),
     Question("frequency_mhz", "Frequency in MHz (5 GHz band)"),
-    Question("distance_m", "Distance in metres"),
-    Question("antenna_gain_dbi", "Gain of the antennas in dBi"),
+    Question("distance_m", "Distance in metres", is_detail=True),
+    Question("antenna_gain_dbi", "Gain of the antennas in dBi", is_detail=True),
     Question("tx_power_dbm", "Power of the radios in dBm"),
     _PROBE_TARGETS,
     _RATE,
 )
 _LTE = (
-    Question("network", "Network between router and 4G unit, /29 or larger"),
+    Question("network", "Network between router and 4G unit, /29 or larger", is_detail=True),
     Question("driver", "Unit (routeros, rutos, modemmanager, manual)", "manual: a person looks"),
     Question("apn", "APN of the SIM's contract", "the network's own"),
     Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
@@ -104,7 +108,7 @@ _LTE = (
     _RATE,
 )
 _SATELLITE = (
-    Question("network", "Network between router and terminal, /29 or larger"),
+    Question("network", "Network between router and terminal, /29 or larger", is_detail=True),
     Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
 )
 _GATEWAY = (Question("ssh_key", "A technician's public SSH key (line of the .pub file)", "no card is made"),)
@@ -115,6 +119,7 @@ _PARTS: Sequence[tuple[str, str, type[BaseModel], Sequence[Question]]] = (
     ("satellite", "Is there a satellite terminal?", SatelliteAnswers, _SATELLITE),
     ("gateway", "Is there a data gateway computer?", GatewayAnswers, _GATEWAY),
 )
+_CENTRE = "scc"
 _LINKS = ("wifi_bridge", "cable", "lte", "satellite")
 
 
@@ -131,6 +136,7 @@ class Interview:
         self.dialogue = Dialogue(ask, tell, keep, kept_answers)
         self.block_name = ""
         """What is asked about: part of the key of each answer."""
+        self.asks_all = True
 
     def answers(self) -> dict[str, Any]:
         """Ask all questions in order; `<` goes back one question."""
@@ -138,20 +144,25 @@ class Interview:
 
     def _answers(self) -> dict[str, Any]:
         self._start("The pilot")
+        self.asks_all = self.yes("Ask for networks, ports, radio details and rates as well?")
         pilot = self.block(PilotAnswers, _PILOT)
         self._start("The VPN")
         vpn = self.block(VpnAnswers, _VPN)
-        self._start("The control centre, the far end of all links")
-        (name,) = self.names("Short name of it", "scc")
-        centre = {"name": name, **self.block(CentreAnswers, _PLACE)}
-        self._start("Its link to the rest of the world")
-        centre["uplink"] = self.block(CableAnswers, _CABLE)
-        centre["computer"] = self.yes("Is there a computer for its services?")
+        centre = self._centre() if self.asks_all else {"name": _CENTRE}
         sites = {}
-        for site in self.names("Short names of the test sites, with commas between", "", other=name):
+        self._start("The test sites")
+        for site in self.names("Short names of the test sites, with commas between", "", other=centre["name"]):
             self._start(f"The test site {site}")
             sites[site] = self.site()
         return {"pilot": pilot, "vpn": vpn, "control_centre": centre, "sites": sites}
+
+    def _centre(self) -> dict[str, Any]:
+        self._start("The control centre, the far end of all links")
+        (name,) = self.names("Short name of it", _CENTRE)
+        centre = {"name": name, **self.block(CentreAnswers, _PLACE)}
+        self._start("Its link to the rest of the world")
+        centre["uplink"] = self.block(CableAnswers, _CABLE)
+        return {**centre, "computer": self.yes("Is there a computer for its services?")}
 
     def _start(self, heading: str) -> None:
         self.block_name = heading
@@ -199,7 +210,8 @@ class Interview:
 
     def block(self, model: type[BaseModel], questions: Sequence[Question]) -> dict[str, Any]:
         """Ask the questions about one block and return the answers by key; unanswered questions are left out."""
-        answers = {question.key: self.answer(model, question) for question in questions}
+        asked_questions = [question for question in questions if self.asks_all or not question.is_detail]
+        answers = {question.key: self.answer(model, question) for question in asked_questions}
         return {key: value for key, value in answers.items() if value is not None}
 
     def answer(self, model: type[BaseModel], question: Question) -> Any:  # noqa: ANN401 - as YAML has it

@@ -203,16 +203,16 @@ class TestInterview:
         return Interview(ask, told.append), asked, told
 
     def test_back_returns_to_the_question_before_with_its_answer_as_default(self) -> None:
-        typed = ["Douro", "belgium", "<", "<", "", "portugal", *[""] * 4, "203.0.113.9", "<", "<", "eca", ""]
+        typed = ["yes", "Douro", "belgium", "<", "<", "", "portugal", *[""] * 4, "203.0.113.9", "<", "<", "eca", ""]
         interview, asked, told = self.interview(typed)
         with pytest.raises(StopIteration):
             interview.answers()
-        assert [prompt.rpartition(" [")[2].strip(" :]") for prompt in asked[2:5]] == [
+        assert [prompt.rpartition(" [")[2].strip(" :]") for prompt in asked[3:6]] == [
             "that of the country",
             "belgium",
             "Douro",
         ]
-        assert [prompt.split(" (")[0] for prompt in asked[12:]] == [
+        assert [prompt.split(" (")[0] for prompt in asked[13:]] == [
             "Public address of the VPN's server [203.0.113.9]: ",
             "Partners in the VPN",
             "Public address of the VPN's server [203.0.113.9]: ",
@@ -222,10 +222,10 @@ class TestInterview:
         assert told == ["The pilot", note, "The VPN", "The pilot", note, "The VPN"]
 
     def test_back_at_the_first_question_asks_it_again(self) -> None:
-        interview, asked, told = self.interview(["<", "Douro"])
+        interview, asked, told = self.interview(["<", "no"])
         with pytest.raises(StopIteration):
             interview.answers()
-        assert asked[:2] == ["Name of the pilot: "] * 2
+        assert asked[:2] == ["Ask for networks, ports, radio details and rates as well? (yes/no) [no]: "] * 2
         assert told == ["The pilot", "This is the first question."]
 
     def test_every_answer_can_be_taken_back(self) -> None:
