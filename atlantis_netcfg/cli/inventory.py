@@ -100,7 +100,7 @@ def _read(path: Path) -> tuple[InventoryAnswers, None] | InventoryInvalid:
     return InventoryInvalid(block.findings) if block.findings or block.value is None else (block.value, None)
 
 
-def _ask_person(kept: KeptAnswers) -> tuple[InventoryAnswers, Mapping[str, Any]]:
+def _ask_person(store: KeptAnswers) -> tuple[InventoryAnswers, Mapping[str, Any]]:
     """Prompt for the answers. Raises UsageError at the end of input; then nothing was written."""
     from atlantis_netcfg.core import printable
     from atlantis_netcfg.core.errors import UsageError
@@ -126,18 +126,18 @@ def _ask_person(kept: KeptAnswers) -> tuple[InventoryAnswers, Mapping[str, Any]]
         nonlocal is_kept
         try:
             if is_kept:
-                kept.write(answers)
+                store.write(answers)
         except (OSError, UsageError) as error:
             is_kept = False
             tell(f"Your answers are not kept if you stop: {error}")
 
     tell("Enter takes what stands in brackets, `<` goes back, `-` clears an earlier answer.")
     tell("Ctrl-C stops; the same command then offers to go on where it stopped.")
-    answers = kept.read()
+    answers = store.read()
     if answers:
         tell(f"{len(answers)} answers are kept from the last time.")
         if not Interview(ask, tell).yes("Go on with them?", default="yes"):
-            kept.remove()
+            store.remove()
             answers = []
     raw_answers = Interview(ask, tell, keep, answers).answers()
     return InventoryAnswers.model_validate(raw_answers), raw_answers

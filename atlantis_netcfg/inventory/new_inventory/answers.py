@@ -62,9 +62,9 @@ def _distinct(partners: tuple[str, ...]) -> tuple[str, ...]:
     names = [partner_row(text)[0] for text in partners]
     for text, name in zip(partners, names, strict=True):
         if why_no_name(name) is not None:
-            raise wrong(f"`{text}` is no name of a partner", "a name has letters or digits")
+            raise wrong(f"no partner can have the name `{text}`", "a name has letters or digits")
         if names.count(name) > 1:
-            raise wrong(f"the partner `{name}` is named twice", "name each partner once")
+            raise wrong(f"two partners have the name `{name}`", "name each partner once")
     return partners
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
 
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.inventory import _schema
 from atlantis_netcfg.inventory._yaml import Node
 from atlantis_netcfg.inventory.findings import Mark, why_no_name
@@ -25,7 +26,7 @@ from atlantis_netcfg.inventory.new_inventory.answers import (
     SiteAnswers,
     VpnAnswers,
 )
-from atlantis_netcfg.inventory.new_inventory.dialogue import Dialogue, InvalidAnswer
+from atlantis_netcfg.inventory.new_inventory.prompter import InvalidAnswer, Prompter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 YES = frozenset({"yes", "y", "sim", "s"})
 NO = frozenset({"no", "n", "não", "nao", ""})
 _NUMBER = re.compile(r"-?[0-9]{1,15}(?:[.,][0-9]{1,15})?")
-_GROUPED = re.compile(r"[1-9][0-9]{0,2}(?:([., '\u2019])[0-9]{3})(?:\1[0-9]{3})*(?:[.,][0-9]+)?")
+_THOUSANDS = re.compile(r"[1-9][0-9]{0,2}(?:([., '\u2019])[0-9]{3})(?:\1[0-9]{3})*(?:[.,][0-9]+)?")
 """A number with thousands separators, or with one that may be a decimal separator."""
 _HERE = Mark("answer", 1, 1)
 _EXAMPLE = "an EXAMPLE value"
@@ -133,14 +134,14 @@ class Interview:
         keep: Callable[[Sequence[tuple[str, str]]], None] = lambda _: None,
         kept_answers: Sequence[tuple[str, str]] = (),
     ) -> None:
-        self.dialogue = Dialogue(ask, tell, keep, kept_answers)
+        self.prompter = Prompter(ask, tell, keep, kept_answers)
         self.block_name = ""
         """What is asked about: part of the key of each answer."""
         self.asks_all = True
 
     def answers(self) -> dict[str, Any]:
         """Ask all questions in order; `<` goes back one question."""
-        return self.dialogue.run(self._answers)
+        return self.prompter.run(self._answers)
 
     def _answers(self) -> dict[str, Any]:
         self._start("The pilot")
@@ -166,7 +167,7 @@ class Interview:
 
     def _start(self, heading: str) -> None:
         self.block_name = heading
-        self.dialogue.start_block(heading)
+        self.prompter.start_block(heading)
 
     def site(self) -> dict[str, Any]:
         """Ask about one test site with at least one link."""
@@ -177,7 +178,7 @@ class Interview:
                     place[key] = self.block(model, questions)
             if any(link in place for link in _LINKS):
                 return place
-            self.dialogue.remark("A site needs a link: a bridge, a cable, 4G or a satellite.")
+            self.prompter.remark("A site needs a link: a bridge, a cable, 4G or a satellite.")
 
     def yes(self, text: str, default: str = "no") -> bool:
         """Ask a yes/no question."""
@@ -188,14 +189,14 @@ class Interview:
                 raise InvalidAnswer("Type yes or no.")
             return word in YES
 
-        return self.dialogue.answer(f"{self.block_name}: {text}", f"{text} (yes/no)", default, parse)
+        return self.prompter.answer(f"{self.block_name}: {text}", f"{text} (yes/no)", default, parse)
 
     def names(self, text: str, default: str, other: str = "") -> list[str]:
         """Ask for one or more distinct names."""
 
         def parse(answer: str) -> list[str]:
             names = [name.strip() for name in (answer or default).split(",") if name.strip()]
-            problems = [f"{why[0]}: {why[1]}" for name in names if (why := why_no_name(name))]
+            problems = [f"{translate(why[0])}: {translate(why[1])}" for name in names if (why := why_no_name(name))]
             if default and len(names) > 1:
                 problems.append("Type one name.")
             if len(names) > MOST_SITES:
@@ -206,7 +207,7 @@ class Interview:
                 raise InvalidAnswer(problems[0])
             return names
 
-        return self.dialogue.answer(f"{self.block_name}: {text}", text, default, parse)
+        return self.prompter.answer(f"{self.block_name}: {text}", text, default, parse)
 
     def block(self, model: type[BaseModel], questions: Sequence[Question]) -> dict[str, Any]:
         """Ask the questions about one block and return the answers by key; unanswered questions are left out."""
@@ -226,7 +227,7 @@ class Interview:
             return value
 
         key = f"{self.block_name}: {model.__name__}.{question.key}"
-        return self.dialogue.answer(key, question.text, question.without, parse, question.note)
+        return self.prompter.answer(key, question.text, question.without, parse, question.note)
 
 
 def parse_answer(annotation: Any, text: str) -> Any:  # noqa: ANN401 - a type, and what YAML holds
@@ -275,7 +276,7 @@ def parse_number(text: str, *, has_fraction: bool = True) -> int | float | str:
 
     Raises InvalidAnswer for a thousands separator, which may be a decimal one where it stands only once.
     """
-    if _GROUPED.fullmatch(text):
+    if _THOUSANDS.fullmatch(text):
         *groups, last = re.split(r"[^0-9]", text)
         separators = re.findall(r"[^0-9]", text)
         if has_fraction and separators in ([","], ["."]):
@@ -298,7 +299,7 @@ def validation_error(model: type[BaseModel], key: str, value: Any) -> str | None
         if first_error is None:
             return None
         finding = _schema.explain(first_error, Node(_HERE, {key: _node(value)}), model, "answer")
-        return f"{finding.message}: {finding.hint}"
+        return f"{translate(finding.message)}: {translate(finding.hint)}"
     return None
 
 

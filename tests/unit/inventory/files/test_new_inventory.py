@@ -1,6 +1,7 @@
 """`provision init`: what is written from answers, what is refused, and that it is all or nothing."""
 
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from schema_reader import EditorLoader, files, problems, schema_of
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.inventory import _encrypt
+from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import load
@@ -253,7 +255,7 @@ class TestInterview:
     def test_a_dash_clears_an_earlier_answer(self) -> None:
         interview, asked, _ = self.interview(["10.0.0.0/24", "<", "-", "10.1.0.0/24"])
         questions = (Question("lan", "Local network"), Question("management", "Management network"))
-        answers = interview.dialogue.run(lambda: interview.block(SiteAnswers, questions))
+        answers = interview.prompter.run(lambda: interview.block(SiteAnswers, questions))
         assert answers == {"management": "10.1.0.0/24"}
         assert asked == [
             "Local network [an EXAMPLE value]: ",
@@ -281,9 +283,9 @@ class TestInterview:
         ("text", "message"),
         [
             ("7", "Partner 7 is not known: type 1 to 6, or a name."),
-            ("1, inesc", "the partner `inesc` is named twice: name each partner once"),
-            ("INESC TEC, 1", "the partner `inesc` is named twice: name each partner once"),
-            ("!!", "`!!` is no name of a partner: a name has letters or digits"),
+            ("1, inesc", "two partners have the name `inesc`: name each partner once"),
+            ("INESC TEC, 1", "two partners have the name `inesc`: name each partner once"),
+            ("!!", "no partner can have the name `!!`: a name has letters or digits"),
         ],
     )
     def test_unknown_partners_are_refused(self, text: str, message: str) -> None:
@@ -319,6 +321,24 @@ class TestInterview:
         assert set(answers["sites"]["pier"]) == {"wifi_bridge", "cable", "lte", "satellite", "gateway"}
         assert len(asked) > 50
         assert [prompt for prompt in asked if len(prompt) > 76] == []
+
+    def test_every_question_and_refusal_is_portuguese(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(language, "_current_language", language.Language.PORTUGUESE)
+        needed = {"Nome do piloto": ["Douro"], "País": ["portugal"], "Nomes curtos": ["O Cais", "cais"]}
+        refused = {"Parceiros": ["9", "1,1", "!!", "1"], "Preço": ["1.234", "1.234,5", "\a", "1,5"]}
+        waiting = {**needed, **refused}
+        asked: list[str] = []
+        told: list[str] = []
+
+        def ask(prompt: str) -> str:
+            asked.append(prompt)
+            typed = next((texts for start, texts in waiting.items() if prompt.startswith(start)), [""])
+            return "yes" if "(yes/no)" in prompt else typed.pop(0) if len(typed) > 1 else typed[0]
+
+        Interview(ask, lambda words: told.append(language.translate(words))).answers()
+        assert [prompt for prompt in asked if len(prompt) > 79] == []
+        english = re.compile(r"\b(the|of|is|has|can|type|name|network|what|there|address|and)\b", re.IGNORECASE)
+        assert [text for text in [*asked, *told] if english.search(text)] == []
 
     def test_a_site_needs_a_link(self) -> None:
         nothing = ["", "", "", "", ""]

@@ -1,4 +1,4 @@
-"""Dialogue of `provision init`: `<` goes back one question, and kept answers are not asked again.
+"""Prompts of `provision init`: `<` goes back one question, and kept answers are not asked again.
 
 Going back replays all answers but the last, so that it works across blocks, sites and list entries alike.
 """
@@ -29,7 +29,7 @@ class _StepBack(Exception):
     """The person wants to return to the question before."""
 
 
-class Dialogue:
+class Prompter:
     """Asks questions, and keeps the answers as they were typed."""
 
     def __init__(
@@ -92,9 +92,9 @@ class Dialogue:
 
     def _ask_until_valid(self, key: str, question: str, default: str, parse: Callable[[str], _T]) -> _T:
         earlier = self.earlier.get(key, "")
-        shown = earlier if len(earlier) <= _LONGEST_DEFAULT else f"{earlier[: _LONGEST_DEFAULT - 1]}…"
-        shown = printable.line(shown) or translate(default)
-        prompt = f"{translate(question)} [{shown}]: " if shown else f"{translate(question)}: "
+        default_text = earlier if len(earlier) <= _LONGEST_DEFAULT else f"{earlier[: _LONGEST_DEFAULT - 1]}…"
+        default_text = printable.line(default_text) or translate(default)
+        prompt = f"{translate(question)} [{default_text}]: " if default_text else f"{translate(question)}: "
         while True:
             text = self.ask(prompt).strip()
             if text == BACK:
