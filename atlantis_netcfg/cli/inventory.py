@@ -9,12 +9,13 @@ from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
     from typing import Any
 
     from atlantis_netcfg.inventory import Inventory, InventoryInvalid
     from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers
+    from atlantis_netcfg.inventory.new_inventory.kept_answers import KeptAnswers
 
 
 INIT = syntax.CommandSpec(
@@ -40,6 +41,7 @@ def run_init(arguments: syntax.Arguments) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg.inventory import InventoryInvalid
+    from atlantis_netcfg.inventory.new_inventory.kept_answers import KeptAnswers
     from atlantis_netcfg.inventory.new_inventory.writing import README, create, example_files, refuse_used
 
     folder = Path(arguments.word("folder"))
@@ -49,7 +51,7 @@ def run_init(arguments: syntax.Arguments) -> ExitCode:
     if source == "example":
         inventory = create(folder, {**example_files(_example_folder()), README: _readme(folder, is_encrypted=None)})
         return _print_created(folder, inventory, is_encrypted=None, as_json=as_json)
-    result = _ask_person() if source == "questions" else _read(Path(source))
+    result = _ask_person(KeptAnswers(folder)) if source == "questions" else _read(Path(source))
     if isinstance(result, InventoryInvalid):
         return _refuse(result, "in the answers; nothing was written", as_json=as_json)
     answers, raw_answers = result
@@ -58,7 +60,9 @@ def run_init(arguments: syntax.Arguments) -> ExitCode:
     try:
         inventory = create(folder, files)
     except InventoryInvalid as error:
+        KeptAnswers(folder).remove()
         return _keep(error, folder, raw_answers if source == "questions" else None, as_json=as_json)
+    KeptAnswers(folder).remove()
     return _print_created(folder, inventory, is_encrypted=encrypt is not None, as_json=as_json)
 
 
@@ -96,7 +100,7 @@ def _read(path: Path) -> tuple[InventoryAnswers, None] | InventoryInvalid:
     return InventoryInvalid(block.findings) if block.findings or block.value is None else (block.value, None)
 
 
-def _ask_person() -> tuple[InventoryAnswers, Mapping[str, Any]]:
+def _ask_person(store: KeptAnswers) -> tuple[InventoryAnswers, Mapping[str, Any]]:
     """Prompt for the answers. Raises UsageError at the end of input; then nothing was written."""
     from atlantis_netcfg.core import printable
     from atlantis_netcfg.core.errors import UsageError
@@ -104,16 +108,38 @@ def _ask_person() -> tuple[InventoryAnswers, Mapping[str, Any]]:
     from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers
     from atlantis_netcfg.inventory.new_inventory.questions import Interview
 
+    is_kept = True
+
     def ask(prompt: str) -> str:
         try:
-            return input(f"{printable.line(translate(prompt.strip()))} ")
+            return input(f"{printable.line(prompt.strip())} ")
+        except ValueError:  # bytes that are no text in the terminal's encoding
+            return "\0"
         except EOFError:
-            raise UsageError(
-                "the questions were not answered to the end, so nothing was written", hint="type the command again"
-            ) from None
+            again = "type the command again" + (": it offers to go on where it stopped" if is_kept else "")
+            raise UsageError("the questions were not answered to the end, so nothing was written", hint=again) from None
 
-    print(translate("Enter alone gives what stands in brackets. Ctrl-C stops: nothing is written then."))
-    raw_answers = Interview(ask, lambda words: print(translate(words))).answers()
+    def tell(words: str) -> None:
+        print(translate(words))
+
+    def keep(answers: Sequence[tuple[str, str]]) -> None:
+        nonlocal is_kept
+        try:
+            if is_kept:
+                store.write(answers)
+        except (OSError, UsageError) as error:
+            is_kept = False
+            tell(f"Your answers are not kept if you stop: {error}")
+
+    tell("Enter takes what stands in brackets, `<` goes back, `-` clears an earlier answer.")
+    tell("Ctrl-C stops; the same command then offers to go on where it stopped.")
+    answers = store.read()
+    if answers:
+        tell(f"{len(answers)} answers are kept from the last time.")
+        if not Interview(ask, tell).yes("Go on with them?", default="yes"):
+            store.remove()
+            answers = []
+    raw_answers = Interview(ask, tell, keep, answers).answers()
     return InventoryAnswers.model_validate(raw_answers), raw_answers
 
 

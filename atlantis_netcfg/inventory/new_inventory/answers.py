@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt, model_validator
 
 from atlantis_netcfg.inventory import model
+from atlantis_netcfg.inventory.findings import why_no_name
 from atlantis_netcfg.inventory.model._base import Model, wrong
 from atlantis_netcfg.inventory.model.computer import SshKey
 
@@ -34,7 +35,37 @@ LinkNetwork = Annotated[model.Network, AfterValidator(_room(29))]
 VpnNetwork = Annotated[model.Network, AfterValidator(_room(20))]
 MOST_SITES = 80
 """Maximum number of sites; each uses addresses of the infrastructure pool."""
+MOST_PARTNERS = 15
+"""Maximum number of partners: a VPN network of /20 has 16 pools, one of them for infrastructure."""
+PARTNERS = {
+    "inesc": "INESC TEC",
+    "iqua": "IQUA Robotics",
+    "eca": "ECA",
+    "udg": "Universitat de Girona",
+    "vtt": "VTT",
+    "spaceapps": "SPACEAPPS",
+}
+"""Organisations of the report, in its order."""
 Ports = Annotated[StrictInt, Field(ge=4, le=48)]
+
+
+def partner_row(text: str) -> tuple[str, str]:
+    """Return the short and the full name of a partner; of the report's, either name is enough."""
+    near = (why_no_name(text.lower()) or ("", text.lower()))[1]
+    for short_name, full_name in PARTNERS.items():
+        if text.lower() in {short_name, full_name.lower()}:
+            return short_name, full_name
+    return near, text
+
+
+def _distinct(partners: tuple[str, ...]) -> tuple[str, ...]:
+    names = [partner_row(text)[0] for text in partners]
+    for text, name in zip(partners, names, strict=True):
+        if why_no_name(name) is not None:
+            raise wrong(f"no partner can have the name `{text}`", "a name has letters or digits")
+        if names.count(name) > 1:
+            raise wrong(f"two partners have the name `{name}`", "name each partner once")
+    return partners
 
 
 class CableAnswers(Model):
@@ -172,8 +203,8 @@ class PilotAnswers(Model):
     """Addresses of time servers reachable from every site."""
     ros_distribution: model.RosDistribution | None = None
     """Release of ROS 2 on the gateways; None: neither ROS nor DDS is set up."""
-    partners: tuple[Literal["inesc", "iqua", "eca", "udg", "vtt"], ...] = ()
-    """Organisations of the report that join through the VPN."""
+    partners: Annotated[tuple[model.Text, ...], Field(max_length=MOST_PARTNERS), AfterValidator(_distinct)] = ()
+    """Organisations that join through the VPN: short names of the report's, or names of others."""
 
 
 class InventoryAnswers(Model):

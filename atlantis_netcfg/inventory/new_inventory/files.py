@@ -14,6 +14,7 @@ from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS
 from atlantis_netcfg.inventory.json_schema import modeline
 from atlantis_netcfg.inventory.new_inventory import yaml_text
+from atlantis_netcfg.inventory.new_inventory.answers import MOST_PARTNERS, partner_row
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -27,14 +28,6 @@ if TYPE_CHECKING:
     )
 
 ZONES = {"portugal": "Europe/Lisbon", "belgium": "Europe/Brussels"}
-PARTNERS = {
-    "inesc": "INESC TEC",
-    "iqua": "IQUA Robotics",
-    "eca": "ECA",
-    "udg": "Universitat de Girona",
-    "vtt": "VTT",
-}
-"""Organisations of the report, in its order."""
 _PORTS = 8
 _CERTUS = {"rtt_ms": 700, "up_kbps": 352, "down_kbps": 704}
 """Rates of Iridium Certus for the report's terminal."""
@@ -95,7 +88,7 @@ class InventoryWriter:
     def pools(self) -> list[IPv4Network]:
         """Address pools: the first for infrastructure, the others for partners."""
         pools = self.vpn.network.subnets(new_prefix=24)
-        return [next(pools) for _ in range(1 + len(PARTNERS))]
+        return [next(pools) for _ in range(1 + MOST_PARTNERS)]
 
     def tunnel(self, number: int) -> yaml_text.Value:
         """Return an address of the infrastructure's pool."""
@@ -195,10 +188,11 @@ def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, yaml_t
 
 
 def _add_partners(writer: InventoryWriter) -> None:
-    partner_names = writer.answers.pilot.partners
     rows: dict[str, yaml_text.Tree] = {
-        name: {"full_name": PARTNERS[name], "vpn_pool": yaml_text.Value(pool, writer.vpn.is_example)}
-        for name, pool in zip(partner_names, writer.pools[1:], strict=False)
+        name: {"full_name": full_name, "vpn_pool": yaml_text.Value(pool, writer.vpn.is_example)}
+        for (name, full_name), pool in zip(
+            map(partner_row, writer.answers.pilot.partners), writer.pools[1:], strict=False
+        )
     }
     comment = "Organisations that join through the VPN, each with a pool of tunnel addresses of its own."
     writer.trees["group_vars/all/partners.yml"] = (comment, "partners", {"partners": rows})
@@ -206,10 +200,11 @@ def _add_partners(writer: InventoryWriter) -> None:
 
 def _add_vehicles(writer: InventoryWriter) -> None:
     rows: dict[str, yaml_text.Tree] = {}
+    partners = [partner_row(text)[0] for text in writer.answers.pilot.partners]
     for key, vehicle in writer.vehicles.items():
         partner = vehicle.get("partner")
         row = {name: value for name, value in vehicle.items() if name not in {"endpoints", "telemetry"}}
-        row["partner"] = partner if partner in writer.answers.pilot.partners else None
+        row["partner"] = partner if partner in partners else None
         row["aliases"] = tuple(vehicle.get("aliases", ()))
         row["table3"] = tuple(vehicle["table3"])
         rows[key] = {name: yaml_text.Value(value) if isinstance(value, tuple) else value for name, value in row.items()}

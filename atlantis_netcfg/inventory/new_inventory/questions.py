@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
 
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.inventory import _schema
 from atlantis_netcfg.inventory._yaml import Node
 from atlantis_netcfg.inventory.findings import Mark, why_no_name
 from atlantis_netcfg.inventory.model import LinkRate
 from atlantis_netcfg.inventory.new_inventory.answers import (
     MOST_SITES,
+    PARTNERS,
     BridgeAnswers,
     CableAnswers,
     CentreAnswers,
@@ -23,12 +26,16 @@ from atlantis_netcfg.inventory.new_inventory.answers import (
     SiteAnswers,
     VpnAnswers,
 )
+from atlantis_netcfg.inventory.new_inventory.prompter import InvalidAnswer, Prompter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 YES = frozenset({"yes", "y", "sim", "s"})
 NO = frozenset({"no", "n", "não", "nao", ""})
+_NUMBER = re.compile(r"-?[0-9]{1,15}(?:[.,][0-9]{1,15})?")
+_THOUSANDS = re.compile(r"[1-9][0-9]{0,2}(?:([., '\u2019])[0-9]{3})(?:\1[0-9]{3})*(?:[.,][0-9]+)?")
+"""A number with thousands separators, or with one that may be a decimal separator."""
 _HERE = Mark("answer", 1, 1)
 _EXAMPLE = "an EXAMPLE value"
 _NOTHING = "left out"
@@ -42,49 +49,59 @@ class Question:
     text: str
     without: str = _EXAMPLE
     """Default for an empty input; empty: an answer is required."""
+    note: str = ""
+    """A line above the question."""
+    is_detail: bool = False
+    """Whether only a person who wants all questions is asked."""
 
 
-_RATE = Question("rate", "Round trip in ms, kbit/s up and down (60 20000 20000)")
-_PROBE_TARGETS = Question("canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed")
+_PARTNERS_NOTE = f"Of the report: {', '.join(f'{n} {name}' for n, name in enumerate(PARTNERS, 1))}; any name."
+
+_RATE = Question("rate", "Round trip in ms, kbit/s up and down (60 20000 20000)", is_detail=True)
+_PROBE_TARGETS = Question(
+    "canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed", is_detail=True
+)
 _PLACE = (
-    Question("title", "What people call it", "its short name"),
+    Question("title", "What people call it", "its short name", is_detail=True),
     Question("lan", "Local network (like 10.20.1.0/24)"),
-    Question("management", "Network of the management port (like 10.20.101.0/24)"),
-    Question("domain", "DNS suffix of the local network"),
-    Question("router_ports", "Ethernet ports of the router"),
+    Question("management", "Network of the management port (like 10.20.101.0/24)", is_detail=True),
+    Question("domain", "DNS suffix of the local network", is_detail=True),
+    Question("router_ports", "Ethernet ports of the router", is_detail=True),
 )
 _PILOT = (
     Question("name", "Name of the pilot", ""),
     Question("country", "Country of the radios (portugal, belgium)", ""),
-    Question("time_zone", "Time zone", "that of the country"),
-    Question("time_servers", "Addresses of time servers"),
+    Question("time_zone", "Time zone", "that of the country", is_detail=True),
+    Question("time_servers", "Addresses of time servers", is_detail=True),
     Question("ros_distribution", "ROS 2 of the gateways (foxy, humble, jazzy)", "neither ROS nor DDS"),
-    Question("partners", "Partners in the VPN (inesc, iqua, eca, udg, vtt)", "none"),
+    Question(
+        "partners", "Partners in the VPN (numbers or names, with commas between)", "no partners", note=_PARTNERS_NOTE
+    ),
 )
 _VPN = (
     Question("endpoint", "Public address of the VPN's server"),
     Question("endpoint_name", "DNS name of the VPN's server"),
-    Question("network", "Tunnel addresses, /20 or larger (like 10.80.0.0/16)"),
+    Question("network", "Tunnel addresses, /20 or larger (like 10.80.0.0/16)", is_detail=True),
 )
 _CABLE = (
     Question("network", "Network between router and provider"),
-    Question("address", "The router's address in it", "its second address"),
-    Question("gateway", "The provider's box in it", "its first address"),
+    Question("address", "The router's address in it", "its second address", is_detail=True),
+    Question("gateway", "The provider's box in it", "its first address", is_detail=True),
     _RATE,
 )
 _BRIDGE = (
-    Question("network", "Network of the bridge, /29 or larger"),
+    Question("network", "Network of the bridge, /29 or larger", is_detail=True),
     Question("ssid", "Name of the radio network (SSID)"),
-    Question("protocol", "What the radios speak (nv2, 802.11)", "nv2"),
+    Question("protocol", "What the radios speak (nv2, 802.11)", "nv2", is_detail=True),
     Question("frequency_mhz", "Frequency in MHz (5 GHz band)"),
-    Question("distance_m", "Distance in metres"),
-    Question("antenna_gain_dbi", "Gain of the antennas in dBi"),
+    Question("distance_m", "Distance in metres", is_detail=True),
+    Question("antenna_gain_dbi", "Gain of the antennas in dBi", is_detail=True),
     Question("tx_power_dbm", "Power of the radios in dBm"),
     _PROBE_TARGETS,
     _RATE,
 )
 _LTE = (
-    Question("network", "Network between router and 4G unit, /29 or larger"),
+    Question("network", "Network between router and 4G unit, /29 or larger", is_detail=True),
     Question("driver", "Unit (routeros, rutos, modemmanager, manual)", "manual: a person looks"),
     Question("apn", "APN of the SIM's contract", "the network's own"),
     Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
@@ -92,7 +109,7 @@ _LTE = (
     _RATE,
 )
 _SATELLITE = (
-    Question("network", "Network between router and terminal, /29 or larger"),
+    Question("network", "Network between router and terminal, /29 or larger", is_detail=True),
     Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
 )
 _GATEWAY = (Question("ssh_key", "A technician's public SSH key (line of the .pub file)", "no card is made"),)
@@ -103,33 +120,54 @@ _PARTS: Sequence[tuple[str, str, type[BaseModel], Sequence[Question]]] = (
     ("satellite", "Is there a satellite terminal?", SatelliteAnswers, _SATELLITE),
     ("gateway", "Is there a data gateway computer?", GatewayAnswers, _GATEWAY),
 )
+_CENTRE = "scc"
 _LINKS = ("wifi_bridge", "cable", "lte", "satellite")
 
 
 class Interview:
     """Asks a person, and returns the answers in the form of `InventoryAnswers`."""
 
-    def __init__(self, ask: Callable[[str], str], tell: Callable[[str], None]) -> None:
-        self.ask = ask
-        self.tell = tell
+    def __init__(
+        self,
+        ask: Callable[[str], str],
+        tell: Callable[[str], None],
+        keep: Callable[[Sequence[tuple[str, str]]], None] = lambda _: None,
+        kept_answers: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        self.prompter = Prompter(ask, tell, keep, kept_answers)
+        self.block_name = ""
+        """What is asked about: part of the key of each answer."""
+        self.asks_all = True
 
     def answers(self) -> dict[str, Any]:
-        """Ask all questions in order."""
-        self.tell("The pilot")
+        """Ask all questions in order; `<` goes back one question."""
+        return self.prompter.run(self._answers)
+
+    def _answers(self) -> dict[str, Any]:
+        self._start("The pilot")
+        self.asks_all = self.yes("Ask for networks, ports, radio details and rates as well?")
         pilot = self.block(PilotAnswers, _PILOT)
-        self.tell("The VPN")
+        self._start("The VPN")
         vpn = self.block(VpnAnswers, _VPN)
-        self.tell("The control centre, the far end of all links")
-        (name,) = self.names("Short name of it", "scc")
-        centre = {"name": name, **self.block(CentreAnswers, _PLACE)}
-        self.tell("Its link to the rest of the world")
-        centre["uplink"] = self.block(CableAnswers, _CABLE)
-        centre["computer"] = self.yes("Is there a computer for its services?")
+        centre = self._centre() if self.asks_all else {"name": _CENTRE}
         sites = {}
-        for site in self.names("Short names of the test sites, with commas between", "", other=name):
-            self.tell(f"The test site {site}")
+        self._start("The test sites")
+        for site in self.names("Short names of the test sites, with commas between", "", other=centre["name"]):
+            self._start(f"The test site {site}")
             sites[site] = self.site()
         return {"pilot": pilot, "vpn": vpn, "control_centre": centre, "sites": sites}
+
+    def _centre(self) -> dict[str, Any]:
+        self._start("The control centre, the far end of all links")
+        (name,) = self.names("Short name of it", _CENTRE)
+        centre = {"name": name, **self.block(CentreAnswers, _PLACE)}
+        self._start("Its link to the rest of the world")
+        centre["uplink"] = self.block(CableAnswers, _CABLE)
+        return {**centre, "computer": self.yes("Is there a computer for its services?")}
+
+    def _start(self, heading: str) -> None:
+        self.block_name = heading
+        self.prompter.start_block(heading)
 
     def site(self) -> dict[str, Any]:
         """Ask about one test site with at least one link."""
@@ -140,70 +178,115 @@ class Interview:
                     place[key] = self.block(model, questions)
             if any(link in place for link in _LINKS):
                 return place
-            self.tell("A site needs a link: a bridge, a cable, 4G or a satellite.")
+            self.prompter.remark("A site needs a link: a bridge, a cable, 4G or a satellite.")
 
-    def yes(self, text: str) -> bool:
+    def yes(self, text: str, default: str = "no") -> bool:
         """Ask a yes/no question."""
-        while True:
-            answer = self.ask(f"{text} (yes/no) [no]: ").strip().lower()
-            if answer in YES | NO:
-                return answer in YES
-            self.tell("Type yes or no.")
+
+        def parse(answer: str) -> bool:
+            word = (answer or default).lower()
+            if word not in YES | NO:
+                raise InvalidAnswer("Type yes or no.")
+            return word in YES
+
+        return self.prompter.answer(f"{self.block_name}: {text}", f"{text} (yes/no)", default, parse)
 
     def names(self, text: str, default: str, other: str = "") -> list[str]:
         """Ask for one or more distinct names."""
-        while True:
-            answer = self.ask(f"{text} [{default}]: " if default else f"{text}: ").strip() or default
-            names = [name.strip() for name in answer.split(",") if name.strip()]
-            problems = [f"{why[0]}: {why[1]}" for name in names if (why := why_no_name(name))]
+
+        def parse(answer: str) -> list[str]:
+            names = [name.strip() for name in (answer or default).split(",") if name.strip()]
+            problems = [f"{translate(why[0])}: {translate(why[1])}" for name in names if (why := why_no_name(name))]
             if default and len(names) > 1:
                 problems.append("Type one name.")
             if len(names) > MOST_SITES:
                 problems.append(f"There is room for {MOST_SITES} sites.")
             if not names or len(set(names)) < len(names) or other in names:
                 problems.append("Type a name for each, none of them twice.")
-            if not problems:
-                return names
-            self.tell(problems[0])
+            if problems:
+                raise InvalidAnswer(problems[0])
+            return names
+
+        return self.prompter.answer(f"{self.block_name}: {text}", text, default, parse)
 
     def block(self, model: type[BaseModel], questions: Sequence[Question]) -> dict[str, Any]:
         """Ask the questions about one block and return the answers by key; unanswered questions are left out."""
-        answers = {question.key: self.answer(model, question) for question in questions}
+        asked_questions = [question for question in questions if self.asks_all or not question.is_detail]
+        answers = {question.key: self.answer(model, question) for question in asked_questions}
         return {key: value for key, value in answers.items() if value is not None}
 
     def answer(self, model: type[BaseModel], question: Question) -> Any:  # noqa: ANN401 - as YAML has it
         """Ask a question until the answer is valid; return None if an optional question is left empty."""
-        prompt = f"{question.text} [{question.without}]: " if question.without else f"{question.text}: "
-        while True:
-            text = self.ask(prompt).strip()
+
+        def parse(text: str) -> Any:  # noqa: ANN401 - as YAML has it
             if not text and question.without:
                 return None
             value = parse_answer(model.model_fields[question.key].annotation, text)
-            problem = validation_error(model, question.key, value)
-            if problem is None:
-                return value
-            self.tell(problem)
+            if (problem := validation_error(model, question.key, value)) is not None:
+                raise InvalidAnswer(problem)
+            return value
+
+        key = f"{self.block_name}: {model.__name__}.{question.key}"
+        return self.prompter.answer(key, question.text, question.without, parse, question.note)
 
 
 def parse_answer(annotation: Any, text: str) -> Any:  # noqa: ANN401 - a type, and what YAML holds
-    """Convert a typed answer to the value that YAML would have read from a file."""
+    """Convert a typed answer to the value that YAML would have read from a file.
+
+    Raises InvalidAnswer for a number with a thousands separator.
+    """
     if _schema.model_of(annotation) is LinkRate:
-        numbers = [_number(part) for part in text.replace(",", " ").split()]
+        numbers = [parse_number(part) for part in _numbers(text)]
         required_keys = [key for key, field in LinkRate.model_fields.items() if field.is_required()]
         return dict(zip(required_keys, numbers, strict=True)) if len(numbers) == len(required_keys) else text
     item = _schema.item_of(annotation)
+    if annotation == PilotAnswers.model_fields["partners"].annotation:
+        return _partner_names(text)
     if item is not None:
         return [parse_answer(item, part) for part in text.replace(",", " ").split()]
-    return _number(text) if _schema.unwrap(annotation) in {int, float} else text
+    kind = _schema.unwrap(annotation)
+    return parse_number(text, has_fraction=kind is float) if kind in {int, float} else text
 
 
-def _number(text: str) -> int | float | str:
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+def _partner_names(text: str) -> list[str]:
+    """Split a list of partners at commas; numbers and short names of the report's partners also at spaces.
+
+    Raises InvalidAnswer for a number that no partner has.
+    """
+    short_names = list(PARTNERS)
+    names: list[str] = []
+    for part in filter(None, map(str.strip, text.split(","))):
+        words = part.lower().split()
+        is_known = all(word in short_names or word.isdecimal() for word in words)
+        for word in words if is_known else [part]:
+            if word.isdecimal() and word not in map(str, range(1, len(short_names) + 1)):
+                raise InvalidAnswer(f"Partner {word} is not known: type 1 to {len(short_names)}, or a name.")
+            names.append(short_names[int(word) - 1] if word.isdecimal() else word)
+    return names
+
+
+def _numbers(text: str) -> list[str]:
+    """Split a list of numbers at spaces, in which a comma is a decimal comma; or at commas, without any space."""
+    parts = text.split()
+    return text.split(",") if len(parts) == 1 else [part.rstrip(",") for part in parts]
+
+
+def parse_number(text: str, *, has_fraction: bool = True) -> int | float | str:
+    """Parse a number with a decimal point or comma; return any other text as it is.
+
+    Raises InvalidAnswer for a thousands separator, which may be a decimal one where it stands only once.
+    """
+    if _THOUSANDS.fullmatch(text):
+        *groups, last = re.split(r"[^0-9]", text)
+        separators = re.findall(r"[^0-9]", text)
+        if has_fraction and separators in ([","], ["."]):
+            whole, fraction = f"{groups[0]}{last}", f"{groups[0]}.{last}0"
+            raise InvalidAnswer(f"`{text}` can mean {whole} or {fraction[:-1]}: type {whole} or {fraction}")
+        number = "".join([*groups, "." if len(set(separators)) > 1 else "", last])
+        raise InvalidAnswer(f"`{text}` has a thousands separator: type {number}")
+    if not _NUMBER.fullmatch(text):
+        return text
+    return int(text) if text.lstrip("-").isdigit() else float(text.replace(",", "."))
 
 
 def validation_error(model: type[BaseModel], key: str, value: Any) -> str | None:  # noqa: ANN401 - as YAML has it
@@ -216,7 +299,7 @@ def validation_error(model: type[BaseModel], key: str, value: Any) -> str | None
         if first_error is None:
             return None
         finding = _schema.explain(first_error, Node(_HERE, {key: _node(value)}), model, "answer")
-        return f"{finding.message}: {finding.hint}"
+        return f"{translate(finding.message)}: {translate(finding.hint)}"
     return None
 
 

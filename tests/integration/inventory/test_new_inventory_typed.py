@@ -15,7 +15,9 @@ from waiting import HANG_S
 pytestmark = pytest.mark.slow
 
 AT_A_TERMINAL = """
-import fcntl, os, sys, termios
+import fcntl, os, signal, sys, termios
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 os.setsid()
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execv(sys.executable, [sys.executable, "-m", "atlantis_netcfg", *sys.argv[1:]])
@@ -23,6 +25,7 @@ os.execv(sys.executable, [sys.executable, "-m", "atlantis_netcfg", *sys.argv[1:]
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1 technician"
 PLACE = ("What people call it", "Local network", "Network of the management port", "DNS suffix", "Ethernet ports")
 PILOT = [
+    ("Ask for networks, ports, radio details and rates as well?", "yes"),
     ("Name of the pilot", "Douro"),
     ("Country of the radios", "spain"),  # refused: it is asked again
     ("Country of the radios", "portugal"),
@@ -77,23 +80,68 @@ BOAT = [
     ("A technician's public SSH key", KEY),
 ]
 
+USUAL = [
+    ("Ask for networks, ports, radio details and rates as well?", ""),
+    ("Name of the pilot", "Douro"),
+    ("Country of the radios", "portugal"),
+    ("ROS 2 of the gateways", "humble"),
+    ("Partners in the VPN", "1, 3, Blue Ocean"),
+    ("Public address of the VPN", "172.31.0.2"),
+    ("DNS name of the VPN", "vpn.douro.internal"),
+    ("Short names of the test sites", "pier"),
+    ("Local network", "10.20.1.0/24"),
+    ("Is there a Wi-Fi bridge", "yes"),
+    ("Name of the radio network", "douro-ptp"),
+    ("Frequency in MHz", "5560"),
+    ("Power of the radios", "12"),
+    ("Is there a cable", "yes"),
+    ("Network between router and provider", "172.31.0.0/29"),
+    ("Is there a 4G unit", "yes"),
+    ("Unit (routeros", "routeros"),
+    ("APN of the SIM", "douro.net"),
+    ("Price of the contract", "0,01"),
+    ("Is there a satellite terminal", "yes"),
+    ("Price of the contract", "2,5"),
+    ("Is there a data gateway computer", "yes"),
+    ("A technician's public SSH key", KEY),
+    ("Choose a password for the inventory's vault", "of a test"),
+    ("The same again", "of a test"),
+]
+"""A site with everything, with the answers that only its people know."""
 
-def typed(words: Sequence[str], answers: Sequence[tuple[str, str]], environment: dict[str, str]) -> tuple[int, str]:
-    """Type a command at a terminal of its own, and an answer to each question when it is there."""
+
+def typed(
+    words: Sequence[str],
+    answers: Sequence[tuple[str, str]],
+    environment: dict[str, str],
+    end: tuple[str, bytes] | None = None,
+) -> tuple[int, str]:
+    """Type a command at a terminal of its own, and an answer to each question when it is there.
+
+    `end` is a last question and the key that is pressed at it; without a key the terminal is closed.
+    """
     ours, theirs = os.openpty()
     command = [sys.executable, "-P", "-c", AT_A_TERMINAL, *words]
     process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment)
     os.close(theirs)
     seen, unread = "", ""
-    for question, answer in answers:
+    lines = [(question, f"{answer}\n".encode(errors="surrogateescape")) for question, answer in answers]
+    for question, keys in [*lines, *([] if end is None else [end])]:
         while question not in unread:
             ready, _, _ = select.select([ours], [], [], HANG_S)
             assert ready, f"`{question}` was never asked: {unread}"
             unread += (more := os.read(ours, 4096).decode(errors="replace"))
             seen += more
         unread = unread.partition(question)[2]
-        os.write(ours, f"{answer}\n".encode())
+        if not keys:
+            os.close(ours)
+            return process.wait(HANG_S), seen.replace("\r\n", "\n")
+        os.write(ours, keys)
     while True:
+        # A signal between the prompt and the read is noticed only at the next key, so a person presses it again.
+        if end is not None and not select.select([ours], [], [], 1)[0]:
+            os.write(ours, end[1])
+            continue
         try:
             more = os.read(ours, 4096).decode(errors="replace")
         except OSError:  # Linux tells so that nobody has it open any more
@@ -112,20 +160,24 @@ def run(words: Sequence[str], environment: dict[str, str]) -> subprocess.Complet
     )
 
 
-@pytest.mark.smoke
-def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture(name="environment")
+def _environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     monkeypatch.chdir(tmp_path)
     password = tmp_path / "vault-password"
     password.write_text("of a test\n", encoding="utf-8")
-    environment = {
+    return {
         **os.environ,
         "ATLANTIS_STATE": str(tmp_path / "state"),
         "ANSIBLE_VAULT_PASSWORD_FILE": str(password),
         "LC_ALL": "C.UTF-8",
         "TERM": "dumb",
     }
+
+
+@pytest.mark.smoke
+def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
+    tmp_path: Path, environment: dict[str, str]
+) -> None:
     code, seen = typed(["init", "douro"], [*PILOT, *PIER, *BOAT], environment)
     assert code == 0, seen
     assert "did you mean" in seen or "`spain` is no word" in seen
@@ -159,3 +211,75 @@ def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
     assert "pier-router" in rehearsed.stdout
     assert "actions applied and verified" in rehearsed.stdout
     assert "example" not in rehearsed.stdout + rehearsed.stderr
+
+
+def test_a_site_with_everything_takes_at_most_25_questions(tmp_path: Path, environment: dict[str, str]) -> None:
+    assert len(USUAL) <= 25
+    del environment["ANSIBLE_VAULT_PASSWORD_FILE"]
+    code, seen = typed(["init", "douro"], USUAL, environment)
+    assert code == 0, seen
+    assert "douro: written and checked, no errors, 9 hosts at 2 sites" in seen
+    assert sum(line.endswith("]:") or "]: " in line for line in seen.splitlines()) <= 25
+    pilot = (tmp_path / "douro/group_vars/pier.yml").read_text(encoding="utf-8")
+    assert "price_per_mb: 0.01" in pilot
+    assert "price_per_mb: 2.5" in pilot
+    checked = run(["validate", "inventory=douro"], environment)
+    assert checked.returncode == 0
+    assert "examples" in checked.stdout
+
+
+@pytest.mark.parametrize("stop", ["Ctrl-C", "Ctrl-D", "hang up"])
+def test_a_stopped_init_goes_on_where_it_stopped(tmp_path: Path, environment: dict[str, str], stop: str) -> None:
+    end = {"Ctrl-C": b"\x03", "Ctrl-D": b"\x04", "hang up": b""}[stop]
+    answers = [*PILOT, *PIER, *BOAT]
+    code, seen = typed(["init", "douro"], answers[:31], environment, (answers[31][0], end))
+    assert code != 0
+    assert "Traceback" not in seen
+    assert not (tmp_path / "douro").exists()
+    (kept,) = (tmp_path / "state/init").iterdir()
+    assert kept.stat().st_mode & 0o777 == 0o600
+    assert kept.parent.stat().st_mode & 0o777 == 0o700
+
+    code, seen = typed(["init", "douro"], [("Go on with them?", ""), *answers[31:]], environment)
+    assert code == 0, seen
+    assert "30 answers are kept from the last time." in seen
+    assert "Name of the pilot" not in seen
+    assert seen.splitlines()[-4] == "douro: written and checked, no errors, 10 hosts at 3 sites"
+    assert not kept.exists()
+
+
+def test_kept_answers_are_removed_when_the_person_starts_again(tmp_path: Path, environment: dict[str, str]) -> None:
+    typed(["init", "douro"], PILOT[:5], environment, (PILOT[5][0], b"\x03"))
+    (kept,) = (tmp_path / "state/init").iterdir()
+    again = [("Go on with them?", "no"), PILOT[0], ("Name of the pilot", "Tejo")]
+    code, seen = typed(["init", "./douro"], again, environment, ("Country", b"\x03"))
+    assert code != 0
+    assert "stopped by Ctrl-C; nothing was changed" in seen
+    assert "Tejo" in kept.read_text(encoding="utf-8")
+    assert "Douro" not in kept.read_text(encoding="utf-8")
+    (tmp_path / "douro").mkdir()
+    (tmp_path / "douro/letter.txt").touch()
+    code, seen = typed(["init", "douro"], [], environment)
+    assert code == 3
+    assert "douro has something in it" in seen
+
+
+def test_hostile_input_is_refused_and_asked_again(environment: dict[str, str]) -> None:
+    name = "Name of the pilot"
+    hostile = ["", "a" * 4000, "\x1b[31mred", "a\x07b", "\udcff\udcfe", "\u202egnp"]
+    answers = [PILOT[0], *((name, text) for text in hostile), (name, "Douro")]
+    code, seen = typed(["init", "douro"], answers, environment, ("Country", b"\x04"))
+    assert code == 3
+    assert "Traceback" not in seen
+    assert "An answer has at most 2000 characters." in seen
+    assert seen.count("characters that cannot be printed: type it again") == 4
+    assert "type the command again: it offers to go on where it stopped" in seen
+
+
+def test_a_state_directory_that_cannot_be_written_keeps_nothing(tmp_path: Path, environment: dict[str, str]) -> None:
+    (tmp_path / "state").touch()
+    code, seen = typed(["init", "douro"], PILOT[:2], environment, ("Country", b"\x04"))
+    assert code == 3
+    assert "Your answers are not kept if you stop" in seen
+    assert "Traceback" not in seen
+    assert seen.rstrip().endswith("type the command again")

@@ -1,20 +1,29 @@
 """`provision init`: what is written from answers, what is refused, and that it is all or nothing."""
 
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
 from hints_said import advised
+from pydantic import BaseModel
 from schema_reader import EditorLoader, files, problems, schema_of
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.inventory import _encrypt
+from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers, LteAnswers, PilotAnswers, SiteAnswers
+from atlantis_netcfg.inventory.new_inventory.answers import (
+    BridgeAnswers,
+    InventoryAnswers,
+    LteAnswers,
+    PilotAnswers,
+    SiteAnswers,
+)
 from atlantis_netcfg.inventory.new_inventory.questions import Interview, Question, validation_error
 from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, VaultSecret, document
 from atlantis_netcfg.operations.common.vault import Vault
@@ -64,6 +73,18 @@ def test_generated_files_match_the_schema(capsys: pytest.CaptureFixture[str]) ->
         schema = schema_of(path)
         assert schema is not None
         assert problems(path, schema) == [], path
+
+
+def test_any_organisation_can_be_a_partner_with_a_pool_of_its_own() -> None:
+    names = ", ".join(["inesc", "Blue Ocean", *(f"partner {n}" for n in range(13))])
+    pilot = f"{{name: Douro, country: belgium, partners: [{names}]}}"
+    Path("answers.yml").write_text(f"pilot: {pilot}\nvpn: {{network: 10.80.0.0/20}}\nsites:\n  pier: {{lte: {{}}}}\n")
+    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    partners = load(Path("douro")).partners
+    assert partners["inesc"].full_name == "INESC TEC"
+    assert partners["blue-ocean"].full_name == "Blue Ocean"
+    assert str(partners["blue-ocean"].vpn_pool) == "10.80.2.0/24"
+    assert len({partner.vpn_pool for partner in partners.values()}) == len(partners) == 15
 
 
 def test_the_example_is_copied_whole(capsys: pytest.CaptureFixture[str]) -> None:
@@ -183,6 +204,95 @@ class TestInterview:
 
         return Interview(ask, told.append), asked, told
 
+    def test_back_returns_to_the_question_before_with_its_answer_as_default(self) -> None:
+        typed = ["yes", "Douro", "belgium", "<", "<", "", "portugal", *[""] * 4, "203.0.113.9", "<", "<", "eca", ""]
+        interview, asked, told = self.interview(typed)
+        with pytest.raises(StopIteration):
+            interview.answers()
+        assert [prompt.rpartition(" [")[2].strip(" :]") for prompt in asked[3:6]] == [
+            "that of the country",
+            "belgium",
+            "Douro",
+        ]
+        assert [prompt.split(" (")[0] for prompt in asked[13:]] == [
+            "Public address of the VPN's server [203.0.113.9]: ",
+            "Partners in the VPN",
+            "Public address of the VPN's server [203.0.113.9]: ",
+            "DNS name of the VPN's server [an EXAMPLE value]: ",
+        ]
+        note = "Of the report: 1 inesc, 2 iqua, 3 eca, 4 udg, 5 vtt, 6 spaceapps; any name."
+        assert told == ["The pilot", note, "The VPN", "The pilot", note, "The VPN"]
+
+    def test_back_at_the_first_question_asks_it_again(self) -> None:
+        interview, asked, told = self.interview(["<", "no"])
+        with pytest.raises(StopIteration):
+            interview.answers()
+        assert asked[:2] == ["Ask for networks, ports, radio details and rates as well? (yes/no) [no]: "] * 2
+        assert told == ["The pilot", "This is the first question."]
+
+    def test_every_answer_can_be_taken_back(self) -> None:
+        """Back after each answer, and Enter: the result is as without."""
+        needed = {"Name of the pilot": "Douro", "Country": "portugal", "Short names": "pier, boat", "Price": "0,5"}
+        seen: list[str] = []
+        told: list[str] = []
+
+        def plain(prompt: str) -> str:
+            return "yes" if "yes/no" in prompt else next((needed[key] for key in needed if prompt.startswith(key)), "")
+
+        def hesitant(prompt: str) -> str:
+            seen.append(prompt)
+            if len(seen) % 3 == 2 and len(seen) > 2:
+                return "<"
+            return "" if len(seen) % 3 == 0 and len(seen) > 2 else plain(prompt)
+
+        expected = Interview(plain, told.append).answers()
+        told.clear()
+        assert Interview(hesitant, told.append).answers() == expected
+        assert "Price of the contract in EUR for 1 MB [0,5]: " in seen
+        assert "Is there a 4G unit? (yes/no) [yes]: " in seen
+        assert not [words for words in told if "Type" in words]
+
+    def test_a_dash_clears_an_earlier_answer(self) -> None:
+        interview, asked, _ = self.interview(["10.0.0.0/24", "<", "-", "10.1.0.0/24"])
+        questions = (Question("lan", "Local network"), Question("management", "Management network"))
+        answers = interview.prompter.run(lambda: interview.block(SiteAnswers, questions))
+        assert answers == {"management": "10.1.0.0/24"}
+        assert asked == [
+            "Local network [an EXAMPLE value]: ",
+            "Management network [an EXAMPLE value]: ",
+            "Local network [10.0.0.0/24]: ",
+            "Management network [an EXAMPLE value]: ",
+        ]
+
+    @pytest.mark.parametrize(
+        ("text", "names"),
+        [
+            ("inesc, eca", ["inesc", "eca"]),
+            ("1 6", ["inesc", "spaceapps"]),
+            ("1,3", ["inesc", "eca"]),
+            ("2, Blue Ocean, VTT", ["iqua", "Blue Ocean", "vtt"]),
+            ("INESC TEC", ["INESC TEC"]),
+        ],
+    )
+    def test_partners_are_numbers_or_names(self, text: str, names: list[str]) -> None:
+        interview, _, told = self.interview([text])
+        assert interview.answer(PilotAnswers, Question("partners", "Partners", "no partners")) == names
+        assert told == []
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("7", "Partner 7 is not known: type 1 to 6, or a name."),
+            ("1, inesc", "two partners have the name `inesc`: name each partner once"),
+            ("INESC TEC, 1", "two partners have the name `inesc`: name each partner once"),
+            ("!!", "no partner can have the name `!!`: a name has letters or digits"),
+        ],
+    )
+    def test_unknown_partners_are_refused(self, text: str, message: str) -> None:
+        interview, _, told = self.interview([text, ""])
+        assert interview.answer(PilotAnswers, Question("partners", "Partners", "no partners")) is None
+        assert told == [message]
+
     def test_a_wrong_answer_is_asked_again(self) -> None:
         interview, asked, told = self.interview(["10.0.0.0/30", "10.0.0.0", "10.0.0.0/24"])
         assert interview.answer(SiteAnswers, Question("lan", "Local network")) == "10.0.0.0/24"
@@ -212,6 +322,24 @@ class TestInterview:
         assert len(asked) > 50
         assert [prompt for prompt in asked if len(prompt) > 76] == []
 
+    def test_every_question_and_refusal_is_portuguese(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(language, "_current_language", language.Language.PORTUGUESE)
+        needed = {"Nome do piloto": ["Douro"], "País": ["portugal"], "Nomes curtos": ["O Cais", "cais"]}
+        refused = {"Parceiros": ["9", "1,1", "!!", "1"], "Preço": ["1.234", "1.234,5", "\a", "1,5"]}
+        waiting = {**needed, **refused}
+        asked: list[str] = []
+        told: list[str] = []
+
+        def ask(prompt: str) -> str:
+            asked.append(prompt)
+            typed = next((texts for start, texts in waiting.items() if prompt.startswith(start)), [""])
+            return "yes" if "(yes/no)" in prompt else typed.pop(0) if len(typed) > 1 else typed[0]
+
+        Interview(ask, lambda words: told.append(language.translate(words))).answers()
+        assert [prompt for prompt in asked if len(prompt) > 79] == []
+        english = re.compile(r"\b(the|of|is|has|can|type|name|network|what|there|address|and)\b", re.IGNORECASE)
+        assert [text for text in [*asked, *told] if english.search(text)] == []
+
     def test_a_site_needs_a_link(self) -> None:
         nothing = ["", "", "", "", ""]
         interview, _, told = self.interview([*nothing, *["no"] * 5, "no", "no", "no", "yes", "", "", "maybe", "no"])
@@ -229,6 +357,46 @@ class TestInterview:
         assert given == [{"rtt_ms": 60, "up_kbps": 20000, "down_kbps": 10000}, ["10.0.0.1", "10.0.0.2"], 0.5]
         assert validation_error(LteAnswers, "rate", "60 fast") is not None
 
+    @pytest.mark.parametrize(
+        ("key", "text", "value"),
+        [
+            ("price_per_mb", "2,5", 2.5),
+            ("price_per_mb", "0,125", 0.125),
+            ("price_per_mb", "1,1250", 1.125),
+            ("rate", "9,5 20000 10000,25", {"rtt_ms": 9.5, "up_kbps": 20000, "down_kbps": 10000.25}),
+            ("rate", "9,5, 20000, 10000", {"rtt_ms": 9.5, "up_kbps": 20000, "down_kbps": 10000}),
+            ("rate", "60,20000,10000", {"rtt_ms": 60, "up_kbps": 20000, "down_kbps": 10000}),
+        ],
+    )
+    def test_a_decimal_comma_is_understood(self, key: str, text: str, value: object) -> None:
+        interview, _, told = self.interview([text])
+        assert interview.answer(LteAnswers, Question(key, key)) == value
+        assert told == []
+
+    @pytest.mark.parametrize(
+        ("model", "key", "text", "message"),
+        [
+            (LteAnswers, "price_per_mb", "1.125", "`1.125` can mean 1125 or 1.125: type 1125 or 1.1250"),
+            (LteAnswers, "price_per_mb", "1.234,5", "`1.234,5` has a thousands separator: type 1234.5"),
+            (LteAnswers, "price_per_mb", "1 234", "`1 234` has a thousands separator: type 1234"),
+            (LteAnswers, "price_per_mb", "1,234,567", "`1,234,567` has a thousands separator: type 1234567"),
+            (LteAnswers, "rate", "60 20.000 20000", "`20.000` can mean 20000 or 20.000: type 20000 or 20.0000"),
+            (BridgeAnswers, "frequency_mhz", "5.500", "`5.500` has a thousands separator: type 5500"),
+        ],
+    )
+    def test_a_thousands_separator_is_refused_with_what_to_type(
+        self, model: type[BaseModel], key: str, text: str, message: str
+    ) -> None:
+        interview, _, told = self.interview([text, ""])
+        assert interview.answer(model, Question(key, key)) is None
+        assert told == [message]
+
+    @pytest.mark.parametrize("text", ["inf", "nan", "1e999", "1_000", "9" * 5000, "٣", "2,5,1", "--1"])
+    def test_a_text_that_is_no_number_is_refused(self, text: str) -> None:
+        interview, _, told = self.interview([text, ""])
+        assert interview.answer(LteAnswers, Question("price_per_mb", "Price")) is None
+        assert len(told) == 1
+
 
 def test_typed_answers_are_saved_when_the_inventory_is_invalid(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -239,7 +407,7 @@ def test_typed_answers_are_saved_when_the_inventory_is_invalid(
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("atlantis_netcfg.cli.inventory._source", lambda _: "questions")
     monkeypatch.setattr(
-        "atlantis_netcfg.cli.inventory._ask_person", lambda: (InventoryAnswers.model_validate(typed), typed)
+        "atlantis_netcfg.cli.inventory._ask_person", lambda _: (InventoryAnswers.model_validate(typed), typed)
     )
     monkeypatch.setattr("atlantis_netcfg.cli.inventory._encrypt", lambda **_: None)
     assert main(["init", "douro"]) == ExitCode.USAGE
