@@ -63,7 +63,7 @@ class Declared:
 
     @property
     def twin(self) -> EmulatorSpec:
-        """The router as `provision adopt` leaves it: our user, a certificate, the management address."""
+        """The router as `provision device adopt` leaves it: our user, a certificate, the management address."""
         (twin,) = site_spec(self.declaration, [self.declaration.hosts[ROUTER]]).emulators
         return twin
 

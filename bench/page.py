@@ -183,8 +183,9 @@ def _crowd(crowds: Sequence[Crowd]) -> Iterator[str]:
 
 
 _KEPT = """\
-`provision runs` and `provision resume`, start included, where nothing is unfinished. Each earlier run has changed one
-router; the latest ten stay in reach, older ones are put aside. A test counts the journals that are opened.
+`provision report runs` and `provision recover resume`, start included, where nothing is unfinished. Each earlier run
+has changed one router; the latest ten stay in reach, older ones are put aside. A test counts the journals that are
+opened.
 """
 
 

@@ -36,7 +36,7 @@ SIZES = {"K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 
 def plan(promised: Promises) -> str:
-    return f"`provision site={promised.host.site} --plan` shows what differs"
+    return f"`provision plan site={promised.host.site}` shows what differs"
 
 
 def test_declaration_is_complete(promised: Promises) -> None:
@@ -143,7 +143,7 @@ def test_vpn_identity_lasts(promised: Promises, answers: Answers) -> None:
     if promised.tunnel is not None:
         name = promised.host.name
         found = re.search(r"-----BEGIN CERTIFICATE.*?END CERTIFICATE-----", _certificate(answers), re.DOTALL)
-        assert found is not None, f"there is no certificate of the VPN; type `provision vpn onboard host={name}`"
+        assert found is not None, f"there is no certificate of the VPN; type `provision vpn onboard device={name}`"
         left = load_pem_x509_certificate(found[0].encode()).not_valid_after_utc - datetime.now(UTC)
         assert left >= LASTS, (
             f"the VPN lets it in for {max(left.days, 0)} days more; type `provision vpn renew host={name}`"

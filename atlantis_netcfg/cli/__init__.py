@@ -1,4 +1,4 @@
-"""The command line: `provision site=coastal --plan`.
+"""The command line: `provision plan site=coastal`.
 
 Every exit goes through `main`: a NetcfgError is printed with its exit code, any other exception as one sentence with
 its traceback in a log file. Commands are modules of this package, listed in `base/commands.py`; their dependencies are
@@ -85,8 +85,9 @@ class _CommandLine:
         if not self.command_line or (set(self.command_line) <= _HELP):
             return self._overview()
         if self.command_line == ["--version"]:
-            self.command_line = ["version"]
-        if self.command_line[0] == "help" and self.command_line[1:] and not self.command_line[1].startswith("-"):
+            self.command_line = ["help", "version"]
+        first = self.command_line[:2]
+        if first[0] == "help" and first[1:] and not first[1].startswith("-") and " ".join(first) not in self.table:
             self.command_line = [*self.command_line[1:], "--help"]
         if group := self._group():
             return _print_group(group, self.table)
@@ -94,7 +95,7 @@ class _CommandLine:
         entry = commands.load(name, self.table)
         self.command = entry.command
         if _HELP & set(rest):
-            return _print_help(entry.command)
+            return _print_help(entry.command, self.table)
         from atlantis_netcfg.cli.base.syntax import parse
         from atlantis_netcfg.core import temporary
 
@@ -155,15 +156,15 @@ def _print_candidates(command_line: Sequence[str], table: Mapping[str, str]) -> 
     return answer(command_line, table)
 
 
-def _print_help(command: CommandSpec) -> ExitCode:
+def _print_help(command: CommandSpec, table: Mapping[str, str]) -> ExitCode:
     from atlantis_netcfg.cli.help import of_command
 
-    print(translate(of_command(command)))
+    print(translate(of_command(command, table)))
     return ExitCode.DONE
 
 
 class _PatientStream(io.FileIO):
-    """A stream that tolerates a closed reader (`provision runs | head`, a closed terminal): the rest is discarded.
+    """A stream that tolerates a closed reader (`provision links | head`, a closed terminal): the rest is discarded.
 
     This affects neither the actions nor the exit code.
     """

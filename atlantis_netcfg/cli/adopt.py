@@ -1,8 +1,8 @@
-"""Commands of first contact: `adopt` a factory-fresh router, and `trust` the certificate of a device.
+"""Commands of first contact: `device adopt` a factory-fresh router, and `device trust` the certificate of a device.
 
-`provision adopt`: first contact with a router in factory state.
+`provision device adopt`: first contact with a router in factory state.
 
-`provision trust`: shows the identity of a site's devices to a person, who accepts or rejects it.
+`provision device trust`: shows the identity of a site's devices to a person, who accepts or rejects it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli.base import syntax
-from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
@@ -29,12 +28,11 @@ if TYPE_CHECKING:
 
 
 ADOPT = syntax.CommandSpec(
-    "adopt",
-    "bring a router from its factory state to where `provision site=…` can talk to it",
-    group=syntax.Group.DEVICE,
+    "device adopt",
+    "prepare a router in factory state for `provision site=…`",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("device", "the router of it", is_required=True, example="coastal-router", values=Values.HOST),
+        syntax.Word("device", "the router of it", is_required=True, example="coastal-router"),
         syntax.Word("via", "`ssh`, or the serial line that it is on", example="serial:/dev/ttyUSB0"),
         syntax.Word("address", "where it answers now, if not at 192.168.88.1", example="192.168.88.1"),
         syntax.Word("password-file", "file (mode 0600) with the password of the factory's user", example="sticker.txt"),
@@ -59,7 +57,7 @@ ADOPT = syntax.CommandSpec(
 
 
 def run_adopt(arguments: syntax.Arguments) -> ExitCode:
-    """Run `adopt`: read the device, show the steps, ask for consent, adopt."""
+    """Run `device adopt`: read the device, show the steps, ask for consent, adopt."""
     from contextlib import ExitStack
 
     from atlantis_netcfg.cli.base.output import progress
@@ -209,10 +207,9 @@ def _print_result(arguments: syntax.Arguments, result: AdoptionResult) -> ExitCo
 
 
 TRUST = syntax.CommandSpec(
-    "trust",
-    "show who answers at the devices of a site, and keep what you agree to",
-    group=syntax.Group.DEVICE,
-    words=(syntax.Word("site", "the site", is_required=True, example="coastal"), syntax.ONLY, syntax.INVENTORY),
+    "device trust",
+    "review and pin the certificates and SSH host keys of a site",
+    words=(syntax.Word("site", "the site", is_required=True, example="coastal"), syntax.DEVICES, syntax.INVENTORY),
     details=(
         "Nobody is told a password: each device shows its certificate or its SSH host key, and you compare it with "
         "what the device prints on its own console. It needs a terminal. For other computers, and for AWX, declare it: "
@@ -222,7 +219,7 @@ TRUST = syntax.CommandSpec(
 
 
 def run_trust(arguments: syntax.Arguments) -> ExitCode:
-    """Run `trust`: read each device, ask about new identities, and save the answers."""
+    """Run `device trust`: read each device, ask about new identities, and save the answers."""
     import sys
 
     from atlantis_netcfg.cli.vpn._common import load_inventory
@@ -234,7 +231,7 @@ def run_trust(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.trust import has_identity
 
     inventory = load_inventory(arguments)
-    site_hosts = choose(inventory, arguments.word("site"), arguments.many("only"))
+    site_hosts = choose(inventory, arguments.word("site"), arguments.many("device"))
     hosts = [host for host in site_hosts if has_identity(host)]
     if not hosts:
         raise NoMatchError("nobody logs in to any of these devices: there is nothing to trust")

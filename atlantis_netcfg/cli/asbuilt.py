@@ -1,4 +1,4 @@
-"""`provision asbuilt`: a stored record of each device's reported state, for comparison and printing."""
+"""`provision report as-built`: a stored record of each device's reported state, for comparison and printing."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
 
 ASBUILT = syntax.CommandSpec(
-    "asbuilt",
-    "write down what each device of a site says of itself, and what is different",
-    group=syntax.Group.DEVICE,
+    "report as-built",
+    "record serial numbers, firmware and state of every device",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.ONLY,
+        syntax.DEVICES,
         syntax.VIA,
         syntax.INVENTORY,
     ),
@@ -40,7 +39,7 @@ ASBUILT = syntax.CommandSpec(
 
 
 def run_asbuilt(arguments: syntax.Arguments) -> ExitCode:
-    """Run `asbuilt`: read all devices at once, store the record, report."""
+    """Run `report as-built`: read all devices at once, store the record, report."""
     import sys
 
     from atlantis_netcfg.cli.base.session import session
@@ -53,7 +52,7 @@ def run_asbuilt(arguments: syntax.Arguments) -> ExitCode:
         arguments,
         rehearse=arguments.flag("rehearse"),
         via=arguments.optional("via"),
-        choose_hosts=lambda inventory: choose(inventory, arguments.word("site"), arguments.many("only")),
+        choose_hosts=lambda inventory: choose(inventory, arguments.word("site"), arguments.many("device")),
     ) as site_session:
         if site_session.rehearsal is not None and any(
             host.name in site_session.rehearsal.targets for host in site_session.hosts
@@ -72,7 +71,9 @@ def _refuse_all(site: str) -> None:
     from atlantis_netcfg.inventory import ALL
 
     if site == ALL:
-        raise UsageError("`provision asbuilt` is about one site at a time", hint="type its name: `site=coastal`")
+        raise UsageError(
+            "`provision report as-built` is about one site at a time", hint="type its name: `site=coastal`"
+        )
 
 
 def _make_record(session: CommandSession) -> tuple[AsBuiltRecord, Path, str]:

@@ -1,8 +1,8 @@
-"""Commands that only read the inventory: `validate` and `dds`.
+"""Commands that only read the inventory: `inventory validate` and `robot dds`.
 
-`provision validate`: check the whole inventory, without contacting a device.
+`provision inventory validate`: check the whole inventory, without contacting a device.
 
-`provision dds`: the DDS profiles of a computer, one set for each link of its site.
+`provision robot dds`: the DDS profiles of a computer, one set for each link of its site.
 """
 
 from __future__ import annotations
@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 
 
 VALIDATE = syntax.CommandSpec(
-    "validate",
-    "check the whole declaration and list every error with its place",
-    group=syntax.Group.LAPTOP,
+    "inventory validate",
+    "check the inventory; list every error with file and line",
     words=(syntax.INVENTORY,),
     flags=(
         syntax.Flag("examples", "list every example value that nobody has replaced yet, with its place"),
@@ -37,7 +36,7 @@ VALIDATE = syntax.CommandSpec(
 
 
 def run_validate(arguments: syntax.Arguments) -> ExitCode:
-    """Run `validate`: print what was checked, or list every error."""
+    """Run `inventory validate`: print what was checked, or list every error."""
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import InventoryInvalid, load
     from atlantis_netcfg.inventory.robots.reading import load_robots
@@ -129,7 +128,9 @@ def _tell_examples(inventory: Inventory, arguments: syntax.Arguments) -> None:
         if lists_all:
             print(translate(f"{len(examples)} values are examples."))
         else:
-            listing = translate(f"{len(examples)} values are examples: `provision validate --examples` lists them.")
+            listing = translate(
+                f"{len(examples)} values are examples: `provision inventory validate --examples` lists them."
+            )
             print(as_typed(listing, words))
     elif inventory.pilot.example_values:
         print(translate("No example value is left, but `example_values: true` says so: real runs are refused."))
@@ -143,12 +144,11 @@ def _print_json_counts(code: ExitCode, inventory: Path, **more: object) -> None:
 
 
 DDS = syntax.CommandSpec(
-    "dds",
-    "make the DDS profiles of a gateway or control centre, one set for each link of its site",
-    group=syntax.Group.LINKS,
+    "robot dds",
+    "generate the DDS profiles of a computer, one set per link",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("host", "the computer", is_required=True, example="coastal-gateway"),
+        syntax.Word("device", "the computer", is_required=True, example="coastal-gateway"),
         syntax.Word("to", "write the files into this folder, one folder below it for each link", example="profiles"),
         syntax.Word(
             "distribution",
@@ -166,7 +166,7 @@ DDS = syntax.CommandSpec(
 
 
 def run_dds(arguments: syntax.Arguments) -> ExitCode:
-    """Run `dds`: generate the files, write or print them, and describe them."""
+    """Run `robot dds`: generate the files, write or print them, and describe them."""
     from pathlib import Path
 
     from atlantis_netcfg.computers.dds import profile_views, profiles
@@ -176,7 +176,7 @@ def run_dds(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.common.traffic_budget import standing_traffic
 
     inventory = load(paths.inventory_folder(arguments.optional("inventory")))
-    (host,) = choose(inventory, arguments.word("site"), (arguments.word("host"),))
+    (host,) = choose(inventory, arguments.word("site"), (arguments.word("device"),))
     views = profile_views(inventory, host, arguments.optional("distribution"))
     files = {name: text for view in views for name, text in profiles(view).items()}
     folder = arguments.optional("to")

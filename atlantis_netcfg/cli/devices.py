@@ -1,4 +1,4 @@
-"""Commands for inspection and maintenance of devices: `drift`, `backup`, `verify`, `restore`, `upgrade`."""
+"""Commands for devices: `report drift`, `device backup`, `device verify`, `device restore`, `device upgrade`."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 
 DRIFT = syntax.CommandSpec(
-    "drift",
-    "say what differs from the declaration, who owns it and since when, changing nothing",
-    group=syntax.Group.FIRST,
+    "report drift",
+    "show differences between devices and inventory (read-only)",
     words=(
         syntax.Word("site", "the site; all of them if left out", example="coastal"),
-        syntax.ONLY,
+        syntax.DEVICES,
         syntax.VIA,
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("limit", "the same as `only=`, as Ansible calls it", takes="HOSTS"),
         syntax.Flag("junit", "write a JUnit file for a build server: a suite a device, a case a menu", takes="FILE"),
-        syntax.Flag("rehearse", "the same against emulated devices of the site, as they are after `provision adopt`"),
+        syntax.Flag(
+            "rehearse", "the same against emulated devices of the site, as they are after `provision device adopt`"
+        ),
         syntax.PROFILE,
         syntax.ACCEPT_COST,
         syntax.ASK_VAULT_PASS,
@@ -59,7 +59,7 @@ def run_drift(arguments: syntax.Arguments) -> ExitCode:
         rehearse=arguments.flag("rehearse"),
         via=arguments.optional("via"),
         site=arguments.optional("site") or ALL,
-        only=[*arguments.many("only"), *filter(None, (arguments.value("limit") or "").split(","))],
+        only=arguments.many("device"),
     ) as site_session:
         report = _report(site_session, site_session.perform(Mode.DRIFT).devices)
     if file is not None:
@@ -127,18 +127,17 @@ def _write(path: Path, data: bytes) -> None:
 
 
 BACKUP = syntax.CommandSpec(
-    "backup",
-    "save the full state of a site's devices, changing nothing",
-    group=syntax.Group.TROUBLE,
+    "device backup",
+    "save the full state of a site's devices (read-only)",
     words=(
         syntax.Word("site", "the site, or `all`", is_required=True, example="coastal"),
-        syntax.ONLY,
+        syntax.DEVICES,
         syntax.INVENTORY,
     ),
     flags=(
         syntax.Flag(
             "rehearse",
-            "the same against emulated devices of the site, as they are after `provision adopt`",
+            "the same against emulated devices of the site, as they are after `provision device adopt`",
             harmless=True,
         ),
         syntax.PROFILE,
@@ -168,16 +167,14 @@ def run_backup(arguments: syntax.Arguments) -> ExitCode:
 
 
 VERIFY = syntax.CommandSpec(
-    "verify",
-    "show which assumptions about RouterOS or RutOS hold on a device, with evidence",
-    group=syntax.Group.DEVICE,
+    "device verify",
+    "test which assumptions about RouterOS or RutOS hold on a device",
     words=(
         syntax.Word(
             "device",
             "a RouterOS device or a RutOS unit",
             is_required=True,
             example="coastal-router",
-            values=Values.HOST,
         ),
         syntax.VIA,
         syntax.INVENTORY,
@@ -201,7 +198,7 @@ VERIFY = syntax.CommandSpec(
 
 
 def run_verify(arguments: syntax.Arguments) -> ExitCode:
-    """Run `verify`: ask for consent to the cost, test the device, report."""
+    """Run `device verify`: ask for consent to the cost, test the device, report."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations import Mode
@@ -280,7 +277,7 @@ def _verify(session: CommandSession, verifying: Verifying) -> VerifiedDevice:
     """Test the device; if rows are added, hold the lock of the site."""
     if not (verifying.tries or verifying.silence):
         return verifying.run()
-    with session.store.lock(session.site, f"provision verify device={verifying.host.name} --try"):
+    with session.store.lock(session.site, f"provision device verify device={verifying.host.name} --try"):
         return verifying.run()
 
 
@@ -297,17 +294,14 @@ def _pay(session: CommandSession, verifying: Verifying) -> None:
 
 
 RESTORE = syntax.CommandSpec(
-    "restore",
-    "put the state that a run has read back on a replacement device",
-    group=syntax.Group.DEVICE,
+    "device restore",
+    "restore a saved configuration to a replacement device",
     words=(
-        syntax.Word(
-            "device", "the device that is replaced", is_required=True, example="coastal-router", values=Values.HOST
-        ),
+        syntax.Word("device", "the device that is replaced", is_required=True, example="coastal-router"),
         syntax.Word("site", "its site, if you want that checked", example="coastal"),
         syntax.Word(
-            "to",
-            "the run whose state it gets, as `provision runs` lists it, or `latest`",
+            "run",
+            "the run whose state it gets, as `provision report runs` lists it, or `latest`",
             is_required=True,
             example="latest",
             values=Values.RUN_OR_LATEST,
@@ -317,13 +311,14 @@ RESTORE = syntax.CommandSpec(
     ),
     flags=(
         syntax.Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
-        syntax.Flag("rehearse", "the same on an emulated device, fresh from `provision adopt`", harmless=True),
+        syntax.Flag("rehearse", "the same on an emulated device, fresh from `provision device adopt`", harmless=True),
         syntax.PROFILE,
         syntax.Flag("yes", "do not ask before changing the device"),
         *syntax.CHANGE,
     ),
     details=(
-        "Meet the replacement first: `provision adopt --replaced` gives it our user and a certificate of its own.\n"
+        "Meet the replacement first: `provision device adopt --replaced` gives it our user and a certificate of its "
+        "own.\n"
         "Secrets are not in a saved state: they are taken from the declaration, and what it lacks is named."
     ),
     changes=True,
@@ -332,7 +327,7 @@ RESTORE = syntax.CommandSpec(
 
 
 def run_restore(arguments: syntax.Arguments) -> ExitCode:
-    """Run `restore`: find the state, show its changes, ask for consent, apply, verify."""
+    """Run `device restore`: find the state, show its changes, ask for consent, apply, verify."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import ALL
     from atlantis_netcfg.operations.restore import confirmed_state
@@ -347,7 +342,7 @@ def run_restore(arguments: syntax.Arguments) -> ExitCode:
     ) as site_session:
         (host,) = site_session.hosts
         site_session.site = host.site
-        state = confirmed_state(site_session.state, host, arguments.word("to"), is_rehearsal=is_rehearsal)
+        state = confirmed_state(site_session.state, host, arguments.word("run"), is_rehearsal=is_rehearsal)
         site_session.restore = state.run
         _tell(site_session, state)
         if arguments.flag("plan"):
@@ -379,12 +374,11 @@ def _tell(session: CommandSession, state: SavedState) -> None:
 
 
 UPGRADE = syntax.CommandSpec(
-    "upgrade",
-    "put given RouterOS packages on one device, reboot it, and read back what runs",
-    group=syntax.Group.DEVICE,
+    "device upgrade",
+    "install RouterOS packages on a device, reboot it, verify",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("device", "the device of it", is_required=True, example="coastal-router", values=Values.HOST),
+        syntax.Word("device", "the device of it", is_required=True, example="coastal-router"),
         syntax.Word(
             "packages",
             "the `.npk` files, all of one version",
@@ -412,7 +406,7 @@ UPGRADE = syntax.CommandSpec(
 
 
 def run_upgrade(arguments: syntax.Arguments) -> ExitCode:
-    """Run `upgrade`: read the files and the device, show, ask for consent, send, reboot, verify."""
+    """Run `device upgrade`: read the files and the device, show, ask for consent, send, reboot, verify."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.output import progress

@@ -1,4 +1,4 @@
-"""`provision fit`: whether a vehicle's data fit each link of a site, what to reduce, and the cost."""
+"""`provision measure fit`: whether a vehicle's data fit each link of a site, what to reduce, and the cost."""
 
 from __future__ import annotations
 
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 _WRITE = syntax.Flag("write", "write what was heard into the inventory, as `telemetry:` of the vehicle")
 
 FIT = syntax.CommandSpec(
-    "fit",
-    "say whether what a vehicle publishes fits each link of a site, what to thin, and what it costs",
-    group=syntax.Group.LINKS,
+    "measure fit",
+    "check whether a vehicle's data rates fit each link, and the cost",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.Word("vehicle", "whose `telemetry:` is taken", is_required=True, example="sparus"),
@@ -53,7 +52,7 @@ _WIDTH = 80
 
 
 def run_fit(arguments: syntax.Arguments) -> ExitCode:
-    """Run `fit`: compute and report."""
+    """Run `measure fit`: compute and report."""
     import sys
 
     from atlantis_netcfg.core import paths, printable

@@ -1,9 +1,9 @@
-"""Commands for temporary robots: `guest add`, `guest end`.
+"""Commands for temporary robots: `robot invite`, `robot dismiss`.
 
-`provision guest add`: add a future partner's robot to the inventory, give it VPN access until its last day, and
+`provision robot invite`: add a future partner's robot to the inventory, give it VPN access until its last day, and
 generate its profiles.
 
-`provision guest end`: revoke its VPN access, remove its entry and files, and verify that nothing is left.
+`provision robot dismiss`: revoke its VPN access, remove its entry and files, and verify that nothing is left.
 """
 
 from __future__ import annotations
@@ -29,13 +29,14 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Member
     from atlantis_netcfg.vpn.requests import DeviceWords
 
-_AGAIN = "what was recorded stands: type the same again, or take all of it back with `provision guest end name=NAME`"
+_AGAIN = (
+    "what was recorded stands: type the same again, or take all of it back with `provision robot dismiss name=NAME`"
+)
 _PLAN = syntax.Flag("plan", "only say what would be done", harmless=True)
 
 GUEST_ADD = syntax.CommandSpec(
-    "guest add",
-    "let a robot in that is here for a while: its entry, its checklist, its way into the VPN with an end, its DDS",
-    group=syntax.Group.VPN,
+    "robot invite",
+    "add a visiting robot: inventory, checklist, VPN access, DDS",
     words=(
         syntax.Word(
             "name", "its key in the declaration, and its device's name in the VPN", is_required=True, example="lauv"
@@ -84,7 +85,7 @@ GUEST_ADD = syntax.CommandSpec(
 
 
 def run_guest_add(arguments: syntax.Arguments) -> ExitCode:
-    """Run `guest add`: validate, write, issue, generate, update the server. Raises SiteBusy if another one runs."""
+    """Run `robot invite`: validate, write, issue, generate, update the server. Raises SiteBusy if another one runs."""
     with _guest_lock(arguments):
         return _add(arguments)
 
@@ -176,7 +177,7 @@ def _declared_with(before: Inventory, entry: GuestEntry) -> tuple[str | None, In
         text = guests.with_guest(guests.text_of(before.root), entry)
         return text, inventory_files.validate_change(before.root, guests.FILE, text)
     if not entry.same(there):
-        hint = f"`provision guest end name={entry.name}` takes it away; or correct {guests.FILE}"
+        hint = f"`provision robot dismiss name={entry.name}` takes it away; or correct {guests.FILE}"
         raise UsageError(f"the guest `{entry.name}` is declared already, and otherwise", hint=hint)
     return None, before
 
@@ -268,9 +269,8 @@ def _print_lines(arguments: syntax.Arguments, lines: Sequence[str]) -> None:
 
 
 GUEST_END = syntax.CommandSpec(
-    "guest end",
-    "take a guest away: out of the VPN for good and out of the declaration, and see that nothing of it is left",
-    group=syntax.Group.VPN,
+    "robot dismiss",
+    "remove a visiting robot from VPN and inventory, and verify",
     words=(
         syntax.Word("name", "the guest", is_required=True, example="lauv"),
         syntax.Word("reason", "for the record, one line; `its stay has ended` if left out"),
@@ -289,7 +289,7 @@ GUEST_END = syntax.CommandSpec(
 
 
 def run_guest_end(arguments: syntax.Arguments) -> ExitCode:
-    """Run `guest end`: ask, revoke, remove the entry, update the server, verify. Raises SiteBusy if locked."""
+    """Run `robot dismiss`: ask, revoke, remove the entry, update the server, verify. Raises SiteBusy if locked."""
     with _guest_lock(arguments):
         return _end(arguments)
 

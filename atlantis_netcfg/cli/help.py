@@ -1,8 +1,8 @@
-"""`provision help` and `provision version`.
+"""`provision help`: the overview, the exit codes and the versions.
 
-`provision help`: the overview; `provision COMMAND --help` describes one command.
+`provision help`, `provision --help`: the overview; `provision COMMAND --help` describes one command or a group of them.
 
-`provision version`: the versions to quote in a support request.
+`provision help exit-codes`: what each exit code means; `provision help version`: the versions, for a support request.
 """
 
 from __future__ import annotations
@@ -11,27 +11,36 @@ import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import syntax
-from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load
+from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load, summary_of
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
 
 
-HELP = syntax.CommandSpec("help", "print this overview", group=syntax.Group.LAPTOP)
+HELP = syntax.CommandSpec("help", "print this overview")
 
 
 def run_help(_arguments: syntax.Arguments) -> ExitCode:
-    """Print the commands and the exit codes."""
+    """Print the overview."""
     print(overview(COMMANDS))
+    return ExitCode.DONE
+
+
+EXIT_CODES = syntax.CommandSpec("help exit-codes", "print the exit codes")
+
+
+def run_exit_codes(_arguments: syntax.Arguments) -> ExitCode:
+    """Print the exit codes and their meaning."""
+    print("\n".join(_columns((str(int(code)), translate(meaning)) for code, meaning in MEANING.items())))
     return ExitCode.DONE
 
 
 MEANING: Mapping[ExitCode, str] = {
     ExitCode.DONE: "done, or nothing to do",
     ExitCode.OUR_FAULT: "provision itself failed; the details are in a log file",
-    ExitCode.CHANGES: "`--plan` found changes",
+    ExitCode.CHANGES: "a plan found changes",
     ExitCode.USAGE: "the command line, the inventory or this machine's set-up has an error; no device was contacted",
     ExitCode.FAILED: "something failed; the device was rolled back or left as found",
     ExitCode.UNKNOWN: "the outcome on a device is unknown: the link was lost before it was confirmed",
@@ -47,48 +56,49 @@ _COLUMN = 26
 
 
 def overview(table: Mapping[str, str]) -> str:
-    """Return the text of `provision --help`."""
-    lines = [
-        *_paragraph("provision: plan, guard, apply and verify the sites of the ATLANTIS pilot"),
-        "",
-        f"{translate('Usage')}:",
-        "  provision site=NAME [words] [--flags]",
-        "  provision COMMAND [words] [--flags]",
-        "",
-        *_paragraph("`provision COMMAND --help` tells the words and flags of a command."),
-        *_paragraph("`provision run --help` tells those of `provision site=NAME`."),
+    """Return the text of `provision --help`: at most 24 lines."""
+    rows = [
+        ("site=NAME" if word == DEFAULT else word, translate(summary))
+        for word, summary in first_words(table)
+        if word != HELP.name
     ]
-    commands = [load(name, table).command for name in table]
-    column = max(len(command.name) for command in commands)
-    for title, members in group_commands(commands):
-        lines += ["", f"{translate(title)}:"]
-        lines += _columns(((_command_form(command), translate(command.summary)) for command in members), column)
-    lines += ["", f"{translate('Exit codes')}:"]
-    return "\n".join([*lines, *_columns((str(int(code)), translate(meaning)) for code, meaning in MEANING.items())])
+    return "\n".join(
+        [
+            *_paragraph("provision: configure and verify the sites of the ATLANTIS pilot"),
+            "",
+            f"{translate('Usage')}:",
+            "  provision site=NAME [arguments] [--options]",
+            "  provision COMMAND [arguments] [--options]",
+            "",
+            f"{translate('Commands')}:",
+            *_columns(rows),
+            "",
+            *_paragraph("`provision COMMAND --help` describes a command; for the first, COMMAND is `run`."),
+            *_paragraph("`provision help --help` lists exit codes, versions, completion, manual page."),
+        ]
+    )
+
+
+def first_words(table: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield the first words of the commands, in their order, each with its summary."""
+    for word in dict.fromkeys(name.split()[0] for name in table):
+        yield word, summary_of(word, table)
 
 
 def of_group(word: str, table: Mapping[str, str]) -> str:
     """Return the text of `provision vpn --help`: the commands whose first word is this one."""
+    lines = [f"{translate('Usage')}:", f"  provision {word} COMMAND [arguments] [--options]", ""]
+    lines += _paragraph(f"`provision {word} COMMAND --help` describes a command.")
+    return "\n".join([*lines, *_subcommands(word, table)])
+
+
+def _subcommands(word: str, table: Mapping[str, str]) -> list[str]:
     commands = [load(name, table).command for name in table if name.startswith(f"{word} ")]
-    lines = [f"{translate('Usage')}:", f"  provision {word} COMMAND [words] [--flags]", ""]
-    lines += _paragraph(f"`provision {word} COMMAND --help` tells the words and flags of a command.")
-    return "\n".join([*lines, "", *_columns((command.name, translate(command.summary)) for command in commands)])
+    rows = ((command.name, translate(command.summary)) for command in commands)
+    return ["", f"{translate('Commands')}:", *_columns(rows)] if commands else []
 
 
-def _command_form(command: syntax.CommandSpec) -> str:
-    """Return the form in which a command is typed; that of the default command is its first argument."""
-    return "site=NAME" if command.name == DEFAULT else command.name
-
-
-def group_commands(commands: Sequence[syntax.CommandSpec]) -> Iterator[tuple[str, list[syntax.CommandSpec]]]:
-    """Yield the commands with the title of their group, in the order of the groups; none is left out."""
-    for group in (*syntax.Group, None):
-        members = [command for command in commands if command.group is group]
-        if members:
-            yield group.value if group is not None else "Other commands", members
-
-
-def of_command(command: syntax.CommandSpec) -> str:
+def of_command(command: syntax.CommandSpec, table: Mapping[str, str]) -> str:
     """Return the text of `provision COMMAND --help`."""
     required_words = [word.usage for word in command.words if word.is_required]
     optional = [f"[{word.usage}]" for word in command.words if not word.is_required]
@@ -96,12 +106,12 @@ def of_command(command: syntax.CommandSpec) -> str:
     lines = [*_paragraph(f"provision {command.name}: {translate(command.summary)}"), "", f"{translate('Usage')}:"]
     lines += _wrap_usage(f"provision {command.name}", [*required_words, *optional, *flags])
     if command.words:
-        lines += ["", f"{translate('Words')}:", *_columns((word.usage, word_text(word)) for word in command.words)]
+        lines += ["", f"{translate('Arguments')}:", *_columns((word.usage, word_text(word)) for word in command.words)]
     rows = ((flag.usage, translate(flag.help)) for flag in (*command.flags, *syntax.FRAME))
-    lines += ["", f"{translate('Flags')}:", *_columns(rows)]
+    lines += ["", f"{translate('Options')}:", *_columns(rows)]
     for paragraph in command.details.strip().splitlines():
         lines += ["", *_paragraph(paragraph)]
-    return "\n".join(lines)
+    return "\n".join([*lines, *_subcommands(command.name, table)])
 
 
 def word_text(word: syntax.Word) -> str:
@@ -154,10 +164,9 @@ def _fill(text: str, width: int) -> list[str]:
 
 
 VERSION = syntax.CommandSpec(
-    "version",
+    "help version",
     "print the versions of provision, Python and ansible-core",
     flags=(syntax.JSON,),
-    group=syntax.Group.LAPTOP,
 )
 
 

@@ -1,4 +1,4 @@
-"""`provision init`: create a new inventory, from prompts, from an answer file, or from the example."""
+"""`provision inventory init`: create a new inventory, from prompts, from an answer file, or from the example."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
 
 
 INIT = syntax.CommandSpec(
-    "init",
-    "make an inventory of your own, by questions on the terminal",
-    group=syntax.Group.LAPTOP,
+    "inventory init",
+    "create a new inventory (interactive)",
     words=(syntax.Word("folder", "the new folder", is_required=True, example="my-pilot", bare=True),),
     flags=(
         syntax.Flag("from", "`example`: copy the shipped inventory, without questions", takes="example"),
@@ -37,7 +36,7 @@ INIT = syntax.CommandSpec(
 
 
 def run_init(arguments: syntax.Arguments) -> ExitCode:
-    """Run `init`: collect the answers, write the folder, and describe it."""
+    """Run `inventory init`: collect the answers, write the folder, and describe it."""
     from pathlib import Path
 
     from atlantis_netcfg.inventory import InventoryInvalid
@@ -184,7 +183,7 @@ def _readme(folder: Path, *, is_encrypted: bool | None) -> str:
     return f"""\
 # The inventory of a pilot
 
-1. `provision validate inventory={folder}` checks all files; with `--examples` it lists what is still an example.
+1. `provision inventory validate inventory={folder}` checks all files; `--examples` lists what is still an example.
 2. Replace what is marked `# EXAMPLE`, and delete the mark. With the last one write `example_values: false` in
    `group_vars/all/pilot.yml`. Numbers, frequencies and prices count as well as names and addresses.
 3. Compare the list of ports in `host_vars/…-router.yml` with the cables, and add `poe:` where a port feeds a device.
@@ -226,7 +225,7 @@ def _keep(error: InventoryInvalid, folder: Path, raw_answers: Mapping[str, Any] 
             path = folder.with_name(f"{folder.name}-answers-{number}.yml")
         write_atomically(path, yaml.safe_dump(raw_answers, sort_keys=False, allow_unicode=True).encode(), mode=None)
         words = translate(f"Your answers are kept in {path}: correct them, then type")
-        print(f"{words}\n  provision init {folder} --answers {path}", file=sys.stderr)
+        print(f"{words}\n  provision inventory init {folder} --answers {path}", file=sys.stderr)
     return code
 
 
@@ -246,7 +245,7 @@ def _print_created(folder: Path, inventory: Inventory, *, is_encrypted: bool | N
         print(translate("Passwords were made new, and are encrypted with the password of your vault."))
     if inventory.examples:
         print(translate(f"{len(inventory.examples)} values are examples: only rehearsals use this inventory."))
-        print(f"  provision validate inventory={folder} --examples")
+        print(f"  provision inventory validate inventory={folder} --examples")
     print(translate(f"Next: read {folder / 'README.md'}, and rehearse a site:"))
     print(f"  provision site={[*sites[1:], *sites][0]} --rehearse inventory={folder}")
     return ExitCode.DONE

@@ -1,4 +1,4 @@
-"""`provision doctor`: check whether this laptop is ready for a site, and what to type if not."""
+"""`provision inventory doctor`: check whether this laptop is ready for a site, and what to type if not."""
 
 from __future__ import annotations
 
@@ -17,15 +17,14 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.doctor import Diagnosis, DoctorItem
 
 DOCTOR = syntax.CommandSpec(
-    "doctor",
-    "look at this laptop, and say what it lacks for a site",
+    "inventory doctor",
+    "check whether this laptop is ready for a site",
     words=(
         syntax.Word("site", "also the way from here to this site's router", example="coastal"),
         syntax.VIA,
         syntax.INVENTORY,
     ),
     flags=(syntax.ASK_VAULT_PASS, syntax.JSON),
-    group=syntax.Group.LAPTOP,
     details=(
         "Nothing is changed, on this laptop or elsewhere, and no password is sent; only "
         "what killed commands have left is removed, as every command does.\n"
@@ -48,7 +47,7 @@ _NAME = 19
 
 
 def run_doctor(arguments: syntax.Arguments) -> ExitCode:
-    """Run `doctor`: check and report."""
+    """Run `inventory doctor`: check and report."""
     from atlantis_netcfg.core import paths, printable
 
     try:

@@ -1,8 +1,8 @@
-"""Commands that measure links: `links` and `prove`.
+"""Commands that measure links: `links` and `measure satellite`.
 
 `provision links`: the state of every link of a site, the active link, and the problems.
 
-`provision prove`: whether the satellite allows exactly the traffic in the inventory.
+`provision measure satellite`: whether the satellite allows exactly the traffic in the inventory.
 """
 
 from __future__ import annotations
@@ -27,11 +27,10 @@ if TYPE_CHECKING:
 
 LINKS = syntax.CommandSpec(
     "links",
-    "say how every link of a site is, which one carries the traffic, and what is wrong",
-    group=syntax.Group.FIRST,
+    "show the state of each link; route the traffic over one of them",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.ONLY,
+        syntax.DEVICES,
         syntax.VIA,
         syntax.INVENTORY,
     ),
@@ -98,12 +97,11 @@ _NOT_REHEARSED = (
 )
 
 PROVE = syntax.CommandSpec(
-    "prove",
-    "try what the satellite lets through, and what it must not, within 20 kB",
-    group=syntax.Group.LINKS,
+    "measure satellite",
+    "test the satellite allow-list with real packets (up to 20 kB)",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("bearer", "the satellite link; may be left out where there is one", example="satellite"),
+        syntax.Word("link", "the satellite link; may be left out where there is one", example="satellite"),
         syntax.Word("backup", "a backup that the terminal has exported, to be compared", example="vesselink.bin"),
         syntax.VIA,
         syntax.INVENTORY,
@@ -133,14 +131,14 @@ PROVE = syntax.CommandSpec(
 
 
 def run_prove(arguments: syntax.Arguments) -> ExitCode:
-    """Run `prove`: ask for consent to the cost, probe, report."""
+    """Run `measure satellite`: ask for consent to the cost, probe, report."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 
     def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
         choose(inventory, arguments.word("site"), ())
-        return (satellite_of(inventory, arguments.word("site"), arguments.optional("bearer")).router,)
+        return (satellite_of(inventory, arguments.word("site"), arguments.optional("link")).router,)
 
     with session(
         arguments,
@@ -177,7 +175,7 @@ def _prove(session: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[st
     from atlantis_netcfg.operations.allow_list_test.vpn import vpn_trial
     from atlantis_netcfg.operations.common.request import refuse_examples
 
-    satellite = satellite_of(session.inventory, session.site, session.arguments.optional("bearer"))
+    satellite = satellite_of(session.inventory, session.site, session.arguments.optional("link"))
     refuse_examples(session.inventory, is_rehearsal=session.is_rehearsal)
     evidence = _evidence_findings(session, satellite.terminal)
     with ExitStack() as stack:
@@ -198,7 +196,7 @@ def _prove(session: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[st
         cost_previews = tuple(preview for preview in previews(session.inventory, proving) if preview.link.is_metered)
         _pay(session, cost_previews)
         if proving.open_filter or proving.try_all:
-            stack.enter_context(session.store.lock(session.site, f"provision prove site={session.site}"))
+            stack.enter_context(session.store.lock(session.site, f"provision measure satellite site={session.site}"))
         start = time.monotonic()
         proof = try_out(session.inventory, satellite.router, _request(session), proving)
         if proof.vpn_answered:
@@ -237,7 +235,7 @@ def _evidence_findings(session: CommandSession, terminal: Host) -> tuple[LinkFin
     backup_path = None if backup is None else Path(backup)
     evidence = judge_terminal(session.inventory, terminal, session.store, today=today, backup=backup_path)
     names = (
-        () if session.is_rehearsal else names_of(session.inventory, session.site, session.arguments.optional("bearer"))
+        () if session.is_rehearsal else names_of(session.inventory, session.site, session.arguments.optional("link"))
     )
     return (*evidence.findings, *names)
 

@@ -1,8 +1,8 @@
-"""Commands that write media for a site: `image` (a gateway's card) and `bundle` (packages for a site without internet).
+"""Commands that write media: `gateway image` (a card) and `gateway bundle` (packages for a site without internet).
 
-`provision image`: write the card of a computer.
+`provision gateway image`: write the card of a computer.
 
-`provision bundle`: all external files that the gateways of a site need, for a place without internet.
+`provision gateway bundle`: all external files that the gateways of a site need, for a place without internet.
 """
 
 from __future__ import annotations
@@ -26,12 +26,11 @@ if TYPE_CHECKING:
 
 
 IMAGE = syntax.CommandSpec(
-    "image",
-    "customise the vendor's image for a gateway computer, write it to a card, read it back",
-    group=syntax.Group.IMAGE,
+    "gateway image",
+    "prepare a gateway's image, write it to a card and verify it",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("host", "the gateway computer of it", is_required=True, example="coastal-gateway"),
+        syntax.Word("device", "the gateway computer of it", is_required=True, example="coastal-gateway"),
         syntax.Word("from", "the vendor's image: raw, xz or gz", is_required=True, example="ubuntu-minimal.img.xz"),
         syntax.Word(
             "to", "the card, by its link in /dev/disk/by-id; all that is on it is lost", example="/dev/disk/by-id/usb-…"
@@ -56,7 +55,7 @@ IMAGE = syntax.CommandSpec(
 
 
 def run_image(arguments: syntax.Arguments) -> ExitCode:
-    """Run `image`: check all inputs first, ask, build the image, write it and read it back."""
+    """Run `gateway image`: check all inputs first, ask, build the image, write it and read it back."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.output import progress
@@ -65,7 +64,7 @@ def run_image(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.operations.image import ImageOrder, prepare_image
 
     inventory = load(paths.inventory_folder(arguments.optional("inventory")))
-    (host,) = choose(inventory, arguments.word("site"), [arguments.word("host")])
+    (host,) = choose(inventory, arguments.word("site"), [arguments.word("device")])
     image = Path(arguments.word("from"))
     order = ImageOrder(inventory, host, image, arguments.optional("sha256"), paths.state_dir())
     order.check()
@@ -188,12 +187,11 @@ def _print_image_result(order: ImageOrder, ready: MadeImage, outcome: dict[str, 
 
 
 BUNDLE = syntax.CommandSpec(
-    "bundle",
-    "pack everything that the gateways of a site take from the internet, for where there is none",
-    group=syntax.Group.IMAGE,
+    "gateway bundle",
+    "pack a site's downloads for use without internet",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.ONLY,
+        syntax.DEVICES,
         syntax.Word("to", "the bundle, a folder; by default one in the state directory", example="/media/usb/coastal"),
         syntax.Word(
             "image", "the vendor's image: says what is on the board already, and is packed too", example="x.img.xz"
@@ -218,7 +216,7 @@ BUNDLE = syntax.CommandSpec(
 
 
 def run_bundle(arguments: syntax.Arguments) -> ExitCode:
-    """Run `bundle`: build or open a bundle, and list its content."""
+    """Run `gateway bundle`: build or open a bundle, and list its content."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.passphrase import vault_of
@@ -231,7 +229,7 @@ def run_bundle(arguments: syntax.Arguments) -> ExitCode:
     pilot_inventory = load(inventory)
     if check is None and has_tokens(pilot_inventory):
         pilot_inventory = load(inventory, decrypt=vault_of(arguments).decrypt)
-    hosts = bundle_hosts(pilot_inventory, arguments.word("site"), arguments.many("only"))
+    hosts = bundle_hosts(pilot_inventory, arguments.word("site"), arguments.many("device"))
     request = Request()
     if check is not None:
         return _check(arguments, pilot_inventory, hosts, Path(check), request)
@@ -248,7 +246,7 @@ def _refuse_both(arguments: syntax.Arguments) -> None:
         site, key = arguments.word("site"), arguments.optional("key")
         raise UsageError(
             "`key=` goes with `check=`",
-            hint=f"add `check=` and its folder: `provision bundle site={site} check=BUNDLE key={key}`",
+            hint=f"add `check=` and its folder: `provision gateway bundle site={site} check=BUNDLE key={key}`",
         )
 
 

@@ -1,4 +1,4 @@
-"""`provision apply`: apply a saved plan after review, and only that plan.
+"""`provision plan apply`: apply a saved plan after review, and only that plan.
 
 A saved plan is bound to the inventory (its revision) and to each device (the hash of the planned actions with the state
 that they start from): when either has changed, the plan is rejected, and nothing is changed. A device already in the
@@ -24,11 +24,15 @@ _FORMAT = "atlantis-plan-2"
 _KEYS = {"format", "site", "only", "via", "offline", "rehearsed", "revision", "plans", "text", "sha256"}
 
 APPLY = syntax.CommandSpec(
-    "apply",
-    "apply a saved plan, if inventory and devices are as they were",
+    "plan apply",
+    "apply a saved plan, unless inventory or devices have changed",
     words=(
         syntax.Word(
-            "file", "the file that `--plan --save FILE` wrote", is_required=True, example="coastal.plan", bare=True
+            "file",
+            "the file that `provision plan --save FILE` wrote",
+            is_required=True,
+            example="coastal.plan",
+            bare=True,
         ),
         syntax.INVENTORY,
     ),
@@ -42,14 +46,13 @@ APPLY = syntax.CommandSpec(
         "code 3), or when a device is no longer as it was (exit code 4); a device that is as planned already counts as "
         "done. A plan of a rehearsal is carried out in a rehearsal."
     ),
-    group=syntax.Group.PLAN,
     changes=True,
     plays=True,
 )
 
 
 def run_apply(arguments: syntax.Arguments) -> ExitCode:
-    """Run `apply`: read the plan, check that it is still valid, ask, apply, verify."""
+    """Run `plan apply`: read the plan, check that it is still valid, ask, apply, verify."""
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.session import session
@@ -86,11 +89,11 @@ def _command(plan: Mapping[str, Any], file: Path) -> str:
     import shlex
 
     words = [f"site={plan['site']}"]
-    words += [f"only={','.join(plan['only'])}"] if plan["only"] else []
+    words += [f"device={','.join(plan['only'])}"] if plan["only"] else []
     words += [f"via={plan['via']}"] if plan["via"] else []
     words += ["--offline", plan["offline"]] if plan["offline"] else []
     words += ["--rehearse"] if plan["rehearsed"] else []
-    return shlex.join(["provision", *words, "--plan", "--save", str(file)])
+    return shlex.join(["provision", "plan", *words, "--save", str(file)])
 
 
 def refuse_place(file: Path) -> None:
@@ -127,7 +130,7 @@ def save(session: CommandSession, report: RunReport, file: Path) -> str:
     document: dict[str, Any] = {
         "format": _FORMAT,
         "site": session.site,
-        "only": list(session.arguments.many("only")),
+        "only": list(session.arguments.many("device")),
         "via": session.via,
         "offline": str(session.offline) if session.offline is not None else None,
         "rehearsed": session.is_rehearsal,
@@ -173,7 +176,7 @@ def _digest(plan: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(plan, sort_keys=True).encode()).hexdigest()
 
 
-_HINT = "`provision site=NAME --plan --save FILE` saves the plan of a site"
+_HINT = "`provision plan site=NAME --save FILE` saves the plan of a site"
 
 
 def _is_whole(plan: Mapping[str, Any]) -> bool:

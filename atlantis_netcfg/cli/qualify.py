@@ -1,4 +1,4 @@
-"""`provision qualify`: measure whether a link of a site carries the mission."""
+"""`provision measure link`: measure whether a link of a site carries the mission."""
 
 from __future__ import annotations
 
@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.qualify.several import SeveralResults
 
 QUALIFY = syntax.CommandSpec(
-    "qualify",
-    "measure whether a link carries the mission: delay, loss, gaps, rates",
-    group=syntax.Group.LINKS,
+    "measure link",
+    "measure whether a link carries the mission: delay, loss, rates",
     words=(
         syntax.Word(
             "site",
@@ -68,7 +67,7 @@ QUALIFY = syntax.CommandSpec(
         "The site's traffic is not moved: for this computer's test packets alone (`over=vpn`: for its tunnel) the "
         "router gets a routing rule and rows that count, under safe mode, and they are removed again. Exit code 0: "
         "every criterion passed, and the router's counters prove the link; 6: one failed or is not proved; 7: nothing "
-        "was sent. `provision qualify show`, `compare` and `history` look at what was measured."
+        "was sent. `provision measure show`, `compare` and `history` look at what was measured."
     ),
     changes=True,
     again="type the same again: rows that it has added go with its session, by the safe mode of the router",
@@ -79,7 +78,7 @@ _LED_ALONG = "whatever else is in this computer's tunnel goes there as well, bes
 
 
 def run_qualify(arguments: syntax.Arguments) -> ExitCode:
-    """Run `qualify`: show the cost, measure the links one after the other, report."""
+    """Run `measure link`: show the cost, measure the links one after the other, report."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.qualify.run import links_of_site, router_of
@@ -211,7 +210,7 @@ def _measure(session: CommandSession, limits: BudgetLimits) -> SeveralResults:
             session.configure_emulators(strict=True)
         elif _far_end(session.inventory, session.arguments).is_ours:
             open_far_end(session.inventory, session.request(Mode.DRIFT))
-        stack.enter_context(session.store.lock(session.site, f"provision qualify site={session.site}"))
+        stack.enter_context(session.store.lock(session.site, f"provision measure link site={session.site}"))
         result = measure_each(
             links,
             limits,

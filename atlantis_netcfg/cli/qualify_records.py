@@ -1,6 +1,6 @@
-"""Commands for stored measurements: `qualify show`, `qualify compare` and `qualify history`.
+"""Commands for stored measurements: `measure show`, `measure compare` and `measure history`.
 
-Nothing is measured, and no device is contacted: they read the results of `provision qualify` in the state folder.
+Nothing is measured, and no device is contacted: they read the results of `provision measure link` in the state folder.
 """
 
 from __future__ import annotations
@@ -16,14 +16,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs import Store
 
 _SITE = syntax.Word("site", "the site", is_required=True, example="coastal")
-_REHEARSAL_FLAG = syntax.Flag("rehearsed", "those of rehearsals instead of real ones")
+_REHEARSAL_FLAG = syntax.Flag("rehearse", "those of rehearsals instead of real ones")
 _THRESHOLDS = syntax.Flag("thresholds", "judge by other thresholds than the run's own", takes="NAME")
 _RUN = "satellite-20261120T093000Z"
 
 QUALIFY_SHOW = syntax.CommandSpec(
-    "qualify show",
-    "show what a measurement of a link has found, and where its pages are",
-    group=syntax.Group.LINKS,
+    "measure show",
+    "show a measurement of a link",
     words=(
         _SITE,
         syntax.Word("run", "which one; the newest if left out", example=_RUN),
@@ -36,22 +35,18 @@ QUALIFY_SHOW = syntax.CommandSpec(
     ),
 )
 QUALIFY_COMPARE = syntax.CommandSpec(
-    "qualify compare",
-    "put two measurements of links beside each other",
-    group=syntax.Group.LINKS,
+    "measure compare",
+    "compare two measurements of links",
     words=(
         _SITE,
-        syntax.Word(
-            "runs", "two of them, the earlier one first", is_required=True, many=True, example=f"{_RUN},{_RUN}"
-        ),
+        syntax.Word("run", "two of them, the earlier one first", is_required=True, many=True, example=f"{_RUN},{_RUN}"),
     ),
     flags=(_REHEARSAL_FLAG, syntax.JSON),
     details="Differences of up to 5 % count as none. Exit code 7: there is no such measurement.",
 )
 QUALIFY_HISTORY = syntax.CommandSpec(
-    "qualify history",
-    "list the measurements of a site's links, the oldest first",
-    group=syntax.Group.LINKS,
+    "measure history",
+    "list the measurements of a site's links",
     words=(_SITE, syntax.Word("link", "only this link", example="satellite")),
     flags=(_REHEARSAL_FLAG, syntax.JSON),
     details="Exit code 7: there is no measurement.",
@@ -104,10 +99,10 @@ def run_qualify_compare(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.links.qualify.compare import compare_runs
     from atlantis_netcfg.records.qualify.several import comparison_rows
 
-    site, runs, store = arguments.word("site"), arguments.many("runs"), _store(arguments)
+    site, runs, store = arguments.word("site"), arguments.many("run"), _store(arguments)
     if len(runs) != 2:  # noqa: PLR2004 - A and B
-        more = " --rehearsed" if store.is_rehearsal else ""
-        hint = f"type two of those that `provision qualify history site={site}{more}` lists, as in `runs=A,B`"
+        more = " --rehearse" if store.is_rehearsal else ""
+        hint = f"type two of those that `provision measure history site={site}{more}` lists, as in `run=A,B`"
         raise UsageError(f"two measurements are compared, and {len(runs)} were named", hint=hint)
     first, second = (record_of(find_run(store, site, run)) for run in runs)
     comparison = compare_runs(first, second)
@@ -165,7 +160,7 @@ def _store(arguments: syntax.Arguments) -> Store:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.runs import Store
 
-    return Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearsed"))
+    return Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearse"))
 
 
 def _nothing(arguments: syntax.Arguments) -> Exception:
@@ -175,18 +170,16 @@ def _nothing(arguments: syntax.Arguments) -> Exception:
     from atlantis_netcfg.links.qualify.archive import stored_runs
     from atlantis_netcfg.runs import Store
 
-    site, link, is_rehearsal = arguments.word("site"), arguments.optional("link"), arguments.flag("rehearsed")
+    site, link, is_rehearsal = arguments.word("site"), arguments.optional("link"), arguments.flag("rehearse")
     links = sorted({item.run.link for item in stored_runs(Store(paths.state_dir(), is_rehearsal=is_rehearsal), site)})
     others = stored_runs(Store(paths.state_dir(), is_rehearsal=not is_rehearsal), site, link)
     if links:
         hint = f"there are measurements of: {', '.join(links)}"
     elif others:
         hint = (
-            "there are real ones: leave out `--rehearsed`"
-            if is_rehearsal
-            else "`--rehearsed` shows those of rehearsals"
+            "there are real ones: leave out `--rehearse`" if is_rehearsal else "`--rehearse` shows those of rehearsals"
         )
     else:
-        hint = f"`provision qualify site={site}` makes the first one"
+        hint = f"`provision measure link site={site}` makes the first one"
     over = "" if link is None else f" of link `{link}`"
     return NoMatchError(f"`{site}` has no {'rehearsed' if is_rehearsal else 'real'} measurement{over}", hint=hint)

@@ -1,4 +1,4 @@
-"""`provision retrieve`: copy recordings of a gateway or a robot to the control centre, over any link of the site."""
+"""`provision robot retrieve`: copy recordings of a gateway or a robot to the control centre, over any link."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations import retrieve
 
 RETRIEVE = syntax.CommandSpec(
-    "retrieve",
-    "bring recordings of a gateway or a robot to the control centre, over whatever link the site has",
-    group=syntax.Group.LINKS,
+    "robot retrieve",
+    "copy recordings of a gateway or robot to the control centre",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.Word(
@@ -62,7 +61,7 @@ RETRIEVE = syntax.CommandSpec(
 
 
 def run_retrieve(arguments: syntax.Arguments) -> ExitCode:
-    """Run `retrieve`: show files and cost, start and watch; or report the status, or stop the transfer."""
+    """Run `robot retrieve`: show files and cost, start and watch; or report the status, or stop the transfer."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 ROBOT_VALIDATE = syntax.CommandSpec(
     "robot validate",
-    "check the configuration files of robots and list every error with its place",
-    group=syntax.Group.LINKS,
+    "check the configuration files of robots",
     words=(
         syntax.Word(
             "file", "a robot's file, as its partner sent it; several one after the other", many=True, bare=True
@@ -137,8 +136,7 @@ ADDRESS = syntax.Word("address", "this computer's address in the robots' network
 
 ROBOT_DISCOVER = syntax.CommandSpec(
     "robot discover",
-    "listen at a site: which robots publish their configuration and topics, and whether that is as their files say",
-    group=syntax.Group.LINKS,
+    "listen for robots at a site and compare them with their files",
     words=(
         syntax.Word(
             "site", "the site, to whose LAN or VPN this computer is connected", is_required=True, example="coastal"
@@ -339,8 +337,7 @@ _LOOP = syntax.Flag("loop", "begin the recording again when it is over")
 
 ROBOT_MOCK = syntax.CommandSpec(
     "robot mock",
-    "be a robot: publish its topics and answer its commands and plans, or a recording, to test a control centre",
-    group=syntax.Group.LINKS,
+    "simulate a robot, or replay a recording, to test a control centre",
     words=(
         syntax.Word(
             "vehicle", "only these robots; all that the declaration has if left out", many=True, example="sparus"

@@ -1,6 +1,6 @@
-"""Commands of runs: `run` (the default, `provision site=…`) and `runs`.
+"""Commands of runs: `run` (the default, `provision site=…`), `plan` and `report runs`.
 
-`provision runs`: past runs, their results, and what is still open.
+`provision report runs`: past runs, their results, and what is still open.
 
 `provision site=coastal`: plan, ask, change, verify.
 """
@@ -21,12 +21,11 @@ if TYPE_CHECKING:
 
 
 RUNS = syntax.CommandSpec(
-    "runs",
-    "list the runs that changed something or tried to, and what is still open",
-    group=syntax.Group.FIRST,
+    "report runs",
+    "list past runs and what is unfinished",
     words=(syntax.Word("site", "only the runs of this site", example="coastal"),),
     flags=(
-        syntax.Flag("rehearsed", "the runs of rehearsals instead of real ones"),
+        syntax.Flag("rehearse", "the runs of rehearsals instead of real ones"),
         syntax.Flag("all", "also those that were put aside, since nothing is open in them and later ones followed"),
         syntax.JSON,
     ),
@@ -39,7 +38,7 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.runs import Store
 
-    store = Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearsed"))
+    store = Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearse"))
     sites = _sites(store, arguments.optional("site"))
     aside = {site: store.archived_runs(site) for site in sites}
     everything = arguments.flag("all")
@@ -52,7 +51,7 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     else:
         print("\n".join(_line(row) for row in rows))
         if archived_count and not everything:
-            print(f"{archived_count} older runs are put aside: `provision runs --all` lists them too")
+            print(f"{archived_count} older runs are put aside: `provision report runs --all` lists them too")
     return errors.ExitCode.DONE
 
 
@@ -110,32 +109,25 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _device(name: str, outcome: dict[str, Any]) -> str:
-    """Format a device's status, its confirmed actions, and whether `provision restore` can use its state."""
+    """Format a device's status, its confirmed actions, and whether `provision device restore` can use its state."""
     state_note = ", state kept" if outcome["confirmed_state"] else ""
     return f"{name} {outcome['status']} ({outcome['confirmed']}{state_note})"
 
 
+_WORDS = (
+    syntax.Word("site", "the site, or `all`", is_required=True, example="coastal"),
+    syntax.DEVICES,
+    syntax.VIA,
+    syntax.INVENTORY,
+)
+_REHEARSE = syntax.Flag("rehearse", "the same run against emulated devices of the site", harmless=True)
+_OFFLINE = syntax.Flag("offline", "gateways take packages and sources from this bundle alone", takes="BUNDLE")
+
 SITE = syntax.CommandSpec(
     "run",
-    "bring a site to its declared state, guarded, and read back what came of it",
-    group=syntax.Group.FIRST,
-    words=(
-        syntax.Word("site", "the site, or `all`", is_required=True, example="coastal"),
-        syntax.ONLY,
-        syntax.VIA,
-        syntax.INVENTORY,
-    ),
-    flags=(
-        syntax.Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
-        syntax.SUMMARY,
-        syntax.Flag("save", "with --plan: keep the plan in a file, for `provision apply`", takes="FILE"),
-        syntax.Flag("rehearse", "the same run against emulated devices of the site", harmless=True),
-        syntax.PROFILE,
-        syntax.Flag("offline", "gateways take packages and sources from this bundle alone", takes="BUNDLE"),
-        syntax.YES,
-        *syntax.CHANGE,
-        syntax.STREAM,
-    ),
+    "configure a site: plan, ask, apply, verify",
+    words=_WORDS,
+    flags=(_REHEARSE, syntax.PROFILE, _OFFLINE, syntax.YES, *syntax.CHANGE, syntax.STREAM),
     changes=True,
     plays=True,
 )
@@ -144,42 +136,52 @@ SITE = syntax.CommandSpec(
 def run_site(arguments: syntax.Arguments) -> errors.ExitCode:
     """Run the default command: plan, ask, apply, verify."""
     from atlantis_netcfg.cli.base.session import session
-    from atlantis_netcfg.cli.plans import save
 
-    bundle, file = _bundle(arguments), _plan_file(arguments)
-    next_command = ""
+    bundle = _bundle(arguments)
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as site_session:
         site_session.offline = bundle
-        if arguments.flag("plan"):
-            report = site_session.plan()
-            if file is not None:
-                next_command = save(site_session, report, file)
-        elif site_session.rehearsal is not None:
+        if site_session.rehearsal is not None:
             from atlantis_netcfg.cli.base.rehearsal import announce, rehearse
 
             announce(site_session)
             report = rehearse(site_session, site_session.rehearsal)
         else:
             report = site_session.change(ask=not arguments.flag("yes"))
-    return site_session.close(report, next_command)
+    return site_session.close(report)
 
 
-def _plan_file(arguments: syntax.Arguments) -> Path | None:
-    """Return where to save the plan. Raises UsageError, also if a flag needs `--plan`."""
+PLAN = syntax.CommandSpec(
+    "plan",
+    "show what a run would change and cost; apply a saved plan",
+    words=_WORDS,
+    flags=(
+        syntax.SUMMARY,
+        syntax.Flag("save", "keep the plan in a file, for `provision plan apply`", takes="FILE"),
+        _REHEARSE,
+        syntax.PROFILE,
+        _OFFLINE,
+        *(flag for flag in syntax.CHANGE if flag is not syntax.WITHOUT_PROTECTION),
+        syntax.STREAM,
+    ),
+    plays=True,
+)
+
+
+def run_plan(arguments: syntax.Arguments) -> errors.ExitCode:
+    """Run `plan`: show what a run would change; exit code 2 if there is anything."""
     from pathlib import Path
 
-    from atlantis_netcfg.cli.plans import refuse_place
+    from atlantis_netcfg.cli.base.session import session
+    from atlantis_netcfg.cli.plans import refuse_place, save
 
-    for name in ("save", "summary"):
-        if arguments.flag(name) and not arguments.flag("plan"):
-            raise errors.UsageError(
-                f"`--{name}` is about a plan, and this command changes devices", hint="add `--plan`"
-            )
-    path_text = arguments.value("save")
-    if path_text is None:
-        return None
-    refuse_place(Path(path_text))
-    return Path(path_text)
+    bundle, file = _bundle(arguments), arguments.value("save")
+    if file is not None:
+        refuse_place(Path(file))
+    with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as site_session:
+        site_session.offline = bundle
+        report = site_session.plan()
+        next_command = save(site_session, report, Path(file)) if file is not None else ""
+    return site_session.close(report, next_command)
 
 
 def _bundle(arguments: syntax.Arguments) -> Path | None:
@@ -190,6 +192,6 @@ def _bundle(arguments: syntax.Arguments) -> Path | None:
     if path_text is not None and arguments.flag("rehearse"):
         raise errors.UsageError(
             "`--offline` with `--rehearse`: the gateways of a rehearsal are not the systems that a bundle is made for",
-            hint="leave one of them out; `--plan` shows what would be taken from the bundle",
+            hint="leave one of them out; `provision plan` shows what would be taken from the bundle",
         )
     return Path(path_text).absolute() if path_text is not None else None

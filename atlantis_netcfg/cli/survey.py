@@ -1,4 +1,4 @@
-"""`provision survey`: coverage of a 4G link along a track, as points, a page, GeoJSON and CSV."""
+"""`provision measure coverage`: coverage of a 4G link along a track, as points, a page, GeoJSON and CSV."""
 
 from __future__ import annotations
 
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.records.survey.site import SiteSurvey
 
 SURVEY = syntax.CommandSpec(
-    "survey",
-    "measure the coverage of a 4G link along a track: levels, cell, round trip, goodput",
-    group=syntax.Group.LINKS,
+    "measure coverage",
+    "measure the coverage of a 4G link along a track",
     words=(
         syntax.Word("site", "the site", is_required=True, example="te4sea"),
         syntax.Word("link", "the 4G link; may be left out where there is one", example="4g"),
@@ -85,7 +84,9 @@ def _check_arguments(arguments: syntax.Arguments) -> None:
     from atlantis_netcfg.inventory import ALL
 
     if arguments.word("site") == ALL:
-        raise UsageError("`provision survey` is about one site at a time", hint="type its name: `site=te4sea`")
+        raise UsageError(
+            "`provision measure coverage` is about one site at a time", hint="type its name: `site=te4sea`"
+        )
     if arguments.flag("clicks") and arguments.flag("rehearse"):
         raise UsageError(
             "typed positions cannot be rehearsed: the emulated coverage belongs to the emulated track",

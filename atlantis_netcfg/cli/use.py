@@ -1,4 +1,4 @@
-"""`provision use`: route a site's traffic over one link for a limited time; the router then restores its own order."""
+"""`provision links use`: route a site's traffic over one link for a limited time; the router ends it by itself."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs.report.run import RunReport
 
 USE = syntax.CommandSpec(
-    "use",
-    "let a link carry the traffic of a site for a time; then the router puts the declared order back by itself",
-    group=syntax.Group.LINKS,
+    "links use",
+    "route a site's traffic over one link for a limited time",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.Word("link", "the link that is to carry the traffic", example="4g"),
@@ -49,7 +48,7 @@ USE = syntax.CommandSpec(
 
 
 def run_use(arguments: syntax.Arguments) -> ExitCode:
-    """Run `use`: read the link, show changes and possible cost, ask, change, and print when it ends."""
+    """Run `links use`: read the link, show changes and possible cost, ask, change, and print when it ends."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.common.site_links import link_named
@@ -84,7 +83,7 @@ def _for_s(arguments: syntax.Arguments) -> int | None:
 
     site, span = arguments.word("site"), arguments.optional("for")
     given_names = [name for name in ("link", "for") if arguments.optional(name) is not None]
-    whole = f"type `provision use site={site} link=4g for=30m`, or `provision use site={site} end`"
+    whole = f"type `provision links use site={site} link=4g for=30m`, or `provision links use site={site} end`"
     if arguments.optional("order") is None:
         if span is None or len(given_names) < 2:  # noqa: PLR2004 - both words
             missing = " and ".join(f"`{name}=`" for name in ("link", "for") if name not in given_names)

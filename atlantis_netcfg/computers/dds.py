@@ -2,7 +2,7 @@
 
 Profiles have unicast peers, a lease that outlives gaps of a satellite link, and datagram sizes for each kind of link.
 Each DDS implementation has its own profile. Pure: a view is computed from the inventory, and a file from a view; the
-templates see the view. `provision dds` prints the files.
+templates see the view. `provision robot dds` prints the files.
 
 `RELEASES` lists the middleware of each ROS 2 release, and how the versions differ. A new release is a row.
 Sources: `ros2.repos` on each branch of ros2/ros2 for the versions; the schemas `etc/cyclonedds.xsd` and

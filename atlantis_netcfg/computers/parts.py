@@ -1,7 +1,7 @@
 """Parameters of the collection's modules `configure` and `packages`, and the `network` part of a computer.
 
 The network part configures the LAN interface, in the format of the tool that manages it. Its files have the same names
-and contents as those that `provision image` writes to a card, so that a fresh computer has no drift.
+and contents as those that `provision gateway image` writes to a card, so that a fresh computer has no drift.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ class ExitCode(IntEnum):
         return ExitCode.CHECKS_FAILED if self in (ExitCode.DONE, ExitCode.CHANGES) else self
 
 
-TRUST = "`provision trust site=…` on a terminal shows who answers, and asks you"
+TRUST = "`provision device trust site=…` on a terminal shows who answers, and asks you"
 """What to type if a device's identity is not pinned yet; no other command accepts an unknown identity."""
 
 REHEARSE = "rehearse the site: `provision site=… --rehearse`"
@@ -55,11 +55,11 @@ def worst(codes: Iterable[ExitCode]) -> ExitCode:
 
 
 def fill_hint(text: str, *, site: str, device: str = "") -> str:
-    """Fill in `site=…`, `device=…` and `host=…` of a hint, so that it can be typed as shown.
+    """Fill in `site=…` and `device=…` of a hint, so that it can be typed as shown.
 
     For hints of code that does not know them (pure checks, programs on a gateway); called by the first code that does.
     """
-    for word, value in (("site", site), ("device", device), ("host", device)):
+    for word, value in (("site", site), ("device", device)):
         if value:
             text = text.replace(f"{word}=…", f"{word}={value}")
     return text

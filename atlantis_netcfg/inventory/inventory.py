@@ -84,7 +84,7 @@ def choose(inventory: Inventory, site: str, only: Sequence[str] = ()) -> tuple[H
 def _no_such_host(inventory: Inventory, site: str, name: str, here: Sequence[str]) -> NoMatchError:
     elsewhere = inventory.hosts.get(name)
     if elsewhere is not None:
-        return NoMatchError(f"`{name}` is not at site `{site}`", hint=f"type site={elsewhere.site} only={name}")
+        return NoMatchError(f"`{name}` is not at site `{site}`", hint=f"type site={elsewhere.site} device={name}")
     where = "in the inventory" if site == ALL else f"at site `{site}`"
     return NoMatchError(f"there is no host `{name}` {where}", hint=_suggest(name, "hosts", here))
 

@@ -1,6 +1,6 @@
 """JSON schemas of the inventory's files, built from the model, for `# yaml-language-server: $schema=`.
 
-A schema sees one file, and of a text only its form: `provision validate` checks conditions between files.
+A schema sees one file, and of a text only its form: `provision inventory validate` checks conditions between files.
 `python -m atlantis_netcfg.inventory.json_schema` writes the included ones; a test compares them with the model.
 """
 

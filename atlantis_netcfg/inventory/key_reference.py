@@ -33,8 +33,8 @@ _INTRODUCTION = """\
 
 Made from the model by `python -m atlantis_netcfg.inventory.key_reference`: change that, not this page.
 
-One folder declares the pilot. `provision validate` reads all of it, contacts nothing, and names every error with its
-file and line.
+One folder declares the pilot. `provision inventory validate` reads all of it, contacts nothing, and names every error
+with its file and line.
 
 | file | what it holds |
 |---|---|
@@ -42,7 +42,7 @@ file and line.
 | `group_vars/all/pilot.yml` | [`pilot`](#pilot): what holds for every site |
 | `group_vars/all/partners.yml` | [`partners`](#partners): who joins through the VPN |
 | `group_vars/all/vehicles.yml` | [`vehicles`](#vehicles): the robots |
-| `group_vars/all/guests.yml` | [`guests`](#guests): robots that are here for a while; `provision guest` writes it |
+| `group_vars/all/guests.yml` | [`guests`](#guests): visiting robots, written by `provision robot invite` |
 | `group_vars/SITE.yml` | [`site`](#site): address plan and links of a place |
 | `host_vars/HOST.yml` | `device`: one box, by its `kind` |
 | `robots/VEHICLE.yml` | [`robot`](#robot): what the robot of a vehicle tells the control centre ([page](robots.md)) |
@@ -52,11 +52,11 @@ file and line.
   value of its own it marks all that is below. Names of RFC 2606, addresses of RFC 5737 and what begins with `EXAMPLE-`
   are examples without a mark.
   Only rehearsals use an inventory with `example_values: true`, and with `false` every example is an error.
-  `provision validate --examples` lists them.
+  `provision inventory validate --examples` lists them.
 - **Secrets** are written by `ansible-vault encrypt_string`.
 - **Editors** that know `# yaml-language-server: $schema=…` in a file's first line complete and check the keys. The
   schemas lie in `.schema/` of the inventory. Tell the editor of the tag: `yaml.customTags: ["!vault scalar"]`. A schema
-  sees one file; what must hold between files only `provision validate` sees.
+  sees one file; what must hold between files only `provision inventory validate` sees.
 - *Example* is what the shipped inventory holds where it has the key. It shows the form: no value is a
   recommendation.
 """

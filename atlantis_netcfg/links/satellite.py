@@ -147,7 +147,10 @@ def _check_allow_list(name: str, evidence: SatelliteEvidence) -> Iterator[LinkFi
         message = (
             f"the terminal {name} has no allow-list of its own, or another one: only the router limits what it sends"
         )
-        hint = "enter the declared destinations on the terminal's page; `provision prove site=…` lists and tries them"
+        hint = (
+            "enter the declared destinations on the terminal's page; `provision measure satellite site=…` lists "
+            "and tries them"
+        )
         yield LinkFinding(Verdict.WARN, "terminal-without-allow-list", message, hint)
 
 
@@ -160,7 +163,7 @@ def _check_backup(name: str, evidence: SatelliteEvidence, backup: Backup | None)
     elif backup is None:
         message = f"the backup of the terminal {name} that is declared is not on this computer"
         file = evidence.backup_file or "the file"
-        hint = f"put {file} into inventory/evidence/, or name it: `provision prove site=… backup=FILE`"
+        hint = f"put {file} into inventory/evidence/, or name it: `provision measure satellite site=… backup=FILE`"
         yield LinkFinding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
     elif backup.sha256 != declared_sha256:
         message = (
@@ -327,7 +330,7 @@ def _judge_forbidden(attempt: Attempt) -> LinkFinding:
             message = f"{who} was reached with the router's filter open: only the router enforces the allow-list"
             hint = "enter the declared destinations on the terminal's page"
             return LinkFinding(Verdict.WARN, "only-the-router-enforces", message, hint)
-        hint = "`provision site=…` brings the filter back; `provision drift site=…` first tells what has changed"
+        hint = "`provision site=…` brings the filter back; `provision report drift site=…` first tells what has changed"
         return LinkFinding(Verdict.FAIL, "leak", f"{who} is not allowed, and was reached over the satellite", hint)
     if attempt.outcome is ProbeOutcome.REFUSED_HERE:
         return LinkFinding(Verdict.PASS, "refused", f"{who} is refused by the router, nothing was sent")

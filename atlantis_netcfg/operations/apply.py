@@ -79,7 +79,7 @@ class SiteRun:
         self._opened = False
         self.journal: runs.Recorder = runs.NoJournal()
         self.run = ""
-        """Run name as listed by `provision runs`; empty before the site's turn, and for a plan."""
+        """Run name as listed by `provision report runs`; empty before the site's turn, and for a plan."""
         self.confirmed: Mapping[str, runs.SavedState] = {}
 
     def begin(self) -> None:

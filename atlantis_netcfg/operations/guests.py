@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 FILE = "group_vars/all/guests.yml"
 _HEAD = (
     "# yaml-language-server: $schema=../../.schema/guests.json",
-    "# Robots that are here for a while: `provision guest add` writes them, `provision guest end` takes them out.",
+    "# Robots that are here for a while: `provision robot invite` adds them, `provision robot dismiss` removes them.",
     "# You may give each `endpoints` and a `checklist`, as in vehicles.yml.",
 )
 

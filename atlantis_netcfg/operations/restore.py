@@ -92,7 +92,10 @@ def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = F
     if not latest:
         raise NoMatchError(
             f"no run has confirmed a state of {host.name}",
-            hint=f"`provision site={host.site}` keeps what it reads back at its end; `provision runs` lists all runs",
+            hint=(
+                f"`provision site={host.site}` keeps what it reads back at its end; `provision report runs` lists "
+                "all runs"
+            ),
         )
     store = next(iter(latest))
     matches = (_state_of(each, host, run) for each in latest)
@@ -100,15 +103,15 @@ def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = F
     if saved_state is None:
         run_ids = [item.id for item in store.runs(host.site) if item.confirmed_state(host.name) is not None]
         near = nearest(run, [*run_ids, LATEST])
-        choices = f"these have: {', '.join(run_ids[-_MAX_RUNS:])}; or type `to={LATEST}`"
+        choices = f"these have: {', '.join(run_ids[-_MAX_RUNS:])}; or type `run={LATEST}`"
         raise NoMatchError(
             f"run {run} has confirmed no state of {host.name}",
-            hint=f"did you mean `to={near}`? {choices}" if near else choices,
+            hint=f"did you mean `run={near}`? {choices}" if near else choices,
         )
     if run == LATEST and (damage := store.damage_since(host.site, saved_state.run)):
         raise runs.DamagedStateError(
             f"{damage}; a later state of {host.name} may be lost",
-            hint=f"to take the last one that can be read, type `to={saved_state.run}`",
+            hint=f"to take the last one that can be read, type `run={saved_state.run}`",
         )
     return saved_state
 

@@ -323,7 +323,7 @@ class RetrievalStatus:
 
     def lines(self, site: str) -> list[str]:
         """Return the status as lines of text."""
-        again = f"`provision retrieve site={site} from={self.source}` goes on, and sends nothing twice"
+        again = f"`provision robot retrieve site={site} from={self.source}` goes on, and sends nothing twice"
         closing = {
             "none": ["nothing has been retrieved from here yet"],
             "sending": [f"it goes on: {self.progress()}"],
@@ -494,8 +494,8 @@ class RetrievalProgram:
         centre = self.host if retrieval is None else self._declaration.hosts[retrieval.to]
         return errors.DeviceError(
             f"{name} has not been set up for this",
-            hint=f"type `provision site={self.host.site} only={name}`, and `provision site={centre.site} "
-            f"only={centre.name}`",
+            hint=f"type `provision site={self.host.site} device={name}`, and `provision site={centre.site} "
+            f"device={centre.name}`",
         )
 
     def _failure(self, text: str) -> errors.DeviceError:
@@ -512,7 +512,9 @@ class RetrievalProgram:
 
 def shown_by(host: Host, source: Source) -> str:
     """Return the hint on how to show or stop the transfer."""
-    return f"`provision retrieve site={host.site} from={source.name} status` shows it, `stop` in its place ends it"
+    return (
+        f"`provision robot retrieve site={host.site} from={source.name} status` shows it, `stop` in its place ends it"
+    )
 
 
 def new_number() -> str:

@@ -401,7 +401,7 @@ def _configuration(result: apply.DeviceResult, site: str) -> str:
     if result.exit is errors.ExitCode.CHANGES:
         return (
             f"{result.planned_count} changes to the declared configuration: look at them with "
-            f"`provision site={site} only={result.name} --plan`"
+            f"`provision plan site={site} device={result.name}`"
         )
     return f"the configuration could not be compared: {result.message}"
 

@@ -1,8 +1,8 @@
-"""`provision use`: the person's request, whether the link is fit for it, and the possible cost.
+"""`provision links use`: the person's request, whether the link is fit for it, and the possible cost.
 
 The result of `provision links` decides whether a link is good enough. A satellite is not probed, and a link without
-probe targets cannot be: there the VPN server must have responded over it (`provision prove`), or a person must confirm
-that it works (`--unproved`).
+probe targets cannot be: there the VPN server must have responded over it (`provision measure satellite`), or a person
+must confirm that it works (`--unproved`).
 """
 
 from __future__ import annotations
@@ -137,7 +137,8 @@ class UseRequest:
         hint = f"give it two `canaries:` in group_vars/{self.site}.yml, which are asked then; or {_UNPROVED_HINT}"
         if self.link.kind.traits.allow_list:
             hint = (
-                f"`provision prove site={self.site} bearer={self.link.name} --try-all` tries the VPN over it, which "
+                f"`provision measure satellite site={self.site} link={self.link.name} --try-all` tries the VPN over "
+                "it, which "
                 f"counts for an hour; or {_UNPROVED_HINT}"
             )
         raise LinkNotFit(

@@ -202,7 +202,7 @@ def _unknown(name: str, sources_by_name: Mapping[str, RobotSource]) -> LinkFindi
     if near is not None:
         message = f"no robot of this inventory has the namespace `{name}`; did it mean `{near}`?"
     hint = (
-        f"if a person approves it: `provision guest add name={vehicle_key(name)} partner=PARTNER kind=auv until=DAY "
+        f"if a person approves it: `provision robot invite name={vehicle_key(name)} partner=PARTNER kind=auv until=DAY "
         f"site=… cells=wifi` with its own words, then `provision robot discover site=… save={name}`"
     )
     return LinkFinding(Verdict.WARN, "robot-unknown", message, hint)
@@ -215,7 +215,7 @@ def vehicle_key(namespace: str) -> str:
 
 def _past_guest(vehicle: str, past: Mapping[str, str]) -> LinkFinding:
     message = f"it was a guest until {past[vehicle]}"
-    return LinkFinding(Verdict.WARN, "robot-unknown", message, f"`provision guest end name={vehicle}` puts it out")
+    return LinkFinding(Verdict.WARN, "robot-unknown", message, f"`provision robot dismiss name={vehicle}` puts it out")
 
 
 def _check_duplicates(

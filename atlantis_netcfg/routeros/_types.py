@@ -49,7 +49,8 @@ class Facts:
     def upgrade(self, to: Version) -> str:
         """Return the hint for a device whose version is below `to`."""
         return (
-            f"put RouterOS {to} or later on it: `provision upgrade site=… device=… packages=FILE.npk`, where FILE.npk "
+            f"put RouterOS {to} or later on it: `provision device upgrade site=… device=… packages=FILE.npk`, where "
+            "FILE.npk "
             f"is MikroTik's package for {self.architecture}"
         )
 

@@ -1,7 +1,7 @@
 """Assumptions of engine and emulated router about RouterOS that no manual or recording confirms.
 
-Code that depends on one names it in a comment or docstring line, `Assumption: <id>`. `provision verify` shows which
-of them hold on a real device. A row is removed when a document or a recorded reply confirms it.
+Code that depends on one names it in a comment or docstring line, `Assumption: <id>`. `provision device verify` shows
+which of them hold on a real device. A row is removed when a document or a recorded reply confirms it.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Final
 
 READS: Final = "by reading"
-"""Assumption shown by reading: `provision verify` reads the device."""
+"""Assumption shown by reading: `provision device verify` reads the device."""
 TRY: Final = "needs --try"
-"""Assumption that needs scratch rows under safe mode: `provision verify --try`."""
+"""Assumption that needs scratch rows under safe mode: `provision device verify --try`."""
 SILENCE: Final = "needs --silence"
-"""Assumption that needs a scratch row and ten minutes of silence: `provision verify --try --silence`."""
+"""Assumption that needs a scratch row and ten minutes of silence: `provision device verify --try --silence`."""
 
 
 @dataclass(frozen=True, slots=True)

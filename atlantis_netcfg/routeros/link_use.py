@@ -1,4 +1,4 @@
-"""A link that carries its site's traffic for a limited time (`provision use`): its routes, and the job that ends it.
+"""A link that carries its site's traffic for a time (`provision links use`): its routes, and the job that ends it.
 
 While a link is in use its default routes have the smallest distances: 4 after the run has written them, 5 once the job
 has cut the connections opened over other links, and 6 for the route that keeps the link in use. netwatch still acts
@@ -70,7 +70,7 @@ class LinkUse:
         more = "" if remaining_s is None else f" ({_minutes(remaining_s)} left)"
         return (
             f"{self.link} is in use instead of the declared order until {self.until:{_STAMP}} UTC{more}, by "
-            "`provision use`: then, or when the router is started anew, the router puts its order back by itself"
+            "`provision links use`: then, or when the router is started anew, the router puts its order back by itself"
         )
 
 

@@ -59,7 +59,7 @@ class SavedState:
     def _damage_error(self, why: str) -> DamagedStateError:
         return DamagedStateError(
             f"the state that run {self.run} has kept cannot be used: {why} ({self.path})",
-            hint="take the state of another run: `provision runs` lists them",
+            hint="take the state of another run: `provision report runs` lists them",
         )
 
 
@@ -125,7 +125,7 @@ class Run:
             words = shlex.split(self.start_record.command) if self.start_record is not None else []
             inventory_words = [shlex.quote(word) for word in words if word.startswith("inventory=")]
             rehearse_option = ["--rehearse"] if self.start_record is not None and self.start_record.rehearsed else []
-            resume = f"provision resume site={self.directory.parent.parent.name} run={self.id}"
+            resume = f"provision recover resume site={self.directory.parent.parent.name} run={self.id}"
             return " ".join([resume, *inventory_words, *rehearse_option])
         return self.start_record.command
 

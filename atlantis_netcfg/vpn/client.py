@@ -91,7 +91,7 @@ def _tunnel_address(host: Host) -> IPv4Address | None:
 def _missing_identity_text(host: Host) -> str:
     return (
         f"{host.name} has no identity of the VPN, neither there nor on this computer: its tunnel does not come up. "
-        f"Type `provision vpn onboard host={host.name}` where the authority is, or `provision vpn accept file=FILE` "
+        f"Type `provision vpn onboard device={host.name}` where the authority is, or `provision vpn accept file=FILE` "
         "with what the control centre has handed out, then the same again"
     )
 

@@ -75,7 +75,7 @@ class RequestCheck:
             if item.value == value:
                 return item
         near = None if value[:1].isdecimal() else nearest(value, choices)  # another version is not what was meant
-        hint = f"did you mean `{word}={near}`?" if near else f"it takes one of: {', '.join(choices)}"
+        hint = f"did you mean `{word}={near}`?" if near else f"choose one of: {', '.join(choices)}"
         self.wrong(f"`{word}=`: {quote(value)} is not known", hint)
         return None
 
@@ -98,9 +98,11 @@ def quote(value: str) -> str:
 
 def request_of_host(inventory: Inventory, check: RequestCheck) -> EnrolmentRequest | None:
     """Return the request for an inventory host; None on errors, which are in `check`."""
-    for word in ("partner", "device", "kind", "vehicle", "address", "system", "distribution", "openvpn"):
+    for word in ("partner", "kind", "vehicle", "address", "system", "distribution", "openvpn"):
         if check.words[word] is not None:
-            check.wrong(f"`{word}=` does not go with `host=`", "the inventory says it of a declared computer")
+            check.wrong(
+                f"`{word}=` does not go with a computer of the inventory", "leave it out: the inventory says it"
+            )
     host = _find_declared_host(inventory, check)
     link, wrap = check.choice("link", list(identity.MemberLink)), check.choice("wrap", list(identity.Wrap))
     key, days = check.choice("key", list(identity.KeyType)), check.days()
@@ -121,7 +123,7 @@ def request_of_host(inventory: Inventory, check: RequestCheck) -> EnrolmentReque
 
 
 def _find_declared_host(inventory: Inventory, check: RequestCheck) -> Host | None:
-    host_name, inside = str(check.words["host"]), computers(inventory)
+    host_name, inside = str(check.words["device"]), computers(inventory)
     if host_name in inside:
         return inventory.hosts[host_name]
     there = f"those in the VPN: {', '.join(inside)}"
@@ -129,8 +131,9 @@ def _find_declared_host(inventory: Inventory, check: RequestCheck) -> Host | Non
         check.wrong(f"`{host_name}` is no client of the VPN: it has no tunnel address, or it is the server", there)
         return None
     near = nearest(host_name, inside)
+    otherwise = f"add `partner=`, if it is a device of a partner; {there}"
     check.wrong(
-        f"there is no host {quote(host_name)} in the inventory", f"did you mean `host={near}`?" if near else there
+        f"there is no host {quote(host_name)} in the inventory", f"did you mean `device={near}`?" if near else otherwise
     )
     return None
 
@@ -216,7 +219,7 @@ def _client_words(check: RequestCheck, kind: identity.MemberKind | None) -> _Cli
     version = check.choice("openvpn", list(OpenVpnVersion))
     if kind is not None and system is not None and system not in identity.SYSTEMS[kind]:
         check.wrong(
-            f"`system={system}` is no system of a {kind}", f"it takes one of: {', '.join(identity.SYSTEMS[kind])}"
+            f"`system={system}` is no system of a {kind}", f"choose one of: {', '.join(identity.SYSTEMS[kind])}"
         )
     for word, value in (("distribution", release), ("openvpn", version)):
         if kind is identity.MemberKind.ROUTER and value is not None:
@@ -258,7 +261,9 @@ def _wrap(
 def _partner(inventory: Inventory, check: RequestCheck) -> str | None:
     partner, partners = check.words["partner"], inventory.partners
     if partner is None:
-        check.wrong("`partner=` is missing: whose device it is", "add it, or name a declared computer by `host=`")
+        check.wrong(
+            "`partner=` is missing: whose device it is", "add it, or name a computer of the inventory by `device=`"
+        )
     elif partner not in partners:
         near = nearest(partner, partners)
         hint = f"did you mean `partner={near}`?" if near else f"the partners are: {', '.join(partners)}"
@@ -278,7 +283,7 @@ def _device(check: RequestCheck) -> str | None:
 
 def _kind(check: RequestCheck) -> identity.MemberKind | None:
     if check.words["kind"] is None:
-        check.wrong("`kind=` is missing: what the device is", f"it takes one of: {', '.join(_KINDS)}")
+        check.wrong("`kind=` is missing: what the device is", f"choose one of: {', '.join(_KINDS)}")
     return check.choice("kind", _KINDS)
 
 
@@ -292,7 +297,10 @@ def _key(check: RequestCheck, kind: identity.MemberKind | None) -> identity.KeyT
 def _member(inventory: Inventory, check: RequestCheck, partner: str, device: str) -> str | None:
     name = check.run_check(lambda: names.member_name(partner, device))
     if name in inventory.hosts:
-        check.wrong(f"`{name}` is a declared computer", f"another name for the device, or `host={name}`")
+        check.wrong(
+            f"`{name}` is a computer of the inventory",
+            f"choose another name, or type `device={name}` without `partner=`",
+        )
     return name
 
 
@@ -358,7 +366,6 @@ class DeviceWords:
     partner: str | None = None
     device: str | None = None
     kind: str | None = None
-    host: str | None = None
     vehicle: str | None = None
     link: str | None = None
     system: str | None = None
@@ -406,7 +413,10 @@ def _with_place(item: DeviceWords, error: NetcfgError) -> NetcfgError:
 def request_of(inventory: Inventory, item: DeviceWords) -> EnrolmentRequest:
     """Return the request for a partner's device or an inventory host. Raises UsageError or InvalidRequest (several)."""
     check = RequestCheck(asdict(item))
-    request = request_of_host(inventory, check) if item.host is not None else request_of_device(inventory, check)
+    is_host = item.partner is None and (
+        item.device in inventory.hosts or (item.device is not None and item.kind is None)
+    )
+    request = request_of_host(inventory, check) if is_host else request_of_device(inventory, check)
     check.close()
     if request is None:
         raise AssertionError("refused without a reason")

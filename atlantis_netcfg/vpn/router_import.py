@@ -158,7 +158,7 @@ class RouterImport:
             version = Version.parse(about.get("version", ""))
         except ValueError:
             raise DeviceError(f"{self.name} names no version of RouterOS: {about.get('version', '')!r}") from None
-        upgrade = f"`provision upgrade site={self.site} device={self.name} packages=FILE.npk`"
+        upgrade = f"`provision device upgrade site={self.site} device={self.name} packages=FILE.npk`"
         routeros.check_version(version, where=self.name, upgrade=upgrade)
 
     def _wrong_clock(self, clock: tuple[Mapping[str, str], ...]) -> Iterator[str]:

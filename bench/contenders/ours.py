@@ -36,8 +36,8 @@ class Ours:
             "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
         }
         if job.real:
-            only = (f"site={SITE}", f"only={ROUTER}")
-            begun = ("use", f"site={SITE}", "link=4g", "for=30m", "--accept-cost")
+            only = (f"site={SITE}", f"device={ROUTER}")
+            begun = ("links", "use", f"site={SITE}", "link=4g", "for=30m", "--accept-cost")
             words = (*(begun if job.scenario is Scenario.USE else only), "--yes", f"inventory={job.declared.inventory}")
             return Command((sys.executable, "-P", "-m", "atlantis_netcfg", *words), environment)
         if job.scenario is Scenario.USE:

@@ -9,7 +9,7 @@ _COMMAND = re.compile(
     r"`(?:\./)?provision ([^`]+)`|(?:(?:then|died|type|run|again):\s+|^next\s{2,})(?:\./)?provision ([^\n]+)",
     re.MULTILINE,
 )
-_INFORMS = ("runs", "--help", "help", "links", "validate", "report")
+_INFORMS = ("report", "runs", "--help", "help", "links", "validate", "report")
 """Commands that show something and settle nothing."""
 TERMINAL = ("trust",)
 """Commands that ask a person, and have neither `--yes` nor `--json`."""
@@ -18,7 +18,7 @@ _REMARKS = ("note:", "drift:")
 _AGAIN = re.compile(r"\b(again|repeat|once more|run it)\b", re.IGNORECASE)
 _WAIT = re.compile(r"\b(wait|minutes|by itself|later|until)\b", re.IGNORECASE)
 
-TABLE: Mapping[int, tuple[str, ...] | None] = {3: None, 4: None, 5: ("resume", "site=coastal")}
+TABLE: Mapping[int, tuple[str, ...] | None] = {3: None, 4: None, 5: ("recover", "resume", "site=coastal")}
 """What docs/exit-codes.md advises where an output has no advice of its own."""
 
 

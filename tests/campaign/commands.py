@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SITE = "coastal"
 AGREED = ("--yes", "--accept-cost")
-_USE = ("use", f"site={SITE}", "link=4g", "for=50m", "--unproved")
+_USE = ("links", "use", f"site={SITE}", "link=4g", "for=50m", "--unproved")
 AFTER_S = 3600.0
 """What passes before the last look: longer than anything that a run leaves to a device."""
 PACKAGES = "system/package"
@@ -110,22 +110,22 @@ def _upgrade(table: "Table", site: Undisturbed) -> tuple[str, ...]:
 def _saved_plan(table: "Table", site: Undisturbed) -> tuple[str, ...]:
     """The plan of what stands there now, in a file beside the laptop's state."""
     file = table.site.folder / "saved.plan"
-    ended = site.run(f"site={SITE}", "--plan", "--save", str(file), "--accept-cost")
+    ended = site.run("plan", f"site={SITE}", "--save", str(file), "--accept-cost")
     assert ended.code in (0, 2), ended.output
     return (f"file={file}",)
 
 
 COMMANDS: Mapping[str, CommandKind] = {
     "apply": CommandKind((f"site={SITE}", *AGREED), 13),
-    "plan": CommandKind((f"site={SITE}", "--plan", "--accept-cost"), 1, green=(0, 2), changes=False),
-    "drift": CommandKind(("drift", f"site={SITE}", "--accept-cost"), 1, green=(0, 6), changes=False),
+    "plan": CommandKind(("plan", f"site={SITE}", "--accept-cost"), 1, green=(0, 2), changes=False),
+    "drift": CommandKind(("report", "drift", f"site={SITE}", "--accept-cost"), 1, green=(0, 6), changes=False),
     "rollback": CommandKind(
-        ("rollback", f"site={SITE}", *AGREED), 2, ("drifted",), needs_a_run=True, prepare=_rollback
+        ("recover", "rollback", f"site={SITE}", *AGREED), 2, ("drifted",), needs_a_run=True, prepare=_rollback
     ),
-    "apply FILE": CommandKind(("apply", *AGREED), 3, ("adopted", "drifted", "foreign"), prepare=_saved_plan),
+    "apply FILE": CommandKind(("plan", "apply", *AGREED), 3, ("adopted", "drifted", "foreign"), prepare=_saved_plan),
     "use": CommandKind((*_USE, *AGREED), 3, ("configured",), hosts=(ROUTER,), settles_s=TICK_S, prepare=_use),
     "upgrade": CommandKind(
-        ("upgrade", f"site={SITE}", f"device={ROUTER}", *AGREED),
+        ("device", "upgrade", f"site={SITE}", f"device={ROUTER}", *AGREED),
         2,
         ("configured",),
         hosts=(ROUTER,),
@@ -133,7 +133,7 @@ COMMANDS: Mapping[str, CommandKind] = {
         prepare=_upgrade,
     ),
     "restore": CommandKind(
-        ("restore", f"device={ROUTER}", *AGREED),
+        ("device", "restore", f"device={ROUTER}", *AGREED),
         3,
         ("configured", "foreign"),
         hosts=(ROUTER,),

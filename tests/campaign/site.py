@@ -108,7 +108,7 @@ def inventory(folder: Path, version: str) -> Path:
 
 
 def specification(root: Path, version: str) -> SiteSpec:
-    """The site's twins as `provision adopt` leaves them."""
+    """The site's twins as `provision device adopt` leaves them."""
     declaration = load(root, decrypt=_opened)
     spec = site_spec(declaration, [declaration.hosts[name] for name in ADDRESSES], along={FAR})
     twins = []
@@ -183,7 +183,7 @@ class Stage:
         self.relay.lead({host: {at: ready[name] for at, name in SERVICES.items()} for host, ready in ports.items()})
 
     def pin(self, store: Path, twins: SpawnedSite) -> None:
-        """What `provision adopt` has pinned on this laptop."""
+        """What `provision device adopt` has pinned on this laptop."""
         for host in ADDRESSES:
             Store(store).pins.change(host, twins.ready[host]["pin"])
             Store(store).pins.change_host_key(host, twins.ready[host]["host_key"])

@@ -19,34 +19,34 @@ FILTER = "ip/firewall/filter"
 
 
 CTRL_C = """error: stopped by Ctrl-C; what a device kept is not known here
-       `provision runs` shows what was confirmed, and how a run that is unfinished goes on
+       `provision report runs` shows what was confirmed, and how a run that is unfinished goes on
 """
 BUSY = """  scc-cpe            another run changes this bridge
-                     wait until it has ended; if it has died:  provision resume
+                     wait until it has ended; if it has died:  provision recover resume
 """
 OPEN = """  coastal-router     nothing was changed: stopped by hand (6 round trips, 68.0 kB, 0.2 s)
-                     what is in safe mode the device takes back by itself; then:  provision resume site=coastal run=1
-                     drift: not declared, and not ours: left as it is
+                     what is in safe mode the device takes back by itself; then:  provision recover resume site=coastal
+                     run=1 drift: not declared, and not ours: left as it is
 """
 TYPED_BEFORE = """error: run 1 has left nothing open on any device
-       type its command again:  provision site=coastal only=scc-cpe inventory=/srv/pilot
+       type its command again:  provision site=coastal device=scc-cpe inventory=/srv/pilot
 """
-HELP = "       `provision resume --help` lists what it takes"
+HELP = "       `provision recover resume --help` lists what it takes"
 SAVED = """plan      1 row to add
-next      provision apply /srv/saved.plan inventory=/srv/pilot
+next      provision plan apply /srv/saved.plan inventory=/srv/pilot
 """
-ONE_HOST = "  wait for ten minutes, then:  provision drift site=coastal only=scc-cpe"
+ONE_HOST = "  wait for ten minutes, then:  provision report drift site=coastal device=scc-cpe"
 
 
 @pytest.mark.parametrize(
     ("output", "typed", "waits"),
     [
         (SAVED, ("apply", "/srv/saved.plan"), False),
-        (BUSY, ("resume", "site=coastal"), True),
+        (BUSY, ("recover", "resume", "site=coastal"), True),
         ("error: no run\n       `provision site=…` begins one", ("site=coastal",), False),
-        (ONE_HOST, ("drift", "site=coastal", "only=scc-cpe"), True),
-        (OPEN, ("resume", "site=coastal", "run=1"), True),
-        (TYPED_BEFORE, ("site=coastal", "only=scc-cpe"), False),
+        (ONE_HOST, ("report", "drift", "site=coastal", "device=scc-cpe"), True),
+        (OPEN, ("recover", "resume", "site=coastal", "run=1"), True),
+        (TYPED_BEFORE, ("site=coastal", "device=scc-cpe"), False),
         ("  make room on the disk, then run the same command again", None, False),
     ],
 )
@@ -61,7 +61,7 @@ def test_last_actionable_command_is_the_advice(
 
 
 @pytest.mark.parametrize(
-    "output", ["", "  coastal-router  already so\n", "       `provision runs` lists all of them", CTRL_C, HELP]
+    "output", ["", "  coastal-router  already so\n", "       `provision report runs` lists all of them", CTRL_C, HELP]
 )
 def test_informational_output_gives_no_advice(output: str) -> None:
     assert advice.read(output, "coastal") is None
@@ -139,7 +139,7 @@ def test_reminder_resets_the_quiet_timer_but_not_the_idle_timer(tmp_path: Path) 
 
 
 LOST = """  coastal-router     nothing was changed: its certificate is not known here
-                     `provision trust site=coastal` on a terminal shows who answers, and asks you; or declare it
+                     `provision device trust site=coastal` on a terminal shows who answers, and asks you; or declare it
 """
 
 
@@ -156,7 +156,7 @@ def test_advice_requires_a_terminal_only_if_it_says_so() -> None:
     said, unsaid = advice.read(LOST, "coastal"), advice.read(LOST.replace(" on a terminal", ""), "coastal")
     assert said is not None
     assert unsaid is not None
-    assert said.typed == unsaid.typed == ("trust", "site=coastal")
+    assert said.typed == unsaid.typed == ("device", "trust", "site=coastal")
     assert (said.on_terminal, unsaid.on_terminal) == (True, False)
 
 

@@ -143,7 +143,7 @@ def environment(folder: Path) -> dict[str, str]:
 
 @contextmanager
 def stand(folder: Path, *, version: str = "7.18.2", knobs: WireBehaviour | None = None, **box: Any) -> Iterator[Stand]:  # noqa: ANN401
-    """Start the coastal router as `provision adopt` leaves it, without a link in between; `box`: fields of its spec."""
+    """Start the coastal router as `provision device adopt` leaves it; `box`: fields of its spec."""
     (twin,) = site_spec(declaration(), [declaration().hosts[ROUTER]]).emulators
     wanted = {"version": version, "users": (*twin.router.users, STRANGER), **box}
     changes = {"link": RouterLink(), "router": twin.router.model_copy(update=wanted)}

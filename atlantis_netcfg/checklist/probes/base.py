@@ -173,7 +173,7 @@ class LinkStatusRequest:
 
 @dataclass(frozen=True, slots=True)
 class AllowListTestRequest:
-    """Test whether the satellite allows exactly the traffic in the inventory: `provision prove`. It costs data."""
+    """Whether the satellite allows exactly the traffic in the inventory (`provision measure satellite`, metered)."""
 
     name: str
     link: str
@@ -182,7 +182,7 @@ class AllowListTestRequest:
 
 @dataclass(frozen=True, slots=True)
 class LinkRecordRequest:
-    """Newest stored measurement of a link, made by `provision qualify`. Nothing is sent."""
+    """Newest stored measurement of a link, made by `provision measure link`. Nothing is sent."""
 
     name: str
     site: str

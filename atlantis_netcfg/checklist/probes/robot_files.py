@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, eq=False, repr=False)
 class RobotFiles:
-    """Robots by vehicle; a file with errors blocks no list, because `provision validate` rejects it.
+    """Robots by vehicle; a file with errors blocks no list, because `provision inventory validate` rejects it.
 
     It holds the robots' tokens, so it has no text form.
     """

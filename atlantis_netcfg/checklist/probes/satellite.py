@@ -2,8 +2,8 @@
 
 A Thales VesseLINK has no documented interface, so the check does not contact it. It reads the router: the port's link,
 whether the terminal has answered ARP, what the filter has dropped, what the inventory has on the terminal; nothing is
-sent over airtime. `provision prove` tests the allow-list, costs money and asks for consent first; its result is
-included as checklist findings. A person reads the terminal's own pages.
+sent over airtime. `provision measure satellite` tests the allow-list, costs money and asks for consent first; its
+result is included as checklist findings. A person reads the terminal's own pages.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class AllowListProbe:
     @property
     def _hints(self) -> Mapping[str, str]:
         """Hints for results that have none."""
-        try_all = f"`provision prove site={self.site} --try-all`"
+        try_all = f"`provision measure satellite site={self.site} --try-all`"
         return {_NOT_TRIED: f"try it while the satellite carries the traffic, or {try_all}"}
 
     def _evidence(self, result: base.AllowListTestResult) -> Iterator[report.Evidence]:

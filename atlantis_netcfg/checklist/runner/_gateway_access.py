@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _OPTIONS = (
     "BatchMode=yes",
     "Compression=yes",
-    # A key that is not known is refused, and one that has changed: see `provision trust`.
+    # A key that is not known is refused, and one that has changed: see `provision device trust`.
     "StrictHostKeyChecking=yes",
     # As long as a satellite may be silent, and longer: see ansible.cfg.
     "ServerAliveInterval=20",

@@ -25,66 +25,91 @@ class LoadedCommand(NamedTuple):
 DEFAULT = "run"
 """Command of a line that begins with an argument: `provision site=coastal` is `provision run site=coastal`."""
 
-COMMANDS: Mapping[str, str] = {
-    "run": "atlantis_netcfg.cli.runs:site",
-    "links": "atlantis_netcfg.cli.links:links",
-    "check": "atlantis_netcfg.cli.checklist:check",
-    "drift": "atlantis_netcfg.cli.devices:drift",
-    "runs": "atlantis_netcfg.cli.runs:runs",
-    "apply": "atlantis_netcfg.cli.plans:apply",
-    "init": "atlantis_netcfg.cli.inventory:init",
-    "validate": "atlantis_netcfg.cli.declaration:validate",
-    "doctor": "atlantis_netcfg.cli.laptop:doctor",
-    "adopt": "atlantis_netcfg.cli.adopt:adopt",
-    "trust": "atlantis_netcfg.cli.adopt:trust",
-    "backup": "atlantis_netcfg.cli.devices:backup",
-    "asbuilt": "atlantis_netcfg.cli.asbuilt:asbuilt",
-    "use": "atlantis_netcfg.cli.use:use",
-    "prove": "atlantis_netcfg.cli.links:prove",
-    "qualify": "atlantis_netcfg.cli.qualify:qualify",
-    "survey": "atlantis_netcfg.cli.survey:survey",
-    "retrieve": "atlantis_netcfg.cli.retrieve:retrieve",
-    "qualify show": "atlantis_netcfg.cli.qualify_records:qualify_show",
-    "qualify compare": "atlantis_netcfg.cli.qualify_records:qualify_compare",
-    "qualify history": "atlantis_netcfg.cli.qualify_records:qualify_history",
-    "verify": "atlantis_netcfg.cli.devices:verify",
-    "dds": "atlantis_netcfg.cli.declaration:dds",
-    "fit": "atlantis_netcfg.cli.fit:fit",
-    "robot validate": "atlantis_netcfg.cli.robot:robot_validate",
-    "robot discover": "atlantis_netcfg.cli.robot:robot_discover",
-    "robot mock": "atlantis_netcfg.cli.robot:robot_mock",
-    "report list": "atlantis_netcfg.cli.checklist:report_list",
-    "report show": "atlantis_netcfg.cli.checklist:report_show",
-    "report verify": "atlantis_netcfg.cli.checklist:report_verify",
-    "resume": "atlantis_netcfg.cli.recovery.resume:resume",
-    "rollback": "atlantis_netcfg.cli.recovery.rollback:rollback",
-    "restore": "atlantis_netcfg.cli.devices:restore",
-    "upgrade": "atlantis_netcfg.cli.devices:upgrade",
-    "image": "atlantis_netcfg.cli.media:image",
-    "bundle": "atlantis_netcfg.cli.media:bundle",
-    "vpn init": "atlantis_netcfg.cli.vpn.authority:vpn_init",
-    "vpn onboard": "atlantis_netcfg.cli.vpn.members:vpn_onboard",
-    "vpn list": "atlantis_netcfg.cli.vpn.authority:vpn_list",
-    "vpn show": "atlantis_netcfg.cli.vpn.authority:vpn_show",
-    "vpn renew": "atlantis_netcfg.cli.vpn.members:vpn_renew",
-    "vpn revoke": "atlantis_netcfg.cli.vpn.members:vpn_revoke",
-    "vpn sync": "atlantis_netcfg.cli.vpn.network:vpn_sync",
-    "vpn status": "atlantis_netcfg.cli.vpn.network:vpn_status",
-    "vpn audit": "atlantis_netcfg.cli.vpn.authority:vpn_audit",
-    "vpn accept": "atlantis_netcfg.cli.vpn.members:vpn_accept",
-    "vpn install": "atlantis_netcfg.cli.vpn.network:vpn_install",
-    "guest add": "atlantis_netcfg.cli.guest:guest_add",
-    "guest end": "atlantis_netcfg.cli.guest:guest_end",
-    "completion bash": "atlantis_netcfg.cli.shell.completion:completion_bash",
-    "completion zsh": "atlantis_netcfg.cli.shell.completion:completion_zsh",
-    "completion fish": "atlantis_netcfg.cli.shell.completion:completion_fish",
-    "man": "atlantis_netcfg.cli.shell.manual:man",
-    "version": "atlantis_netcfg.cli.help:version",
-    "help": "atlantis_netcfg.cli.help:help",
+HEADS: Mapping[str, str] = {
+    "device": "adopt, trust, back up, restore, upgrade or verify a device",
+    "measure": "measure links, 4G coverage and the satellite allow-list",
+    "robot": "check, discover, add or simulate robots; copy recordings",
+    "vpn": "members, certificates and server of the VPN",
+    "gateway": "write gateway cards; pack downloads for offline use",
+    "report": "checklists, drift, as-built records and past runs",
+    "inventory": "create or check an inventory; check this laptop",
 }
-"""Name -> module and its entry in it; a name of two words is typed as two words.
+"""First words that are no command by themselves -> their line of the overview."""
 
-Help lists them by their groups, and in each group in this order."""
+_CLI = "atlantis_netcfg.cli"
+COMMANDS: Mapping[str, str] = {
+    "run": f"{_CLI}.runs:site",
+    "plan": f"{_CLI}.runs:plan",
+    "plan apply": f"{_CLI}.plans:apply",
+    "check": f"{_CLI}.checklist:check",
+    "links": f"{_CLI}.links:links",
+    "links use": f"{_CLI}.use:use",
+    "recover": f"{_CLI}.recovery.recover:recover",
+    "recover resume": f"{_CLI}.recovery.resume:resume",
+    "recover rollback": f"{_CLI}.recovery.rollback:rollback",
+    "device adopt": f"{_CLI}.adopt:adopt",
+    "device trust": f"{_CLI}.adopt:trust",
+    "device backup": f"{_CLI}.devices:backup",
+    "device restore": f"{_CLI}.devices:restore",
+    "device upgrade": f"{_CLI}.devices:upgrade",
+    "device verify": f"{_CLI}.devices:verify",
+    "measure link": f"{_CLI}.qualify:qualify",
+    "measure show": f"{_CLI}.qualify_records:qualify_show",
+    "measure compare": f"{_CLI}.qualify_records:qualify_compare",
+    "measure history": f"{_CLI}.qualify_records:qualify_history",
+    "measure coverage": f"{_CLI}.survey:survey",
+    "measure satellite": f"{_CLI}.links:prove",
+    "measure fit": f"{_CLI}.fit:fit",
+    "robot validate": f"{_CLI}.robot:robot_validate",
+    "robot discover": f"{_CLI}.robot:robot_discover",
+    "robot mock": f"{_CLI}.robot:robot_mock",
+    "robot invite": f"{_CLI}.guest:guest_add",
+    "robot dismiss": f"{_CLI}.guest:guest_end",
+    "robot dds": f"{_CLI}.declaration:dds",
+    "robot retrieve": f"{_CLI}.retrieve:retrieve",
+    "vpn init": f"{_CLI}.vpn.authority:vpn_init",
+    "vpn onboard": f"{_CLI}.vpn.members:vpn_onboard",
+    "vpn list": f"{_CLI}.vpn.authority:vpn_list",
+    "vpn show": f"{_CLI}.vpn.authority:vpn_show",
+    "vpn renew": f"{_CLI}.vpn.members:vpn_renew",
+    "vpn revoke": f"{_CLI}.vpn.members:vpn_revoke",
+    "vpn sync": f"{_CLI}.vpn.network:vpn_sync",
+    "vpn status": f"{_CLI}.vpn.network:vpn_status",
+    "vpn audit": f"{_CLI}.vpn.authority:vpn_audit",
+    "vpn accept": f"{_CLI}.vpn.members:vpn_accept",
+    "vpn install": f"{_CLI}.vpn.network:vpn_install",
+    "gateway image": f"{_CLI}.media:image",
+    "gateway bundle": f"{_CLI}.media:bundle",
+    "report checklists": f"{_CLI}.checklist:report_list",
+    "report show": f"{_CLI}.checklist:report_show",
+    "report verify": f"{_CLI}.checklist:report_verify",
+    "report drift": f"{_CLI}.devices:drift",
+    "report as-built": f"{_CLI}.asbuilt:asbuilt",
+    "report runs": f"{_CLI}.runs:runs",
+    "inventory init": f"{_CLI}.inventory:init",
+    "inventory validate": f"{_CLI}.declaration:validate",
+    "inventory doctor": f"{_CLI}.laptop:doctor",
+    "help": f"{_CLI}.help:help",
+    "help exit-codes": f"{_CLI}.help:exit_codes",
+    "help version": f"{_CLI}.help:version",
+    "help man": f"{_CLI}.shell.manual:man",
+    "help completion": f"{_CLI}.shell.completion:completion",
+}
+"""Name -> module and its entry in it; a name of two words is typed as two words. Help lists them in this order."""
+
+_OTHER_NAMES = {
+    "prove": "measure satellite",
+    "qualify": "measure link",
+    "survey": "measure coverage",
+    "guest": "robot invite",
+    "asbuilt": "report as-built",
+}
+"""What people type that is no command's last word -> the command."""
+
+
+def summary_of(word: str, table: Mapping[str, str]) -> str:
+    """Return the line of the overview for a command's first word."""
+    return HEADS[word] if word in HEADS else load(word, table).command.summary
 
 
 def load(name: str, table: Mapping[str, str]) -> LoadedCommand:
@@ -115,17 +140,27 @@ def _means_default(command_line: Sequence[str], first: int, table: Mapping[str, 
 
 
 def _default(command_line: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[str]]:
-    for argument in command_line:
-        if argument in table and argument != DEFAULT:
-            hint = " ".join(["provision", argument, *(other for other in command_line if other != argument)])
-            raise errors.UsageError(f"`{argument}` is a command: put it before its words", hint=f"type `{hint}`")
+    words = [argument for argument in command_line if "=" not in argument and not argument.startswith("-")]
+    for name in (" ".join(words[:2]), *words):
+        if name in table and name != DEFAULT:
+            others = (argument for argument in command_line if argument not in name.split())
+            hint = shlex.join(["provision", *name.split(), *others])
+            raise errors.UsageError(f"`{name}` is a command: put it before its words", hint=f"type `{hint}`")
     return DEFAULT, list(command_line)
 
 
 def _no_such_command(command_line: Sequence[str], places: Sequence[int], table: Mapping[str, str]) -> errors.UsageError:
     words = [command_line[place] for place in places]
+    if names := _possible_names(words[0], table):
+        rest = [argument for argument in command_line if argument != words[0]]
+        lines = [shlex.join(["provision", *name.split(), *rest]) for name in names]
+        return errors.UsageError(
+            f"unknown command `{words[0]}`", hint=f"type {' or '.join(f'`{line}`' for line in lines)}"
+        )
     longer = [name for name in table if name.startswith(f"{words[0]} ")]
     near = errors.nearest(" ".join(words[:2]), longer) or errors.nearest(words[0], table)
+    if near is None and (second := errors.nearest(words[0], [name.split()[-1] for name in table])):
+        near = _possible_names(second, table)[0]
     if longer and (near not in longer or len(words) == 1):
         hint = f"`{words[0]}` is followed by: {', '.join(name.removeprefix(words[0] + ' ') for name in longer)}"
     elif (line := _meant_line(command_line, places[0], near, table)) is not None:
@@ -133,6 +168,13 @@ def _no_such_command(command_line: Sequence[str], places: Sequence[int], table: 
     else:
         hint = "`provision --help` lists the commands; a site is typed as `site=NAME`"
     return errors.UsageError(f"unknown command `{' '.join(words[:2] if longer else words[:1])}`", hint=hint)
+
+
+def _possible_names(word: str, table: Mapping[str, str]) -> list[str]:
+    """Return the commands that this word alone could mean: those whose second word it is."""
+    if (name := _OTHER_NAMES.get(word)) in table:
+        return [str(name)]
+    return [] if word in HEADS else [name for name in table if name.endswith(f" {word}")]
 
 
 def _meant_line(command_line: Sequence[str], first: int, near: str | None, table: Mapping[str, str]) -> str | None:

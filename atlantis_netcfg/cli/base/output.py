@@ -65,8 +65,8 @@ def as_typed(hint: str, command_line: Sequence[str]) -> str:
     with suppress(NetcfgError):
         if REHEARSE in hint and load(choose(command_line, COMMANDS)[0], COMMANDS).command.flag("rehearse") is not None:
             hint = hint.replace(REHEARSE, "add --rehearse")
-    words = dict(word.partition("=")[::2] for word in command_line)
-    hint = fill_hint(hint, site=words.get("site", ""), device=words.get("device") or words.get("host") or "")
+    words = dict(word.partition("=")[::2] for word in command_line if "=" in word)
+    hint = fill_hint(hint, site=words.get("site", ""), device=words.get("device", ""))
 
     def complete_command(match: re.Match[str]) -> str:
         try:
@@ -120,7 +120,10 @@ def report_interrupt(
     how = signal_of(stop)
     if command is not None and command.changes and not _is_harmless(command, command_line):
         message = f"stopped by {how}; what a device kept is not known here"
-        hint = command.again or "`provision runs` shows what was confirmed, and how a run that is unfinished goes on"
+        hint = (
+            command.again
+            or "`provision report runs` shows what was confirmed, and how a run that is unfinished goes on"
+        )
         _print_errors([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
         return ExitCode.UNKNOWN
     _print_errors([(f"stopped by {how}; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)

@@ -43,7 +43,7 @@ class PlayOutcome:
 
     devices: dict[str, dict[str, Any]] = field(default_factory=dict)
     runs: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Site -> kind of device -> run id, as `provision runs` lists it; empty: the report is not complete."""
+    """Site -> kind of device -> run id, as `provision report runs` lists it; empty: the report is not complete."""
     stopped_by: str = ""
     """Signal with which a person stopped it, such as `SIGINT`."""
 

@@ -84,7 +84,7 @@ class CommandSession:
         self.hosts = tuple(host for host in self.hosts if host.name in names)
         if not self.hosts:
             raise errors.NoMatchError(
-                "nothing to do for any device of that run", hint="`provision runs` lists what is there"
+                "nothing to do for any device of that run", hint="`provision report runs` lists what is there"
             )
 
     @property
@@ -175,7 +175,7 @@ class CommandSession:
         )
 
     def configure_emulators(self, *, strict: bool = False) -> None:
-        """Bring the emulated devices to the desired state: after `provision adopt` they have none of it.
+        """Bring the emulated devices to the desired state: after `provision device adopt` they have none of it.
 
         A failed check is reported later, by the command that uses the devices, unless `strict`. Raises NetcfgError.
         """
@@ -378,11 +378,11 @@ class CommandSession:
             if name not in flags
             for part in ([f"--{name}"] if value is None else [f"--{name}", value])
         ]
-        command_words = [] if arguments.command.name == DEFAULT else arguments.command.name.split()
+        command_words = [] if arguments.command.name in {DEFAULT, "plan"} else arguments.command.name.split()
         return shlex.join(["provision", *command_words, *words, *kept_flags])
 
 
-PLAN_ONLY = ("plan", "summary", "save", "verbose", "json")
+PLAN_ONLY = ("plan", "summary", "save", "verbose", "json", "stream")
 """Flags that the command which applies a plan does not have, or that only change how it is shown."""
 
 
@@ -449,7 +449,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         if rehearse:
             pilot_inventory = replace(pilot_inventory, decrypt=None)  # emulated robots know no token that is vaulted
         if only is None:
-            only = arguments.many("only") if arguments.command.word("only") else ()
+            only = arguments.many("device") if arguments.command.word("device") else ()
         if site is None:
             site = arguments.word("site")
         if choose_hosts is None:
@@ -516,16 +516,16 @@ def require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) 
 
     Some commands also handle hosts that the engine does not.
     """
-    also = [is_other_lte_unit] if command in {DEFAULT, "links"} else []
-    if command in {DEFAULT, "links", "drift"}:
+    also = [is_other_lte_unit] if command in {DEFAULT, "plan", "links"} else []
+    if command in {DEFAULT, "plan", "links", "report drift"}:
         also.append(is_terminal)
-    if command in {DEFAULT, "drift"}:
+    if command in {DEFAULT, "plan", "report drift"}:
         also.append(is_computer)
     passed_over = [host for host in hosts if not any(takes(host) for takes in (is_supported, *also))]
     named_hosts = [f"{host.name} ({host.device.kind.replace('_', ' ')})" for host in passed_over if host.name in only]
     if named_hosts and len(passed_over) < len(hosts):
         raise errors.NoMatchError(
-            f"`provision {command}` does nothing with {', '.join(named_hosts)}", hint="leave it out of `only=`"
+            f"`provision {command}` does nothing with {', '.join(named_hosts)}", hint="leave it out of `device=`"
         )
     if len(passed_over) == len(hosts):
         kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))

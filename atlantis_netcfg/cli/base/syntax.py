@@ -10,7 +10,6 @@ Also parses a command line to `Arguments`; all errors of a line are reported tog
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import inventory_names
@@ -20,29 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 
-class Group(Enum):
-    """Where the overview lists a command; the value is the title, and the order that of the overview."""
-
-    FIRST = "Every day"
-    """A technician's five: configure the site, see its links, do the checklist, see differences, list runs.
-
-    docs/first-run.md leads to the first of them; a working day on the quay needs the others.
-    `runs` also says what to type after an interrupted run.
-    """
-    PLAN = "A saved plan"
-    TROUBLE = "When something went wrong"
-    DEVICE = "A new or a replaced device"
-    LINKS = "Links and robots"
-    CHECKLIST = "Signed checklists"
-    VPN = "VPN and partners"
-    IMAGE = "Gateway image and bundle"
-    LAPTOP = "The declaration and this laptop"
-
-
 _VALUES = {
     "site": inventory_names.Values.SITE,
-    "only": inventory_names.Values.HOST,
-    "host": inventory_names.Values.HOST,
+    "device": inventory_names.Values.HOST,
     "vehicle": inventory_names.Values.VEHICLE,
     "partner": inventory_names.Values.PARTNER,
 }
@@ -64,7 +43,7 @@ class Word:
     values: inventory_names.Values | None = None
     """Kind of its values, if it is not the one that its name implies."""
     bare: bool = False
-    """Whether its value may be typed alone: `provision init FOLDER`; with `many`, several one after the other."""
+    """Whether its value may be typed alone: `provision inventory init FOLDER`; with `many`, several."""
 
     @property
     def value_kind(self) -> inventory_names.Values | None:
@@ -107,7 +86,7 @@ class Flag:
 INVENTORY = Word(
     "inventory", "folder of the declaration; if left out, the checkout's own, or ./inventory where installed"
 )
-ONLY = Word("only", "only these hosts of it", many=True, example="coastal-router")
+DEVICES = Word("device", "only these devices of it", many=True, example="coastal-router")
 VIA = Word("via", "the bearer over which you work, where it is not the declared one", example="4g")
 JSON = Flag("json", "print one JSON object instead of text, on errors as well")
 STREAM = Flag(
@@ -122,8 +101,8 @@ REMOVE_FOREIGN = Flag(
     "remove rows of others by the hundred from menus that are ours entirely; `--yes` does not say that",
 )
 ASK_VAULT_PASS = Flag("ask-vault-pass", "type the password of the inventory's vault, also where a file is named for it")
-PROFILE = Flag("profile", "with --rehearse: over the link that a run of `provision qualify` measured", takes="RUN")
-SUMMARY = Flag("summary", "with --plan: only how much would change on each device, and what it costs")
+PROFILE = Flag("profile", "with --rehearse: over the link that a run of `provision measure link` measured", takes="RUN")
+SUMMARY = Flag("summary", "only how much would change on each device, and what it costs")
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 YES = Flag("yes", "do not ask before changing devices")
 CHANGE = (ACCEPT_COST, WITHOUT_PROTECTION, REMOVE_FOREIGN, ASK_VAULT_PASS, JSON, VERBOSE)
@@ -140,9 +119,8 @@ FRAME = (
 class CommandSpec:
     """Definition of a command; `changes`: it may alter a device, so the outcome of an interrupted one is unknown.
 
-    `again` is the hint in that case, if `provision runs` does not help. `plays` means that devices change only in
-    plays: these finish cleanly when stopped, so that the report covers everything. Commands without a `group` are
-    listed at the end of the overview.
+    `again` is the hint in that case, if `provision report runs` does not help. `plays` means that devices change only
+    in plays: these finish cleanly when stopped, so that the report covers everything.
     """
 
     name: str
@@ -150,10 +128,14 @@ class CommandSpec:
     words: tuple[Word, ...] = ()
     flags: tuple[Flag, ...] = ()
     details: str = ""
-    group: Group | None = None
     changes: bool = False
     again: str = ""
     plays: bool = False
+
+    @property
+    def form(self) -> str:
+        """The form in which the command is typed after `provision`; that of `run` is its first argument."""
+        return "site=NAME" if self.name == "run" else self.name
 
     def word(self, name: str) -> Word | None:
         """Return the argument definition with that name; None if there is none."""
@@ -270,7 +252,7 @@ class _WordReader:
         self._misspelt.add(word.name)  # whatever is wrong with it, it is not missing
         if "" in values:
             correction = f"{word.name}={','.join(value for value in [*values, _bare(rest)] if value)}"
-            self._error(f"`{argument}` has an empty place in its list", f"write it without spaces: `{correction}`")
+            self._error(f"`{argument}` has an empty value in its list", f"write it without spaces: `{correction}`")
         elif word.name in self.words and not word.many:
             both = f"`{word.name}={self.words[word.name][0]}`, `{argument}`"
             self._error(f"`{word.name}=` is given twice", f"keep one of {both}")
@@ -282,9 +264,9 @@ class _WordReader:
         for value in values:
             if word.choices and value not in word.choices:
                 near = nearest(value, word.choices)
-                choices_text = f"it takes one of: {', '.join(word.choices)}"
+                choices_text = f"choose one of: {', '.join(word.choices)}"
                 self._error(
-                    f"`{argument}`: `{value}` is not known", _suggest(near and f"{word.name}={near}", choices_text)
+                    f"`{argument}`: unknown value `{value}`", _suggest(near and f"{word.name}={near}", choices_text)
                 )
 
     def _refuse_spaces(self, word: Word, argument: str, value: str) -> None:
@@ -299,7 +281,7 @@ class _WordReader:
             self._misspelt.add(near)
         flag = self.command.flag(name)
         suggestion = f"--{name} {value}".rstrip() if flag is not None and flag.takes else near and f"{near}={value}"
-        message = f"`{argument}`: `provision {self.command.name}` has no word `{name}=`"
+        message = f"`{argument}`: unknown argument of `provision {self.command.form}`"
         self._error(message, _suggest(suggestion, self._help_hint()))
 
     def _read_flag(self, argument: str, rest: list[str]) -> None:
@@ -330,11 +312,13 @@ class _WordReader:
     def _unknown_flag(self, argument: str, name: str, value: str) -> None:
         near = nearest(name, [flag.name for flag in self.command.flags])
         hint = near and f"--{near}"
+        if name in {"plan", "save", "summary"} and self.command.name == "run" and self.command.flag(name) is None:
+            hint = " ".join(["provision plan", *(each for each in self._typed if each != "--plan")])
         word = self.command.word(name)
         if word is not None:
             self._misspelt.add(name)
             hint = f"{name}={value}" if value else word.hint
-        message = f"`{argument}`: `provision {self.command.name}` has no such flag"
+        message = f"`{argument}`: unknown option of `provision {self.command.form}`"
         self._error(message, _suggest(hint, self._help_hint()))
 
     def _refuse_bare(self, argument: str, rest: list[str]) -> None:
@@ -350,7 +334,7 @@ class _WordReader:
             return
         near = nearest(argument, [flag.name for flag in self.command.flags])
         hint = _suggest(self._suggest_word(argument, near) or (near and f"--{near}"), self._help_hint())
-        self._error(f"`{argument}`: `provision {self.command.name}` cannot place this word", hint)
+        self._error(f"`{argument}`: unexpected argument of `provision {self.command.form}`", hint)
 
     def _suggest_word(self, argument: str, flag: str | None) -> str | None:
         """Suggest the argument for a name in the inventory, or similar to a site's: `site=coastal` for `coastal`."""

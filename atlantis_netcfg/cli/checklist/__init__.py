@@ -1,4 +1,4 @@
-"""Commands of the pre-test checklist: `check`, `report list`, `report show`, `report verify`."""
+"""Commands of the pre-test checklist: `check`, `report checklists`, `report show`, `report verify`."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
 CHECK = syntax.CommandSpec(
     "check",
-    "go through the pre-test checklist of a site: what a program sees, what people confirm, who signs",
-    group=syntax.Group.FIRST,
+    "run, confirm and sign the pre-test checklist of a site",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.Word("vehicle", "only these vehicles", many=True, example="sparus"),
@@ -70,14 +69,13 @@ def run_check(arguments: syntax.Arguments) -> ExitCode:
 
 
 REPORT_LIST = syntax.CommandSpec(
-    "report list",
-    "list the checklists of a site, who signed them, and what has changed since the last green one",
-    group=syntax.Group.CHECKLIST,
+    "report checklists",
+    "list a site's checklists, their signatures and changes",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.Word("vehicle", "only what was found of this vehicle", example="sparus"),
     ),
-    flags=(syntax.Flag("rehearsed", "those of rehearsals instead of real ones"), syntax.JSON),
+    flags=(syntax.Flag("rehearse", "those of rehearsals instead of real ones"), syntax.JSON),
 )
 
 
@@ -86,7 +84,7 @@ def run_report_list(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.cli.checklist import check_run
     from atlantis_netcfg.core.errors import ExitCode, NoMatchError
 
-    site, vehicle, is_rehearsal = arguments.word("site"), arguments.optional("vehicle"), arguments.flag("rehearsed")
+    site, vehicle, is_rehearsal = arguments.word("site"), arguments.optional("vehicle"), arguments.flag("rehearse")
     every = check_run.kept_of(check_run.store(is_rehearsal=is_rehearsal), site, is_rehearsal=is_rehearsal)
     rows = [row for item in every if (row := _listed_row(item, vehicle)) is not None]
     if not rows:
@@ -189,13 +187,12 @@ def _change_lines(since: Mapping[str, Any] | None) -> Iterator[str]:
 
 REPORT_SHOW = syntax.CommandSpec(
     "report show",
-    "show a checklist that is kept, and where its pages are",
-    group=syntax.Group.CHECKLIST,
+    "show a stored checklist",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.Word("run", "which one; the newest if left out", example="20260504T093000Z"),
     ),
-    flags=(syntax.Flag("rehearsed", "one of a rehearsal instead of a real one"), syntax.JSON),
+    flags=(syntax.Flag("rehearse", "one of a rehearsal instead of a real one"), syntax.JSON),
     details="Exit code as that of the checklist: 0 all green, 6 not, 7 nothing was checked.",
 )
 
@@ -209,7 +206,7 @@ def run_report_show(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import DeviceError
     from atlantis_netcfg.core.printable import show
 
-    site, is_rehearsal = arguments.word("site"), arguments.flag("rehearsed")
+    site, is_rehearsal = arguments.word("site"), arguments.flag("rehearse")
     every = check_run.kept_of(check_run.store(is_rehearsal=is_rehearsal), site, is_rehearsal=is_rehearsal)
     item = check_run.run_of(every, arguments.optional("run"))
     if item.document is None:
@@ -226,8 +223,7 @@ def run_report_show(arguments: syntax.Arguments) -> ExitCode:
 
 REPORT_VERIFY = syntax.CommandSpec(
     "report verify",
-    "verify that signed checklists, with all their files, are as they were signed",
-    group=syntax.Group.CHECKLIST,
+    "verify the signatures of checklists and their files",
     words=(
         syntax.Word("site", "only those of this site", example="coastal"),
         syntax.Word("run", "only this one", example="20260504T093000Z"),

@@ -196,7 +196,7 @@ def kept_of(where: runs.Store, site: str, *, is_rehearsal: bool) -> tuple[SavedC
     other = (
         ""
         if is_rehearsal or site not in sites_with(store(is_rehearsal=True))
-        else "; add --rehearsed for rehearsed ones"
+        else "; add --rehearse for rehearsed ones"
     )
     raise NoMatchError(
         f"there is no {'rehearsed ' if is_rehearsal else ''}checklist of `{site}`",

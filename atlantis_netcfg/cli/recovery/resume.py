@@ -1,4 +1,4 @@
-"""`provision resume`: continue a run that was interrupted, or that lost the link before its outcome was known."""
+"""`provision recover resume`: continue a run that was interrupted, or whose outcome is unknown."""
 
 from __future__ import annotations
 
@@ -17,14 +17,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs.report.run import RunReport
 
 RESUME = syntax.CommandSpec(
-    "resume",
-    "go on with a run that was interrupted, from what the devices have kept",
-    group=syntax.Group.TROUBLE,
+    "recover resume",
+    "resume an interrupted run",
     words=(
         syntax.Word("site", "the site of the run", is_required=True, example="coastal"),
         syntax.Word(
             "run",
-            "the run, as `provision runs` lists it; the latest unfinished one if left out",
+            "the run, as `provision report runs` lists it; the latest unfinished one if left out",
             values=Values.RUN,
         ),
         syntax.INVENTORY,
@@ -67,7 +66,7 @@ def run_resume(arguments: syntax.Arguments) -> errors.ExitCode:
 
 
 def _run_rehearsed(arguments: syntax.Arguments) -> errors.ExitCode:
-    """Run `resume` with emulated devices; the run is located before any of them is started."""
+    """Run `recover resume` with emulated devices; the run is located before any of them is started."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core import paths
@@ -123,7 +122,7 @@ def _broken(state: Path, site: str, name: str | None, *, is_rehearsal: bool = Fa
         (runs for store in stores(state, is_rehearsal=is_rehearsal) if (runs := store.unfinished_runs(site))), ()
     )
     if not open_runs:
-        raise errors.NoMatchError(f"no run of {site} is unfinished", hint="`provision runs` lists all of them")
+        raise errors.NoMatchError(f"no run of {site} is unfinished", hint="`provision report runs` lists all of them")
     return next((run for run in reversed(open_runs) if run.purpose is Purpose.CONFIGURE), open_runs[-1])
 
 

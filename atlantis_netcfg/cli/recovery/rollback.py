@@ -1,4 +1,4 @@
-"""`provision rollback`: restore a device's state before a run, protected like any other change."""
+"""`provision recover rollback`: restore a device's state before a run, protected like any other change."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs.report.run import RunReport
 
 ROLLBACK = syntax.CommandSpec(
-    "rollback",
-    "put a site's devices back to what they were before a run",
-    group=syntax.Group.TROUBLE,
+    "recover rollback",
+    "restore a site's devices to their state before a run",
     words=(
         syntax.Word("site", "the site of the run", is_required=True, example="coastal"),
         syntax.Word(
-            "to",
-            "the run, as `provision runs` lists it: its saved state is put back; `latest` is the newest that has one, "
+            "run",
+            "the run, as `provision report runs` lists it: its saved state is put back; `latest` is the newest that "
+            "has one, "
             "rollbacks apart",
             is_required=True,
             example="latest",
             values=Values.RUN_OR_LATEST,
         ),
-        syntax.ONLY,
+        syntax.DEVICES,
         syntax.INVENTORY,
     ),
     flags=(
@@ -54,7 +54,7 @@ ROLLBACK = syntax.CommandSpec(
 
 
 def run_rollback(arguments: syntax.Arguments) -> ExitCode:
-    """Run `rollback`: show the changes, ask, then roll back every device with a state saved by the run."""
+    """Run `recover rollback`: show the changes, ask, then roll back every device with a state saved by the run."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
 
@@ -85,12 +85,12 @@ def _choose_run(inventory: Inventory, arguments: syntax.Arguments) -> tuple[Run,
     from atlantis_netcfg.operations.common.saved_states import hosts_to_restore, saved_run
 
     site = arguments.word("site")
-    only = arguments.many("only")
+    only = arguments.many("device")
     site_hosts = choose(inventory, site, only)
     require_handled(site_hosts, only, arguments.command.name)
     hosts = tuple(host for host in site_hosts if is_supported(host))
     names = [host.name for host in hosts]
-    run = saved_run(paths.state_dir(), site, arguments.word("to"), names, is_rehearsal=arguments.flag("rehearse"))
+    run = saved_run(paths.state_dir(), site, arguments.word("run"), names, is_rehearsal=arguments.flag("rehearse"))
     return run, hosts_to_restore(run, hosts, is_explicit=bool(only))
 
 

@@ -1,8 +1,8 @@
 """`provision complete WORD…`: candidates for the last word of a command line, one per line.
 
-The scripts of `provision completion` call it at every Tab; a line is a candidate, two spaces, and its meaning. Errors
-(an invalid inventory, an unreadable state folder) only shorten the list, and are never printed into the user's command
-line. Nothing is contacted, validated or created.
+The scripts of `provision help completion` call it at every Tab; a line is a candidate, two spaces, and its meaning.
+Errors (an invalid inventory, an unreadable state folder) only shorten the list, and are never printed into the user's
+command line. Nothing is contacted, validated or created.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import inventory_names, syntax
-from atlantis_netcfg.cli.base.commands import DEFAULT, load
+from atlantis_netcfg.cli.base.commands import DEFAULT, load, summary_of
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.language import translate
@@ -54,6 +54,8 @@ def _list_candidates(before: Sequence[str], current: str, table: Mapping[str, st
     bare = [word for previous, word in pairs if previous != "--lang" and word[:1] != "-" and "=" not in word]
     name = next((candidate for length in (2, 1) if (candidate := " ".join(bare[:length])) in table), None)
     if name is not None:
+        if bare == name.split() and "=" not in current:
+            yield from _commands(bare, table)
         yield from _of_command(load(name, table).command, before, current)
         return
     if not any("=" in word for word in (*before, current)):
@@ -67,10 +69,10 @@ def _commands(bare: Sequence[str], table: Mapping[str, str]) -> Iterator[Candida
     meanings: dict[str, str] = {}
     for name in table:
         words = name.split()
-        if words[: len(bare)] != list(bare):
+        if words[: len(bare)] != list(bare) or len(words) == len(bare):
             continue
-        several = len(words) > len(bare) + 1
-        meanings.setdefault(words[len(bare)], "…" if several else translate(load(name, table).command.summary))
+        summary = load(name, table).command.summary if bare else summary_of(words[0], table)
+        meanings.setdefault(words[len(bare)], translate(summary))
     yield from meanings.items()
 
 

@@ -1,4 +1,4 @@
-"""`provision completion bash|zsh|fish`: a script for completion of `provision` by Tab in that shell.
+"""`provision help completion bash|zsh|fish`: a script for completion of `provision` by Tab in that shell.
 
 Arguments, flags, choices, sites, devices, vehicles, partners and runs are current: at every Tab the script calls
 `provision complete`, so that it never becomes outdated.
@@ -11,46 +11,19 @@ from pathlib import Path
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.errors import ExitCode
 
+COMPLETION = syntax.CommandSpec(
+    "help completion",
+    "print a script for completion in a shell",
+    words=(syntax.Word("shell", "which one", is_required=True, choices=("bash", "zsh", "fish"), bare=True),),
+    details=(
+        "For this window, in bash: `source <(./provision help completion bash)`. "
+        "In zsh the same after `compinit`; in fish: `./provision help completion fish | source`.\n"
+        "For every window see docs/completion.md."
+    ),
+)
 
-def _print(shell: str) -> ExitCode:
-    print(Path(__file__).with_name(f"{shell}.txt").read_text(encoding="utf-8"), end="")
+
+def run_completion(arguments: syntax.Arguments) -> ExitCode:
+    """Print the script for a shell."""
+    print(Path(__file__).with_name(f"{arguments.word('shell')}.txt").read_text(encoding="utf-8"), end="")
     return ExitCode.DONE
-
-
-COMPLETION_BASH = syntax.CommandSpec(
-    "completion bash",
-    "print a script that completes lines in bash",
-    group=syntax.Group.LAPTOP,
-    details="For this window: `source <(./provision completion bash)`. For every window see docs/completion.md.",
-)
-
-
-def run_completion_bash(_arguments: syntax.Arguments) -> ExitCode:
-    """Print the script for bash."""
-    return _print("bash")
-
-
-COMPLETION_ZSH = syntax.CommandSpec(
-    "completion zsh",
-    "print a script that completes lines in zsh",
-    group=syntax.Group.LAPTOP,
-    details="For this window: `source <(./provision completion zsh)`, after `compinit`.",
-)
-
-
-def run_completion_zsh(_arguments: syntax.Arguments) -> ExitCode:
-    """Print the script for zsh."""
-    return _print("zsh")
-
-
-COMPLETION_FISH = syntax.CommandSpec(
-    "completion fish",
-    "print a script that completes lines in fish",
-    group=syntax.Group.LAPTOP,
-    details="For this window: `./provision completion fish | source`.",
-)
-
-
-def run_completion_fish(_arguments: syntax.Arguments) -> ExitCode:
-    """Print the script for fish."""
-    return _print("fish")

@@ -1,12 +1,12 @@
-"""`provision man`: the manual page, generated from the definitions of the commands, like `--help`."""
+"""`provision help man`: the manual page, generated from the definitions of the commands, like `--help`."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load
-from atlantis_netcfg.cli.base.syntax import FRAME, CommandSpec, Group
-from atlantis_netcfg.cli.help import MEANING, group_commands, word_text
+from atlantis_netcfg.cli.base.commands import COMMANDS, load
+from atlantis_netcfg.cli.base.syntax import FRAME, CommandSpec
+from atlantis_netcfg.cli.help import MEANING, first_words, word_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
@@ -16,12 +16,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.syntax import Arguments
 
 MAN = CommandSpec(
-    "man",
-    "print the manual page of all commands, for `man`",
-    group=Group.LAPTOP,
+    "help man",
+    "print the manual page",
     details=(
-        "To read it: `provision man | man -l -`. To keep it: "
-        "`provision man > ~/.local/share/man/man1/provision.1`, then `man provision`."
+        "To read it: `provision help man | man -l -`. To keep it: "
+        "`provision help man > ~/.local/share/man/man1/provision.1`, then `man provision`."
     ),
 )
 
@@ -41,23 +40,23 @@ def page(table: Mapping[str, str]) -> str:
     """Return the manual page as roff, with the macros of man(7)."""
     from atlantis_netcfg import __version__
 
-    commands = [load(name, table).command for name in table]
     lines = [
         f'.TH PROVISION 1 "" "provision {__version__}" "ATLANTIS"',
         ".nh",
         ".ad l",
         _section("Name"),
-        _text(f"provision - {translate('plan, guard, apply and verify the sites of the ATLANTIS pilot')}"),
+        _text(f"provision - {translate('configure and verify the sites of the ATLANTIS pilot')}"),
         _section("Synopsis"),
-        _usage("provision", "site=NAME [words] [--flags]"),
+        _usage("provision", "site=NAME [arguments] [--options]"),
         ".br",
-        _usage("provision", "COMMAND [words] [--flags]"),
+        _usage("provision", "COMMAND [arguments] [--options]"),
     ]
-    for title, members in group_commands(commands):
-        lines.append(_section(title))
-        for command in members:
-            lines += _command(command)
-    lines.append(_section("Flags of every command"))
+    for word, summary in first_words(table):
+        lines += [_section(word), _text(translate(summary))]
+        for name in table:
+            if name.split()[0] == word:
+                lines += _command(load(name, table).command)
+    lines.append(_section("Options of every command"))
     for flag in FRAME:
         lines += [".TP", f"\\fB{_escape(flag.usage)}\\fR", _text(translate(flag.help))]
     lines.append(_section("Exit codes"))
@@ -67,8 +66,7 @@ def page(table: Mapping[str, str]) -> str:
 
 
 def _command(command: CommandSpec) -> Iterator[str]:
-    usage = "provision site=NAME" if command.name == DEFAULT else f"provision {command.name}"
-    yield f".SS {_quote(usage)}"
+    yield f".SS {_quote(f'provision {command.form}')}"
     yield _text(translate(command.summary))
     for word in command.words:
         yield from (".TP", f"\\fB{_escape(word.usage)}\\fR", _text(word_text(word)))

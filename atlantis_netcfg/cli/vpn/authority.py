@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 VPN_INIT = syntax.CommandSpec(
     "vpn init",
-    "make the VPN's authority: a CA whose key is sealed with a passphrase, and the server's certificate",
-    group=syntax.Group.VPN,
+    "create the certificate authority and the server's certificate",
     words=(
         syntax.Word("sealed", "how the CA key is sealed; age if left out", choices=("age", "vault")),
         AUTHORITY,
@@ -79,8 +78,7 @@ def run_vpn_init(arguments: syntax.Arguments) -> ExitCode:
 
 VPN_AUDIT = syntax.CommandSpec(
     "vpn audit",
-    "tell who did what with the VPN's members, and whether the record is as the CA key signed it",
-    group=syntax.Group.VPN,
+    "show who changed members, and verify the signed record",
     words=(
         syntax.Word("since", "only from this day on, or of so many days or weeks", example="2026-11-01"),
         syntax.Word("partner", "only what concerns the devices of this partner", example="iqua"),
@@ -120,8 +118,7 @@ def run_vpn_audit(arguments: syntax.Arguments) -> ExitCode:
 
 VPN_LIST = syntax.CommandSpec(
     "vpn list",
-    "list who is in the VPN, and until when",
-    group=syntax.Group.VPN,
+    "list the members and their expiry dates",
     words=(syntax.Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY),
     flags=(syntax.JSON,),
 )
@@ -159,8 +156,7 @@ def run_vpn_list(arguments: syntax.Arguments) -> ExitCode:
 
 VPN_SHOW = syntax.CommandSpec(
     "vpn show",
-    "show one member of the VPN with its certificates",
-    group=syntax.Group.VPN,
+    "show a member and its certificates",
     words=(syntax.Word("name", "the member", is_required=True, example="iqua-sparus2"), AUTHORITY),
     flags=(syntax.JSON,),
 )

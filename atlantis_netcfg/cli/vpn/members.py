@@ -45,13 +45,15 @@ _CLIENT = (
 
 VPN_ONBOARD = syntax.CommandSpec(
     "vpn onboard",
-    "let a device into the VPN: a fixed address, a certificate, and one sealed file to hand out",
-    group=syntax.Group.VPN,
+    "add a device: fixed address, certificate, enrolment package",
     words=(
         syntax.Word("partner", "whose device it is", example="iqua"),
-        syntax.Word("device", "what it is called; the member is then PARTNER-DEVICE", example="sparus2"),
+        syntax.Word(
+            "device",
+            "its name (the member is then PARTNER-DEVICE); or, without `partner=`, a computer of the inventory",
+            example="sparus2",
+        ),
         syntax.Word("kind", "what it is: robot, laptop or router", example="robot"),
-        syntax.Word("host", "a declared computer instead, by its name in the inventory", example="coastal-gateway"),
         syntax.Word("batch", "a list of many, .yml or .csv, with these words for keys or columns", example="iqua.yml"),
         syntax.Word("vehicle", "the robot's key in vehicles.yml; by default the vehicle of the device's name"),
         syntax.Word(
@@ -125,8 +127,7 @@ def _device_words(arguments: syntax.Arguments) -> Sequence[DeviceWords]:
 
 VPN_RENEW = syntax.CommandSpec(
     "vpn renew",
-    "give members a new certificate; the old one works until the server has seen the new one",
-    group=syntax.Group.VPN,
+    "renew certificates; the old one works until the new one is used",
     words=(
         syntax.Word("name", "the member", example="iqua-sparus2"),
         syntax.Word("all", "every member whose certificate ends within this time", example="30d"),
@@ -198,8 +199,7 @@ def _members_to_renew(arguments: syntax.Arguments, membership: MembershipList) -
 
 VPN_REVOKE = syntax.CommandSpec(
     "vpn revoke",
-    "put members out of the VPN for good: list, session and connections, and ask the server whether they are dead",
-    group=syntax.Group.VPN,
+    "revoke members permanently and end their sessions",
     words=(
         syntax.Word("name", "the member", example="iqua-sparus2"),
         syntax.Word("partner", "every device of this partner", example="iqua"),
@@ -273,8 +273,7 @@ def _agree(arguments: syntax.Arguments, members: tuple[Member, ...]) -> None:
 
 VPN_ACCEPT = syntax.CommandSpec(
     "vpn accept",
-    "take a computer's identity out of its hand-out, so that `provision site=…` can bring it there",
-    group=syntax.Group.VPN,
+    "import a computer's identity from its enrolment package",
     words=(
         syntax.Word("file", "the sealed hand-out", is_required=True, example="coastal-gateway.tar.age"),
         syntax.Word("key", "file (mode 0600) with your age key, where it was sealed to that", example="age.key"),
@@ -452,8 +451,8 @@ def install_command(inventory: Inventory, member: Member) -> str:
     from atlantis_netcfg.vpn.identity import MemberKind
 
     if member.kind is MemberKind.ROUTER:
-        return f"provision vpn install host={member.name}"
-    return f"provision site={inventory.hosts[member.name].site} only={member.name}"
+        return f"provision vpn install device={member.name}"
+    return f"provision site={inventory.hosts[member.name].site} device={member.name}"
 
 
 def close_revoked(arguments: syntax.Arguments, revocation: RevocationResult, deployment: DeployResult) -> ExitCode:

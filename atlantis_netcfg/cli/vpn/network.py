@@ -31,10 +31,9 @@ if TYPE_CHECKING:
 
 VPN_INSTALL = syntax.CommandSpec(
     "vpn install",
-    "bring a site's router into the VPN: its certificate, its keys and its client, as far as its RouterOS can",
-    group=syntax.Group.VPN,
+    "install certificate, keys and client on a site's router",
     words=(
-        syntax.Word("host", "the router", is_required=True, example="coastal-router"),
+        syntax.Word("device", "the router", is_required=True, example="coastal-router"),
         syntax.VIA,
         AUTHORITY,
         syntax.INVENTORY,
@@ -49,7 +48,7 @@ VPN_INSTALL = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "Takes the identity that `provision vpn onboard host=…` or `provision vpn accept` has left on this computer. "
+        "Takes the identity that `provision vpn onboard device=…` or `provision vpn accept` has left on this computer. "
         "RouterOS before 7.17 cannot wrap its control channel and is refused."
     ),
     changes=True,
@@ -64,7 +63,7 @@ def run_vpn_install(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.inventory import ALL, choose, load
 
     pilot_inventory = load(paths.inventory_folder(arguments.optional(syntax.INVENTORY.name)))
-    (host,) = choose(pilot_inventory, ALL, [arguments.word("host")])
+    (host,) = choose(pilot_inventory, ALL, [arguments.word("device")])
     with session(
         arguments,
         rehearse=arguments.flag("rehearse"),
@@ -117,8 +116,7 @@ def _show(session: CommandSession, result: InstalledIdentity) -> None:
 
 VPN_SYNC = syntax.CommandSpec(
     "vpn sync",
-    "bring the server to what is recorded: members, list, firewall, and sessions that must end",
-    group=syntax.Group.VPN,
+    "update the server: members, revocations, firewall, sessions",
     words=(CLOCK, AUTHORITY, syntax.INVENTORY),
     flags=(
         syntax.Flag(
@@ -176,8 +174,7 @@ def run_vpn_sync(arguments: syntax.Arguments) -> ExitCode:
 
 VPN_STATUS = syntax.CommandSpec(
     "vpn status",
-    "tell expiries, sessions, who was last seen when, what waits, and what differs at the server",
-    group=syntax.Group.VPN,
+    "show sessions, expiry dates and pending changes",
     words=(syntax.Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY, syntax.INVENTORY),
     flags=(NO_PUSH, syntax.JSON),
     details=(

@@ -101,7 +101,7 @@ class Manifest(_Data):
     """Creation time: UTC, ISO 8601."""
     tool: str
     revision: str
-    """Revision of the inventory, as `provision validate` shows it."""
+    """Revision of the inventory, as `provision inventory validate` shows it."""
     key: Annotated[str, Field(pattern=r"^[0-9A-F]{40}$")]
     """Fingerprint of the key that signs it."""
     files: tuple[BundleFile, ...]

@@ -65,9 +65,9 @@ def open_bundle(
     """
     bundle = Bundle(folder, _verify_manifest(folder, keys, accept))
     manifest = bundle.manifest
-    hint = f"copy the bundle again, or make it anew: `provision bundle site={manifest.site}`"
+    hint = f"copy the bundle again, or make it anew: `provision gateway bundle site={manifest.site}`"
     problems: list[tuple[str, str | None]] = [(words, hint) for words in _find_damage(folder, manifest)]
-    again = f"on a computer with internet: `provision bundle site={manifest.site}`"
+    again = f"on a computer with internet: `provision gateway bundle site={manifest.site}`"
     problems += [(words, again) for request in wishes or () for words in _missing_parts(manifest, request)]
     if problems:
         raise requirements.join_errors(problems)
@@ -80,7 +80,7 @@ def _verify_manifest(folder: Path, keys: Keys, accept: str | None) -> Manifest:
     except OSError as error:
         raise requirements.BundleError(
             f"{folder} is no bundle, or not a whole one: {error.filename}: {error.strerror}",
-            hint="name the folder itself; `provision bundle site=…` makes one, and tells where it has put it",
+            hint="name the folder itself; `provision gateway bundle site=…` makes one, and tells where it has put it",
         ) from error
     fingerprint = find_signer(data, signature, public)
     if fingerprint is None:
@@ -96,7 +96,7 @@ def _verify_manifest(folder: Path, keys: Keys, accept: str | None) -> Manifest:
         raise requirements.BundleError(
             f"{folder} was signed on another computer, by key {fingerprint}",
             hint="let whoever made it read you the key; if it is this one:"
-            f" `provision bundle site=… check={folder} key={fingerprint}`",
+            f" `provision gateway bundle site=… check={folder} key={fingerprint}`",
         )
     manifest = read_manifest(data, f"{folder}/{MANIFEST}")
     if manifest.key != fingerprint:

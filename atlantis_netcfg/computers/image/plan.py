@@ -36,7 +36,7 @@ SSHD, SSHD_PARTS = "/etc/ssh/sshd_config", "/etc/ssh/sshd_config.d"
 _OURS = f"{SSHD_PARTS}/00-atlantis.conf"
 _INCLUDE = f"Include {SSHD_PARTS}/*.conf"
 _SSHD_TEXT = """\
-# Keys only: written by `provision image`. The first value of an option counts (sshd_config(5)).
+# Keys only: written by `provision gateway image`. The first value of an option counts (sshd_config(5)).
 PasswordAuthentication no
 KbdInteractiveAuthentication no
 ChallengeResponseAuthentication no
@@ -137,7 +137,7 @@ PATHS = (
     _RESOLV,
 )
 """Paths whose existence the planner must know."""
-_HEADER = "# Written by `provision image`."
+_HEADER = "# Written by `provision gateway image`."
 
 
 def network(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
@@ -336,7 +336,9 @@ def _time(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     yield ImageLink("/etc/localtime", f"{_ZONES}/{request.time_zone}")
     yield ImageFile("/etc/timezone", f"{request.time_zone}\n".encode())
     servers = " ".join(map(str, request.time_servers))
-    yield ImageFile(f"{_TIMESYNC}/atlantis.conf", f"# Written by `provision image`.\n[Time]\nNTP={servers}\n".encode())
+    yield ImageFile(
+        f"{_TIMESYNC}/atlantis.conf", f"# Written by `provision gateway image`.\n[Time]\nNTP={servers}\n".encode()
+    )
     if _CHRONY in facts.present:
         lines = "".join(f"server {server} iburst\n" for server in request.time_servers)
         yield ImageFile(f"{_CHRONY}/atlantis.sources", lines.encode())
@@ -364,12 +366,12 @@ def _no_cloud_init(facts: ImageFacts) -> Iterator[Edit]:
         yield ImageDirectory(_CLOUD)
     if _CLOUD_ON in facts.present:
         yield Remove(_CLOUD_ON)
-    yield ImageFile(f"{_CLOUD}/cloud-init.disabled", b"Written by `provision image`.\n")
+    yield ImageFile(f"{_CLOUD}/cloud-init.disabled", b"Written by `provision gateway image`.\n")
 
 
 _SCRIPT = """\
 #!/bin/sh
-# The first start of this card: what must not be the same on two cards. Written by `provision image`.
+# The first start of this card: what must not be the same on two cards. Written by `provision gateway image`.
 set -eu
 ssh-keygen -A
 [ -s /etc/machine-id ] || systemd-machine-id-setup
@@ -377,7 +379,7 @@ mkdir -p /var/lib/atlantis
 uname -a >/var/lib/atlantis/first-boot-done
 """
 _UNIT = """\
-# Written by `provision image`.
+# Written by `provision gateway image`.
 [Unit]
 Description=First start of an ATLANTIS gateway
 ConditionPathExists=!/var/lib/atlantis/first-boot-done

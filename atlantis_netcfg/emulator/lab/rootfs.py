@@ -35,7 +35,7 @@ _DAY_S = 86_400.0
 _MOUNTS = Path("/proc/self/mountinfo")
 _RECIPE = 1
 """Recipe version; increase it when the contents of a tree change for reasons other than its packages."""
-# A card that `provision image` has written lets nobody in by a password; its keys and its name are its own.
+# A card that `provision gateway image` has written lets nobody in by a password; its keys and its name are its own.
 _HOOKS = (
     'rm -f "$1"/etc/ssh/ssh_host_* "$1/etc/hostname" "$1/etc/machine-id"',
     ': > "$1/etc/resolv.conf"',

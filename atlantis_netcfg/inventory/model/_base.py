@@ -293,9 +293,9 @@ class Access(Model):
     password: SecretText
     """Vaulted, or EXAMPLE-…."""
     fingerprint: Fingerprint | None = None
-    """Of its certificate; None: it is known on this computer alone, by `provision adopt` or `provision trust`."""
+    """Of its certificate; None: only this computer knows it: `provision device adopt` or `provision device trust`."""
     host_key: HostKey | None = None
-    """Of its SSH server; None: it is known on this computer alone, by `provision adopt`."""
+    """Of its SSH server; None: it is known on this computer alone, by `provision device adopt`."""
     via: Name = "lan"
     """`lan` from the management port, or the bearer over which the technician works."""
 

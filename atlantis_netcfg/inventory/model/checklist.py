@@ -206,7 +206,7 @@ class ChecklistSettings(_base.Model):
     answer_within_s: Annotated[StrictFloat, Field(gt=0, le=60)] | None = None
     """What is sent to the control centre is answered in so many seconds, or the checklist fails; None: not judged."""
     qualified_within_days: Annotated[StrictInt, Field(ge=1, le=3650)] = 30
-    """A measurement of a link (`provision qualify`) that is older proves nothing; 30 days are a proposal of ours."""
+    """A measurement of a link (`provision measure link`) that is older proves nothing; 30 days are our proposal."""
     items: tuple[SiteCheckItem, ...] = ()
     """What is asked here besides all else, in this order."""
     missions: tuple[Mission, ...] = ()

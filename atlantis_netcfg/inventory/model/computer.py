@@ -96,7 +96,7 @@ class AddressBy(StrEnum):
 
 
 class Image(_base.Model):
-    """What `provision image` puts into the vendor's image."""
+    """What `provision gateway image` puts into the vendor's image."""
 
     layout: ImageLayout
     """`plain`: x86, Raspberry-type boards; one ext4 partition."""

@@ -52,9 +52,9 @@ class LteAccess(_base.Model):
     port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """None: 8729 with RouterOS, 443 with RutOS."""
     fingerprint: _base.Fingerprint | None = None
-    """Of its certificate; None: it is known on this computer alone, by `provision trust`."""
+    """Of its certificate; None: it is known on this computer alone, by `provision device trust`."""
     host_key: _base.HostKey | None = None
-    """Of its SSH server; None: it is known on this computer alone, by `provision trust`."""
+    """Of its SSH server; None: it is known on this computer alone, by `provision device trust`."""
     admin_user: _base.Text | None = None
     """RutOS: who may set things over SSH; None: settings are only checked."""
     admin_password: _base.SecretText | None = None

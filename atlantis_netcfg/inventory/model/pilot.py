@@ -150,7 +150,7 @@ class Vehicle(_base.Model):
 
 
 class Guest(Vehicle):
-    """A robot that is here for a while, under its own key in `guests.yml`: `provision guest` writes it."""
+    """A robot that is here for a while, under its own key in `guests.yml`: `provision robot invite` writes it."""
 
     guest: StrictBool = True
     """Stays true here."""
@@ -171,7 +171,7 @@ class NumberMask(StrEnum):
 
 
 class AsBuilt(_base.Model):
-    """What `provision asbuilt` writes down, and the sheet of labels that it prints."""
+    """What `provision report as-built` writes down, and the sheet of labels that it prints."""
 
     mask: NumberMask = NumberMask.LAST4
     """Of IMEI and ICCID: `full` hides all digits, `last4` all but the last four, `none` hides nothing."""

@@ -22,7 +22,7 @@ class ThresholdsName(StrEnum):
 
 
 class Qualify(_base.Model):
-    """The responder to test packets of `provision qualify`: our own program, on this host only."""
+    """The responder to test packets of `provision measure link`: our own program, on this host only."""
 
     reflector: _base.HostName
     """The control centre that is the far end of every link."""
@@ -35,7 +35,7 @@ class Qualify(_base.Model):
 
 
 class LinkThresholds(_base.Model):
-    """Limits that `provision qualify` applies to a link: thresholds by name, and deviations from them."""
+    """Limits that `provision measure link` applies to a link: thresholds by name, and deviations from them."""
 
     profile: ThresholdsName | None = None
     """`satellite`, `lte` or `wifi`; null: those of the kind of the link (of a plain cable those of `wifi`)."""

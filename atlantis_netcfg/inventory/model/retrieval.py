@@ -82,7 +82,7 @@ class RetrievalRobot(_base.Model):
 
 
 class Retrieval(_base.Model):
-    """Recordings that `provision retrieve` brings to the control centre, from gateways and robots, through the VPN."""
+    """Recordings that `provision robot retrieve` brings to the control centre, from gateways and robots, by VPN."""
 
     to: _base.HostName
     """The control centre; its `ssh.host_key` is declared, for that is how gateways know it."""

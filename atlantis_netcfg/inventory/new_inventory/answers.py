@@ -1,4 +1,4 @@
-"""Input of `provision init`, from a file (`--answers`) or from questions; the rest is derived.
+"""Input of `provision inventory init`, from a file (`--answers`) or from questions; the rest is derived.
 
 Without an answer a feature is left out, or gets an example value, marked `# EXAMPLE`: nothing is invented.
 """

@@ -136,7 +136,7 @@ def _text(path: str, comment: str, schema: str, tree: dict[str, yaml_text.Tree])
         comments.append("# Secrets: ansible-vault encrypt_string --stdin-name password")
     if yaml_text.has_examples(tree):
         comments.append(
-            "# Replace what is marked EXAMPLE, and delete the mark: `provision validate --examples` lists it."
+            "# Replace what is marked EXAMPLE, and delete the mark: `provision inventory validate --examples` lists it."
         )
     return yaml_text.document(tree, comments)
 

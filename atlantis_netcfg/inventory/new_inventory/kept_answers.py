@@ -1,4 +1,4 @@
-"""Answers of an interrupted `provision init`, kept in the state directory; there are no secrets among them."""
+"""Answers of an interrupted `provision inventory init`, kept in the state directory; no secret is among them."""
 
 from __future__ import annotations
 

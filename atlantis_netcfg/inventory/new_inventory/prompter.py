@@ -1,4 +1,4 @@
-"""Prompts of `provision init`: `<` goes back one question, and kept answers are not asked again.
+"""Prompts of `provision inventory init`: `<` goes back one question, and kept answers are not asked again.
 
 Going back replays all answers but the last, so that it works across blocks, sites and list entries alike.
 """

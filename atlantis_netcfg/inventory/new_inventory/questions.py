@@ -1,4 +1,4 @@
-"""Questions of `provision init` on a terminal; invalid answers are refused and asked again."""
+"""Questions of `provision inventory init` on a terminal; invalid answers are refused and asked again."""
 
 from __future__ import annotations
 

@@ -223,13 +223,17 @@ def satellites_are_asked_within_a_budget(draft: _draft.Draft) -> Iterator[Findin
                 continue
             part, path, last = _draft.Part("site", name), ("bearers", index, "canaries"), index == len(site.bearers) - 1
             hold_s = site.failover.hold_down_s
-            hint = f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it"
+            hint = (
+                f"remove `canaries:`; `provision measure satellite site={name}` tries the satellite when a person "
+                "asks for it"
+            )
             if link.probe_target_budget_bytes is None:
                 message = (
                     f"link `{link.name}` is a satellite and has canaries: pinging them would be billed day and night"
                 )
                 budget = (
-                    f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it. "
+                    f"remove `canaries:`; `provision measure satellite site={name}` tries the satellite when a "
+                    "person asks for it. "
                     "Or declare what they may take in a month: `canary_budget_mb: 2`"
                 )
                 yield draft.finding_at(part, path, message, hint if last else budget)

@@ -2,7 +2,7 @@
 
 The sender (`session`) speaks STAMP with a reflector (`reflector`, which runs at the far end), checks its budget before
 every packet, and writes each sample as it arrives. `figures`, `search` and `judgement` are pure. `operations.qualify`
-uses them for `provision qualify`.
+uses them for `provision measure link`.
 """
 
 from __future__ import annotations

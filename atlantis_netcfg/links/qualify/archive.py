@@ -62,10 +62,10 @@ def find_run(store: Store, site: str, run: str) -> SavedRun:
         else []
     )
     if run not in names:
-        option = " --rehearsed" if store.is_rehearsal else ""
+        option = " --rehearse" if store.is_rehearsal else ""
         near = nearest(run, names)
         suggestion = f"did you mean `{near}`? " if near else ""
-        hint = f"{suggestion}`provision qualify history site={site}{option}` lists them" if names else None
+        hint = f"{suggestion}`provision measure history site={site}{option}` lists them" if names else None
         raise NoSuchRun(f"{site} has no measurement `{run}`", hint=hint)
     return SavedRun(folder / run, _run(folder / run))
 

@@ -1,4 +1,4 @@
-"""`provision prove`: tests what the satellite lets through, with probes from the router of its site.
+"""`provision measure satellite`: tests what the satellite lets through, with probes from the router of its site.
 
 What RouterOS offers over its API decides what can be proved:
 

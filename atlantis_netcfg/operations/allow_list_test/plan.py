@@ -71,8 +71,8 @@ class Task:
 def tasks(pilot: model.Pilot, link: model.Link, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
     """Return the probes of a satellite link; `active`: it carries the site's traffic now.
 
-    `try_all`: rows may be added to the router temporarily. The far end of measurements is left to `provision qualify`:
-    it responds only to holders of its key, and a router has none.
+    `try_all`: rows may be added to the router temporarily. The far end of measurements is left to `provision measure
+    link`: it responds only to holders of its key, and a router has none.
     """
     how = _ProbeContext(pilot, link.name, active, try_all)
     far_target = satellite_allow_list.far_end(pilot)
@@ -97,10 +97,11 @@ class _ProbeContext:
     def hint(self, why_not: str) -> str:
         """Return the command that makes a target testable; empty if there is none."""
         if why_not in {_NO_TCP, _NO_TIME, _NO_VPN}:
-            return "`provision prove site=… --try-all` tries it"
+            return "`provision measure satellite site=… --try-all` tries it"
         if why_not in {_QUIET, _FOLLOWS}:
             return (
-                f"`provision use site=… link={self.link} for=10m --unproved` puts it in use; then type the same again"
+                f"`provision links use site=… link={self.link} for=10m --unproved` puts it in use; then type the "
+                "same again"
             )
         return ""
 
@@ -271,7 +272,9 @@ def read(port: str, replies: Sequence[Reply]) -> CounterReading:
     if interface is None or "rx-byte" not in interface or "tx-byte" not in interface:
         raise DeviceError(
             f"the router tells no byte counters of port {port}, and without them nothing is sent",
-            hint="is the socket of the satellite's cable declared as its port? `provision drift site=…` compares",
+            hint=(
+                "is the socket of the satellite's cable declared as its port? `provision report drift site=…` compares"
+            ),
         )
     return CounterReading(
         port_name=interface.get("name", port),

@@ -430,7 +430,7 @@ class Proving:
         target = far_end(self.pilot)
         if target is None:
             return ""
-        command = f"provision qualify site={self.site} link={self.link.name}"
+        command = f"provision measure link site={self.site} link={self.link.name}"
         return f"{target.name} ({target.address} udp {target.port}): `{command}` tries it"
 
     def _judge(self, attempt: satellite.Attempt, *, link_seen: bool) -> LinkFinding:

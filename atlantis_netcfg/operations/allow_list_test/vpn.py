@@ -1,8 +1,8 @@
 """Probe of the VPN server over an idle link: this computer sends, and the router routes and counts.
 
-As in `provision qualify`, a routing rule applies to this computer's address alone, so that the tunnels of the site keep
-their route. The request is the first packet of a session, which only the pilot's server can answer. The link's filter
-counters show that it went over the link.
+As in `provision measure link`, a routing rule applies to this computer's address alone, so that the tunnels of the site
+keep their route. The request is the first packet of a session, which only the pilot's server can answer. The link's
+filter counters show that it went over the link.
 """
 
 from __future__ import annotations

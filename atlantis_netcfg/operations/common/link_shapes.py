@@ -1,7 +1,7 @@
 """The shape of an emulated link in a rehearsal: from the link's `rate:`, or from a measured run.
 
-All links of a rehearsal use this module: routers, computers, and the test packets of `provision qualify`. A profile
-replaces the values of the inventory for the link of its name; what it has not measured (a rate) stays as in the
+All links of a rehearsal use this module: routers, computers, and the test packets of `provision measure link`. A
+profile replaces the values of the inventory for the link of its name; what it has not measured (a rate) stays as in the
 inventory. Estimates and timeouts still use the inventory, as they would on the real link.
 """
 

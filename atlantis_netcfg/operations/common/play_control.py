@@ -124,7 +124,7 @@ def results_from_journal(  # noqa: PLR0913, PLR0917 - one call, from one place
         run, recorded_run = _journal(name, site, runs.get(site, {}).values(), request)
         # The far end of a bridge was reached from the site of the near one.
         start = name if name in requested_names else others.get(name, name)
-        hint = f"provision resume site={inventory.hosts[start].site} run={run}"
+        hint = f"provision recover resume site={inventory.hosts[start].site} run={run}"
         if is_supported(inventory.hosts[name]):
             hint = f"{_TAKES_BACK}; then:  {hint}"
         result = _unreached_result(

@@ -1,7 +1,7 @@
 """The emulated devices of a site, started for one command: adopted, empty, behind the link's delay.
 
-"Adopted" is the state after `provision adopt`: the toolkit's user, a certificate on api-ssl, and the management address
-on the management port, nothing else. A rehearsal therefore shows the first configuration of the site.
+"Adopted" is the state after `provision device adopt`: the toolkit's user, a certificate on api-ssl, and the management
+address on the management port, nothing else. A rehearsal therefore shows the first configuration of the site.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ class StandIns(_Data):
 
 
 class LinkOrder(_Data):
-    """The order of `provision use`: one link carries the site's traffic for a time, or the normal order returns."""
+    """The order of `provision links use`: one link carries the site's traffic for a time, or its order returns."""
 
     link: str | None = None
     """None: the order in the inventory."""
@@ -269,7 +269,10 @@ def refuse_examples(inventory: Inventory, *, is_rehearsal: bool) -> None:
     hint = f"replace them and set `example_values: false` in group_vars/all/pilot.yml, or {errors.REHEARSE}"
     if inventory.examples:
         first = "\n".join(f"  {line}" for line in by_line(inventory.examples)[:_MAX_LINES])
-        hint += f"\n{len(inventory.examples)} values are examples; `provision validate --examples` lists them:\n{first}"
+        hint += (
+            f"\n{len(inventory.examples)} values are examples; `provision inventory validate --examples` lists "
+            f"them:\n{first}"
+        )
     raise errors.UsageError(
         "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
         hint=hint,

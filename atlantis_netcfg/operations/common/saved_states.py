@@ -38,7 +38,7 @@ class StartState:
     """The device already has this state; nothing is changed."""
 
 
-_LIST_HINT = "`provision runs` lists what is there"
+_LIST_HINT = "`provision report runs` lists what is there"
 
 
 def hosts_of_run(hosts: Iterable[Host], names: Collection[str]) -> tuple[Host, ...]:
@@ -59,7 +59,7 @@ def stores(state: Path, *, is_rehearsal: bool) -> tuple[runs.Store, ...]:
 def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, is_rehearsal: bool = False) -> runs.Run:
     """Find the run whose saved state is restored; `latest` is the newest that saved a state of these hosts.
 
-    Rollbacks are skipped: repeating `to=latest` stays at the same state instead of undoing the rollback. So are runs
+    Rollbacks are skipped: repeating `run=latest` stays at the same state instead of undoing the rollback. So are runs
     that only prepared the emulated devices of a rehearsal. Raises NoMatchError, NoSuchRun.
     """
     places = stores(state, is_rehearsal=is_rehearsal)
@@ -90,9 +90,12 @@ def hosts_to_restore(run: runs.Run, hosts: Sequence[Host], *, is_explicit: bool)
         if host not in saved_hosts and host.name in known_hosts and host.name not in settled_hosts
     ]
     rest = ",".join(host.name for host in saved_hosts)
-    hint = "take another run: `provision runs` lists them"
+    hint = "take another run: `provision report runs` lists them"
     if rest:
-        hint = f"put back only what was saved: `provision rollback site={hosts[0].site} to={run.id} only={rest}`"
+        hint = (
+            f"put back only what was saved: `provision recover rollback site={hosts[0].site} run={run.id} "
+            f"device={rest}`"
+        )
     if run.damage and not (is_explicit and saved_hosts):
         raise run.damage_error(hint)
     if unknown:

@@ -262,7 +262,10 @@ def create_authority(inventory: Inventory, folder: Path) -> Path:
 
     with authority.unlock(lambda: passphrase, _WHO) as signer:
         signer.issue(
-            [requests.request_of(inventory, requests.DeviceWords(host=name)) for name in requests.computers(inventory)],
+            [
+                requests.request_of(inventory, requests.DeviceWords(device=name))
+                for name in requests.computers(inventory)
+            ],
             deliver,
         )
     return folder

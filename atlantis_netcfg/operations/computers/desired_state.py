@@ -101,7 +101,7 @@ def _open_bundle(inventory: Inventory, computers: Sequence[Host], request: Reque
     if servers := [host.name for host in computers if is_server(host)]:
         raise UsageError(
             f"{', '.join(servers)}: the server of the VPN takes nothing from a bundle: that is for the others",
-            hint="name the others with `only=`; run the server without `--offline`",
+            hint="name the others with `device=`; run the server without `--offline`",
         )
     from atlantis_netcfg.operations import bundle as bundling  # noqa: PLC0415 - most runs have no bundle
 

@@ -93,7 +93,7 @@ def require_authority(hosts: Iterable[Host], request: Request) -> None:
     try:
         Authority.open(request.vpn)
     except NoAuthority as error:
-        others = "where a colleague has it, let them run this, and name the other devices with `only=`"
+        others = "where a colleague has it, let them run this, and name the other devices with `device=`"
         raise NoAuthority(f"{', '.join(servers)}: {error}", hint=f"make one: `provision vpn init`; {others}") from None
 
 

@@ -1,4 +1,4 @@
-"""The checks of `provision doctor`: this laptop, before it is taken to a site.
+"""The checks of `provision inventory doctor`: this laptop, before it is taken to a site.
 
     diagnosis = examine(inventory, "coastal", via=None, decrypt=vault.decrypt)
 
@@ -67,7 +67,7 @@ def _inventory(inventory: Path) -> tuple[Inventory | None, DoctorItem | None]:
         observation = (
             f"{inventory} has {number} error{'s' if number > 1 else ''}; what follows from it is not looked at"
         )
-        commands = ("provision validate",)
+        commands = ("provision inventory validate",)
         return None, DoctorItem(DoctorSection.KEYS, "declaration", Verdict.FAIL, observation, "", commands)
 
 
@@ -142,5 +142,5 @@ def _next_command(inventory: Inventory | None, site: str | None) -> str:
         return ""
     example = inventory.pilot.example_values
     if site is None:
-        return f"provision doctor site={next(iter(inventory.sites))}"
-    return f"provision site={site} --rehearse" if example else f"provision site={site} --plan"
+        return f"provision inventory doctor site={next(iter(inventory.sites))}"
+    return f"provision site={site} --rehearse" if example else f"provision plan site={site}"

@@ -1,4 +1,4 @@
-"""The results of `provision doctor`: items with a verdict each, and the overall verdict."""
+"""The results of `provision inventory doctor`: items with a verdict each, and the overall verdict."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class DoctorItem:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """All results of one `provision doctor`."""
+    """All results of one `provision inventory doctor`."""
 
     items: tuple[DoctorItem, ...]
     site: str | None = None

@@ -211,8 +211,8 @@ def known_devices_item(
         name,
         Verdict.WARN,
         f"{len(unknown)} of {len(every)} not known here, and refused so far: {names}",
-        "at the site, on a terminal; a router from its carton is met by `adopt` instead:",
-        [f"provision trust site={unknown[0].site}"],
+        "at the site, on a terminal; a router from its carton is met by `device adopt` instead:",
+        [f"provision device trust site={unknown[0].site}"],
     )
 
 

@@ -365,7 +365,7 @@ def judge_router(place: RouterPlace, answer: RouterAnswer, now: datetime | None 
 
 
 def _judge_identity(place: RouterPlace, answer: RouterAnswer) -> DoctorItem:
-    trust = [f"provision trust site={place.site}"]
+    trust = [f"provision device trust site={place.site}"]
     if place.pin is None:
         return _item("router", Verdict.WARN, f"{place.router} answers, and its certificate is not known", "", trust)
     if place.pin.replace(":", "").lower() != answer.certificate:

@@ -8,8 +8,8 @@ be added.
 If it does not fit, the rates of the least important topics are lowered first: point clouds, then images, then numbers,
 in the order in which the queue of a thin link sends them. No rate falls below what is useful.
 
-A capacity is measured if the newest real run of `provision qualify` has a goodput; otherwise the inventory's value is
-used, and nothing is proved. Pure except for reading saved runs.
+A capacity is measured if the newest real run of `provision measure link` has a goodput; otherwise the inventory's value
+is used, and nothing is proved. Pure except for reading saved runs.
 """
 
 from __future__ import annotations
@@ -324,14 +324,16 @@ def unfit_vehicles(pilot_inventory: inventory.Inventory, now: datetime) -> Itera
                         f"no link of {name} that DDS may cross carries what `{key}` publishes, "
                         "also at the lowest useful rates"
                     )
-                    hint = f"`provision fit site={name} vehicle={key}` says how much, and what would fit"
+                    hint = f"`provision measure fit site={name} vehicle={key}` says how much, and what would fit"
                     yield inventory.Finding.at(pilot_inventory.places[name, site.bearers[0].name], message, hint)
 
 
 def require_vehicle(pilot_inventory: inventory.Inventory, site: str, vehicle: str) -> None:
     """Raise UsageError or NoMatchError, with the existing choices, for an unknown site or vehicle."""
     if site == inventory.ALL:
-        raise errors.UsageError("`provision fit` is about one site at a time", hint="type its name: `site=coastal`")
+        raise errors.UsageError(
+            "`provision measure fit` is about one site at a time", hint="type its name: `site=coastal`"
+        )
     inventory.choose(pilot_inventory, site)
     if vehicle not in pilot_inventory.vehicles:
         near, choices = (

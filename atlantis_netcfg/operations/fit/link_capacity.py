@@ -1,4 +1,4 @@
-"""The capacity of a link and its source: the newest real run of `provision qualify`, else the inventory."""
+"""The capacity of a link and its source: the newest real run of `provision measure link`, else the inventory."""
 
 from __future__ import annotations
 

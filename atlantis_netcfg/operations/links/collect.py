@@ -77,7 +77,7 @@ class LinkQueries:
         names = {host.name for host in selected_hosts}
         work = []
         for host in hosts:
-            reason = self._why_not(host) if host.name in names else "left out by `only=`"
+            reason = self._why_not(host) if host.name in names else "left out by `device=`"
             if reason is None:
                 work.append(self._read_host(host, routes))
             else:
@@ -430,7 +430,7 @@ class _LinkSite:
     def _temporary_use(self, reading: RouterReading | None) -> tuple[str, LinkFinding] | None:
         if reading is None or reading.use is None:
             return None
-        hint = f"`provision use site={self.router.site} end` ends it now"
+        hint = f"`provision links use site={self.router.site} end` ends it now"
         return reading.use.link, LinkFinding(events.Verdict.WARN, IN_USE, reading.use.words(reading.uptime_s), hint)
 
     def _answer(self, host: Host | None) -> Any:  # noqa: ANN401 - a reading of the host's kind, Silent or None

@@ -1,6 +1,6 @@
 """Assumptions of the RutOS driver that no document or record confirms: one row each.
 
-Code that relies on a row names it on a line of its comment or docstring. `provision verify` shows which hold.
+Code that relies on a row names it on a line of its comment or docstring. `provision device verify` shows which hold.
 """
 
 from __future__ import annotations

@@ -117,7 +117,7 @@ def open_far_end(inventory: Inventory, request: Request) -> None:
     access = computer_access(inventory, host, request)
     line = f"systemctl start {QUALIFY_SERVICE}"
     command = [*ssh_command(access), f"sudo -n {line}" if access["become"] else line]
-    hint = f"see that you reach it over SSH; `provision site={host.site} only={host.name}` sets it up"
+    hint = f"see that you reach it over SSH; `provision site={host.site} device={host.name}` sets it up"
     try:
         process = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
             command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_OPENING_S, check=False

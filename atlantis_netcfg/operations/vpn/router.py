@@ -77,7 +77,7 @@ def identity_for(inventory: Inventory, host: Host, request: Request) -> Identity
     if path is None:
         raise errors.UsageError(
             f"there is no identity of {host.name} on this computer",
-            hint=f"`provision vpn onboard host={host.name}` where the authority is,"
+            hint=f"`provision vpn onboard device={host.name}` where the authority is,"
             " else `provision vpn accept file=FILE` with what it has handed out",
         )
     identity = read_identity(path.read_text(encoding="ascii"))

@@ -115,7 +115,7 @@ class SiteLook:
             name=host.name,
             kind=host.device.kind,
             state=ReadState.LEFT_OUT,
-            why="left out by `only=`",
+            why="left out by `device=`",
             facts=_declared_facts(host),
             ports=tuple(PortRecord(name=name, belongs=what) for name, what in places(self.inventory, host).items()),
         )

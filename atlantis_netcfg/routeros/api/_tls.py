@@ -185,9 +185,9 @@ def check_pin(endpoint: _values.Endpoint, fingerprint: str) -> None:
             f"it showed {fingerprint}",
             pinned_fingerprint=pinned_fingerprint,
             fingerprint=fingerprint,
-            hint=f"{_COMPARE}; only if they are equal and it was renewed on purpose: `provision trust site=…` asks"
-            " you to agree to it; a device that stands in for another one is met by"
-            " `provision adopt site=… device=… --replaced`",
+            hint=f"{_COMPARE}; only if they are equal and it was renewed on purpose: `provision device trust site=…`"
+            " asks you to agree to it; a device that stands in for another one is met by"
+            " `provision device adopt site=… device=… --replaced`",
         )
 
 

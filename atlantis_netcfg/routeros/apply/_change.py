@@ -528,7 +528,7 @@ POLICIES = ("read", "write", "policy", "test", "sensitive", "api")
 """Policies that our user's group needs: without `sensitive` a secret reads as empty, and would be written again."""
 
 _TUNNEL = "/interface/ovpn-client"
-_INSTALL = "type `provision vpn install host={}` first"
+_INSTALL = "type `provision vpn install device={}` first"
 _NO_CERTIFICATE = ("", "none", "auto")
 _FEATURES = {"/ip/proxy": "proxy", "/ip/socks": "socks", "/tool/bandwidth-server": "bandwidth-test"}
 """Menus that device-mode can forbid (manual, Device-mode), with the name of the feature."""

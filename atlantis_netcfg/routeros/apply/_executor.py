@@ -111,7 +111,7 @@ _READING = (_job.JobMode.PLAN, _job.JobMode.DRIFT)
 """Modes that change nothing."""
 _LET_THEM = "let them finish, then run the same command again"
 _STAND_BY = (
-    "pin its SSH host key with `provision adopt site=… device=…`, upgrade it to RouterOS 7.18, or say "
+    "pin its SSH host key with `provision device adopt site=… device=…`, upgrade it to RouterOS 7.18, or say "
     "--without-protection with somebody standing beside it"
 )
 
@@ -510,7 +510,7 @@ async def _refuse_if_busy(work: _work.RunContext, mode: _job.JobMode) -> _job.De
 
 async def _busy(work: _work.RunContext, *, resumes: bool) -> Busy | None:
     """Return who may be working on the device; None if nobody, whatever a finished run has left there."""
-    leftovers, resume = work.leftovers, f"provision resume site={work.job.site}"
+    leftovers, resume = work.leftovers, f"provision recover resume site={work.job.site}"
     owner = leftovers.safe_mode
     other = work.signer.other(leftovers.markers)
     alive = leftovers.alive(work.signer.is_over, bridge=False)

@@ -223,7 +223,7 @@ def _resume_hint(work: RunContext) -> str:
     else:
         what = "what is in safe mode the device takes back by itself, within ten minutes if the link has died"
     run = f" run={work.job.run}" if work.job.run else ""
-    return f"{what}; then:  provision resume site={work.job.site}{run}"
+    return f"{what}; then:  provision recover resume site={work.job.site}{run}"
 
 
 async def _restore_state(work: RunContext, reason: NetcfgError, session: Channel, now: Observation) -> DeviceResult:

@@ -167,7 +167,7 @@ class RunMarker:
 
     @property
     def run(self) -> str:
-        """Id of the run that placed the marker, as listed by `provision runs` there; empty if not given."""
+        """Id of the run that placed the marker, as listed by `provision report runs` there; empty if not given."""
         return run_of(self.text)
 
 
@@ -215,7 +215,9 @@ def find_markers(observation: _types.Observation) -> tuple[RunMarker, ...]:
 def claim_conflict(sign: RunMarker, site: str) -> ClaimConflict:
     """Return an error with the owner of the marker, its remaining time, and how to take it over."""
     stays = f"within {sign.timeout}" if sign.timeout else "within half an hour"
-    over = f"; if that run has died, take over:  provision resume site={site} run={sign.run}" if sign.run else ""
+    over = (
+        f"; if that run has died, take over:  provision recover resume site={site} run={sign.run}" if sign.run else ""
+    )
     return ClaimConflict(
         f"{sign.text} is under way on this device, or has died there",
         hint=f"wait until it has ended, then type the same command again: the sign of a run that died goes by itself"

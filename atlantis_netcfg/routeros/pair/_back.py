@@ -235,7 +235,7 @@ class _WayBack:
             apply.Status.UNKNOWN,
             f"the outcome is not known: {self.reason}",
             hint="each end takes back by itself what was not kept, within ten minutes if its link has died; then:"
-            f"  `provision resume site={site}`",
+            f"  `provision recover resume site={site}`",
         )
 
 
@@ -347,6 +347,6 @@ def _left_between(end: End, site: str, why: str) -> apply.DeviceResult:
     """Return a result without changes; `site` is the requested site, from which both ends are reachable."""
     hint = (
         "let them finish, then run the same command again; if a run of ours has died there:"
-        f"  `provision resume site={site}`"
+        f"  `provision recover resume site={site}`"
     )
     return end.result(apply.Status.LEFT_AS_FOUND, f"nothing was changed: {why}", hint=hint)

@@ -345,7 +345,7 @@ class RouterView:
 
 
 class RenderError(UsageError):
-    """The inventory lacks what the template needs; `provision validate` reports it with file and line."""
+    """The inventory lacks what the template needs; `provision inventory validate` reports it with file and line."""
 
 
 class DeclaredHost(Protocol):

@@ -96,7 +96,7 @@ class DriftReport:
             yield ""
         yield from (f"{name}: {why}" for name, why in self.skip_reasons.items())
         if self.is_rehearsal:
-            yield "rehearsed on emulated devices as they are after `provision adopt`: nothing real was read"
+            yield "rehearsed on emulated devices as they are after `provision device adopt`: nothing real was read"
 
     def _detail_lines(self, name: str, result: Mapping[str, Any]) -> Iterator[str]:
         if result["comparison"] is not None:

@@ -1,4 +1,4 @@
-"""Somebody has removed a package from `.venv`: `provision doctor` names it, and what it advises brings it back."""
+"""A package was removed from `.venv`: `provision inventory doctor` names it, and what it advises brings it back."""
 
 import json
 import shlex
@@ -21,7 +21,7 @@ def checkout(tmp_path_factory: pytest.TempPathFactory, tmp_path: Path) -> Path:
 
 def looked(checkout: Path) -> dict[str, Any]:
     """What the doctor says to a program."""
-    done = start(checkout, "doctor", "--json", environment=clean_environment(HOME=str(checkout.parent)))
+    done = start(checkout, "inventory", "doctor", "--json", environment=clean_environment(HOME=str(checkout.parent)))
     document = json.loads(done.stdout)
     assert isinstance(document, dict)
     return document

@@ -61,7 +61,7 @@ def stop_at(state: Path, words: tuple[str, ...], after_s: float, number: signal.
         assert out or err, place
 
 
-REHEARSAL = ("site=coastal", "--rehearse", "--plan")
+REHEARSAL = ("plan", "site=coastal", "--rehearse")
 
 
 @pytest.mark.parametrize(

@@ -47,5 +47,5 @@ def test_help_is_fast_and_silent(checkout: Path) -> None:
 def test_an_ordinary_user_starts_a_checkout_of_root(checkout: Path, tmp_path: Path) -> None:
     let_others_pass(checkout / "below")
     let_others_pass(tmp_path / "below")
-    theirs = start(checkout, "version", prefix=as_nobody(), environment=clean_environment(HOME="/nonexistent"))
+    theirs = start(checkout, "help", "version", prefix=as_nobody(), environment=clean_environment(HOME="/nonexistent"))
     assert (theirs.returncode, theirs.stderr) == (0, "")

@@ -17,7 +17,14 @@ from house_checkout import ROOT, clean_environment, copy_of_checkout, shared_che
 
 ENGLISH = ROOT / "docs" / "quick-start.md"
 PORTUGUESE = ROOT / "docs" / "pt" / "inicio-rapido.md"
-STEPS = ("git clone", "provision version", "provision validate", "--plan --rehearse", "--rehearse", "provision check")
+STEPS = (
+    "git clone",
+    "provision help version",
+    "provision inventory validate",
+    "--plan --rehearse",
+    "--rehearse",
+    "provision check",
+)
 
 
 @pytest.fixture

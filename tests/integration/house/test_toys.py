@@ -151,8 +151,8 @@ def test_new_link_kind_needs_one_table_row(product: Copy) -> None:
         "      kind: leo\n      metered: true\n      billing: {price_per_mb: 2.0}\n",
     )
 
-    product.provision("validate")
-    assert "+ set name=scc-router" in product.provision("site=scc", "--rehearse", "--plan", code=2)
+    product.provision("inventory", "validate")
+    assert "+ set name=scc-router" in product.provision("plan", "site=scc", "--rehearse", code=2)
     uplink = json.loads(product.provision("links", "site=scc", "--rehearse", "--json"))["bearers"]["uplink"]
     assert (uplink["kind"], uplink["state"], uplink["metered"]) == ("leo", "up", True)
     assert json.loads(product.run("-c", LOOKED_AT)) == {

@@ -99,9 +99,9 @@ def test_an_installed_program_goes_from_an_empty_folder_to_a_rehearsal(install: 
     at = install.run("python", "-c", "import atlantis_netcfg; print(atlantis_netcfg.__file__)").stdout
     assert Path(at.strip()).parent == install.package, "not the checkout's"
 
-    created = install.provision("init", "my-pilot", "--from", "example")
+    created = install.provision("inventory", "init", "my-pilot", "--from", "example")
     assert "my-pilot: written and checked, no errors, 13 hosts at 3 sites" in created
-    assert "my-pilot: no errors" in install.provision("validate", "inventory=my-pilot")
+    assert "my-pilot: no errors" in install.provision("inventory", "validate", "inventory=my-pilot")
     rehearsal = install.provision("site=coastal", "inventory=my-pilot", "--rehearse")
     assert "second run over satellite: 0 changes" in rehearsal, rehearsal
 
@@ -111,7 +111,7 @@ def test_an_installed_program_goes_from_an_empty_folder_to_a_rehearsal(install: 
 
 
 def test_without_a_name_an_installed_program_takes_the_inventory_of_the_folder(install: Install) -> None:
-    refused = install.provision("validate", code=7)
+    refused = install.provision("inventory", "validate", code=7)
     assert f"the inventory directory {install.place / 'empty' / 'inventory'} does not exist" in refused
-    install.provision("init", "inventory", "--from", "example")
-    assert "inventory: no errors" in install.provision("validate")
+    install.provision("inventory", "init", "inventory", "--from", "example")
+    assert "inventory: no errors" in install.provision("inventory", "validate")

@@ -1,4 +1,4 @@
-"""`provision init` at a real terminal, answered by a script: it validates, is rehearsed, and holds no example."""
+"""`provision inventory init` at a real terminal, answered by a script: valid, rehearsed, without example."""
 
 import os
 import select
@@ -178,7 +178,7 @@ def _environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, s
 def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
     tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    code, seen = typed(["init", "douro"], [*PILOT, *PIER, *BOAT], environment)
+    code, seen = typed(["inventory", "init", "douro"], [*PILOT, *PIER, *BOAT], environment)
     assert code == 0, seen
     assert "did you mean" in seen or "`spain` is no word" in seen
     assert "EXAMPLE" not in seen.rpartition("technician")[2]
@@ -186,7 +186,7 @@ def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
     assert last[0] == "douro: written and checked, no errors, 10 hosts at 3 sites"
     assert max(map(len, last)) <= 80
 
-    checked = run(["validate", "inventory=douro", "--examples"], environment)
+    checked = run(["inventory", "validate", "inventory=douro", "--examples"], environment)
     assert (checked.returncode, checked.stderr) == (0, "")
     assert checked.stdout.splitlines()[0] == "douro: no errors"
     assert checked.stdout.splitlines()[-1] == "No example value is left."
@@ -199,7 +199,7 @@ def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
         assert problems(path, schema) == [], path
 
     before = {path: path.read_bytes() for path in files(tmp_path / "douro")}
-    code, seen = typed(["init", "douro"], [], environment)
+    code, seen = typed(["inventory", "init", "douro"], [], environment)
     assert code == 3
     assert "douro has something in it, so nothing was written" in seen
     assert before == {path: path.read_bytes() for path in files(tmp_path / "douro")}
@@ -216,14 +216,14 @@ def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
 def test_a_site_with_everything_takes_at_most_25_questions(tmp_path: Path, environment: dict[str, str]) -> None:
     assert len(USUAL) <= 25
     del environment["ANSIBLE_VAULT_PASSWORD_FILE"]
-    code, seen = typed(["init", "douro"], USUAL, environment)
+    code, seen = typed(["inventory", "init", "douro"], USUAL, environment)
     assert code == 0, seen
     assert "douro: written and checked, no errors, 9 hosts at 2 sites" in seen
     assert sum(line.endswith("]:") or "]: " in line for line in seen.splitlines()) <= 25
     pilot = (tmp_path / "douro/group_vars/pier.yml").read_text(encoding="utf-8")
     assert "price_per_mb: 0.01" in pilot
     assert "price_per_mb: 2.5" in pilot
-    checked = run(["validate", "inventory=douro"], environment)
+    checked = run(["inventory", "validate", "inventory=douro"], environment)
     assert checked.returncode == 0
     assert "examples" in checked.stdout
 
@@ -232,7 +232,7 @@ def test_a_site_with_everything_takes_at_most_25_questions(tmp_path: Path, envir
 def test_a_stopped_init_goes_on_where_it_stopped(tmp_path: Path, environment: dict[str, str], stop: str) -> None:
     end = {"Ctrl-C": b"\x03", "Ctrl-D": b"\x04", "hang up": b""}[stop]
     answers = [*PILOT, *PIER, *BOAT]
-    code, seen = typed(["init", "douro"], answers[:31], environment, (answers[31][0], end))
+    code, seen = typed(["inventory", "init", "douro"], answers[:31], environment, (answers[31][0], end))
     assert code != 0
     assert "Traceback" not in seen
     assert not (tmp_path / "douro").exists()
@@ -240,7 +240,7 @@ def test_a_stopped_init_goes_on_where_it_stopped(tmp_path: Path, environment: di
     assert kept.stat().st_mode & 0o777 == 0o600
     assert kept.parent.stat().st_mode & 0o777 == 0o700
 
-    code, seen = typed(["init", "douro"], [("Go on with them?", ""), *answers[31:]], environment)
+    code, seen = typed(["inventory", "init", "douro"], [("Go on with them?", ""), *answers[31:]], environment)
     assert code == 0, seen
     assert "30 answers are kept from the last time." in seen
     assert "Name of the pilot" not in seen
@@ -249,17 +249,17 @@ def test_a_stopped_init_goes_on_where_it_stopped(tmp_path: Path, environment: di
 
 
 def test_kept_answers_are_removed_when_the_person_starts_again(tmp_path: Path, environment: dict[str, str]) -> None:
-    typed(["init", "douro"], PILOT[:5], environment, (PILOT[5][0], b"\x03"))
+    typed(["inventory", "init", "douro"], PILOT[:5], environment, (PILOT[5][0], b"\x03"))
     (kept,) = (tmp_path / "state/init").iterdir()
     again = [("Go on with them?", "no"), PILOT[0], ("Name of the pilot", "Tejo")]
-    code, seen = typed(["init", "./douro"], again, environment, ("Country", b"\x03"))
+    code, seen = typed(["inventory", "init", "./douro"], again, environment, ("Country", b"\x03"))
     assert code != 0
     assert "stopped by Ctrl-C; nothing was changed" in seen
     assert "Tejo" in kept.read_text(encoding="utf-8")
     assert "Douro" not in kept.read_text(encoding="utf-8")
     (tmp_path / "douro").mkdir()
     (tmp_path / "douro/letter.txt").touch()
-    code, seen = typed(["init", "douro"], [], environment)
+    code, seen = typed(["inventory", "init", "douro"], [], environment)
     assert code == 3
     assert "douro has something in it" in seen
 
@@ -268,7 +268,7 @@ def test_hostile_input_is_refused_and_asked_again(environment: dict[str, str]) -
     name = "Name of the pilot"
     hostile = ["", "a" * 4000, "\x1b[31mred", "a\x07b", "\udcff\udcfe", "\u202egnp"]
     answers = [PILOT[0], *((name, text) for text in hostile), (name, "Douro")]
-    code, seen = typed(["init", "douro"], answers, environment, ("Country", b"\x04"))
+    code, seen = typed(["inventory", "init", "douro"], answers, environment, ("Country", b"\x04"))
     assert code == 3
     assert "Traceback" not in seen
     assert "An answer has at most 2000 characters." in seen
@@ -278,7 +278,7 @@ def test_hostile_input_is_refused_and_asked_again(environment: dict[str, str]) -
 
 def test_a_state_directory_that_cannot_be_written_keeps_nothing(tmp_path: Path, environment: dict[str, str]) -> None:
     (tmp_path / "state").touch()
-    code, seen = typed(["init", "douro"], PILOT[:2], environment, ("Country", b"\x04"))
+    code, seen = typed(["inventory", "init", "douro"], PILOT[:2], environment, ("Country", b"\x04"))
     assert code == 3
     assert "Your answers are not kept if you stop" in seen
     assert "Traceback" not in seen

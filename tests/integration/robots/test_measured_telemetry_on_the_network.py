@@ -1,4 +1,4 @@
-"""`provision fit observed=…` beside mock robots in a network namespace: what is written is what they publish."""
+"""`provision measure fit observed=…` beside mock robots in a network namespace: it writes what they publish."""
 
 import json
 import shutil

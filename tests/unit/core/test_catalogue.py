@@ -14,7 +14,7 @@ MESSAGES = {
     "nothing was changed": "nada foi alterado",
     "no such device": "esse equipamento não existe",
     "not reached": "não alcançado",
-    "`provision runs` lists what is there": "`provision runs` lista o que há",
+    "`provision report runs` lists what is there": "`provision report runs` lista o que há",
     "{number} change": "{number} alteração",
     "{number} changes": "{number} alterações",
     "{number} changes of {rows} rows": "{number} alterações em {rows} linhas",
@@ -24,7 +24,7 @@ MESSAGES = {
     "of {box}": "de {box}",
     "type `{command}` to go on": "para continuar, escreva `{command}`",
     "to bring them there, type:  provision site={site}": "para as levar até lá, escreva:  provision site={site}",
-    "it goes on with `provision resume site={site}`": "prossegue com `provision resume site={site}`",
+    "it goes on with `provision recover resume site={site}`": "prossegue com `provision recover resume site={site}`",
     "what {{}} is": "o que é {{}}",
     "the link": "a ligação",
     "{name}: the device has refused it: {answer}": "{name}: o equipamento recusou: {answer}",
@@ -112,17 +112,17 @@ def test_message_with_mostly_unknown_text_is_not_translated(catalogue: Catalogue
     ("text", "expected"),
     [
         (
-            "`provision runs inventory=/srv/pilot` lists what is there",
-            "`provision runs inventory=/srv/pilot` lista o que há",
+            "`provision report runs inventory=/srv/pilot` lists what is there",
+            "`provision report runs inventory=/srv/pilot` lista o que há",
         ),
         (
             "to bring them there, type:  provision site=scc inventory='/a b' --rehearse",
             "para as levar até lá, escreva:  provision site=scc inventory='/a b' --rehearse",
         ),
-        ("it goes on with `provision resume site=scc`", "prossegue com `provision resume site=scc`"),
+        ("it goes on with `provision recover resume site=scc`", "prossegue com `provision recover resume site=scc`"),
         (
-            "it goes on with `provision resume site=scc inventory=x --rehearse`",
-            "prossegue com `provision resume site=scc inventory=x --rehearse`",
+            "it goes on with `provision recover resume site=scc inventory=x --rehearse`",
+            "prossegue com `provision recover resume site=scc inventory=x --rehearse`",
         ),
     ],
 )

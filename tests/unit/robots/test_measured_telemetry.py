@@ -1,4 +1,4 @@
-"""`provision fit observed=…`: what was heard becomes `telemetry:`, and nothing else in the file changes."""
+"""`provision measure fit observed=…`: what was heard becomes `telemetry:`, and nothing else in the file changes."""
 
 import json
 import shutil
@@ -187,7 +187,7 @@ def test_one_line_entry_is_shown_but_not_written(inventory: Path) -> None:
 
 
 def typed(inventory: Path, *more: str, vehicle: str = "sparus") -> list[str]:
-    return ["fit", "site=coastal", f"vehicle={vehicle}", f"inventory={inventory}", *more]
+    return ["measure", "fit", "site=coastal", f"vehicle={vehicle}", f"inventory={inventory}", *more]
 
 
 def listening(monkeypatch: pytest.MonkeyPatch, *reports: RobotReport) -> None:

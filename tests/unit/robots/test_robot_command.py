@@ -112,10 +112,10 @@ def test_inventory_validation_includes_its_robots(inventory: Path, capsys: pytes
     file = inventory / "robots" / "mares.yml"
     text = file.read_text()
     file.write_text(text.replace(", unit: m}", "}"))
-    assert main(["validate", f"inventory={inventory}"]) == ExitCode.DONE
+    assert main(["inventory", "validate", f"inventory={inventory}"]) == ExitCode.DONE
     assert "the number `depth` has no `unit`" in capsys.readouterr().out
     file.write_text(text.replace("namespace: mares", "namespace: sparus"))
-    assert main(["validate", f"inventory={inventory}"]) == ExitCode.USAGE
+    assert main(["inventory", "validate", f"inventory={inventory}"]) == ExitCode.USAGE
     assert "another robot has this namespace" in capsys.readouterr().err
 
 

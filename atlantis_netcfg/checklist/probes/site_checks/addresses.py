@@ -152,7 +152,7 @@ def _says(text: str, interface: IPv4Interface) -> bool:
 def _check_network_file(
     name: str, path: str, text: str | None, content: str, interface: IPv4Interface
 ) -> LinkFinding | None:
-    hint = f"run the site with `only={name}`: it writes {path} again, under a timer that takes a mistake back"
+    hint = f"run the site with `device={name}`: it writes {path} again, under a timer that takes a mistake back"
     if text is None:
         return parse.fail(
             "no-file", f"{name} has {interface}, but {path} is not there: it will be gone after a restart", hint

@@ -26,12 +26,12 @@ _SUBJECT = re.compile(r"^ {8}Subject:.*?CN ?= ?([^,\n]+)", re.MULTILINE)
 _DATES = re.compile(r"Not Before *: (.+?)\n\s*Not After *: (.+?)\n")
 _API = "make another one on the router under the same name (docs/adopt.md), and confirm it at the next contact"
 _ROUTER = (
-    "`provision vpn renew name={name}` makes another one, and `provision vpn install host={name}` brings it to the "
+    "`provision vpn renew name={name}` makes another one, and `provision vpn install device={name}` brings it to the "
     "router"
 )
 _COMPUTER = (
     "`provision vpn renew name={name}` makes another one, `provision vpn accept file=FILE` takes it on another laptop, "
-    "and `provision site={site} only={name}` brings it"
+    "and `provision site={site} device={name}` brings it"
 )
 _STAMP = "%b %d %H:%M:%S %Y GMT"
 
@@ -170,7 +170,7 @@ def _of_identity(name: str, site: str, answer: base.Answer) -> list[_SiteCertifi
         return parse.silent(name, answer.trouble, answer.words)
     names, dates = _SUBJECT.findall(answer.out), _DATES.findall(answer.out)
     if not dates or len(names) != len(dates):
-        hint = f"`provision site={site} only={name}` brings it there; only root may read it"
+        hint = f"`provision site={site} device={name}` brings it there; only root may read it"
         return parse.unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
     renew = _COMPUTER.format(name=name, site=site)
     if name not in [subject.strip() for subject in names]:

@@ -132,5 +132,5 @@ def _check_names(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[Li
             yield parse.warn(
                 "factory-name",
                 message,
-                f"`provision adopt site={site} device=NAME` gives a new device its name, user and certificate",
+                f"`provision device adopt site={site} device=NAME` gives a new device its name, user and certificate",
             )

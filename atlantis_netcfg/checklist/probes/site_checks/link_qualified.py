@@ -1,7 +1,7 @@
 """Each link of the site was measured recently, and has the required quality.
 
-Nothing is measured here: the newest stored measurement (`provision qualify`) is judged again, from its samples. Without
-one, or with an old one, the present state of the link is unknown, and that never passes.
+Nothing is measured here: the newest stored measurement (`provision measure link`) is judged again, from its samples.
+Without one, or with an old one, the present state of the link is unknown, and that never passes.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ class _LinkQualificationCheck:
         answer = results["record"]
         if not isinstance(answer, base.LinkRecordResult) or answer.trouble is not None or answer.now is None:
             why = f": {answer.words}" if isinstance(answer, base.LinkRecordResult) and answer.words else ""
-            hint = f"look at `provision qualify history site={self.site.name} link={self.link.name}`"
+            hint = f"look at `provision measure history site={self.site.name} link={self.link.name}`"
             return base.ProbeResult(
                 (parse.unknown("not-readable", f"the measurements of {self.link.name} cannot be read{why}", hint),)
             )
-        again = f"`provision qualify site={self.site.name} link={self.link.name}` measures it"
+        again = f"`provision measure link site={self.site.name} link={self.link.name}` measures it"
         record = answer.record
         if record is None:
             message = f"{self.link.name} was never measured by this computer"
@@ -78,13 +78,13 @@ class _LinkQualificationCheck:
     def _wrong(self, record: QualifyRecord, now: datetime, *, is_rehearsal: bool) -> Iterator[LinkFinding]:
         """Yield everything that prevents passing, failures first. Simulated rehearsal results are not stored."""
         run, name = record.run, self.link.name
-        again = f"`provision qualify site={self.site.name} link={self.link.name}` measures it"
+        again = f"`provision measure link site={self.site.name} link={self.link.name}` measures it"
         failed_criteria = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]
         open_ = [item.criterion for item in record.judgements if item.verdict not in {Verdict.FAIL, Verdict.PASS}]
         why = f": {run.way_reason}" if run.way_reason else ""
         if failed_criteria:
             message = f"{name} does not hold `{record.thresholds_name}`: {parse.join_words(failed_criteria)}"
-            show_hint = f"`provision qualify show site={self.site.name} run={run.id}` shows all of it"
+            show_hint = f"`provision measure show site={self.site.name} run={run.id}` shows all of it"
             yield parse.fail("beyond-the-limit", message, again if is_rehearsal else show_hint)
         if run.way is Verdict.FAIL:
             yield parse.fail("other-link", f"the measurement of {name} left by another link{why}", again)
@@ -107,7 +107,7 @@ class _LinkQualificationCheck:
 
     def _check_age(self, start: datetime, now: datetime) -> Iterator[LinkFinding]:
         days = self.site.site_config.checklist.qualified_within_days
-        again = f"`provision qualify site={self.site.name} link={self.link.name}` measures it"
+        again = f"`provision measure link site={self.site.name} link={self.link.name}` measures it"
         if start > now + _AHEAD:
             message = f"the measurement of {self.link.name} is of the future: {start:%Y-%m-%d %H:%M} UTC"
             yield parse.unknown("of-the-future", message, "look at this computer's clock, then measure again")

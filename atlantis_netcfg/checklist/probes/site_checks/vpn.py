@@ -99,7 +99,7 @@ class _VpnCheck:
             return
         row = next((row for row in result if row.get("name") == tunnel.interface), None)
         if row is None:
-            hint = f"`provision vpn install host={name}`, and after it `provision site={self.site.name}`"
+            hint = f"`provision vpn install device={name}`, and after it `provision site={self.site.name}`"
             yield parse.fail("router-no-tunnel", f"{name} has no tunnel {tunnel.interface}", hint)
         elif parse.yes(row, "disabled"):
             yield parse.fail(

@@ -368,7 +368,7 @@ class World:
     routers: dict[str, dict[str, Any]] = field(default_factory=dict)
     """Router -> its surroundings."""
     links: dict[str, MeasuredLink] = field(default_factory=dict)
-    """Link -> what `provision qualify` would have measured."""
+    """Link -> what `provision measure link` would have measured."""
     robots: SimulatedRobots = field(default_factory=SimulatedRobots)
     acts: list[Act] = field(default_factory=list)
     """Actions on the RouterOS emulators when all of them run, in this order; undone at the end."""

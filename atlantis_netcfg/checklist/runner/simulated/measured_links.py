@@ -1,6 +1,6 @@
 """A simulated measurement of a link, which shows the effect of a fault of the link in a rehearsed checklist.
 
-No packet was sent for it: it never passes. `provision qualify --rehearse` measures an emulated link.
+No packet was sent for it: it never passes. `provision measure link --rehearse` measures an emulated link.
 """
 
 from __future__ import annotations

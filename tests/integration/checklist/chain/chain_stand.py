@@ -70,7 +70,7 @@ class Chain:
     reflector: dict[str, subprocess.Popen[str]] = field(default_factory=dict)
 
     def choose(self, bearer: str) -> None:
-        """Let the site's traffic leave by this link, as after `provision use`, or as failover does it."""
+        """Let the site's traffic leave by this link, as after `provision links use`, or as failover does it."""
         self.site.prefer(bearer)
         self.site.forget()
 

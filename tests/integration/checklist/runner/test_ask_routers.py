@@ -21,7 +21,7 @@ ROUTER, CPE = "coastal-router", "coastal-cpe"
 
 @pytest.fixture
 def ears(tmp_path: Path) -> Iterator[tuple[RealTransport, list[Event]]]:
-    """The router as `provision adopt` leaves it; nobody stands in the CPE's place."""
+    """The router as `provision device adopt` leaves it; nobody stands in the CPE's place."""
     spec = site_spec(SHIPPED, [SHIPPED.hosts[ROUTER]])
     near = tuple(twin.model_copy(update={"link": RouterLink()}) for twin in spec.emulators)
     events: list[Event] = []

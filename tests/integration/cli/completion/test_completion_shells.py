@@ -25,9 +25,9 @@ from atlantis_netcfg.runs import RunStart, Store
 pytestmark = pytest.mark.slow
 COLUMNS, ROWS = 100, 40
 START = {
-    "bash": (("bash", "--norc", "--noprofile", "-i"), "source <(provision completion bash)"),
-    "zsh": (("zsh", "-f", "-i"), "autoload -Uz compinit; compinit -u -D; source <(provision completion zsh)"),
-    "fish": (("fish", "--no-config", "-i"), "provision completion fish | source"),
+    "bash": (("bash", "--norc", "--noprofile", "-i"), "source <(provision help completion bash)"),
+    "zsh": (("zsh", "-f", "-i"), "autoload -Uz compinit; compinit -u -D; source <(provision help completion zsh)"),
+    "fish": (("fish", "--no-config", "-i"), "provision help completion fish | source"),
 }
 """How each shell is started without a person's own settings, and what docs/completion.md says to type."""
 
@@ -110,12 +110,12 @@ def test_a_line_is_completed_word_by_word(shell: str, tmp_path: Path) -> None:
     name = run(tmp_path)
     with terminal(shell, tmp_path) as opened:
         for typed, completed in (
-            ("provision rollb\t", "provision rollback "),
-            ("si\t", "provision rollback site="),
-            ("coa\t", "provision rollback site=coastal "),
-            ("to=2\t", f"provision rollback site=coastal to={name} "),
-            ("only=coastal-r\t", f"provision rollback site=coastal to={name} only=coastal-router "),
-            ("--y\t", f"provision rollback site=coastal to={name} only=coastal-router --yes "),
+            ("provision rollb\t", "provision recover rollback "),
+            ("si\t", "provision recover rollback site="),
+            ("coa\t", "provision recover rollback site=coastal "),
+            ("to=2\t", f"provision recover rollback site=coastal run={name} "),
+            ("device=coastal-r\t", f"provision recover rollback site=coastal run={name} device=coastal-router "),
+            ("--y\t", f"provision recover rollback site=coastal run={name} device=coastal-router --yes "),
         ):
             opened.type(typed)
             opened.until(rf"{re.escape(completed)}$")
@@ -143,8 +143,8 @@ def test_relative_program_path_is_completed_too(shell: str, tmp_path: Path) -> N
     """`./provision` of a checkout is not in the PATH."""
     (tmp_path / "provision").symlink_to(Path(sys.executable).with_name("provision"))
     with terminal(shell, tmp_path) as opened:
-        opened.type("./provision drift site=te\t")
-        opened.until(r"\./provision drift site=te4sea $")
+        opened.type("./provision report drift site=te\t")
+        opened.until(r"\./provision report drift site=te4sea $")
 
 
 @pytest.mark.parametrize("shell", START)
@@ -152,7 +152,7 @@ def test_a_broken_inventory_prints_nothing_into_the_line(shell: str, tmp_path: P
     (tmp_path / "inventory").mkdir()
     (tmp_path / "inventory" / "hosts.yml").write_text("all: [\n", encoding="utf-8")
     with terminal(shell, tmp_path) as opened:
-        opened.type("provision drift inventory=inventory site=zz\t")
+        opened.type("provision report drift inventory=inventory site=zz\t")
         opened.type("9 --js\t")
         opened.until(r"site=zz9 --json $")
         assert not re.search("(?i)error|traceback", opened.text)

@@ -64,7 +64,7 @@ class Quay:
         return "".join(line for line in lines if not line.startswith("#"))
 
     def replace(self, name: str, **box: Any) -> None:  # noqa: ANN401 (fields of RouterSpec)
-        """Put another box in the router's place: fresh from `provision adopt`, with a certificate of its own."""
+        """Put another box in the router's place: fresh from `provision device adopt`, with a certificate of its own."""
         (twin,) = self.spec.emulators
         router = twin.router.model_copy(update={"name": name, "serial_number": name.upper(), **box})
         spec = SiteSpec(name=self.spec.name, emulators=(twin.model_copy(update={"router": router}),))
@@ -73,7 +73,7 @@ class Quay:
         self.door.port = self.twins.ready[name]["api_ssl"]
 
     def adopt(self) -> None:
-        """Pin what `provision adopt` would pin."""
+        """Pin what `provision device adopt` would pin."""
         self._pin(self.state)
 
     def laptop(self, name: str) -> dict[str, str]:
@@ -135,7 +135,7 @@ class Quay:
         )
 
     def configure(self) -> None:
-        """Do what `provision site=coastal only=coastal-router --yes` does, without its command line and Ansible.
+        """Do what `provision site=coastal device=coastal-router --yes` does, without its command line and Ansible.
 
         For tests of what comes after a run: recorded, confirmed and pinned it is all the same, in a fifth of the time.
         """
@@ -159,10 +159,14 @@ class Quay:
         return () if any(word.startswith("inventory=") for word in typed) else (f"inventory={self.inventory}",)
 
     def only(self, typed: tuple[str, ...]) -> tuple[str, ...]:
-        """Leave the bridge alone where a command is about the site; the engine's runs, which take `only=`."""
-        runs = {"drift", "backup", "rollback", "site=coastal"}
-        named = any(word.startswith(("only=", "--limit")) for word in typed)
-        return () if typed[0] not in runs or named or not self.alone else (f"only={ROUTER}",)
+        """Leave the bridge alone where a command is about the site; the engine's runs, which take `device=`."""
+        runs = {"report drift", "device backup", "recover rollback", "plan site=coastal"}
+        named = any(word.startswith("device=") for word in typed)
+        return (
+            ()
+            if (typed[0] != "site=coastal" and " ".join(typed[:2]) not in runs) or named or not self.alone
+            else (f"device={ROUTER}",)
+        )
 
     def json(self, *typed: str, code: int) -> dict[str, Any]:
         told: dict[str, Any] = json.loads(self.provision(*typed, "--json", code=code).stdout)
@@ -170,7 +174,7 @@ class Quay:
         return told
 
     def runs(self) -> list[dict[str, Any]]:
-        done = self.start(["runs", "site=coastal", "--json"])
+        done = self.start(["report", "runs", "site=coastal", "--json"])
         assert done.returncode == 0, done.stderr
         listed: list[dict[str, Any]] = json.loads(done.stdout)["runs"]
         return listed

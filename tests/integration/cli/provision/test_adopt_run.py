@@ -1,4 +1,4 @@
-"""Two commands bring a router from its box to its declared state: `provision adopt ...`, `provision site=...`."""
+"""Two commands configure a router from its box: `provision device adopt ...`, `provision site=...`."""
 
 import importlib
 import json
@@ -26,8 +26,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 ROUTER = "scc-router"
 MANAGEMENT, FACTORY = "10.64.100.1", "192.168.88.1"
-ADOPT = ("adopt", "site=scc", f"device={ROUTER}", "--yes")
-RUN = ("site=scc", f"only={ROUTER}")
+ADOPT = ("device", "adopt", "site=scc", f"device={ROUTER}", "--yes")
+RUN = ("site=scc", f"device={ROUTER}")
 
 
 @dataclass(slots=True)
@@ -143,7 +143,7 @@ def test_factory_router_reaches_the_desired_state_in_two_commands(at: Bench, ser
     after = at.export()
     assert at.json(*RUN, "--yes", code=0)["devices"][ROUTER]["status"] == "unchanged"
     assert at.json(*RUN, "--plan", code=0)["devices"][ROUTER]["planned"] == 0
-    at.provision("drift", *RUN, code=0)
+    at.provision("report", "drift", *RUN, code=0)
     assert at.json(*ADOPT, *at.via(serial), code=0)["status"] == "unchanged"
     assert at.export() == after
 
@@ -158,7 +158,7 @@ def test_killed_adoption_can_be_repeated(at: Bench, serial: bool) -> None:  # no
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    assert "provision adopt" in at.provision("resume", "site=scc", code=3)
+    assert "provision device adopt" in at.provision("recover", "resume", "site=scc", code=3)
     at.provision(*ADOPT, *via, code=0)
     assert "defconf" not in at.export()
     assert at.json(*ADOPT, *via, code=0)["status"] == "unchanged"
@@ -171,7 +171,7 @@ def test_adopted_router_can_be_upgraded_with_stored_credentials(at: Bench, monke
     npk_files = importlib.import_module("npk_files")
     at.provision(*ADOPT, code=0)
     file = npk_files.write(at.state, "routeros", "7.21.5", "arm64")
-    typed = ("upgrade", "site=scc", f"device={ROUTER}", f"packages={file}", "--plan")
+    typed = ("device", "upgrade", "site=scc", f"device={ROUTER}", f"packages={file}", "--plan")
     assert "planned: RouterOS 7.18.2 -> 7.21.5" in at.provision(*typed, code=2)
 
 

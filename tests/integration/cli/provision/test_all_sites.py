@@ -52,7 +52,7 @@ def test_locked_site_fails_alone_and_results_are_streamed(tmp_path: Path, monkey
 
 @pytest.mark.slow
 def test_streamed_json_has_one_line_per_device(tmp_path: Path) -> None:
-    typed = ("site=all", "--rehearse", "--plan", "--json")
+    typed = ("plan", "site=all", "--rehearse", "--json")
     *lines, last = provision(tmp_path, *typed, "--stream", code=2).stdout.splitlines()
     document = json.loads(last)
     statuses = {name: told["status"] for name, told in document["devices"].items()}

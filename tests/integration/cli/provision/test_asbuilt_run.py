@@ -7,7 +7,7 @@ from quay import ROUTER, Quay, fresh_quay
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
-HERE = ("asbuilt", "site=coastal", f"only={ROUTER}")
+HERE = ("report", "as-built", "site=coastal", f"device={ROUTER}")
 at = pytest.fixture(fresh_quay)
 
 

@@ -23,7 +23,7 @@ def test_provision_and_playbook_plan_and_do_the_same(tmp_path: Path) -> None:
 
 
 def by_provision(at: Quay) -> tuple[list[str], list[str], list[object]]:
-    plan = at.json("site=coastal", "--plan", code=2)["devices"][ROUTER]
+    plan = at.json("plan", "site=coastal", code=2)["devices"][ROUTER]
     at.provision("site=coastal", "--yes", code=0)
     at.provision("site=coastal", "--yes", code=0)
     return plan["diff"].splitlines(), exported(at), results(at)

@@ -12,7 +12,7 @@ from atlantis_netcfg.runs import CostRecord, Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
-HERE = ("site=coastal", f"only={ROUTER}")
+HERE = ("site=coastal", f"device={ROUTER}")
 DEAR = (*HERE, "via=satellite")
 SATELLITE = LinkMetrics("satellite", 0.7, 352_000, 704_000, is_metered=True)
 at = pytest.fixture(fresh_quay)
@@ -34,7 +34,7 @@ def test_yes_does_not_consent_to_cost(at: Quay) -> None:
         assert "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal" in told
         assert "--accept-cost" in told
         assert " EUR" in told
-    at.provision("drift", *DEAR, code=4)
+    at.provision("report", "drift", *DEAR, code=4)
     assert connections(at) == 0
     assert not list(at.state.glob("real/coastal/runs/*"))
 

@@ -1,4 +1,4 @@
-"""`provision drift` as a technician runs it: somebody changes the router by hand, and is told, and put right."""
+"""`provision report drift` as a technician runs it: somebody changes the router by hand, and is told, and put right."""
 
 import json
 import re
@@ -76,31 +76,35 @@ def golden(name: str, text: str) -> None:
 @pytest.mark.smoke
 def test_foreign_changes_are_reported_and_repaired(at: Quay, tmp_path: Path) -> None:
     at.provision("site=coastal", "--yes", code=0)
-    assert "coastal-router: as declared\n" in at.provision("drift", "site=coastal", code=0).stdout
+    assert "coastal-router: as declared\n" in at.provision("report", "drift", "site=coastal", code=0).stdout
     tinker(at)
     before, entries = at.export(), at.do("console", words=["/system/history/print"])
     at.do("reset")
-    told = at.provision("drift", "site=coastal", f"--junit={tmp_path / 'drift.xml'}", code=6)
+    told = at.provision("report", "drift", "site=coastal", f"--junit={tmp_path / 'drift.xml'}", code=6)
     assert at.do("counters")["turns"] <= 5
     golden("drift.txt", told.stdout)
     golden("drift.xml", (tmp_path / "drift.xml").read_text(encoding="utf-8"))
-    golden("drift.json", json.dumps(at.json("drift", "only=coastal-router", code=6), indent=1) + "\n")
+    golden("drift.json", json.dumps(at.json("report", "drift", "device=coastal-router", code=6), indent=1) + "\n")
     assert (at.export(), at.do("console", words=["/system/history/print"])) == (before, entries)
     assert len(at.runs()) == 1
 
     at.provision("site=coastal", "--yes", code=0)
-    after = at.provision("drift", "site=coastal", code=0).stdout
+    after = at.provision("report", "drift", "site=coastal", code=0).stdout
     assert "coastal-router: as declared; 1 foreign row left alone as before" in after
     assert "printer" in after
     types(at, "/ip/dns/static/set", "=.id=printer", "=address=10.64.1.78")
-    assert "1 difference from the declaration: 1 foreign" in at.provision("drift", "site=coastal", code=6).stdout
+    assert (
+        "1 difference from the declaration: 1 foreign" in at.provision("report", "drift", "site=coastal", code=6).stdout
+    )
 
 
 def test_no_secret_is_printed_or_stored(at: Quay, tmp_path: Path) -> None:
     at.configure()
     types(at, "/interface/ovpn-client/set", "=.id=ovpn-scc", "=password=guessed")
-    said = at.provision("drift", "site=coastal", f"--junit={tmp_path / 'drift.xml'}", code=6).stdout
-    said += json.dumps(at.json("drift", "site=coastal", code=6)) + (tmp_path / "drift.xml").read_text(encoding="utf-8")
+    said = at.provision("report", "drift", "site=coastal", f"--junit={tmp_path / 'drift.xml'}", code=6).stdout
+    said += json.dumps(at.json("report", "drift", "site=coastal", code=6)) + (tmp_path / "drift.xml").read_text(
+        encoding="utf-8"
+    )
     kept = "".join(path.read_text(encoding="utf-8") for path in at.state.rglob("*") if path.is_file())
     assert list((at.state / "real/coastal/confirmed").iterdir())
     for secret in ("guessed", "a-real-vpn-coastal"):
@@ -113,23 +117,23 @@ def test_newer_inventory_is_distinguished_from_a_changed_device(at: Quay) -> Non
     site = at.inventory / "group_vars/coastal.yml"
     text = site.read_text(encoding="utf-8")
     site.write_text(text.replace("last: 10.64.1.199", "last: 10.64.1.180"), encoding="utf-8")
-    told = masked(at.provision("drift", "site=coastal", code=6).stdout)
+    told = masked(at.provision("report", "drift", "site=coastal", code=6).stdout)
     assert "ranges: declared 10.64.1.100-10.64.1.180, found 10.64.1.100-10.64.1.199" in told
     assert "declared (atlantis: LAN); already so in run RUN: the declaration is newer" in told
     assert "the device remembers" not in told
 
 
 def test_start_of_drift_is_unknown_without_a_confirmed_run(at: Quay) -> None:
-    told = at.provision("drift", "--limit", "coastal-router", code=6).stdout
+    told = at.provision("report", "drift", "device=coastal-router", code=6).stdout
     assert "since when is unknown: no run has confirmed a state of this device" in told
     assert told.count("unknown") == 1
-    (device,) = at.json("drift", "only=coastal-router", code=6)["devices"].values()
+    (device,) = at.json("report", "drift", "device=coastal-router", code=6)["devices"].values()
     assert {one["since"] for one in device["differences"]} == {"unknown"}
 
 
 def test_a_device_that_cannot_be_read_is_an_error_and_no_drift(at: Quay, tmp_path: Path) -> None:
     at.door.port = 0
-    told = at.json("drift", "site=coastal", f"--junit={tmp_path / 'drift.xml'}", code=4)
+    told = at.json("report", "drift", "site=coastal", f"--junit={tmp_path / 'drift.xml'}", code=4)
     assert told["devices"][ROUTER]["verdict"] == "ERROR"
     assert told["devices"][ROUTER]["differences"] == []
     assert "could not be read" in told["errors"][0]["message"]
@@ -138,9 +142,9 @@ def test_a_device_that_cannot_be_read_is_an_error_and_no_drift(at: Quay, tmp_pat
 
 
 def test_terminal_has_the_same_verdict_as_in_a_run(at: Quay) -> None:
-    typed = ("site=coastal", "only=coastal-sat", "--yes")
+    typed = ("site=coastal", "device=coastal-sat", "--yes")
     run = at.json(*typed, code=0)["devices"]["coastal-sat"]
-    drift = at.json("drift", "site=coastal", "only=coastal-sat", code=0)["devices"]["coastal-sat"]
+    drift = at.json("report", "drift", "site=coastal", "device=coastal-sat", code=0)["devices"]["coastal-sat"]
     assert (drift["verdict"], drift["message"]) == ("WARN", run["message"])
     assert drift["notes"] == run["notes"]
 
@@ -148,14 +152,14 @@ def test_terminal_has_the_same_verdict_as_in_a_run(at: Quay) -> None:
 def test_drift_ignores_the_site_lock(at: Quay) -> None:
     with Store(at.state).lock("coastal", "somebody else's run"):
         at.provision("site=coastal", "--yes", code=4)
-        at.provision("drift", "site=coastal", code=6)
+        at.provision("report", "drift", "site=coastal", code=6)
 
 
 def test_ansible_in_check_mode_shows_the_same(at: Quay) -> None:
     at.configure()
     types(at, "/ip/dns/static/add", "=name=printer", "=address=10.64.1.77")
     types(at, "/ip/dns/set", "=servers=10.9.9.1")
-    shown = at.provision("drift", "site=coastal", code=6).stdout
+    shown = at.provision("report", "drift", "site=coastal", code=6).stdout
     done = subprocess.run(
         [
             *(sys.executable, "-m", "ansible", "playbook", "-i", str(at.inventory)),

@@ -38,7 +38,7 @@ def test_many_foreign_rows_are_removed_after_two_confirmations(at: Quay) -> None
 
 
 def test_non_interactive_removal_needs_the_advised_flag(at: Quay) -> None:
-    planned = at.provision("site=coastal", "--plan", code=2).stdout
+    planned = at.provision("plan", "site=coastal", code=2).stdout
     assert "1 changes of 101 rows over" in planned
     assert f"note: {WORDS}" in " ".join(planned.split())
     refused = " ".join(at.provision("site=coastal", code=3).stderr.split())

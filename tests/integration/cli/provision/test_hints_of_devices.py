@@ -22,7 +22,7 @@ from atlantis_netcfg.runs import Store
 from atlantis_netcfg.vpn.authority.authority import Authority
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-HERE = (f"only={ROUTER}", "--yes")
+HERE = (f"device={ROUTER}", "--yes")
 
 
 @dataclass
@@ -75,22 +75,22 @@ def test_router_without_certificate_gets_one_by_following_the_hints(technician: 
         if row["name"] == "atlantis-vpn":
             technician.at.do("console", words=["/certificate/remove", f"=.id={row['.id']}"])
     refused = technician.type("site=coastal", code=4)
-    lacking = technician.follow(refused, "type `provision vpn install host={}` first", code=3)
+    lacking = technician.follow(refused, "type `provision vpn install device={}` first", code=3)
     onboard = (
-        "`provision vpn onboard host={}` where the authority is, else `provision vpn accept file=FILE` with what it "
+        "`provision vpn onboard device={}` where the authority is, else `provision vpn accept file=FILE` with what it "
         "has handed out"
     )
     nobody = technician.follow(lacking, onboard, code=3)
     technician.follow(nobody, "`provision vpn init` makes one; `authority=DIR` names it")
     handed = technician.follow(lacking, onboard, code=5)  # the server is not reached from here, and waits
-    technician.follow(handed, "provision vpn install host={}")
+    technician.follow(handed, "provision vpn install device={}")
     technician.type("site=coastal")
     assert "no changes needed" in technician.type("site=coastal")
     technician.type("vpn", "renew", f"name={ROUTER}", "key=ec", code=5)
-    installed = technician.follow(handed, "provision vpn install host={}")
+    installed = technician.follow(handed, "provision vpn install device={}")
     tried = "its key is of an elliptic curve, with which no RouterOS was tried: `provision vpn renew name={} key=rsa`"
     technician.follow(installed, tried, code=5)
-    renewed = technician.follow(handed, "provision vpn install host={}")
+    renewed = technician.follow(handed, "provision vpn install device={}")
     assert "elliptic" not in renewed
     lost = (
         "rows that named the former interface (lists, routes) have lost it: type `provision site={site}` when this is "
@@ -118,7 +118,7 @@ def test_unprotected_router_leads_to_adoption(technician: Technician, monkeypatc
     technician.at.adopt()
     refused = technician.type("site=coastal", code=4)
     hint = (
-        "pin its SSH host key with `provision adopt site=… device=…`, upgrade it to RouterOS 7.18, or say "
+        "pin its SSH host key with `provision device adopt site=… device=…`, upgrade it to RouterOS 7.18, or say "
         "--without-protection with somebody standing beside it"
     )
     technician.follow(refused, hint, code=7)
@@ -153,10 +153,11 @@ def test_router_that_lacks_a_feature_is_upgraded_and_gets_it(
     at.do("console", words=["/system/logging/action/add", *words])
     at.configure()
     old(technician, monkeypatch)
-    restore = ("restore", f"device={ROUTER}", "to=latest", "--yes")
+    restore = ("device", "restore", f"device={ROUTER}", "run=latest", "--yes")
     refused = technician.type(*restore, code=4)
     hint = (
-        "put RouterOS {} or later on it: `provision upgrade site=… device=… packages=FILE.npk`, where FILE.npk is "
+        "put RouterOS {} or later on it: `provision device upgrade site=… device=… packages=FILE.npk`, where "
+        "FILE.npk is "
         "MikroTik's package for {}"
     )
     words, *_ = advised(said(refused, hint))
@@ -171,10 +172,10 @@ def test_a_router_that_is_too_old_is_upgraded_and_joins(
 ) -> None:
     old(technician, monkeypatch)
     technician.type("vpn", "init")
-    handed = technician.type("vpn", "onboard", f"host={ROUTER}", code=5)
+    handed = technician.type("vpn", "onboard", f"device={ROUTER}", code=5)
     (install,) = (words for words in advised(handed) if words[:2] == ["vpn", "install"])
     refused = technician.type(*install, code=4)
-    (words,) = advised(said(refused, "`provision upgrade site={} device={} packages=FILE.npk`"))
+    (words,) = advised(said(refused, "`provision device upgrade site={} device={} packages=FILE.npk`"))
     upgraded = technician.type(*packed(words, tmp_path))
     assert "RouterOS 7.16 -> 7.21.5, read back" in upgraded
     assert "is imported, with the certificate atlantis-vpn: read back" in technician.type(*install)

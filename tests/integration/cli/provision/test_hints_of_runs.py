@@ -11,7 +11,7 @@ from quay import PROVISION, ROUTER, Quay, fresh_quay
 from atlantis_netcfg.cli import main
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-RUN = ("site=coastal", f"only={ROUTER}", "--yes")
+RUN = ("site=coastal", f"device={ROUTER}", "--yes")
 at = pytest.fixture(fresh_quay)
 
 
@@ -32,7 +32,7 @@ def test_resume_without_any_run_leads_to_the_first_run(
 ) -> None:
     """From the first dead end of a newcomer to the first run: each answer leads to the next."""
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "empty"))
-    assert main(["resume", "site=coastal"]) == 7
+    assert main(["recover", "resume", "site=coastal"]) == 7
     (listing,) = advised(capsys.readouterr().err)
     assert main(listing) == 7
     (first,) = advised(capsys.readouterr().err)
@@ -42,19 +42,22 @@ def test_resume_without_any_run_leads_to_the_first_run(
 
 
 def test_missing_or_damaged_confirmed_state_leads_to_a_next_command(at: Quay) -> None:
-    refused = at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=7).stderr
+    refused = at.provision("device", "restore", f"device={ROUTER}", "run=latest", "--plan", code=7).stderr
     run, listing = advised(refused)
-    assert (run, listing) == (["site=coastal", f"inventory={at.inventory}"], ["runs"])
+    assert (run, listing) == (["site=coastal", f"inventory={at.inventory}"], ["report", "runs"])
     follow(at, run)
-    assert at.json("restore", f"device={ROUTER}", "to=latest", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert (
+        at.json("device", "restore", f"device={ROUTER}", "run=latest", "--plan", code=0)["devices"][ROUTER]["planned"]
+        == 0
+    )
     with next(at.inventory.rglob("*.yml")).open("a", encoding="utf-8") as file:
         file.write("\n# another revision\n")
-    declared, *_ = advised(at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=0).stdout)
+    declared, *_ = advised(at.provision("device", "restore", f"device={ROUTER}", "run=latest", "--plan", code=0).stdout)
     assert declared == ["site=coastal"]
     follow(at, declared)
     for path in (at.state / "real/coastal/confirmed").iterdir():
         path.unlink()
-    refused = at.provision("restore", f"device={ROUTER}", "to=latest", "--yes", code=4).stderr
+    refused = at.provision("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=4).stderr
     (listing,) = advised(refused)
     assert "exit 0" in follow(at, listing)
 
@@ -62,7 +65,7 @@ def test_missing_or_damaged_confirmed_state_leads_to_a_next_command(at: Quay) ->
 def test_resume_of_a_finished_run_leads_to_a_next_run(at: Quay) -> None:
     at.provision(*RUN, code=0)
     (row,) = at.runs()
-    refused = at.provision("resume", "site=coastal", f"run={row['run']}", code=7).stderr
+    refused = at.provision("recover", "resume", "site=coastal", f"run={row['run']}", code=7).stderr
     (command,) = advised(refused)
     assert [word for word in command if word in RUN] == list(RUN)
     assert "no changes needed" in follow(at, [word for word in command if not word.startswith("inventory=")])
@@ -72,7 +75,7 @@ def test_rollback_to_a_run_without_saved_state_leads_to_the_list(at: Quay) -> No
     at.configure()
     at.configure()
     run = at.runs()[-1]["run"]
-    refused = at.provision("rollback", "site=coastal", f"to={run}", "--yes", code=7).stderr
+    refused = at.provision("recover", "rollback", "site=coastal", f"run={run}", "--yes", code=7).stderr
     (listing,) = advised(refused)
     assert run in follow(at, listing)
 
@@ -83,13 +86,13 @@ def test_damaged_journal_is_reported_and_rollback_still_works(at: Quay) -> None:
     (row,) = at.runs()
     journal = at.state / "real/coastal/runs" / row["run"] / "journal.jsonl"
     whole = journal.read_bytes()
-    back = ("rollback", "site=coastal", "to=latest", "--yes")
+    back = ("recover", "rollback", "site=coastal", "run=latest", "--yes")
     journal.write_bytes(whole.replace(b'"kind":"state-saved"', b'"kind":"state-sawed"'))
     (listing,) = advised(at.provision(*back, code=4).stderr)
     assert f"DAMAGED JOURNAL: line 6 ({ROUTER}) is damaged" in follow(at, listing)
-    assert f"line 6 ({ROUTER}) is damaged" in at.provision("site=coastal", "--plan", code=0).stderr
+    assert f"line 6 ({ROUTER}) is damaged" in at.provision("plan", "site=coastal", code=0).stderr
     journal.write_bytes(whole.replace(b'"kind":"outcome"', b'"kind":"outcame"'))
-    named = ("rollback", "site=coastal", f"to={row['run']}", f"only={ROUTER}", "--yes")
+    named = ("recover", "rollback", "site=coastal", f"run={row['run']}", f"device={ROUTER}", "--yes")
     assert f"({ROUTER}) is damaged" in at.provision(*named, code=0).stderr
     assert at.export().splitlines() == before.splitlines()
 
@@ -100,7 +103,7 @@ def test_link_lost_before_the_first_change_leads_to_resume(at: Quay) -> None:
     assert told["status"] == "left-as-found"
     (row,) = at.runs()
     (command,) = advised(told["hint"])
-    assert command == ["resume", "site=coastal", f"run={row['run']}", f"inventory={at.inventory}"]
+    assert command == ["recover", "resume", "site=coastal", f"run={row['run']}", f"inventory={at.inventory}"]
     follow(at, command)
     assert at.json(*RUN[:2], "--plan", code=0)["devices"][ROUTER]["planned"] == 0
     assert [each["unfinished"] for each in at.runs()] == [False]
@@ -120,7 +123,7 @@ sys.exit(main())
 
 def test_resume_without_open_work_leads_to_a_new_run(at: Quay) -> None:
     """Somebody was at work there and has ended meanwhile: there is nothing to wait for and nothing to go on with."""
-    typed = [sys.executable, "-c", READ, "resume", "site=coastal", f"inventory={at.inventory}"]
+    typed = [sys.executable, "-c", READ, "recover", "resume", "site=coastal", f"inventory={at.inventory}"]
     done = subprocess.run(typed, env=at.environment(), capture_output=True, text=True, check=False)
     assert done.returncode == 7, done.stderr
     assert "nothing is open on its devices, which are not as declared" in done.stderr
@@ -135,7 +138,7 @@ def test_resume_waits_for_safe_mode_held_by_someone_else(at: Quay) -> None:
     told = at.json(*RUN, code=4)["devices"][ROUTER]
     assert "holds safe mode" in told["message"]
     (command,) = advised(told["hint"])
-    assert command == ["resume", "site=coastal", f"inventory={at.inventory}"]
+    assert command == ["recover", "resume", "site=coastal", f"inventory={at.inventory}"]
     with subprocess.Popen(
         [PROVISION, *command], env=at.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     ) as running:

@@ -48,39 +48,39 @@ SAID: dict[str, Answer] = {
 }
 """In what a device may put it: the texts of its rows, every value, its refusals, and what it says to a login."""
 ASKING: dict[str, tuple[str, ...]] = {
-    "plan": ("site=coastal", "--plan"),
+    "plan": ("plan", "site=coastal"),
     "change": ("site=coastal", "--yes"),
-    "drift": ("drift", "site=coastal", "--junit=DRIFT"),
-    "backup": ("backup", "site=coastal"),
-    "resume": ("resume", "site=coastal"),
-    "verify": ("verify", f"device={ROUTER}"),
+    "report drift": ("report", "drift", "site=coastal", "--junit=DRIFT"),
+    "device backup": ("device", "backup", "site=coastal"),
+    "recover resume": ("recover", "resume", "site=coastal"),
+    "device verify": ("device", "verify", f"device={ROUTER}"),
     "links": ("links", "site=coastal", "--accept-cost"),
-    "prove": ("prove", "site=coastal", "--accept-cost"),
-    "upgrade": ("upgrade", "site=coastal", f"device={ROUTER}", "packages=PACKAGE", "--plan"),
+    "measure satellite": ("measure", "satellite", "site=coastal", "--accept-cost"),
+    "device upgrade": ("device", "upgrade", "site=coastal", f"device={ROUTER}", "packages=PACKAGE", "--plan"),
     "check": ("check", "site=coastal", "--accept-cost", "--anew"),
-    "asbuilt": ("asbuilt", "site=coastal", "--accept-cost"),
+    "report as-built": ("report", "as-built", "site=coastal", "--accept-cost"),
 }
-"""To a router whose twin is fresh from `provision adopt`."""
+"""To a router whose twin is fresh from `provision device adopt`."""
 AFTER_RUN: dict[str, tuple[str, ...]] = {
-    "rollback": ("rollback", "site=coastal", "to=RUN", "--yes"),
-    "restore": ("restore", f"device={ROUTER}", "to=latest", "--yes"),
-    "install": ("vpn", "install", f"host={ROUTER}", "--yes"),
-    "use": ("use", "site=coastal", "link=4g", "for=10m", "--unproved", "--accept-cost", "--yes"),
-    "runs": ("runs", "site=coastal", "--all"),
+    "recover rollback": ("recover", "rollback", "site=coastal", "run=RUN", "--yes"),
+    "device restore": ("device", "restore", f"device={ROUTER}", "run=latest", "--yes"),
+    "vpn install": ("vpn", "install", f"device={ROUTER}", "--yes"),
+    "links use": ("links", "use", "site=coastal", "link=4g", "for=10m", "--unproved", "--accept-cost", "--yes"),
+    "report runs": ("report", "runs", "site=coastal", "--all"),
 }
 """Once the router is as declared, and has an identity for the VPN."""
 READING: tuple[tuple[str, ...], ...] = (
-    ("report", "list", "site=coastal"),
+    ("report", "checklists", "site=coastal"),
     ("report", "show", "site=coastal"),
     ("report", "verify", "site=coastal"),
 )
 """What a checklist of such a router has left on this computer."""
 OVER_SSH: dict[str, tuple[str, ...]] = {
-    "plan": ("site=coastal", f"only={GATEWAY}", "--plan"),
-    "change": ("site=coastal", f"only={GATEWAY}", "--yes", "--verbose"),
-    "drift": ("drift", "site=coastal", f"only={GATEWAY}", "--junit=DRIFT"),
+    "plan": ("plan", "site=coastal", f"device={GATEWAY}"),
+    "change": ("site=coastal", f"device={GATEWAY}", "--yes", "--verbose"),
+    "report drift": ("report", "drift", "site=coastal", f"device={GATEWAY}", "--junit=DRIFT"),
     "check": ("check", "site=coastal", "--accept-cost", "--anew"),
-    "bundle": ("bundle", "site=coastal", f"only={GATEWAY}", "to=BUNDLE"),
+    "gateway bundle": ("gateway", "bundle", "site=coastal", f"device={GATEWAY}", "to=BUNDLE"),
 }
 """To a gateway."""
 TO_SERVER: dict[str, tuple[str, ...]] = {
@@ -94,36 +94,40 @@ TO_SERVER: dict[str, tuple[str, ...]] = {
 RECORDED: tuple[tuple[str, ...], ...] = (("vpn", "list"), ("vpn", "show", f"name={MEMBER}"), ("vpn", "audit"))
 """What the record says after all that."""
 FIRST_CONTACT: dict[str, tuple[str, ...]] = {
-    "plan": ("adopt", "site=coastal", f"device={ROUTER}", f"address={ADDRESS[0]}", "--plan"),
-    "change": ("adopt", "site=coastal", f"device={ROUTER}", f"address={ADDRESS[0]}", "--yes", "--take-over"),
+    "plan": ("device", "adopt", "site=coastal", f"device={ROUTER}", f"address={ADDRESS[0]}", "--plan"),
+    "change": ("device", "adopt", "site=coastal", f"device={ROUTER}", f"address={ADDRESS[0]}", "--yes", "--take-over"),
 }
-TRUST = ("trust", "site=coastal", f"only={ROUTER}", f"only={GATEWAY}")
+TRUST = ("device", "trust", "site=coastal", f"device={ROUTER}", f"device={GATEWAY}")
 NO_DEVICE: dict[str, str] = {
-    "apply": "it is a run of a plan that was saved: what a device says is told as `run` tells it",
-    "init": "it makes files of answers, and contacts nobody",
-    "doctor": "it looks at this laptop, and at a certificate; nobody logs in",
-    "validate": "it reads the inventory, and contacts nobody",
-    "fit": "it reckons with the inventory and with files of this computer, and contacts nobody",
+    "plan apply": "it is a run of a plan that was saved: what a device says is told as `run` tells it",
+    "inventory init": "it makes files of answers, and contacts nobody",
+    "inventory doctor": "it looks at this laptop, and at a certificate; nobody logs in",
+    "inventory validate": "it reads the inventory, and contacts nobody",
+    "measure fit": "it reckons with the inventory and with files of this computer, and contacts nobody",
     "robot validate": "robots' files pass the same streams: tests/unit/robots/test_robot_command.py plays one",
     "robot discover": "robots' words pass the same streams, and it needs robots: tests/unit/robots plays what is heard",
     "robot mock": "it sends what the inventory's files hold, and hears nobody",
-    "qualify": "of the router it takes numbers and identifiers; what it refuses is said as `prove` says it",
-    "qualify show": "it reads files of this computer, and contacts nobody",
-    "qualify compare": "it reads files of this computer, and contacts nobody",
-    "qualify history": "it reads files of this computer, and contacts nobody",
-    "survey": "a 4G unit is read as `links` reads it; its pages are in tests/unit/records/survey/test_survey_files.py",
-    "retrieve": "a gateway's words pass the same streams; names of files are in tests/unit/computers/retrieval",
-    "dds": "it makes files of the inventory, and contacts nobody",
-    "image": "it reads the vendor's file and a card; a card's name: tests/unit/cli/commands/test_printable.py",
+    "measure link": (
+        "of the router it takes numbers and identifiers; what it refuses is said as `measure satellite` says it"
+    ),
+    "measure show": "it reads files of this computer, and contacts nobody",
+    "measure compare": "it reads files of this computer, and contacts nobody",
+    "measure history": "it reads files of this computer, and contacts nobody",
+    "measure coverage": (
+        "a 4G unit is read as `links` reads it; its pages are in tests/unit/records/survey/test_survey_files.py"
+    ),
+    "robot retrieve": "a gateway's words pass the same streams; names of files are in tests/unit/computers/retrieval",
+    "robot dds": "it makes files of the inventory, and contacts nobody",
+    "gateway image": "it reads the vendor's file and a card; a card's name: tests/unit/cli/commands/test_printable.py",
     "vpn init": "it makes an authority, and contacts nobody",
-    "guest add": "what the server of the VPN says is told as `vpn onboard` tells it",
-    "guest end": "what the server of the VPN says is told as `vpn revoke` tells it",
+    "robot invite": "what the server of the VPN says is told as `vpn onboard` tells it",
+    "robot dismiss": "what the server of the VPN says is told as `vpn revoke` tells it",
     "vpn accept": "it opens a file of the authority, and contacts nobody",
-    "completion bash": "it says what is installed",
-    "completion zsh": "it says what is installed",
-    "completion fish": "it says what is installed",
-    "man": "it says what there is",
-    "version": "it says what is installed",
+    "recover": "it lists runs of this computer, and contacts nobody",
+    "help completion": "it says what is installed",
+    "help exit-codes": "it says what there is",
+    "help man": "it says what there is",
+    "help version": "it says what is installed",
     "help": "it says what there is",
 }
 
@@ -150,7 +154,7 @@ at = pytest.fixture(fresh_quay)
 @pytest.mark.smoke("plan-texts")
 @pytest.mark.parametrize(("asked", "said"), list(_sampled(ASKING, SAID)))
 def test_hostile_router_text_is_escaped(at: Quay, tmp_path: Path, asked: str, said: str) -> None:
-    at.program = (asked, said) == ("drift", "texts")
+    at.program = (asked, said) == ("report drift", "texts")
     files = {"DRIFT": tmp_path / "drift.xml", "PACKAGE": write(tmp_path, "routeros", "7.21.5", "arm64")}
     with hostile(tmp_path, at.door.port, SAID[said]) as device:
         at.door.port = device.port
@@ -168,13 +172,13 @@ def test_hostile_router_text_is_escaped(at: Quay, tmp_path: Path, asked: str, sa
 def test_hostile_router_text_is_escaped_after_a_run(at: Quay, tmp_path: Path, asked: str, said: str) -> None:
     at.configure()
     (run,) = at.runs()
-    at.program = (asked, said) == ("rollback", "everything")
-    if asked == "install":
-        authority(at, "onboard", f"host={ROUTER}", f"recipient={NOBODY}", "--no-push")
+    at.program = (asked, said) == ("recover rollback", "everything")
+    if asked == "vpn install":
+        authority(at, "onboard", f"device={ROUTER}", f"recipient={NOBODY}", "--no-push")
     with hostile(tmp_path, at.door.port, SAID[said]) as device:
         at.door.port = device.port
         Store(at.state).pins.change(ROUTER, device.fingerprint)
-        if asked == "runs":
+        if asked == "report runs":
             harmless(at, *ASKING["change"])
         harmless(at, *(word.replace("RUN", run["run"]) for word in AFTER_RUN[asked]))
 
@@ -240,7 +244,7 @@ def test_hostile_rows_of_a_console_are_escaped(
 
     monkeypatch.setattr(Terminal, "rows", hostile_rows)
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
-    assert main(["adopt", "site=scc", "device=scc-router", "--rehearse", "--yes", *more]) in CODES
+    assert main(["device", "adopt", "site=scc", "device=scc-router", "--rehearse", "--yes", *more]) in CODES
     said = capsys.readouterr()
     for text in (said.out, said.err):
         assert control_characters(text) == []
@@ -337,7 +341,7 @@ def test_missing_fields_of_a_device_do_not_crash_the_program(
     assert "provision itself failed" not in done.stdout + done.stderr
     assert ROUTER in done.stdout + done.stderr or "the router" in done.stderr
     # What is saved is the device's own export, no row of it.
-    assert done.returncode != 0 or asked == "backup" or missing == "counters"
+    assert done.returncode != 0 or asked == "device backup" or missing == "counters"
 
 
 def test_hostile_text_reaches_the_output(at: Quay, tmp_path: Path) -> None:
@@ -345,6 +349,6 @@ def test_hostile_text_reaches_the_output(at: Quay, tmp_path: Path) -> None:
     with hostile(tmp_path, at.door.port, SAID["texts"]) as device:
         at.door.port = device.port
         Store(at.state).pins.change(ROUTER, device.fingerprint)
-        told = at.provision("drift", "site=coastal", code=6).stdout
+        told = at.provision("report", "drift", "site=coastal", code=6).stdout
     assert r"evil\u001b]0;owned\u0007\u001b[2J\u202e\u009b31m\u2066\u000a\u0009evil\u000d\u007f\u200f\u2028evil" in told
     assert control_characters(HOSTILE) != []

@@ -15,7 +15,7 @@ from quay import PROVISION, ROUTER, Quay, fresh_quay
 from waiting import wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-RUN = ("site=coastal", f"only={ROUTER}", "--yes")
+RUN = ("site=coastal", f"device={ROUTER}", "--yes")
 at = pytest.fixture(fresh_quay)
 
 
@@ -77,7 +77,7 @@ def test_command_advised_by_runs_continues_the_killed_run(at: Quay) -> None:
     run = killed_between_pieces(at)
     (row,) = at.runs()
     (command,) = advised(row["next"])
-    assert command == ["resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
+    assert command == ["recover", "resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
     assert at.json(*command, code=0)["devices"][ROUTER]["status"] == "changed"
     whole(at)
 
@@ -91,7 +91,7 @@ def test_second_laptop_is_told_how_to_take_over_the_run(at: Quay) -> None:
     assert "or has died there" in told["message"]
     assert re.search(r"the sign of a run that died goes by itself within (29|30)m", told["hint"])
     (command,) = advised(told["hint"])
-    assert command == ["resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
+    assert command == ["recover", "resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
     code, told = laptop(at, "second", *command)
     assert (code, told["devices"][ROUTER]["status"]) == (0, "changed")
     assert not _signs(at)
@@ -100,10 +100,10 @@ def test_second_laptop_is_told_how_to_take_over_the_run(at: Quay) -> None:
 
 def test_resume_on_a_laptop_without_the_journal_leads_to_take_over(at: Quay) -> None:
     run = killed_between_pieces(at)
-    code, told = laptop(at, "second", "resume", "site=coastal")
+    code, told = laptop(at, "second", "recover", "resume", "site=coastal")
     assert code == 4
     (command,) = advised(told["devices"][ROUTER]["hint"])
-    assert command == ["resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
+    assert command == ["recover", "resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
     code, told = laptop(at, "second", *command)
     assert (code, told["devices"][ROUTER]["status"]) == (0, "changed")
     assert not _signs(at)

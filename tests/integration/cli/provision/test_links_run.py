@@ -11,7 +11,7 @@ from atlantis_netcfg.runs import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
-ONLY = ("site=coastal", f"only={ROUTER}")
+ONLY = ("site=coastal", f"device={ROUTER}")
 NOT_ASKED = 6
 """What a look ends with here: no resolver is in this network, so a name of the allow-list cannot be asked for."""
 

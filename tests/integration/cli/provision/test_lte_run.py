@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 
 NAME = "te4sea-4g"
 ADDRESS = "10.10.9.1"
-ONLY = ("site=te4sea", f"only={NAME}")
+ONLY = ("site=te4sea", f"device={NAME}")
 BASE = """\
 ---
 device:
@@ -107,11 +107,11 @@ def test_unit_is_pinned_configured_and_then_unchanged(at: tuple[Path, RunningRut
     for flag in ("--plan", "--yes"):
         assert "its certificate is not known here, so it was told no password" in typed(flag, code=4)["message"]
     assert (pins.get(NAME), running.unit.export()) == (None, before)
-    pins.change(NAME, running.ready["pin"])  # as `provision trust` does
+    pins.change(NAME, running.ready["pin"])  # as `provision device trust` does
     for flag in ("--plan", "--yes"):
         refused = typed(flag, code=4)
         assert "its SSH host key is not known here, so it was told no password" in refused["message"]
-        assert refused["hint"].startswith("`provision trust site=te4sea ")
+        assert refused["hint"].startswith("`provision device trust site=te4sea ")
     assert (pins.host_key(NAME), running.unit.export()) == (None, before)
     pins.change_host_key(NAME, running.ready["host_key"])
     assert typed("--plan", code=2)["planned"] == 3
@@ -129,7 +129,9 @@ def test_unit_is_pinned_configured_and_then_unchanged(at: tuple[Path, RunningRut
     with Store(state).start(killed):
         pass
     assert len(Store(state).unfinished_runs("te4sea")) == 1
-    resumed = json.loads(provision(inventory, state, "resume", "site=te4sea", "--accept-cost", "--json", code=0))
+    resumed = json.loads(
+        provision(inventory, state, "recover", "resume", "site=te4sea", "--accept-cost", "--json", code=0)
+    )
     assert resumed["devices"][NAME]["status"] == "unchanged"
     assert Store(state).unfinished_runs("te4sea") == ()
     assert "a-real" not in "".join(path.read_text() for path in state.rglob("*") if path.is_file())

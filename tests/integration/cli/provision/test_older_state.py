@@ -73,9 +73,9 @@ def configured(older: Path) -> str:
 def test_old_runs_and_pins_are_listed_unchanged(older: Path) -> None:
     expected = json.loads((older / "confirmed.json").read_text(encoding="utf-8"))
     assert Store(older / "confirmed").pins.get(ROUTER) == expected["pin"]
-    listed: list[dict[str, Any]] = json.loads(typed(older / "confirmed", "runs", "site=coastal", "--json", code=0))[
-        "runs"
-    ]
+    listed: list[dict[str, Any]] = json.loads(
+        typed(older / "confirmed", "report", "runs", "site=coastal", "--json", code=0)
+    )["runs"]
     kept = [{key: row[key] for key in expected["runs"][0]} for row in listed]
     assert [row for row in kept if row in expected["runs"]] == expected["runs"]
 
@@ -86,7 +86,7 @@ def test_a_run_is_rolled_back(older: Path, tmp_path: Path) -> None:
     (first, *_) = sorted(path.name for path in (older / "confirmed/real/coastal/runs").iterdir())
     with quay(tmp_path, seed=configured(older)) as at:
         met(at, older, "confirmed")
-        at.provision("rollback", "site=coastal", f"to={first}", "--yes", code=0)
+        at.provision("recover", "rollback", "site=coastal", f"run={first}", "--yes", code=0)
         assert rows(at.export()) == rows((older / "before.rsc").read_text(encoding="utf-8"))
         assert at.json("site=coastal", "--yes", code=0)["devices"][ROUTER]["status"] == "changed"
         assert at.json("site=coastal", "--yes", code=0)["devices"][ROUTER]["status"] == "unchanged"
@@ -96,9 +96,9 @@ def test_a_run_is_rolled_back(older: Path, tmp_path: Path) -> None:
 def test_old_confirmed_state_is_the_baseline_of_drift_and_next_run(older: Path, tmp_path: Path) -> None:
     with quay(tmp_path, seed=configured(older)) as at:
         met(at, older, "confirmed")
-        at.json("drift", "site=coastal", code=6)
+        at.json("report", "drift", "site=coastal", code=6)
         assert at.json("site=coastal", "--yes", code=0)["devices"][ROUTER]["status"] == "changed"
-        at.json("drift", "site=coastal", code=0)
+        at.json("report", "drift", "site=coastal", code=0)
 
 
 @pytest.mark.namespace
@@ -107,8 +107,8 @@ def test_a_killed_run_is_resumed(older: Path, tmp_path: Path) -> None:
         met(at, older, "killed")
         assert rows(at.export()) == rows((older / "killed.rsc").read_text(encoding="utf-8"))
         assert [row["unfinished"] for row in at.runs()] == [True]
-        assert at.json("resume", "site=coastal", code=0)["devices"][ROUTER]["status"] == "changed"
-        assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+        assert at.json("recover", "resume", "site=coastal", code=0)["devices"][ROUTER]["status"] == "changed"
+        assert at.json("plan", "site=coastal", code=0)["devices"][ROUTER]["planned"] == 0
         assert not any(row["unfinished"] for row in at.runs())
 
 
@@ -149,8 +149,8 @@ def test_a_signed_checklist_is_verified_listed_and_shown(older: Path) -> None:
     (report,) = (state / "rehearsal/coastal/checks").glob("*/report.json")
     run = report.parent.name
     assert run in typed(state, "report", "verify", "site=coastal", code=0)
-    assert run in typed(state, "report", "list", "site=coastal", "--rehearsed", code=0)
-    assert run in typed(state, "report", "show", "site=coastal", f"run={run}", "--rehearsed", code=0)
+    assert run in typed(state, "report", "checklists", "site=coastal", "--rehearse", code=0)
+    assert run in typed(state, "report", "show", "site=coastal", f"run={run}", "--rehearse", code=0)
     records = report.with_name("records.jsonl")
     records.write_text(records.read_text("utf-8").replace('"PASS"', '"FAIL"', 1).replace("pass", "fail", 1), "utf-8")
     assert "records.jsonl" in typed(state, "report", "verify", "site=coastal", code=6)

@@ -13,11 +13,11 @@ from quay import PROVISION
 
 LINES = (
     ("version",),
-    ("version", "--json"),
+    ("help", "version", "--json"),
     ("help", "drift"),
     ("validate",),
-    ("runs", "site=coastal"),
-    ("site=costal", "--plan"),
+    ("report", "runs", "site=coastal"),
+    ("plan", "site=costal"),
     ("site=coastal", "--nonsense"),
 )
 
@@ -37,9 +37,13 @@ def test_it_uses_the_working_directory_and_environment_of_the_caller(
     (tmp_path / "here").mkdir()
     environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
     program = subprocess.run(
-        [PROVISION, "validate", "inventory=here"], env=environment, capture_output=True, text=True, check=False
+        [PROVISION, "inventory", "validate", "inventory=here"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    child = preforked.run(("validate", "inventory=here"), env=environment)
+    child = preforked.run(("inventory", "validate", "inventory=here"), env=environment)
     assert (child.returncode, child.stderr) == (program.returncode, program.stderr)
     assert "does not exist" not in child.stderr
 
@@ -59,14 +63,14 @@ def test_it_reads_passed_file_descriptors(tmp_path: Path) -> None:
 
 def test_stderr_can_be_merged_into_stdout(tmp_path: Path) -> None:
     environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
-    done = preforked.run(("site=costal", "--plan"), env=environment, stderr=subprocess.STDOUT)
+    done = preforked.run(("plan", "site=costal"), env=environment, stderr=subprocess.STDOUT)
     assert "did you mean `coastal`?" in done.stdout
 
 
 def test_consecutive_commands_do_not_affect_each_other(tmp_path: Path) -> None:
     """Nothing of a command is left for the next one: each is forked from the process that has only imported."""
     first, second = (
-        preforked.run(("version", *more), env={**os.environ, "ATLANTIS_STATE": str(tmp_path)})
+        preforked.run(("help", "version", *more), env={**os.environ, "ATLANTIS_STATE": str(tmp_path)})
         for more in (("--json",), ())
     )
     assert first.stdout.startswith("{")
@@ -115,7 +119,7 @@ def test_shell_client_passes_its_open_file_descriptors(tmp_path: Path) -> None:
     server = preforked.server(sys.executable).fileno()
     authority = ("vpn", "init", "sealed=vault", "authority=here", "--passphrase-fd=3")
     line = f"{shlex.join([*preforked.client(server), *authority])} 3<<<'mackerel lantern orbit velvet'"
-    line = f"{line}; exec {shlex.join([*preforked.client(server), 'site=costal', '--plan'])}"
+    line = f"{line}; exec {shlex.join([*preforked.client(server), 'plan', 'site=costal'])}"
     done = subprocess.run(
         ["bash", "-c", line],
         cwd=tmp_path,

@@ -1,4 +1,4 @@
-"""`provision prove` against a router that stands at its declared address: consent, pins, and what is left behind."""
+"""`provision measure satellite` against a router at its address: consent, pins, what is left behind."""
 
 import json
 import os
@@ -44,9 +44,9 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 @pytest.mark.smoke
 def test_prove_needs_cost_consent_and_leaves_nothing_behind(at: Quay) -> None:
     before = at.export()
-    refused = at.provision("prove", "site=coastal", "bearer=satellite", code=4)
+    refused = at.provision("measure", "satellite", "site=coastal", "link=satellite", code=4)
     assert "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal" in refused.stderr
-    told = at.json("prove", "site=coastal", "--accept-cost", code=6)
+    told = at.json("measure", "satellite", "site=coastal", "--accept-cost", code=6)
     found = {row["target"]: (row["outcome"], row["verdict"]) for row in told["targets"]}
     assert found[STRANGER] == ("refused here", "PASS")
     assert (told["rehearsed"], told["not_rehearsed"]) == (False, [])
@@ -54,20 +54,20 @@ def test_prove_needs_cost_consent_and_leaves_nothing_behind(at: Quay) -> None:
     names = [one for one in told["findings"] if one["code"].startswith("allow-list-name-")]
     assert [one["verdict"] in ("INCONCLUSIVE", "WARN") for one in names] == [True]
 
-    opened = at.json("prove", "site=coastal", "--open-filter", "--accept-cost", code=6)
+    opened = at.json("measure", "satellite", "site=coastal", "--open-filter", "--accept-cost", code=6)
     seen = {row["target"]: row["code"] for row in opened["targets"] if row["filter_open"]}
     assert seen == {STRANGER: "only-the-router-enforces"}
     assert 0 < opened["bytes_counted"] < opened["budget_bytes"]
     assert opened["cost"]["payload_bytes"] == opened["bytes_counted"]
-    dear = at.provision("prove", "site=coastal", "via=4g", code=4)
+    dear = at.provision("measure", "satellite", "site=coastal", "via=4g", code=4)
     assert "nobody has agreed to pay for this, so nothing was sent: over 4g" in dear.stderr
     assert at.export().splitlines() == before.splitlines()
 
 
 ENDPOINT = ("10.99.3.2", 1194)
 LAPTOP = "10.64.101.10"
-USE = ("use", "site=coastal", "link=satellite", "for=10m", "--yes", "--accept-cost")
-PROVE = ("prove", "site=coastal", "bearer=satellite", "--try-all", "--accept-cost")
+USE = ("links", "use", "site=coastal", "link=satellite", "for=10m", "--yes", "--accept-cost")
+PROVE = ("measure", "satellite", "site=coastal", "link=satellite", "--try-all", "--accept-cost")
 VPN = "10.99.3.2 udp 1194"
 
 
@@ -159,7 +159,10 @@ def test_link_proved_by_a_vpn_response_can_be_used(at: Quay, prove: Callable[...
     identity = hold(at)
     with vpn_server(identity) as port, beyond(at, ("127.0.0.1", port)) as there:
         refused = at.provision(*USE, code=4).stderr
-        hint = "`provision prove site={} bearer={} --try-all` tries the VPN over it, which counts for an hour; or {}"
+        hint = (
+            "`provision measure satellite site={} link={} --try-all` tries the VPN over it, which counts for an "
+            "hour; or {}"
+        )
         (words,) = advised(said(refused, hint))
         assert tuple(words[:-1]) == PROVE[:-1]
         assert f"VPN server ({VPN}) was reached" in prove(*words, "--accept-cost")

@@ -25,12 +25,12 @@ def test_a_run_is_recorded_backed_up_and_rolled_back(at: Quay) -> None:
     after = at.export()
     assert after != before
     assert at.json("site=coastal", "--yes", code=0)["devices"][ROUTER]["status"] == "unchanged"
-    assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert at.json("plan", "site=coastal", code=0)["devices"][ROUTER]["planned"] == 0
 
     listed = at.runs()
     assert [row["exit"] for row in listed] == [0, 0]
-    assert at.json("backup", "site=coastal", code=0)["devices"][ROUTER]["status"] == "unchanged"
-    at.provision("rollback", "site=coastal", f"to={listed[0]['run']}", "--yes", code=0)
+    assert at.json("device", "backup", "site=coastal", code=0)["devices"][ROUTER]["status"] == "unchanged"
+    at.provision("recover", "rollback", "site=coastal", f"run={listed[0]['run']}", "--yes", code=0)
     assert at.export().splitlines() == before.splitlines()
 
 
@@ -43,7 +43,7 @@ def test_without_consent_nothing_is_changed(at: Quay) -> None:
 
 def test_plan_of_an_unreachable_router_reports_only_that(at: Quay) -> None:
     at.door.port = 0
-    done = at.provision("site=coastal", "--plan", code=4)
+    done = at.provision("plan", "site=coastal", code=4)
     assert done.stdout.startswith(f"  {ROUTER}     could not be read: 10.64.101.1:8729 ")
     assert not re.search("nothing to change|no estimate|protection", done.stdout)
 
@@ -82,7 +82,7 @@ def test_interactive_consent_applies_the_change_and_the_rollback(at: Quay) -> No
     assert at.export() == before
     assert " actions applied and verified" in at.typed("site=coastal", answer="yes", code=0)
     (run, *_) = at.runs()
-    back = at.typed("rollback", "site=coastal", f"to={run['run']}", answer="yes", code=0)
+    back = at.typed("recover", "rollback", "site=coastal", f"run={run['run']}", answer="yes", code=0)
     assert "- set name=coastal-router" in back
     assert at.export().splitlines() == before.splitlines()
 
@@ -91,7 +91,7 @@ def test_interactive_consent_applies_the_change_and_the_rollback(at: Quay) -> No
 def test_a_killed_run_is_resumed(at: Quay) -> None:
     at.twins.do(ROUTER, "link", delay_s=0.15)
     with subprocess.Popen(
-        [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", f"inventory={at.inventory}"],
+        [PROVISION, "site=coastal", f"device={ROUTER}", "--yes", f"inventory={at.inventory}"],
         env=at.environment(),
         start_new_session=True,
         stdout=subprocess.DEVNULL,
@@ -104,9 +104,9 @@ def test_a_killed_run_is_resumed(at: Quay) -> None:
     at.twins.do(ROUTER, "link", delay_s=0.0)
     (row,) = at.runs()
     assert row["unfinished"] is True
-    told = at.json("resume", "site=coastal", code=0)
+    told = at.json("recover", "resume", "site=coastal", code=0)
     assert told["devices"][ROUTER]["status"] in {"changed", "unchanged"}
-    assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert at.json("plan", "site=coastal", code=0)["devices"][ROUTER]["planned"] == 0
     assert [row["unfinished"] for row in at.runs()][:1] == [False]
 
 
@@ -116,7 +116,7 @@ def test_state_folder_deleted_during_a_run_is_an_error(at: Quay, kind: str) -> N
     before = at.export()
     at.do("link", delay_s=0.15)
     with subprocess.Popen(
-        [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", f"inventory={at.inventory}"],
+        [PROVISION, "site=coastal", f"device={ROUTER}", "--yes", f"inventory={at.inventory}"],
         env=at.environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -153,7 +153,7 @@ def kill_workers(state: Path) -> None:
 def test_second_technician_is_told_who_holds_the_lock(at: Quay) -> None:
     at.twins.do(ROUTER, "link", delay_s=0.2)
     with subprocess.Popen(
-        [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", f"inventory={at.inventory}"],
+        [PROVISION, "site=coastal", f"device={ROUTER}", "--yes", f"inventory={at.inventory}"],
         env=at.environment(),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

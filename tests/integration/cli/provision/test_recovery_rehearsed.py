@@ -30,12 +30,12 @@ def test_a_rollback_is_planned_rehearsed_and_done(at: Quay) -> None:
     (row,) = at.runs()
     run, left = row["run"], untouched(at)
 
-    planned = at.provision("rollback", "site=coastal", "to=latest", "--plan", code=2).stdout
+    planned = at.provision("recover", "rollback", "site=coastal", "run=latest", "--plan", code=2).stdout
     assert f"back to the state before run {run} (" in planned
     assert "- set name=coastal-router" in planned
     assert untouched(at) == left
 
-    told = at.json("rollback", "site=coastal", "to=latest", "--rehearse", code=0)
+    told = at.json("recover", "rollback", "site=coastal", "run=latest", "--rehearse", code=0)
     device = told["devices"][ROUTER]
     assert (told["rehearsed"], device["status"], device["second_pass"]) == (True, "changed", 0)
     assert set(device["bearers"]) == {"lan", "wifi-ptp", "4g", "satellite"}
@@ -43,19 +43,19 @@ def test_a_rollback_is_planned_rehearsed_and_done(at: Quay) -> None:
     assert device["not_rehearsed"][0] == f"what has changed on coastal-router since run {run} read it back"
     assert untouched(at) == left
 
-    at.provision("rollback", "site=coastal", "to=latest", "--yes", code=0)
+    at.provision("recover", "rollback", "site=coastal", "run=latest", "--yes", code=0)
     assert at.export() == before
     for name in (run, "latest"):
-        again = at.json("rollback", "site=coastal", f"to={name}", "--plan", code=0)["devices"][ROUTER]
+        again = at.json("recover", "rollback", "site=coastal", f"run={name}", "--plan", code=0)["devices"][ROUTER]
         assert again["planned"] == 0
-    again = at.json("rollback", "site=coastal", f"to={run}", "--rehearse", code=0)["devices"][ROUTER]
+    again = at.json("recover", "rollback", "site=coastal", f"run={run}", "--rehearse", code=0)["devices"][ROUTER]
     assert (again["status"], again["planned"]) == ("unchanged", 0)
 
 
 def test_rehearsed_rollback_reports_its_starting_state(at: Quay) -> None:
     at.configure()
     (row,) = at.runs()
-    said = at.provision("rollback", "site=coastal", "to=latest", "--rehearse", "--plan", code=2).stdout
+    said = at.provision("recover", "rollback", "site=coastal", "run=latest", "--rehearse", "--plan", code=2).stdout
     assert said.startswith("Rehearsal of coastal")
     words = " ".join(said.split())
     assert f"coastal-router: first brought to what run {row['run']} read back at " in words
@@ -65,7 +65,7 @@ def test_rehearsed_rollback_reports_its_starting_state(at: Quay) -> None:
     (journal,) = (at.state / "real/coastal/runs").glob("*/journal.jsonl")
     lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
     journal.write_text("".join(line for line in lines if "state-confirmed" not in line), encoding="utf-8")
-    said = at.provision("rollback", "site=coastal", "to=latest", "--rehearse", "--verbose", code=0).stdout
+    said = at.provision("recover", "rollback", "site=coastal", "run=latest", "--rehearse", "--verbose", code=0).stdout
     assert "coastal-router: no run has read it back: first brought to what is declared" in said
     assert "not rehearsed: what coastal-router is now: what is declared stands for it" in said
 
@@ -81,7 +81,7 @@ def test_rehearsal_detects_a_rollback_that_the_device_would_refuse(at: Quay) -> 
         journal.save(ROUTER, f"{before.text()}/ip address\nadd address=10.9.9.1/24 interface=ether99\n")
         journal.write(RunEnd(exit=0))
     left = untouched(at)
-    told = at.json("rollback", "site=coastal", "to=latest", "--rehearse", code=4)
+    told = at.json("recover", "rollback", "site=coastal", "run=latest", "--rehearse", code=4)
     assert "ether99" in told["devices"][ROUTER]["message"]
     assert untouched(at) == left
 
@@ -91,12 +91,15 @@ def test_rehearsal_needs_an_intact_starting_state(at: Quay) -> None:
     for path in (at.state / "real/coastal/confirmed").iterdir():
         path.write_text(path.read_text(encoding="utf-8") + "\n# touched\n", encoding="utf-8")
     left = untouched(at)
-    assert "it was changed since" in at.provision("rollback", "site=coastal", "to=latest", "--rehearse", code=4).stderr
+    assert (
+        "it was changed since"
+        in at.provision("recover", "rollback", "site=coastal", "run=latest", "--rehearse", code=4).stderr
+    )
     assert untouched(at) == left
 
 
 def test_rollback_to_latest_needs_a_run_with_a_saved_state(at: Quay) -> None:
-    refused = at.provision("rollback", "site=coastal", "to=latest", "--plan", code=7).stderr
+    refused = at.provision("recover", "rollback", "site=coastal", "run=latest", "--plan", code=7).stderr
     assert "no run of coastal has saved a state of coastal-router" in refused
     (listing,) = advised(refused)
     assert "provision site=NAME" in at.start(listing).stderr
@@ -104,7 +107,7 @@ def test_rollback_to_latest_needs_a_run_with_a_saved_state(at: Quay) -> None:
     assert "coastal-router changed" in at.start(listing).stdout
     at.configure()
     first, second = at.runs()
-    said = at.provision("rollback", "site=coastal", "to=latest", "--plan", code=2).stdout
+    said = at.provision("recover", "rollback", "site=coastal", "run=latest", "--plan", code=2).stdout
     assert first["run"] in said
     assert second["run"] not in said
 
@@ -114,7 +117,7 @@ def killed(at: Quay, typed: list[str], run: int = 0) -> None:
     before = at.export()
     at.do("link", delay_s=0.15)
     with subprocess.Popen(
-        [PROVISION, *typed, f"only={ROUTER}", "--yes", f"inventory={at.inventory}"],
+        [PROVISION, *typed, f"device={ROUTER}", "--yes", f"inventory={at.inventory}"],
         env=at.environment(),
         start_new_session=True,
         stdout=subprocess.DEVNULL,
@@ -139,32 +142,35 @@ def test_resumed_run_is_planned_rehearsed_and_done(at: Quay) -> None:
     assert row["unfinished"] is True
     left = untouched(at)
 
-    said = at.provision("resume", "site=coastal", "--plan", code=2).stdout
+    said = at.provision("recover", "resume", "site=coastal", "--plan", code=2).stdout
     assert f"run {row['run']}: provision site=coastal" in said
     assert "+ set name=coastal-router" in said
     assert untouched(at) == left
 
-    told = at.json("resume", "site=coastal", "--rehearse", code=0)
+    told = at.json("recover", "resume", "site=coastal", "--rehearse", code=0)
     device = told["devices"][ROUTER]
     assert (told["rehearsed"], device["status"], device["second_pass"]) == (True, "changed", 0)
     assert device["not_rehearsed"][0].startswith(f"what run {row['run']} has left open or kept on coastal-router")
     assert untouched(at) == left
 
-    assert at.json("resume", "site=coastal", code=0)["devices"][ROUTER]["status"] == "changed"
-    assert "no run of coastal is unfinished" in at.provision("resume", "site=coastal", "--rehearse", code=7).stderr
+    assert at.json("recover", "resume", "site=coastal", code=0)["devices"][ROUTER]["status"] == "changed"
+    assert (
+        "no run of coastal is unfinished"
+        in at.provision("recover", "resume", "site=coastal", "--rehearse", code=7).stderr
+    )
     # The bridge of the site is not at this quay: the devices are looked at, and some are not reached.
-    said = at.provision("resume", "site=coastal", "--plan", code=4).stdout
+    said = at.provision("recover", "resume", "site=coastal", "--plan", code=4).stdout
     assert said.startswith("no run of coastal is unfinished; looking on its devices\n  coastal-router     no changes")
 
 
 def test_resumed_rollback_is_rehearsed_towards_the_saved_state(at: Quay) -> None:
     at.configure()
     (row,) = at.runs()
-    killed(at, ["rollback", "site=coastal", f"to={row['run']}"], run=1)
-    said = at.provision("resume", "site=coastal", "--rehearse", code=0).stdout
+    killed(at, ["recover", "rollback", "site=coastal", f"run={row['run']}"], run=1)
+    said = at.provision("recover", "resume", "site=coastal", "--rehearse", code=0).stdout
     assert f"it goes on towards the saved state of run {row['run']}" in said
     assert f"coastal-router: first brought to the state before run {at.runs()[-1]['run']}" in said
-    device = at.json("resume", "site=coastal", "--rehearse", code=0)["devices"][ROUTER]
+    device = at.json("recover", "resume", "site=coastal", "--rehearse", code=0)["devices"][ROUTER]
     assert "+ set name=MikroTik" in device["diff"]
     assert at.runs()[-1]["unfinished"] is True
 
@@ -173,12 +179,14 @@ def test_a_backup_is_rehearsed(at: Quay) -> None:
     at.configure()
     left = untouched(at)
     for _ in range(2):
-        told = at.json("backup", "site=coastal", "--rehearse", code=0)
+        told = at.json("device", "backup", "site=coastal", "--rehearse", code=0)
         assert (told["rehearsed"], told["devices"][ROUTER]["status"]) == (True, "unchanged")
         (name,) = told["runs"]
         saved = at.state / "rehearsal/coastal/runs" / name / "before" / f"{ROUTER}.rsc"
         text = saved.read_text(encoding="utf-8")
         assert "address=10.64.101.1" in text
         assert "coastal-router" not in text  # fresh from its adoption, and not as the real one is now
-    assert at.provision("backup", "site=coastal", "--rehearse", code=0).stdout.startswith("Rehearsal of coastal")
+    assert at.provision("device", "backup", "site=coastal", "--rehearse", code=0).stdout.startswith(
+        "Rehearsal of coastal"
+    )
     assert untouched(at) == left

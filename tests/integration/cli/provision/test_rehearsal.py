@@ -63,7 +63,7 @@ def test_site_converges_and_second_pass_changes_nothing(site: str, tmp_path: Pat
 
 @pytest.mark.slow
 def test_rehearsed_plan_shows_the_diff_and_changes_nothing(tmp_path: Path) -> None:
-    done = provision(tmp_path, "site=coastal", "--plan", "--rehearse", code=2)
+    done = provision(tmp_path, "plan", "site=coastal", "--rehearse", code=2)
     assert "+ add address=10.64.1.1/24" in done.stdout
     assert "the emulated device is unchanged, byte for byte" in done.stdout
     assert "round trips" in done.stdout
@@ -77,12 +77,12 @@ def test_mistyped_site_gets_a_suggestion(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("host", ["coastal-gateway", "scc-control"])
 def test_computer_without_an_emulator_is_reported_as_not_rehearsed(host: str, tmp_path: Path) -> None:
-    done = provision(tmp_path, f"site={host.partition('-')[0]}", f"only={host}", "--rehearse", code=7)
+    done = provision(tmp_path, f"site={host.partition('-')[0]}", f"device={host}", "--rehearse", code=7)
     assert f"{host:<18} not rehearsed: ATLANTIS_NO_MACHINES is set" in done.stdout
 
 
 def test_terminal_alone_gets_a_warning_only(tmp_path: Path) -> None:
-    done = provision(tmp_path, "site=coastal", "only=coastal-sat", "--rehearse", code=0)
+    done = provision(tmp_path, "site=coastal", "device=coastal-sat", "--rehearse", code=0)
     assert "WARN: nobody has looked at the terminal coastal-sat" in done.stdout
     assert "not handled" not in done.stdout
 

@@ -31,7 +31,7 @@ def test_next_command_removes_leftovers_of_a_killed_rehearsal(tmp_path: Path) ->
     place = tmp_path / "tmp"
     place.mkdir()
     environment = {**os.environ, "TMPDIR": str(place), "ATLANTIS_STATE": str(tmp_path), "ATLANTIS_NO_MACHINES": "1"}
-    words = [PROVISION, "site=coastal", "only=coastal-router", "--rehearse", "--yes"]
+    words = [PROVISION, "site=coastal", "device=coastal-router", "--rehearse", "--yes"]
     with subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True) as rehearsal:
         assert rehearsal.stderr is not None
         assert any(" sent (" in line for line in rehearsal.stderr)

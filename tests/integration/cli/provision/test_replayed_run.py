@@ -26,7 +26,7 @@ def test_rehearsal_uses_the_measured_link_and_says_so(tmp_path: Path) -> None:
     kept = tmp_path / "real" / "te4sea" / "qualify" / _RUN
     kept.mkdir(parents=True)
     write_profile(kept, profile)
-    typed = ("site=te4sea", "only=te4sea-router", "--rehearse", "--yes", "--profile", _RUN)
+    typed = ("site=te4sea", "device=te4sea-router", "--rehearse", "--yes", "--profile", _RUN)
     environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
     done = preforked.run((*typed, "--json"), env=environment)
     assert done.returncode == 0, done.stderr

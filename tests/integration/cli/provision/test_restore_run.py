@@ -1,4 +1,4 @@
-"""`provision restore`: the router has drowned, and another box from the shelf takes its place."""
+"""`provision device restore`: the router has drowned, and another box from the shelf takes its place."""
 
 import os
 import re
@@ -42,22 +42,25 @@ def test_replacement_gets_the_state_of_the_lost_router(at: Quay) -> None:
     at.replace("spare")
     fresh = at.export()
     # The new box shows a certificate that is not the pinned one: nobody talks to it before it was adopted.
-    refused = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=4)
-    assert "provision adopt" in refused["devices"][ROUTER]["hint"]
+    refused = at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=4)
+    assert "provision device adopt" in refused["devices"][ROUTER]["hint"]
     at.adopt()
-    planned = at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=2).stdout
+    planned = at.provision("device", "restore", f"device={ROUTER}", "run=latest", "--plan", code=2).stdout
     assert "+ set name=coastal-router" in planned
     assert "password=********" in planned
     assert at.export() == fresh
 
-    told = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)
+    told = at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=0)
     assert told["devices"][ROUTER]["status"] == "changed"
     assert of_any_box(at.export()) == lost
     assert "a-real-vpn-coastal" in str(at.do("export", show_sensitive=True))
-    assert at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)["devices"][ROUTER]["planned"] == 0
+    assert (
+        at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=0)["devices"][ROUTER]["planned"]
+        == 0
+    )
     assert of_any_box(at.export()) == lost
-    assert "as declared; 1 foreign row left alone" in at.provision("drift", "site=coastal", code=0).stdout
-    assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert "as declared; 1 foreign row left alone" in at.provision("report", "drift", "site=coastal", code=0).stdout
+    assert at.json("plan", "site=coastal", code=0)["devices"][ROUTER]["planned"] == 0
 
 
 def test_older_state_can_be_listed_and_restored(at: Quay) -> None:
@@ -70,7 +73,7 @@ def test_older_state_can_be_listed_and_restored(at: Quay) -> None:
     assert "coastal-router changed (184, state kept)" in listed
     at.replace("spare")
     at.adopt()
-    at.provision("restore", f"device={ROUTER}", f"to={first['run']}", "--yes", code=0)
+    at.provision("device", "restore", f"device={ROUTER}", f"run={first['run']}", "--yes", code=0)
     assert of_any_box(at.export()) == re.sub(r"(?m)^add .*name=printer.*\n", "", lost)
 
 
@@ -79,12 +82,12 @@ def test_device_with_too_few_ports_is_refused_with_all_missing_ports(at: Quay) -
     at.replace("small", **SMALL)
     at.adopt()
     before = at.export()
-    done = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=4)
+    done = at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=4)
     message = done["devices"][ROUTER]["message"]
     for port in ("ether6", "ether7", "ether8"):
         assert f"there is no {port} in /interface ethernet" in message
     assert at.export() == before
-    assert at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=4)
+    assert at.provision("device", "restore", f"device={ROUTER}", "run=latest", "--plan", code=4)
     assert at.export() == before
 
 
@@ -96,7 +99,7 @@ def test_older_routeros_is_refused_with_the_missing_feature(at: Quay) -> None:
     at.replace("old", version="7.16")
     at.adopt()
     before = at.export()
-    done = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=4)
+    done = at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=4)
     assert (
         "has `remote-log-format` from RouterOS 7.18 on, and this device has 7.16" in done["devices"][ROUTER]["message"]
     )
@@ -109,11 +112,11 @@ def test_restore_needs_consent(at: Quay) -> None:
     at.adopt()
     fresh = at.export()
     assert "not agreed, so nothing was changed" in at.typed(
-        "restore", f"device={ROUTER}", "to=latest", answer="no", code=4
+        "device", "restore", f"device={ROUTER}", "run=latest", answer="no", code=4
     )
     assert at.export() == fresh
-    assert "--yes" in at.provision("restore", f"device={ROUTER}", "to=latest", code=3).stderr
-    at.typed("restore", f"device={ROUTER}", "to=latest", answer="yes", code=0)
+    assert "--yes" in at.provision("device", "restore", f"device={ROUTER}", "run=latest", code=3).stderr
+    at.typed("device", "restore", f"device={ROUTER}", "run=latest", answer="yes", code=0)
     assert of_any_box(at.export()) == lost
 
 
@@ -124,7 +127,7 @@ def test_undeclared_secret_is_reported_as_missing(at: Quay) -> None:
     at.configure()
     at.replace("spare")
     at.adopt()
-    told = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)["devices"][ROUTER]
+    told = at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=0)["devices"][ROUTER]
     assert "/interface ovpn-client: `password` of own is not in the saved export: enter it by hand" in told["notes"]
     assert "his own" not in str(at.do("export", show_sensitive=True))
 
@@ -133,21 +136,25 @@ def test_near_miss_names_get_a_suggestion(at: Quay) -> None:
     provisioned(at)
     first, second = at.runs()
     assert (
-        "did you mean `coastal-router`?" in at.provision("restore", "device=coastal-ruter", "to=latest", code=7).stderr
+        "did you mean `coastal-router`?"
+        in at.provision("device", "restore", "device=coastal-ruter", "run=latest", code=7).stderr
     )
-    near = at.provision("restore", f"device={ROUTER}", f"to={first['run'][:-2]}", code=7).stderr
+    near = at.provision("device", "restore", f"device={ROUTER}", f"run={first['run'][:-2]}", code=7).stderr
     assert f"run {first['run'][:-2]} has confirmed no state of coastal-router" in near
     assert f"these have: {first['run']}, {second['run']}; or type `to=latest`" in near
-    assert "did you mean `to=latest`?" in at.provision("restore", f"device={ROUTER}", "to=lastest", code=7).stderr
-    never = at.provision("restore", "device=scc-router", "to=latest", code=7).stderr
+    assert (
+        "did you mean `to=latest`?"
+        in at.provision("device", "restore", f"device={ROUTER}", "run=lastest", code=7).stderr
+    )
+    never = at.provision("device", "restore", "device=scc-router", "run=latest", code=7).stderr
     assert "no run has confirmed a state of scc-router" in never
-    assert "no role handles" in at.provision("restore", "device=coastal-gateway", "to=latest", code=7).stderr
+    assert "no role handles" in at.provision("device", "restore", "device=coastal-gateway", "run=latest", code=7).stderr
 
 
 def test_rehearsed_restore_uses_the_real_state_on_an_emulated_device(at: Quay) -> None:
     provisioned(at)
     before = at.export()
-    told = at.json("restore", f"device={ROUTER}", "to=latest", "--rehearse", code=0)
+    told = at.json("device", "restore", f"device={ROUTER}", "run=latest", "--rehearse", code=0)
     assert told["devices"][ROUTER]["second_pass"] == 0
     assert told["rehearsed"] is True
     assert at.export() == before
@@ -157,7 +164,10 @@ def test_damaged_state_is_not_restored(at: Quay) -> None:
     provisioned(at)
     for path in (at.state / "real/coastal/confirmed").iterdir():
         path.write_text(path.read_text(encoding="utf-8") + "\n# touched\n", encoding="utf-8")
-    assert "it was changed since" in at.provision("restore", f"device={ROUTER}", "to=latest", "--yes", code=4).stderr
+    assert (
+        "it was changed since"
+        in at.provision("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=4).stderr
+    )
 
 
 def test_a_killed_restore_is_resumed_towards_the_same_state(at: Quay) -> None:
@@ -165,13 +175,16 @@ def test_a_killed_restore_is_resumed_towards_the_same_state(at: Quay) -> None:
     at.replace("spare")
     at.adopt()
     at.do("link", delay_s=0.15)
-    killed(at, ["restore", f"device={ROUTER}", "to=latest", "--yes"], run=2)
+    killed(at, ["device", "restore", f"device={ROUTER}", "run=latest", "--yes"], run=2)
     at.do("link", delay_s=0.0)
     assert at.runs()[-1]["unfinished"] is True
-    said = at.provision("resume", "site=coastal", code=0).stdout
+    said = at.provision("recover", "resume", "site=coastal", code=0).stdout
     assert "it goes on towards the saved state of run" in said
     assert of_any_box(at.export()) == lost
-    assert at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)["devices"][ROUTER]["planned"] == 0
+    assert (
+        at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=0)["devices"][ROUTER]["planned"]
+        == 0
+    )
 
 
 def test_a_killed_rollback_is_resumed_backwards(at: Quay) -> None:
@@ -179,10 +192,10 @@ def test_a_killed_rollback_is_resumed_backwards(at: Quay) -> None:
     at.configure()
     (run,) = at.runs()
     at.do("link", delay_s=0.15)
-    killed(at, ["rollback", "site=coastal", f"to={run['run']}", "--yes"], run=1)
+    killed(at, ["recover", "rollback", "site=coastal", f"run={run['run']}", "--yes"], run=1)
     assert at.export() != before
     at.do("link", delay_s=0.0)
-    at.provision("resume", "site=coastal", code=0)
+    at.provision("recover", "resume", "site=coastal", code=0)
     assert at.export() == before
 
 

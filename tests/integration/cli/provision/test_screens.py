@@ -28,7 +28,7 @@ REWRITE = "ATLANTIS_WRITE_SCREENS"
 """Set it to write the screens anew, then look at what has changed."""
 LANGUAGES = ("en", "pt")
 VERDICTS = ("[OK] ", "[!] ", "[~] ", "[?] ", "[FAIL] ", "X FAIL")
-SITE = ("site=coastal", f"only={ROUTER}", "inventory=inventory")
+SITE = ("site=coastal", f"device={ROUTER}", "inventory=inventory")
 SENT = '"kind":"layer-sent"'
 
 
@@ -64,12 +64,12 @@ def unplug(_at: Quay) -> None:
 
 SITUATIONS = {
     "all-well": Situation(0, (*SITE, "--yes")),
-    "one-warning": Situation(0, ("site=coastal", f"only={ROUTER},coastal-sat", "inventory=inventory", "--yes")),
+    "one-warning": Situation(0, ("site=coastal", f"device={ROUTER},coastal-sat", "inventory=inventory", "--yes")),
     "refused": Situation(4, (*SITE, "--yes"), protect_nothing),
     "rolled-back": Situation(4, (*SITE, "--yes"), drop_in_the_middle),
     "not-reached": Situation(4, (*SITE, "--yes"), unplug),
     "plan": Situation(2, (*SITE, "--plan", "--summary")),
-    "rehearsal": Situation(0, ("site=coastal", f"only={ROUTER}", "--rehearse")),
+    "rehearsal": Situation(0, ("site=coastal", f"device={ROUTER}", "--rehearse")),
 }
 
 

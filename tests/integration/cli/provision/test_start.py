@@ -44,7 +44,7 @@ def test_unchanged_run_imports_no_unused_modules(how: str, tmp_path: Path) -> No
         at.adopt()
         at.configure()
         done = subprocess.run(
-            [sys.executable, "-c", PROGRAM, "site=coastal", f"only={ROUTER}", how, f"inventory={at.inventory}"],
+            [sys.executable, "-c", PROGRAM, "site=coastal", f"device={ROUTER}", how, f"inventory={at.inventory}"],
             env=at.environment(),
             stdin=subprocess.DEVNULL,
             capture_output=True,

@@ -31,7 +31,7 @@ def running(at: Quay, *typed: str, nohup: bool = False) -> Iterator[subprocess.P
     # Who runs the tests may have been told to ignore it.
     signal.signal(signal.SIGHUP, signal.SIG_IGN if nohup else signal.SIG_DFL)
     with subprocess.Popen(
-        [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", f"inventory={at.inventory}", *typed],
+        [PROVISION, "site=coastal", f"device={ROUTER}", "--yes", f"inventory={at.inventory}", *typed],
         env=at.environment(),
         start_new_session=True,
         stdin=subprocess.DEVNULL,
@@ -61,7 +61,7 @@ def ended(at: Quay, process: subprocess.Popen[str], code: int) -> str:
 def goes_on(at: Quay, command: list[str]) -> None:
     """What was advised, typed to the letter, brings the router to what is declared."""
     at.provision(*command, code=0)
-    assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert at.json("plan", "site=coastal", code=0)["devices"][ROUTER]["planned"] == 0
     assert not any(row["unfinished"] for row in at.runs())
 
 
@@ -144,7 +144,7 @@ def test_closed_output_pipe_does_not_stop_the_run(at: Quay) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run(
-        [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", "--verbose", f"inventory={at.inventory}"],
+        [PROVISION, "site=coastal", f"device={ROUTER}", "--yes", "--verbose", f"inventory={at.inventory}"],
         env=at.environment(),
         stdin=subprocess.DEVNULL,
         stdout=writer,
@@ -153,7 +153,7 @@ def test_closed_output_pipe_does_not_stop_the_run(at: Quay) -> None:
     )
     os.close(writer)
     assert done.returncode == 0
-    assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert at.json("plan", "site=coastal", code=0)["devices"][ROUTER]["planned"] == 0
 
 
 def test_ctrl_c_at_the_prompt_changes_nothing(at: Quay) -> None:
@@ -162,7 +162,7 @@ def test_ctrl_c_at_the_prompt_changes_nothing(at: Quay) -> None:
     with (
         os.fdopen(keyboard, "wb"),
         subprocess.Popen(
-            [PROVISION, "site=coastal", f"only={ROUTER}", f"inventory={at.inventory}"],
+            [PROVISION, "site=coastal", f"device={ROUTER}", f"inventory={at.inventory}"],
             env=at.environment(),
             stdin=terminal,
             stdout=subprocess.PIPE,

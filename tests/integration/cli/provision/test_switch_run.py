@@ -110,7 +110,7 @@ def test_inventory_is_valid_and_switches_are_supported(inventory: Path) -> None:
 
 @pytest.mark.slow
 def test_switches_converge_behind_their_router_and_second_run_is_unchanged(inventory: Path, tmp_path: Path) -> None:
-    chosen = "only=coastal-router,coastal-switch,coastal-buoy"
+    chosen = "device=coastal-router,coastal-switch,coastal-buoy"
     typed = ("site=coastal", chosen, f"inventory={inventory}", "--rehearse", "--yes", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=0))["devices"]
     assert set(told) == {"coastal-router", "coastal-switch", "coastal-buoy"}

@@ -18,14 +18,14 @@ pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 UNKNOWN = "its certificate is not known here, so it was told no password"
 OPENING: dict[str, tuple[str, ...]] = {
-    "plan": ("site=coastal", "--plan"),
+    "plan": ("plan", "site=coastal"),
     "change": ("site=coastal", "--yes"),
-    "drift": ("drift", "site=coastal"),
-    "backup": ("backup", "site=coastal"),
-    "resume": ("resume", "site=coastal"),
+    "drift": ("report", "drift", "site=coastal"),
+    "backup": ("device", "backup", "site=coastal"),
+    "resume": ("recover", "resume", "site=coastal"),
     "links": ("links", "site=coastal", "--accept-cost"),
-    "prove": ("prove", "site=coastal", "--accept-cost"),
-    "upgrade": ("upgrade", "site=coastal", f"device={ROUTER}", "packages=FILE", "--plan"),
+    "prove": ("measure", "satellite", "site=coastal", "--accept-cost"),
+    "upgrade": ("device", "upgrade", "site=coastal", f"device={ROUTER}", "packages=FILE", "--plan"),
     "check": ("check", "site=coastal", "endpoint=site", "--accept-cost"),
 }
 """Every command that opens a session to a router, with what it needs to come so far."""
@@ -64,7 +64,7 @@ def test_no_password_is_sent_to_an_unknown_device(
         done = at.provision(*words, *more, code=6 if name in {"links", "check"} else 4)
         told = done.stdout + done.stderr
         assert "the certificate is not the one of this device" in told if known else UNKNOWN in told
-        assert "provision trust site=coastal" in told or name == "check"
+        assert "provision device trust site=coastal" in told or name == "check"
     assert nobody.handshakes >= 2, "it was contacted, and told nothing all the same"
     assert bytes(nobody.heard) == b""
     assert trusted(at) == (at.twins.ready[ROUTER]["pin"] if known else None)
@@ -80,27 +80,27 @@ def test_plain_ansible_refuses_an_unpinned_router(at: Quay, nobody: Impostor) ->
 @pytest.mark.smoke
 def test_certificate_is_shown_and_pinned_after_consent(at: Quay) -> None:
     shown = at.twins.ready[ROUTER]["pin"]
-    refused = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="no", code=4)
+    refused = at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="no", code=4)
     assert f"its certificate is {shown}" in refused
     assert (trusted(at), "nothing was changed" in refused) == (None, True)
-    said = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="yes", code=0)
+    said = at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="yes", code=0)
     assert "/certificate print detail" in said
     assert f"fingerprint: {shown}" in said
     assert trusted(at) == shown
-    assert "as agreed to before" in at.typed("trust", "site=coastal", f"only={ROUTER}", answer="", code=0)
-    at.provision("site=coastal", "--plan", code=2)
+    assert "as agreed to before" in at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="", code=0)
+    at.provision("plan", "site=coastal", code=2)
 
 
 def test_advised_command_pins_the_router(at: Quay) -> None:
     """The command is typed as it was printed; then the run goes through."""
-    refused = at.provision("site=coastal", "--plan", code=4)
+    refused = at.provision("plan", "site=coastal", code=4)
     (words, *_) = advised(said(refused.stdout + refused.stderr, TRUST))
-    at.typed(*words, f"only={ROUTER}", answer="yes", code=0)
-    at.provision("site=coastal", "--plan", code=2)
+    at.typed(*words, f"device={ROUTER}", answer="yes", code=0)
+    at.provision("plan", "site=coastal", code=2)
 
 
 def test_trust_without_a_terminal_is_refused(at: Quay, nobody: Impostor) -> None:
-    done = at.provision("trust", "site=coastal", f"only={ROUTER}", code=3)
+    done = at.provision("device", "trust", "site=coastal", f"device={ROUTER}", code=3)
     assert "nobody is here to agree to an identity, so nothing was trusted" in done.stderr
     assert (nobody.handshakes, trusted(at)) == (0, None)
 
@@ -108,7 +108,7 @@ def test_trust_without_a_terminal_is_refused(at: Quay, nobody: Impostor) -> None
 def test_changed_certificate_is_shown_beside_the_pinned_one(at: Quay, nobody: Impostor) -> None:
     at.adopt()
     before = at.twins.ready[ROUTER]["pin"]
-    said = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="no", code=4)
+    said = at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="no", code=4)
     assert f"its certificate is {nobody.fingerprint}; agreed to before was {before}" in said
     assert (trusted(at), bytes(nobody.heard)) == (before, b"")
 
@@ -127,17 +127,17 @@ def test_inventory_fingerprint_is_accepted_without_a_local_pin(at: Quay) -> None
     """For every door, with a state folder that has never seen the device."""
     shown = at.twins.ready[ROUTER]["pin"]
     declare(at, f'"{":".join(re.findall("..", shown)).upper()}"')
-    at.provision("site=coastal", "--plan", code=2)
+    at.provision("plan", "site=coastal", code=2)
     assert at.playbook("--check").returncode == 0
     assert trusted(at) is None
-    assert "as declared" in at.typed("trust", "site=coastal", f"only={ROUTER}", answer="", code=0)
+    assert "as declared" in at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="", code=0)
 
 
 def test_inventory_fingerprint_overrides_the_local_pin(at: Quay, nobody: Impostor) -> None:
     Store(at.state).pins.change(ROUTER, nobody.fingerprint)
     declare(at, at.twins.ready[ROUTER]["pin"])
-    told = json.loads(at.provision("site=coastal", "--plan", "--json", code=4).stdout)
+    told = json.loads(at.provision("plan", "site=coastal", "--json", code=4).stdout)
     assert "the certificate is not the one of this device" in told["devices"][ROUTER]["message"]
-    said = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="yes", code=4)
+    said = at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="yes", code=4)
     assert "and the inventory declares" in said
     assert bytes(nobody.heard) == b""

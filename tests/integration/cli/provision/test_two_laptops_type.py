@@ -16,7 +16,7 @@ at = pytest.fixture(fresh_quay)
 def start(at: Quay, laptop: str, inventory: Path) -> subprocess.Popen[str]:
     """Type the command on a laptop: a state folder of its own, so that no lock is in common."""
     return subprocess.Popen(
-        [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", "--json", f"inventory={inventory}"],
+        [PROVISION, "site=coastal", f"device={ROUTER}", "--yes", "--json", f"inventory={inventory}"],
         env=at.laptop(laptop),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,

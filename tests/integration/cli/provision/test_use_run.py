@@ -1,4 +1,4 @@
-"""`provision use` on a real address: there, told by everybody, and back, by the router or by a person."""
+"""`provision links use` on a real address: there, told by everybody, and back, by the router or by a person."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from atlantis_netcfg.routeros.link_use import SETTLED_S
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
-LINK = ("use", "site=coastal", "link=4g", "for=30m", "--yes", "--accept-cost")
-END = ("use", "site=coastal", "end", "--yes")
+LINK = ("links", "use", "site=coastal", "link=4g", "for=30m", "--yes", "--accept-cost")
+END = ("links", "use", "site=coastal", "end", "--yes")
 TOLD = "4g is in use instead of the declared order until"
 NOT_ASKED = 6
 """What `links` ends with here: no resolver is in this network, and only the router answers."""
@@ -60,12 +60,12 @@ def test_temporary_link_is_reported_by_every_command_and_expires(technician: Tec
     before = technician.at.export()
     assert "4g carries the traffic of coastal until" in technician.type(*LINK)
     assert technician.active() == "4g"
-    assert TOLD in technician.type("site=coastal", "--plan")
+    assert TOLD in technician.type("plan", "site=coastal")
     run = technician.type("site=coastal")
     assert TOLD in run
     assert "0 changed" in run
-    assert TOLD in technician.type("drift", "site=coastal", f"only={ROUTER}")
-    links = technician.type("links", "site=coastal", f"only={ROUTER}", code=NOT_ASKED)
+    assert TOLD in technician.type("report", "drift", "site=coastal", f"device={ROUTER}")
+    links = technician.type("links", "site=coastal", f"device={ROUTER}", code=NOT_ASKED)
     assert TOLD in " ".join(links.split())
     assert technician.active() == "4g"
     technician.wait(1800)
@@ -74,21 +74,23 @@ def test_temporary_link_is_reported_by_every_command_and_expires(technician: Tec
 
 def test_advised_commands_start_and_end_the_temporary_link(technician: Technician) -> None:
     """Every way out that is printed, in the situation in which it is printed."""
-    refused = technician.type("use", "site=coastal", "--yes", code=3)
-    begin, end = advised(said(refused, "type `provision use site={} link=4g for=30m`, or `provision use site={} end`"))
+    refused = technician.type("links", "use", "site=coastal", "--yes", code=3)
+    begin, end = advised(
+        said(refused, "type `provision links use site={} link=4g for=30m`, or `provision links use site={} end`")
+    )
     nothing = technician.type(*end, "--yes", code=7)
     (look,) = advised(said(nothing, "`provision links site={}` shows which link carries the traffic"))
-    technician.type(*look, f"only={ROUTER}", code=NOT_ASKED)
+    technician.type(*look, f"device={ROUTER}", code=NOT_ASKED)
     technician.type(*begin, "--yes", "--accept-cost")
-    links = technician.type("links", "site=coastal", f"only={ROUTER}", code=NOT_ASKED)
-    (over,) = advised(said(links, "`provision use site={} end` ends it now"))
+    links = technician.type("links", "site=coastal", f"device={ROUTER}", code=NOT_ASKED)
+    (over,) = advised(said(links, "`provision links use site={} end` ends it now"))
     technician.type(*over, "--yes")
     assert technician.active() == "wifi-ptp"
 
 
 def test_metered_link_needs_cost_consent(technician: Technician) -> None:
     before = technician.at.export()
-    refused = technician.type("use", "site=coastal", "link=4g", "for=30m", "--yes", code=4)
+    refused = technician.type("links", "use", "site=coastal", "link=4g", "for=30m", "--yes", code=4)
     assert "up to" in refused
     assert "--accept-cost" in refused
     assert technician.at.export() == before
@@ -96,7 +98,7 @@ def test_metered_link_needs_cost_consent(technician: Technician) -> None:
 
 def test_unproved_link_is_used_only_with_unproved(technician: Technician) -> None:
     before = technician.at.export()
-    words = ("use", "site=coastal", "link=satellite", "for=1h", "--yes", "--accept-cost")
+    words = ("links", "use", "site=coastal", "link=satellite", "for=1h", "--yes", "--accept-cost")
     assert "whether satellite works is not proved" in technician.type(*words, code=4)
     technician.at.do("silence", addresses=["10.99.2.21", "10.99.2.22"])
     assert "4g is down, so nothing was changed" in technician.type(*LINK, code=4)
@@ -120,5 +122,5 @@ def test_rollback_to_a_state_saved_meanwhile_does_not_reactivate_the_link(techni
     technician.type("site=coastal")
     technician.type(*END)
     assert technician.active() == "wifi-ptp"
-    technician.type("rollback", "site=coastal", "to=latest", f"only={ROUTER}", "--yes")
+    technician.type("recover", "rollback", "site=coastal", "run=latest", f"device={ROUTER}", "--yes")
     assert (technician.active(), technician.at.export()) == ("wifi-ptp", before)

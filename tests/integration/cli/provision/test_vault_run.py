@@ -13,10 +13,10 @@ pytestmark = pytest.mark.slow
 
 QUESTION = b"Password of the inventory's vault: "
 COMMANDS = (
-    ("site=coastal", "--plan"),
-    ("drift", "site=coastal", f"only={ROUTER}", "--rehearse"),
+    ("plan", "site=coastal"),
+    ("report", "drift", "site=coastal", f"device={ROUTER}", "--rehearse"),
     ("links", "site=coastal"),
-    ("adopt", "site=coastal", f"device={ROUTER}", "--plan"),
+    ("device", "adopt", "site=coastal", f"device={ROUTER}", "--plan"),
     ("check", "site=coastal"),
 )
 
@@ -91,7 +91,7 @@ def test_vault_password_can_be_typed_for_a_rehearsal(tmp_path: Path) -> None:
 @pytest.mark.namespace
 def test_typed_vault_password_is_used_in_the_run(tmp_path: Path) -> None:
     with quay(tmp_path) as at:
-        done = typed(at.inventory, ("site=coastal", f"only={ROUTER}", "--plan"), _VAULT_PASSWORD.decode())
+        done = typed(at.inventory, ("plan", "site=coastal", f"device={ROUTER}"), _VAULT_PASSWORD.decode())
         assert done.returncode == 2, done.stderr
         assert done.stderr.count(QUESTION.decode()) == 1
         _left_nowhere(tmp_path, done)

@@ -1,4 +1,4 @@
-"""`provision bundle` as a technician types it, against a mirror of stand-ins on the loopback."""
+"""`provision gateway bundle` as a technician types it, against a mirror of stand-ins on the loopback."""
 
 import functools
 import gzip
@@ -113,7 +113,7 @@ def provision(
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
 
     def typed(*words: str) -> Said:
-        code = main(["bundle", "site=coastal", f"inventory={tmp_path / 'inventory'}", *words])
+        code = main(["gateway", "bundle", "site=coastal", f"inventory={tmp_path / 'inventory'}", *words])
         return Said(code, *capsys.readouterr())
 
     return typed
@@ -170,7 +170,7 @@ def test_unavailable_package_lists_are_reported(mirror: str, tmp_path: Path, pro
         (["image=/none", "status=/none"], "`image=` and `status=` both say what is on the board"),
         (["key=0"], "`key=` goes with `check=`"),
         (
-            ["only=coastal-router"],
+            ["device=coastal-router"],
             "`coastal-router`: bundles are for gateways, control centres and operator stations, and none is selected",
         ),
         (["check=/none"], "/none is no bundle, or not a whole one"),

@@ -90,7 +90,7 @@ def view(declaration: Inventory, who: str, release: str = "humble") -> ProfileVi
 
 
 def written(declaration: Inventory, who: str, kind: Kind, folder: Path) -> Path:
-    """The computer's profile for an implementation, as `provision dds` writes it."""
+    """The computer's profile for an implementation, as `provision robot dds` writes it."""
     one = view(declaration, who, kind.release)
     path = folder / f"{who}-{kind.release}-{kind.file}"
     path.write_text(profiles(one)[f"{one.link}/{kind.file}"], encoding="utf-8")

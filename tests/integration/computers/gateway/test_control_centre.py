@@ -26,7 +26,7 @@ device:
 def rehearsed(state: Path, host: str, *words: str) -> dict[str, Any]:
     if (reason := why_not()) is not None:
         pytest.skip(reason)
-    typed = ["site=scc", "--rehearse", "--json", f"only={host}", *words]
+    typed = ["site=scc", "--rehearse", "--json", f"device={host}", *words]
     done = preforked.run(typed, env=os.environ | {"ATLANTIS_STATE": str(state)}, folder=CHECKOUT)
     assert done.returncode == 0, f"exit {done.returncode}\n{done.stdout[:2000]}\n{done.stderr[-2000:]}"
     told: dict[str, Any] = json.loads(done.stdout)["devices"][host]

@@ -106,6 +106,7 @@ def test_gateway_queries_share_one_ssh_connection(
     assert changed.trouble is Trouble.NO_PLACE
     assert changed.words == (
         f"{NAME} was not reached: it shows another SSH host key than before, so nothing was told to it; "
-        f"only if it was set up anew: `ssh-keygen -R {NAME}`, then `provision trust site=…` on a terminal shows who "
+        f"only if it was set up anew: `ssh-keygen -R {NAME}`, then `provision device trust site=…` on a terminal "
+        "shows who "
         "answers, and asks you"
     )

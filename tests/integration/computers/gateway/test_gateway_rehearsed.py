@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 def provision(state: Path, *words: str, code: int) -> subprocess.CompletedProcess[str]:
     if (reason := why_not()) is not None:
         pytest.skip(reason)
-    done = preforked.run([*words, f"only={HOST}"], env=os.environ | {"ATLANTIS_STATE": str(state)}, folder=CHECKOUT)
+    done = preforked.run([*words, f"device={HOST}"], env=os.environ | {"ATLANTIS_STATE": str(state)}, folder=CHECKOUT)
     assert done.returncode == code, f"exit {done.returncode}\n{done.stdout[:2000]}\n{done.stderr[-2000:]}"
     return done
 
@@ -41,14 +41,14 @@ def test_gateway_converges_and_second_run_over_every_link_is_unchanged(tmp_path:
 
 
 def test_plan_shows_file_diffs_and_changes_nothing(tmp_path: Path) -> None:
-    done = provision(tmp_path, "site=coastal", "--rehearse", "--plan", code=2)
+    done = provision(tmp_path, "plan", "site=coastal", "--rehearse", code=2)
     assert "the emulated device is unchanged, byte for byte" in done.stdout
     assert "+PasswordAuthentication no" in done.stdout
     assert "package ros-foxy-ros-base" in done.stdout
 
 
 def test_drift_of_a_fresh_computer_lists_all_changes_of_a_run(tmp_path: Path) -> None:
-    told = json.loads(provision(tmp_path, "drift", "site=coastal", "--rehearse", "--json", code=6).stdout)
+    told = json.loads(provision(tmp_path, "report", "drift", "site=coastal", "--rehearse", "--json", code=6).stdout)
     host = told["devices"][HOST]
     assert host["verdict"] == "FAIL"
     assert "file /etc/chrony/chrony.conf" in {one["subject"] for one in host["differences"]}

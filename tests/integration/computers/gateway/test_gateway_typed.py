@@ -43,7 +43,7 @@ class Typed(Voyage):
 
     def provision(self, ground: Lab, *words: str) -> dict[str, Any]:  # noqa: F811 - not the fixture
         """Type it where the laptop stands: in the network of the quay."""
-        typed = ["site=coastal", f"only={NAME}", f"inventory={self.inventory}", "--json", *words]
+        typed = ["site=coastal", f"device={NAME}", f"inventory={self.inventory}", "--json", *words]
         options = f"-F none -i {self.key.file} -o IdentitiesOnly=yes -o UserKnownHostsFile={self.known}"
         more = {
             "ATLANTIS_STATE": str(self.folder / "state"),
@@ -105,7 +105,7 @@ def test_plan_run_and_repeated_run_are_consistent(typed: Typed, ground: Lab) -> 
         refused = typed.provision(ground, flag, "--offline", bundle)
         assert (refused["exit"], refused["devices"][NAME]["status"]) == (4, "left-as-found"), refused["errors"]
         assert "its SSH host key is not the declared one, or is not known here" in refused["devices"][NAME]["message"]
-        assert "provision trust site=coastal" in refused["devices"][NAME]["hint"]
+        assert "provision device trust site=coastal" in refused["devices"][NAME]["hint"]
         assert typed.known.read_text() == "", "it was not taken over"
     typed.known.write_text(known)
     planned = typed.provision(ground, "--plan", "--offline", bundle)

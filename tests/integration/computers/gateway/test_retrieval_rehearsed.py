@@ -1,4 +1,4 @@
-"""`provision retrieve --rehearse`: both programs and a real rsync over an emulated link, without root."""
+"""`provision robot retrieve --rehearse`: both programs and a real rsync over an emulated link, without root."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_rehearsed_retrieval_survives_an_outage(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["retrieve", "site=coastal", "--rehearse", "link=wifi-ptp"]) == 0
+    assert main(["robot", "retrieve", "site=coastal", "--rehearse", "link=wifi-ptp"]) == 0
     printed = capsys.readouterr().out
     for words in (
         f"no recordings are declared to be retrieved: this is an example, from {GATEWAY} to scc-control",
@@ -57,7 +57,7 @@ def test_robot_is_collected_first_and_a_damaged_copy_fails(
         return real(folder)
 
     monkeypatch.setattr(retrieve_rehearsal, "_digests", digests)
-    assert main(["retrieve", "site=coastal", "from=sparus", "--rehearse", "--json"]) == 6
+    assert main(["robot", "retrieve", "site=coastal", "from=sparus", "--rehearse", "--json"]) == 6
     document: dict[str, Any] = json.loads(capsys.readouterr().out)
     assert (document["whole"], document["same"], document["from"]) == (True, False, "sparus")
     assert sorted(kept[0]) == ["bag-1/bag-1_0.db3", "bag-1/metadata.yaml", "bag-2/bag-2_0.db3"]

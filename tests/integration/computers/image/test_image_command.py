@@ -1,4 +1,4 @@
-"""`provision image` as people type it; the card is a loop device that a tree shows as a card in a reader."""
+"""`provision gateway image` as people type it; the card is a loop device that a tree shows as a card in a reader."""
 
 import hashlib
 import io
@@ -47,7 +47,7 @@ class Desk:
     capsys: pytest.CaptureFixture[str]
 
     def type(self, *more: str) -> tuple[int, str, str]:
-        code = main(["image", *self.words, *more])
+        code = main(["gateway", "image", *self.words, *more])
         said = self.capsys.readouterr()
         return code, said.out, said.err
 

@@ -4,9 +4,9 @@
 
 A gateway is a member of the pilot's VPN, each file as the product writes it, in network namespaces (root). Its packets
 to the server pass the emulated link. Every cell of the grids is sent twice from the gateway to the control centre,
-through the tunnel: as test packets of `provision qualify`, and as best-effort samples of Cyclone DDS with the profile
-of `provision dds`. `--profile`: the link is not Certus as assumed here, but a measured run, replayed. `--write` makes
-docs/satcom.md and its pictures of what was measured.
+through the tunnel: as test packets of `provision measure link`, and as best-effort samples of Cyclone DDS with the
+profile of `provision robot dds`. `--profile`: the link is not Certus as assumed here, but a measured run, replayed.
+`--write` makes docs/satcom.md and its pictures of what was measured.
 """
 
 import argparse

@@ -29,8 +29,8 @@ _HEAD = """\
 <!-- Written by `make satcom`: run it again in place of editing. -->
 
 **Everything on this page is emulated.** No satellite carried a byte of it. Real are OpenVPN with the product's own
-files, Cyclone DDS with the profile of `provision dds`, and test packets of `provision qualify`; the link is a relay.
-Measured on {day} by `make satcom`, on a computer with other work.
+files, Cyclone DDS with the profile of `provision robot dds`, and test packets of `provision measure link`; the link is
+a relay. Measured on {day} by `make satcom`, on a computer with other work.
 """
 _IMAGES = """\
 Random octets, as many as a JPEG of that size and quality may have. Nothing is sent again: an image of which one
@@ -38,8 +38,8 @@ fragment is lost is lost, so where packets are lost, large images seldom arrive 
 """
 _AGAIN = """\
 `make satcom ARGS='--cell-s 60 --write'` needs root and an hour and a half; without `--write` it prints this page. With
-`--profile FOLDER` the link is a run that `provision qualify` measured, [replayed](qualify.md#replay). CI sends one size
-at one rate of each table (`tests/integration/computers/satcom`).
+`--profile FOLDER` the link is a run that `provision measure link` measured, [replayed](qualify.md#replay). CI sends one
+size at one rate of each table (`tests/integration/computers/satcom`).
 """
 _ASSUMED = """\
 Assumed of a Certus link, not measured on one. Not in it: gaps (real ones last up to 70 s), loss in bursts, a rate that

@@ -1,4 +1,4 @@
-"""A process that measures a load through a relay as `provision qualify` does, for a test that stops it meanwhile.
+"""A process that measures a load through a relay as `provision measure link` does, for a test that stops it meanwhile.
 
 Typed: the relay's port, and the rate in bits a second that the link is declared with, both ways. It says `ready` on a
 line, waits for a line, says `load` when the load begins, and prints the record's load and judgements as JSON.

@@ -1,4 +1,4 @@
-"""`provision qualify … --rehearse`, as a technician types it: an emulated router, a relay, and our far end."""
+"""`provision measure link … --rehearse`, as a technician types it: an emulated router, a relay, and our far end."""
 
 import json
 import os
@@ -17,7 +17,7 @@ from atlantis_netcfg.links.qualify.samples import read
 
 
 def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
-    done = preforked.run(["qualify", *typed], env={**os.environ, "ATLANTIS_STATE": str(state)})
+    done = preforked.run(["measure", "link", *typed], env={**os.environ, "ATLANTIS_STATE": str(state)})
     assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done
 

@@ -1,4 +1,4 @@
-"""`provision prove … --rehearse`, as a technician types it."""
+"""`provision measure satellite … --rehearse`, as a technician types it."""
 
 import json
 import os
@@ -94,7 +94,9 @@ def test_proved_satellite_can_be_used(tmp_path: Path) -> None:
     use = ("site=coastal", "link=satellite", "for=10m", "--rehearse")
     refused = provision(tmp_path, *use, code=4, command="use").stderr
     assert "whether satellite works is not proved" in refused
-    hint = "`provision prove site={} bearer={} --try-all` tries the VPN over it, which counts for an hour; or {}"
+    hint = (
+        "`provision measure satellite site={} link={} --try-all` tries the VPN over it, which counts for an hour; or {}"
+    )
     (words,) = advised(said(refused, hint))
     assert "VPN server (203.0.113.2 udp 1194) was reached" in provision(tmp_path, *words[1:], code=6).stdout
     assert "satellite carries the traffic" in provision(tmp_path, *use, code=0, command="use").stdout
@@ -112,7 +114,7 @@ def test_proof_applies_only_to_its_link_and_mode(tmp_path: Path) -> None:
 def test_hint_of_a_rehearsal_rehearses(tmp_path: Path) -> None:
     told = json.loads(provision(tmp_path, "site=coastal", "--rehearse", "--json", code=6).stdout)
     hints = {row["hint"] for row in told["targets"] if row["outcome"] == "not tried"}
-    assert hints == {"`provision prove site=coastal --try-all --rehearse` tries it"}
+    assert hints == {"`provision measure satellite site=coastal --try-all --rehearse` tries it"}
 
 
 def test_impossible_proof_is_refused_before_contacting_a_device(tmp_path: Path) -> None:

@@ -154,7 +154,7 @@ def test_selection_without_readable_devices_is_not_green(coastal: Bench) -> None
 
 def provision(state: Path, *words: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "ATLANTIS_STATE": str(state)}
-    command = [PROVISION, "asbuilt", "site=coastal", f"only={ROUTER}", "--rehearse", *words]
+    command = [PROVISION, "report", "as-built", "site=coastal", f"device={ROUTER}", "--rehearse", *words]
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=HANG_S, check=False)
 
 

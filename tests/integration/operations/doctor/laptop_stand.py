@@ -111,7 +111,7 @@ class LaptopStand:
 
     def look(self, *words: str) -> dict[str, dict[str, Any]]:
         """The items about the way to the site, by their names."""
-        done = self.provision("doctor", f"site={SITE}", "--json", *words)
+        done = self.provision("inventory", "doctor", f"site={SITE}", "--json", *words)
         document = json.loads(done.stdout)
         return {item["name"]: item for item in document["items"] if item["section"] == "way"}
 

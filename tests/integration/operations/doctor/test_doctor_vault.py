@@ -1,4 +1,4 @@
-"""`provision doctor` and the password of the vault: missing, wrong, typed; none is shown or kept, and no secret."""
+"""`provision inventory doctor` and the password of the vault: missing, wrong, typed; no secret is shown."""
 
 import json
 from pathlib import Path
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 def test_vault_password_verdict(
     tmp_path: Path, keyboard: str | None, flags: tuple[str, ...], verdict: str, measured: str
 ) -> None:
-    done = typed(_inventory(tmp_path), ("doctor", *flags), keyboard)
+    done = typed(_inventory(tmp_path), ("inventory", "doctor", *flags), keyboard)
     document = json.loads(done.stdout)
     (item,) = [item for item in document["items"] if item["name"] == "vault"]
     assert item["verdict"] == verdict

@@ -1,4 +1,4 @@
-"""`provision doctor site=…` on a real network: what it says of each state, and that what it advises helps."""
+"""`provision inventory doctor site=…` on a real network: what it says of each state, and that what it advises helps."""
 
 import re
 from collections.abc import Iterator
@@ -48,7 +48,7 @@ def test_advised_command_sets_the_missing_address(at: LaptopStand) -> None:
     assert after["address"]["measured"] == "10.64.101.10/24 on eth0"
     assert after["route"]["measured"] == "10.64.101.1 goes to eth0, from 10.64.101.10"
     assert after["router"]["verdict"] == "WARN"
-    assert after["router"]["commands"] == ["provision trust site=coastal"]
+    assert after["router"]["commands"] == ["provision device trust site=coastal"]
 
 
 def test_router_receives_one_handshake_and_no_data(at: LaptopStand) -> None:
@@ -162,7 +162,7 @@ def test_two_cables_are_a_warning(at: LaptopStand) -> None:
 def test_terminal_output(at: LaptopStand) -> None:
     """The last lines alone say what is wrong and what to type; nothing is wider than a terminal."""
     at.cable("eth0")
-    done = at.provision("doctor", "site=coastal", program=True)
+    done = at.provision("inventory", "doctor", "site=coastal", program=True)
     assert done.returncode == 6, done.stdout
     assert [line for line in done.stdout.splitlines() if len(line) > 80 and str(at.folder) not in line] == []
     text = re.sub(r"\d+ (?=[A-Z])", "N ", done.stdout)

@@ -1,4 +1,4 @@
-"""What `provision doctor` advises towards a real router leads on: it is typed as it was printed."""
+"""What `provision inventory doctor` advises towards a real router leads on: it is typed as it was printed."""
 
 import json
 from collections.abc import Iterator
@@ -23,13 +23,13 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 
 def items(at: Quay, code: int) -> dict[str, dict[str, Any]]:
     """The router's address is this computer's own there: it is looked at as from far away."""
-    done = at.provision("doctor", "site=coastal", "via=wifi-ptp", "--json", code=code)
+    done = at.provision("inventory", "doctor", "site=coastal", "via=wifi-ptp", "--json", code=code)
     return {item["name"]: item for item in json.loads(done.stdout)["items"]}
 
 
 def lines(at: Quay, code: int) -> list[list[str]]:
     """All commands of ours that are advised on the screen, the last one last."""
-    printed = at.provision("doctor", "site=coastal", "via=wifi-ptp", code=code).stdout
+    printed = at.provision("inventory", "doctor", "site=coastal", "via=wifi-ptp", code=code).stdout
     return [words for line in printed.splitlines() for words in advised(line)]
 
 
@@ -40,7 +40,7 @@ def test_advised_command_pins_an_unknown_router(at: Quay) -> None:
     assert found["router"]["commands"] == found["known devices"]["commands"]
     assert ROUTER in found["known devices"]["measured"]
     words = next(words for words in lines(at, 6) if words[0] == "trust")
-    at.typed(*words, f"only={ROUTER}", answer="yes", code=0)
+    at.typed(*words, f"device={ROUTER}", answer="yes", code=0)
     after = items(at, 6)
     assert after["router"]["verdict"] == "PASS"
     assert ROUTER not in after["known devices"]["measured"]
@@ -52,11 +52,11 @@ def test_plan_is_the_advised_next_step(at: Quay) -> None:
     text = file.read_text(encoding="utf-8")
     file.write_text(text[: text.index("  image:")], encoding="utf-8")
     words = lines(at, 0)[-1]
-    assert words[:2] == ["site=coastal", "--plan"]
+    assert words[:2] == ["plan", "site=coastal"]
     at.provision(*words, code=2)
 
 
 def test_vault_passwords_are_checked_and_not_shown(at: Quay) -> None:
-    done = at.provision("doctor", "site=coastal", "via=wifi-ptp", code=6)
+    done = at.provision("inventory", "doctor", "site=coastal", "via=wifi-ptp", code=6)
     assert "a-real-" not in done.stdout
     assert items(at, 6)["vault"]["measured"].startswith("the password opens all ")

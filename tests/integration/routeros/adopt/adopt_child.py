@@ -49,7 +49,7 @@ def main() -> None:
         declared,
         declared.hosts[ROUTER],
         Path(state),
-        "provision adopt",
+        "provision device adopt",
         ignore,
         lambda: iter([Secret("")]),
         via=via,

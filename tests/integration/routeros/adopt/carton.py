@@ -53,7 +53,7 @@ class Carton:
             declaration(),
             declaration().hosts[ROUTER],
             self.state,
-            "provision adopt",
+            "provision device adopt",
             self._notify,
             lambda: iter(map(Secret, passwords)),
             is_rehearsal=True,

@@ -148,14 +148,14 @@ def test_another_host_key_is_refused(box: Carton) -> None:
     pins, info = Store(box.state, is_rehearsal=True).pins, box.site.do(ROUTER, "info")
     with pytest.raises(ConsoleLoginError, match="so the password of provision was not tried"):
         box.adopt(is_replacement=True)  # it is no box from the factory, and nobody has agreed to this key
-    pins.change(ROUTER, info["pin"])  # as `provision trust` does
+    pins.change(ROUTER, info["pin"])  # as `provision device trust` does
     pins.change_host_key(ROUTER, info["host_key"])
     assert box.adopt().status == "unchanged"
     assert pins.host_key(ROUTER) == info["host_key"]
 
 
 def test_router_adopted_elsewhere_gets_no_password_before_it_is_pinned(box: Carton) -> None:
-    """It has to be agreed to first: by what the inventory declares, or by `provision trust`."""
+    """It has to be agreed to first: by what the inventory declares, or by `provision device trust`."""
     box.adopt()
     pins, info = Store(box.state, is_rehearsal=True).pins, box.site.do(ROUTER, "info")
     pins.change(ROUTER, None)
@@ -163,7 +163,7 @@ def test_router_adopted_elsewhere_gets_no_password_before_it_is_pinned(box: Cart
     for looking in (box.adoption().plan, box.adopt):
         with pytest.raises(ConsoleLoginError, match="so the password of provision was not tried") as refused:
             looking()
-        assert "provision trust" in str(refused.value.hint)
+        assert "provision device trust" in str(refused.value.hint)
     assert (pins.get(ROUTER), pins.host_key(ROUTER)) == (None, None)
     pins.change(ROUTER, info["pin"])
     assert box.adopt().status == "unchanged"

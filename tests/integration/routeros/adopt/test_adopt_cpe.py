@@ -36,7 +36,7 @@ class Box:
             declared,
             declared.hosts[CPE],
             self.state,
-            "provision adopt",
+            "provision device adopt",
             lambda event: self.told.append(event.message),
             lambda: iter([Secret("")]),
             is_rehearsal=True,

@@ -43,7 +43,7 @@ def journal(asked: Mapping[str, Any]) -> Journal:
     store = Store(Path(asked["state"]))
     if asked["mode"] == JobMode.RESUME:
         (run,) = store.unfinished_runs("coastal")
-        return store.resume("coastal", run.id, RunResume(revision="", tool="", command="provision resume"))
+        return store.resume("coastal", run.id, RunResume(revision="", tool="", command="provision recover resume"))
     with store.start(STARTED) as started:
         deadly = Deadly(started.directory)
     deadly.left, deadly.moment = asked.get("record", 0), asked.get("moment", "")

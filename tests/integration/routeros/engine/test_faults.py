@@ -179,7 +179,7 @@ def test_safe_mode_still_held_by_another_admin_gives_an_unknown_outcome(tmp_path
     assert (result.status, result.exit) == (Status.UNKNOWN, ExitCode.UNKNOWN)
     assert "api:provision@10.64.101.10 still holds safe mode" in result.message
     assert result.hint is not None
-    assert "provision resume site=coastal" in result.hint
+    assert "provision recover resume site=coastal" in result.hint
 
 
 def test_exhausted_history_ends_safe_mode_and_keeps_a_complete_change(tmp_path: Path) -> None:
@@ -207,7 +207,7 @@ def test_router_that_never_returns_has_an_unknown_outcome(tmp_path: Path) -> Non
     result = on(bench, act)
     assert (result.status, result.exit) == (Status.UNKNOWN, ExitCode.UNKNOWN)
     assert result.hint is not None
-    assert "provision resume site=coastal" in result.hint
+    assert "provision recover resume site=coastal" in result.hint
     (run,) = bench.store.unfinished_runs("coastal")
     assert run.unsettled_devices == ("router",)
 
@@ -241,7 +241,7 @@ def test_apply_is_refused_while_a_dead_session_holds_safe_mode(tmp_path: Path) -
     assert result.status is Status.LEFT_AS_FOUND
     assert result.message.startswith("api-ssl:provision@10.64.101.10 holds safe mode")
     assert result.hint is not None
-    assert "provision resume site=coastal" in result.hint
+    assert "provision recover resume site=coastal" in result.hint
 
 
 class Killed(BaseException):
@@ -277,7 +277,7 @@ def test_repeated_command_waits_for_its_own_dead_run(tmp_path: Path, version: st
     refused, again, left = on(bench, act)
     assert refused.status is Status.LEFT_AS_FOUND
     assert refused.hint is not None
-    assert "provision resume site=coastal" in refused.hint
+    assert "provision recover resume site=coastal" in refused.hint
     assert again.status is Status.CHANGED, again.message
     assert "atlantis-dead-man" not in left
     assert "atlantis-run" not in left
@@ -299,7 +299,7 @@ def test_link_lost_before_the_first_change_can_be_resumed(tmp_path: Path) -> Non
     lost, open_runs, refused, again = on(bench, act)
     assert lost.status is Status.LEFT_AS_FOUND
     assert lost.hint is not None
-    assert "provision resume site=coastal" in lost.hint
+    assert "provision recover resume site=coastal" in lost.hint
     assert len(open_runs) == 1
     assert refused.status is Status.LEFT_AS_FOUND
     assert again.status is Status.CHANGED

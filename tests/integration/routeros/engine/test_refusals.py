@@ -163,7 +163,7 @@ def test_a_certificate_that_is_not_on_the_device(tmp_path: Path) -> None:
         "/interface ovpn-client\nadd certificate=missing-one"
         ' comment="atlantis: vpn" connect-to=192.0.2.10 name=vpn user=router\n'
     )
-    words = "needs certificate missing-one, which is not on the device: type `provision vpn install host="
+    words = "needs certificate missing-one, which is not on the device: type `provision vpn install device="
     refused(Bench(tmp_path, text=text), Status.REFUSED, words)
 
 

@@ -38,7 +38,7 @@ def journal(asked: Mapping[str, Any]) -> Journal:
     store = Store(Path(asked["state"]))
     if asked["mode"] == JobMode.RESUME:
         (run,) = store.unfinished_runs("quay")
-        return store.resume("quay", run.id, RunResume(revision="", tool="", command="provision resume"))
+        return store.resume("quay", run.id, RunResume(revision="", tool="", command="provision recover resume"))
     with store.start(STARTED) as started:
         deadly = Deadly(started.directory)
     deadly.left = asked.get("record", 0)

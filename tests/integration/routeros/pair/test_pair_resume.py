@@ -82,7 +82,8 @@ TYPED = {"resume": JobMode.RESUME}
 
 def test_advice_about_the_job_of_a_dead_run_leads_on(tmp_path: Path) -> None:
     hint = (
-        "let them finish, then run the same command again; if a run of ours has died there: `provision resume site={}`"
+        "let them finish, then run the same command again; if a run of ours has died there: `provision recover "
+        "resume site={}`"
     )
 
     async def act(bench: PairBench) -> tuple[Results, list[list[str]], Results]:
@@ -94,14 +95,14 @@ def test_advice_about_the_job_of_a_dead_run_leads_on(tmp_path: Path) -> None:
 
     refused, commands, followed = on(PairBench(tmp_path), act)
     assert [each.status for each in refused] == [Status.LEFT_AS_FOUND] * 2
-    assert commands == [["resume", "site=quay"]] * 2
+    assert commands == [["recover", "resume", "site=quay"]] * 2
     assert [each.status for each in followed] == [Status.CHANGED] * 2
 
 
 def test_advice_for_an_unknown_outcome_settles_it(tmp_path: Path) -> None:
     hint = (
         "each end takes back by itself what was not kept, within ten minutes if its link has died; then: "
-        "`provision resume site={}`"
+        "`provision recover resume site={}`"
     )
 
     async def act(bench: PairBench) -> tuple[list[list[str]], Results, Results]:
@@ -116,6 +117,6 @@ def test_advice_for_an_unknown_outcome_settles_it(tmp_path: Path) -> None:
         return commands, await bench.converge(NEW, TYPED[commands[0][0]]), await bench.converge(NEW)
 
     commands, followed, again = on(PairBench(tmp_path), act)
-    assert commands[0] == ["resume", "site=quay"]
+    assert commands[0] == ["recover", "resume", "site=quay"]
     assert {each.status for each in followed} <= {Status.CHANGED, Status.UNCHANGED}
     assert [each.status for each in again] == [Status.UNCHANGED] * 2

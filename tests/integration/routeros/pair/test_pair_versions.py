@@ -28,7 +28,8 @@ def test_an_end_without_safe_mode_has_a_hint(tmp_path: Path, old: str) -> None:
         if result.name == old:
             assert result.hint is not None
             assert (
-                f"put RouterOS 7.18 or later on it: `provision upgrade site=quay device={old} packages=" in result.hint
+                f"put RouterOS 7.18 or later on it: `provision device upgrade site=quay device={old} packages="
+                in result.hint
             )
         else:
             assert result.hint is None

@@ -1,4 +1,4 @@
-"""`provision upgrade` as a person types it, against the emulated router."""
+"""`provision device upgrade` as a person types it, against the emulated router."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from npk_files import write
 def provision(tmp_path: Path) -> Any:  # noqa: ANN401
     def call(*words: str) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
-        return preforked.run(["upgrade", "site=coastal", "device=coastal-router", *words], env=environment)
+        return preforked.run(["device", "upgrade", "site=coastal", "device=coastal-router", *words], env=environment)
 
     return call
 

@@ -27,7 +27,7 @@ def declaration() -> Inventory:
 
 
 def request(tmp_path: Path, via: str, **more: Any) -> Request:  # noqa: ANN401 - fields of Request
-    return Request(state=tmp_path / "state", via={ROUTER: via}, command="provision upgrade", **more)
+    return Request(state=tmp_path / "state", via={ROUTER: via}, command="provision device upgrade", **more)
 
 
 def prepared(declaration: Inventory, tmp_path: Path, via: str, size: int) -> PreparedUpgrade:

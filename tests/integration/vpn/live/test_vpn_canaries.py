@@ -197,7 +197,7 @@ def test_secrets_are_only_where_they_belong(how: str, tmp_path: Path) -> None:
                 "PASS",
                 "--json",
             ],
-            ["onboard", "host=coastal-gateway", f"recipient={KEY.to_public()}", "PASS"],
+            ["onboard", "device=coastal-gateway", f"recipient={KEY.to_public()}", "PASS"],
             ["onboard", "partner=eca", "device=lost", "kind=laptop", "PASS", "CRASH"],
             ["renew", "name=iqua-laptop", f"recipient={KEY.to_public()}", "PASS"],
             ["status"],

@@ -129,7 +129,7 @@ def test_guest_connects_is_ended_and_leaves_no_trace(
     before = desk.files()
     monkeypatch.setattr(_common, "load_inventory", READ)
     day = datetime.now(UTC).date() + timedelta(days=20)
-    typed(desk, "guest", "add", *LAUV, f"until={day}", SEALED[-1])
+    typed(desk, "robot", "invite", *LAUV, f"until={day}", SEALED[-1])
     (sealed,) = desk.authority.glob("handouts/*/*.age")
     profile = open_package(sealed.read_bytes(), Secret(str(KEY)))[f"{_GUEST}.ovpn"]
     client = Client(server.stack, server, read_identity(profile))
@@ -138,7 +138,7 @@ def test_guest_connects_is_ended_and_leaves_no_trace(
     (member,) = members_of(Authority.open(desk.authority), "lauv")
     assert str(member.address) in server.run("nft", "list", "ruleset")
 
-    out = typed(desk, "guest", "end", "name=lauv", "--yes")
+    out = typed(desk, "robot", "dismiss", "name=lauv", "--yes")
     assert "verified: no session, and nothing of theirs passes" in out
     assert "lauv: ended; it is not declared, has no good certificate, and no file of it is left here" in out
     assert client.ended() == 0

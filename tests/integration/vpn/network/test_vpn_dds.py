@@ -1,6 +1,6 @@
 """DDS through the VPN: who hears whom is what the policy says, though each announces itself to everybody.
 
-Real participants of Cyclone DDS, our hosts' with the profile of `provision dds`, partners' with one of their own.
+Real participants of Cyclone DDS, our hosts' with the profile of `provision robot dds`, partners' with one of their own.
 """
 
 import itertools

@@ -126,7 +126,7 @@ def _without_a_tunnel(robot: Robot, install: str) -> None:
 
 
 def _meet(made: Vpn, robot: Robot, run: str, peer: Peer) -> None:
-    """The robot's program and one at the control centre's place, with the profile of `provision dds`."""
+    """The robot's program and one at the control centre's place, with the profile of `provision robot dds`."""
     view = profile_views(made.declaration, made.declaration.hosts[CENTRE], "humble")[0]
     file = made.folder / peer.file
     file.write_text(profiles(view)[f"{view.link}/{peer.file}"], encoding="utf-8")

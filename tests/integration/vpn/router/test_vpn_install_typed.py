@@ -8,7 +8,7 @@ import pytest
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
 
-LINE = ["vpn", "install", "host=coastal-router"]
+LINE = ["vpn", "install", "device=coastal-router"]
 
 
 @pytest.fixture(autouse=True)
@@ -28,4 +28,4 @@ def test_installation_can_be_rehearsed(capsys: pytest.CaptureFixture[str]) -> No
 
 def test_nobody_is_contacted_without_an_identity(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(LINE) == ExitCode.USAGE
-    assert "provision vpn onboard host=coastal-router" in capsys.readouterr().err
+    assert "provision vpn onboard device=coastal-router" in capsys.readouterr().err

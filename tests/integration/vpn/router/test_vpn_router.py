@@ -125,7 +125,7 @@ def test_older_version_is_refused_with_reason_and_left_unchanged(tmp_path: Path,
         assert (done.status, done.exit) == (Status.LEFT_AS_FOUND, ExitCode.FAILED)
         assert words in done.message
         assert version in done.message
-        assert "`provision upgrade site=coastal device=coastal-router" in (done.hint or "")
+        assert "`provision device upgrade site=coastal device=coastal-router" in (done.hint or "")
         assert stand.export() == before
         assert stand.rows("/file") == []
         assert not stand.request.state.exists()
@@ -183,7 +183,7 @@ def test_identity_must_match_its_file(tmp_path: Path) -> None:
     request = Request(state=tmp_path)
     with pytest.raises(UsageError, match="no identity of coastal-router") as refused:
         identity_for(SHIPPED, HOST, request)
-    assert "`provision vpn onboard host=coastal-router`" in (refused.value.hint or "")
+    assert "`provision vpn onboard device=coastal-router`" in (refused.value.hint or "")
     identities(SHIPPED, [HOST, SHIPPED.hosts["te4sea-router"]], tmp_path / "vpn")
     assert identity_for(SHIPPED, HOST, request).member.name == HOST.name
     hosts = tmp_path / "vpn" / "hosts"

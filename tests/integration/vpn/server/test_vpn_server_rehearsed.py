@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 
 def provision(state: Path, *words: str, code: int, **more: str) -> dict[str, object]:
-    typed = [*words, f"only={HOST}", "--json"]
+    typed = [*words, f"device={HOST}", "--json"]
     done = preforked.run(typed, env=os.environ | {"ATLANTIS_STATE": str(state), **more}, folder=CHECKOUT)
     assert done.returncode == code, f"exit {done.returncode}\n{done.stdout[:2000]}\n{done.stderr[-2000:]}"
     assert "PRIVATE KEY" not in done.stdout + done.stderr

@@ -145,11 +145,11 @@ def test_member_without_file_or_with_expired_certificate_is_refused(server: Stan
 
 
 def test_manually_changed_file_is_reported_and_restored(server: Stand) -> None:
-    path, stranger, site = f"{FOLDER}/ccd/inesc-one", f"{FOLDER}/ccd/nobody", ("site=scc", f"only={NAME}")
+    path, stranger, site = f"{FOLDER}/ccd/inesc-one", f"{FOLDER}/ccd/nobody", ("site=scc", f"device={NAME}")
     right, before = server.read(path), server.pid()
     server.machine.put(path, "ifconfig-push 10.80.0.2 255.255.0.0\n", mode="0640")
     server.machine.put(stranger, "")
-    told = server.provision("drift", *site)
+    told = server.provision("report", "drift", *site)
     assert told["exit"] == 6, told
     assert {one["subject"] for one in told["devices"][NAME]["differences"]} == {f"file {path}", f"absent {stranger}"}
     done = server.provision(*site, "--yes")
@@ -200,7 +200,7 @@ def test_power_cut_during_setup_is_completed_by_the_next_run(server: Stand) -> N
                 os.kill(one, signal.SIGKILL)
     shutil.rmtree(server.folder / "kept", ignore_errors=True)  # connections that were kept open
     server.ground.command(("ip", "neighbour", "flush", "all"))
-    gone = server.provision("site=all", f"only={NAME},coastal-gateway", "--yes")
+    gone = server.provision("site=all", f"device={NAME},coastal-gateway", "--yes")
     assert {name: one["status"] for name, one in gone["devices"].items()} == {
         NAME: "left-as-found",
         "coastal-gateway": "left-as-found",

@@ -74,13 +74,13 @@ def test_no_secret_reaches_a_child_process(stand: Stand) -> None:  # noqa: F811
     stand.laptop("one")
     stand.secrets |= {PASSPHRASE, *key_pem(stand.ca.key).reveal().split("\n")[1:3]}
     laptop = Laptop(stand)
-    told = laptop.type("site=scc", f"only={NAME}", "--yes")
+    told = laptop.type("site=scc", f"device={NAME}", "--yes")
     assert told["devices"][NAME]["status"] == "changed"
     (row,) = laptop.type("vpn", "onboard", "partner=iqua", "device=sparus2", "kind=robot")["members"]
     assert row["name"] == "iqua-sparus2"
     status = laptop.type("vpn", "status")
     assert [one["verdict"] for one in status["told"]] == ["PASS", "PASS"]
-    assert laptop.type("site=scc", f"only={NAME}", "--yes")["devices"][NAME]["status"] == "unchanged"
+    assert laptop.type("site=scc", f"device={NAME}", "--yes")["devices"][NAME]["status"] == "unchanged"
     revoked = laptop.type("vpn", "revoke", "name=iqua-sparus2", "--yes")
     assert revoked["evidence"]["confirmed"] is True
     assert laptop.type("vpn", "sync")["changes"] == []

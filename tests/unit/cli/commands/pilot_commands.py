@@ -14,7 +14,7 @@ RUN = CommandSpec(
     "change a site",
     words=(
         Word("site", "the site to change", is_required=True, example="coastal"),
-        Word("only", "these devices only", many=True, example="router"),
+        Word("device", "these devices only", many=True, example="router"),
         Word("bearer", "the link in use", choices=("ptp", "lte", "satellite")),
     ),
     flags=(

@@ -108,20 +108,20 @@ def test_open_checklist_was_not_signed(state: Path, capsys: pytest.CaptureFixtur
     Sitting(state / "real" / "coastal", [], (RADIO, LAMP), {"sparus/wifi": [WELL]}).book().close()
     assert main(["report", "verify", "site=coastal"]) == 7
     assert capsys.readouterr().err.startswith("error: nothing was signed\n")
-    rows = told(capsys, "list", "site=coastal", code=0)
+    rows = told(capsys, "checklists", "site=coastal", code=0)
     assert [(row["state"], row["exit"], row["open"]) for row in rows["checklists"]] == [("open", 6, 2)]
 
 
 def test_history_shows_changes_since_green(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     signed(state)
     signed(state, heard="FAIL hears nobody")
-    assert main(["report", "list", "site=coastal"]) == 0
+    assert main(["report", "checklists", "site=coastal"]) == 0
     assert capsys.readouterr().out == HISTORY
-    assert main(["report", "list", "site=coastal", "vehicle=sparus"]) == 0
+    assert main(["report", "checklists", "site=coastal", "vehicle=sparus"]) == 0
     assert capsys.readouterr().out == HISTORY
-    assert main(["report", "list", "site=coastal", "vehicle=stork"]) == 7
+    assert main(["report", "checklists", "site=coastal", "vehicle=stork"]) == 7
     assert "no checklist of `coastal` has looked at `stork`" in capsys.readouterr().err
-    since = told(capsys, "list", "site=coastal", code=0)["since_green"]
+    since = told(capsys, "checklists", "site=coastal", code=0)["since_green"]
     assert [(one["id"], one["before"], one["after"]) for one in since["changes"]] == [("sparus/wifi", "PASS", "FAIL")]
 
 
@@ -150,8 +150,8 @@ def test_stored_checklist_is_shown(state: Path, capsys: pytest.CaptureFixture[st
 
 def test_rehearsed_checklists_are_separate(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     signed(state, real=False)
-    for command in ("list", "show"):
+    for command in ("checklists", "show"):
         assert main(["report", command, "site=coastal"]) == 7
-        assert "add --rehearsed for rehearsed ones" in capsys.readouterr().err
-        assert main(["report", command, "site=coastal", "--rehearsed"]) == 0
+        assert "add --rehearse for rehearsed ones" in capsys.readouterr().err
+        assert main(["report", command, "site=coastal", "--rehearse"]) == 0
         capsys.readouterr()

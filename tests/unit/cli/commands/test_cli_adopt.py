@@ -1,4 +1,4 @@
-"""What `provision adopt` refuses before it contacts anything."""
+"""What `provision device adopt` refuses before it contacts anything."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.adopt import _read_secret_file
 from atlantis_netcfg.core.errors import UsageError
 
-SITE = ("adopt", "site=scc", "device=scc-router")
+SITE = ("device", "adopt", "site=scc", "device=scc-router")
 
 
 @pytest.mark.parametrize(
@@ -19,11 +19,11 @@ SITE = ("adopt", "site=scc", "device=scc-router")
         ((*SITE, "--rehearse", "wait=soon"), 3, "`wait=soon` is no number of seconds"),
         (SITE, 3, "the inventory still holds example values"),
         (
-            ("adopt", "site=scc", "device=scc-vpn", "--rehearse"),
+            ("device", "adopt", "site=scc", "device=scc-vpn", "--rehearse"),
             7,
             "scc-vpn is a vpn server: only RouterOS devices are adopted",
         ),
-        (("adopt", "site=scc", "device=scc-rooter", "--rehearse"), 7, "scc-rooter"),
+        (("device", "adopt", "site=scc", "device=scc-rooter", "--rehearse"), 7, "scc-rooter"),
     ],
 )
 def test_invalid_command_lines_are_refused(

@@ -26,33 +26,36 @@ def offered(*typed: str) -> list[str]:
 @for_each_row(
     ("typed", "expected"),
     [
-        (["dri"], ["drift"]),
+        (["rep"], ["report"]),
         (["vp"], ["vpn"]),
         (["vpn", "re"], ["renew", "revoke"]),
-        (["completion", ""], ["bash", "zsh", "fish"]),
+        (["help", "completion", ""], ["shell="]),
+        (["help", "completion", "shell="], ["shell=bash", "shell=zsh", "shell=fish"]),
+        (["links", "u"], ["use"]),
+        (["report", "dri"], ["drift"]),
         (["si"], ["site="]),
         (["site=coa"], ["site=coastal"]),
-        (["site=coastal", "onl"], ["only="]),
+        (["site=coastal", "dev"], ["device="]),
         (["site=coastal", "--reh"], ["--rehearse"]),
-        (["site=coastal", "--plan", "--pl"], []),
-        (["--plan", "site=co"], ["site=coastal"]),
-        (["drift", "site="], ["site=scc", "site=coastal", "site=te4sea"]),
-        (["drift", "site=coastal", "only="], [f"only={name}" for name in COASTAL]),
-        (["drift", "site=coastal", "only=coastal-4g,coastal-s"], ["only=coastal-4g,coastal-sat"]),
-        (["drift", "site=coastal", "only=coastal-4g,coastal-4"], []),
-        (["verify", "device=te4sea-r"], ["device=te4sea-router"]),
-        (["dds", "host=scc-c"], ["host=scc-cpe", "host=scc-control"]),
+        (["plan", "site=coastal", "--pl"], []),
+        (["plan", "site=co"], ["site=coastal"]),
+        (["report", "drift", "site="], ["site=scc", "site=coastal", "site=te4sea"]),
+        (["report", "drift", "site=coastal", "device="], [f"device={name}" for name in COASTAL]),
+        (["report", "drift", "site=coastal", "device=coastal-4g,coastal-s"], ["device=coastal-4g,coastal-sat"]),
+        (["report", "drift", "site=coastal", "device=coastal-4g,coastal-4"], []),
+        (["device", "verify", "device=te4sea-r"], ["device=te4sea-router"]),
+        (["robot", "dds", "device=scc-c"], ["device=scc-cpe", "device=scc-control"]),
         (["check", "site=coastal", "vehicle=sp"], ["vehicle=sparus"]),
         (["check", "endpoint=wifi,g"], ["endpoint=wifi,gps"]),
         (["vpn", "onboard", "partner=iq"], ["partner=iqua"]),
-        (["vpn", "onboard", "device=coastal"], []),
+        (["vpn", "onboard", "device=coastal-r"], ["device=coastal-router"]),
         (["check", "--answers", ""], []),
         (["run", "--lang", ""], ["en", "pt"]),
-        (["--lang", "pt", "drift", "si"], ["site="]),
-        (["--lang", "pt", "dri"], ["drift"]),
-        (["site=coastal", "dri"], []),
+        (["--lang", "pt", "report", "drift", "si"], ["site="]),
+        (["--lang", "pt", "rep"], ["report"]),
+        (["site=coastal", "rep"], []),
         (["nonsense", ""], []),
-        (["drift", "qqq="], []),
+        (["report", "drift", "qqq="], []),
     ],
     ids=" ".join,
 )
@@ -62,7 +65,7 @@ def test_completions(typed: list[str], expected: list[str]) -> None:
 
 def test_empty_line_completes_commands_and_run_arguments() -> None:
     words = offered("")
-    assert words[:5] == ["run", "links", "check", "drift", "runs"]
+    assert words[:5] == ["run", "plan", "check", "links", "recover"]
     assert "site=" in words
     assert "complete" not in words
     assert {name.split()[0] for name in COMMANDS} <= set(words)
@@ -91,15 +94,15 @@ def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_runs_of_the_site_complete_newest_first(runs: list[str]) -> None:
     first, second, other = runs
-    assert offered("rollback", "site=coastal", "to=2") == [f"to={second}", f"to={first}"]
-    assert offered("rollback", "site=coastal", "to=l") == ["to=latest"]
-    assert offered("restore", "device=coastal-router", "site=scc", "to=") == ["to=latest", f"to={other}"]
-    assert offered("resume", "site=coastal", "run=") == [f"run={second}", f"run={first}"]
+    assert offered("recover", "rollback", "site=coastal", "run=2") == [f"run={second}", f"run={first}"]
+    assert offered("recover", "rollback", "site=coastal", "run=l") == ["run=latest"]
+    assert offered("device", "restore", "device=coastal-router", "site=scc", "run=") == ["run=latest", f"run={other}"]
+    assert offered("recover", "resume", "site=coastal", "run=") == [f"run={second}", f"run={first}"]
 
 
 def test_completion_creates_no_state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
-    assert offered("resume", "site=coastal", "run=") == []
+    assert offered("recover", "resume", "site=coastal", "run=") == []
     assert not (tmp_path / "state").exists()
 
 
@@ -124,20 +127,20 @@ def broken_inventories(folder: Path) -> Iterator[tuple[str, list[str]]]:
 
 def test_broken_inventory_shortens_completions_silently(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for folder, sites in broken_inventories(tmp_path):
-        assert main(["complete", "drift", f"inventory={folder}", "site="]) == 0
+        assert main(["complete", "report", "drift", f"inventory={folder}", "site="]) == 0
         printed = capsys.readouterr()
         assert (printed.err, printed.out.split()) == ("", [f"site={site}" for site in sites]), folder
 
 
 def test_completion_is_fast_and_prints_nothing_else() -> None:
     """A person waits at each Tab: 1 s on a busy machine is five times what it takes."""
-    typed = [*PROGRAM, "complete", "drift", "site=coastal", "only=coastal-r"]
+    typed = [*PROGRAM, "complete", "report", "drift", "site=coastal", "device=coastal-r"]
     times = []
     for _ in range(3):
         begun = time.monotonic()
         answered = subprocess.run(typed, capture_output=True, text=True, check=True)
         times.append(time.monotonic() - begun)
-        assert (answered.stdout, answered.stderr) == ("only=coastal-router  \n", "")
+        assert (answered.stdout, answered.stderr) == ("device=coastal-router  \n", "")
     assert min(times) < 1.0
 
 
@@ -146,7 +149,7 @@ HEAVY = ("ansible", "asyncio", "cryptography", "jinja2", "pydantic", "rich")
 
 def test_completion_imports_nothing_heavy() -> None:
     source = (
-        "import sys; from atlantis_netcfg.cli import main; main(['complete', 'drift', 'site=co']);"
+        "import sys; from atlantis_netcfg.cli import main; main(['complete', 'report', 'drift', 'site=co']);"
         " print(*sys.modules, file=sys.stderr)"
     )
     process = subprocess.run([PROGRAM[0], "-P", "-c", source], capture_output=True, text=True, check=True)

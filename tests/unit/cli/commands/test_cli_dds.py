@@ -1,4 +1,4 @@
-"""`provision dds`: files written whole and once, printed, or told as JSON."""
+"""`provision robot dds`: files written whole and once, printed, or told as JSON."""
 
 import json
 import re
@@ -11,7 +11,7 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
 
 SHIPPED = Path(__file__).parents[4] / "inventory"
-LINE = ["dds", "site=coastal", "host=coastal-gateway", f"inventory={SHIPPED}"]
+LINE = ["robot", "dds", "site=coastal", "device=coastal-gateway", f"inventory={SHIPPED}"]
 
 
 def test_second_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -69,7 +69,7 @@ def test_missing_dds_settings_are_reported(tmp_path: Path, capsys: pytest.Captur
     pilot.write_text(pilot.read_text().partition("  dds:")[0])
     vehicles = pilot.with_name("vehicles.yml")
     vehicles.write_text(re.sub(r"\n    telemetry:.*(\n      - .*)+", "", vehicles.read_text()))
-    assert main([*LINE[:3], f"inventory={tmp_path / 'inventory'}"]) == ExitCode.USAGE
+    assert main([*LINE[:4], f"inventory={tmp_path / 'inventory'}"]) == ExitCode.USAGE
     assert capsys.readouterr().err == (
         "error: the pilot declares no DDS\n       write `dds: {distribution: foxy}` below `pilot:`\n"
     )

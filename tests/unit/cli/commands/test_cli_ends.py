@@ -131,7 +131,10 @@ def test_closed_pipe_does_not_change_the_exit_code() -> None:
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
 def test_closed_standard_streams_are_handled(closed: str) -> None:
     """As a service or a wrapper may start it; a file that is opened later must not become one of the three."""
-    source = "import sys, os; from atlantis_netcfg.cli import main; sys.exit(main(['validate']) or os.open('/', 0) < 3)"
+    source = (
+        "import sys, os; from atlantis_netcfg.cli import main; sys.exit(main(['inventory', 'validate']) or "
+        "os.open('/', 0) < 3)"
+    )
     process = subprocess.run(
         ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-c", source], capture_output=True, check=False
     )
@@ -141,7 +144,7 @@ def test_closed_standard_streams_are_handled(closed: str) -> None:
 def test_standard_streams_stay_inheritable_after_a_play() -> None:
     source = (
         "import os, sys; from atlantis_netcfg.cli import main\n"
-        "code = main(['drift', 'site=coastal', 'only=coastal-cpe'])\n"
+        "code = main(['report', 'drift', 'site=coastal', 'device=coastal-cpe'])\n"
         "print(code, [os.get_inheritable(number) for number in (0, 1, 2)])"
     )
     process = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=False)
@@ -238,7 +241,7 @@ def test_silence_flag_without_root_is_refused_before_contact(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("atlantis_netcfg.routeros.api.may_cut_off", lambda: False)
-    assert main(["verify", "device=coastal-router", "--silence"]) == ExitCode.USAGE
+    assert main(["device", "verify", "device=coastal-router", "--silence"]) == ExitCode.USAGE
     assert capsys.readouterr().err.splitlines() == [
         "error: `--silence`: this computer lets only root make a connection fall silent; no device was contacted",
         "       type the same with `sudo`, or without `--silence`",

@@ -1,4 +1,4 @@
-"""`provision fit`: what is typed, what is printed, and how it ends."""
+"""`provision measure fit`: what is typed, what is printed, and how it ends."""
 
 import json
 import shutil
@@ -36,7 +36,7 @@ def publishing(folder: Path, *topics: str) -> Path:
 
 
 def line(inventory: Path, *more: str) -> Sequence[str]:
-    return ["fit", "site=coastal", "vehicle=sparus", f"inventory={inventory}", *more]
+    return ["measure", "fit", "site=coastal", "vehicle=sparus", f"inventory={inventory}", *more]
 
 
 def test_lines_fit_a_narrow_terminal(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -94,13 +94,13 @@ def test_vehicle_without_topics_is_reported(capsys: pytest.CaptureFixture[str]) 
 def test_validate_warns_of_rates_that_fit_no_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Not of what fits when it is thinned, nor of what fits a better link."""
     own = publishing(tmp_path, "{topic: /video, data: images, rate_hz: 5, size_bytes: 1500000, least_hz: 4}")
-    assert main(["validate", f"inventory={own}"]) == ExitCode.DONE
+    assert main(["inventory", "validate", f"inventory={own}"]) == ExitCode.DONE
     shown = capsys.readouterr().out
     assert (
         "no link of coastal that DDS may cross carries what `sparus` publishes, also at the lowest useful rates"
         in shown
     )
-    hint = "`provision fit site={} vehicle={}` says how much, and what would fit"
+    hint = "`provision measure fit site={} vehicle={}` says how much, and what would fit"
     (words,) = advised(said(shown.partition("any link of te4sea")[0], hint))
     assert main([*words, f"inventory={own}"]) == ExitCode.CHECKS_FAILED
     told = capsys.readouterr().out
@@ -109,5 +109,5 @@ def test_validate_warns_of_rates_that_fit_no_link(tmp_path: Path, capsys: pytest
 
 
 def test_validate_is_silent_about_rates_that_fit_one_link(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", f"inventory={inventory}"]) == ExitCode.DONE
+    assert main(["inventory", "validate", f"inventory={inventory}"]) == ExitCode.DONE
     assert "publishes more than any link of coastal" not in capsys.readouterr().out

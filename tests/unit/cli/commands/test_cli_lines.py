@@ -30,7 +30,7 @@ def test_mistakes_are_explained(line: str, monkeypatch: pytest.MonkeyPatch, caps
         ("site=coastal", {"site": ("coastal",)}, {}),
         ("run site=coastal --plan --plan", {"site": ("coastal",)}, {"plan": None}),
         ("--plan site=coastal -v", {"site": ("coastal",)}, {"plan": None, "verbose": None}),
-        ("site=a=b only=x,y only=z", {"site": ("a=b",), "only": ("x", "y", "z")}, {}),
+        ("site=a=b device=x,y device=z", {"site": ("a=b",), "device": ("x", "y", "z")}, {}),
         ("site=coastal --keep dir --json", {"site": ("coastal",)}, {"keep": "dir", "json": None}),
         ("site=coastal --keep=a=b", {"site": ("coastal",)}, {"keep": "a=b"}),
         ("--json show", {}, {"json": None}),
@@ -52,11 +52,11 @@ def test_command_lines_are_parsed(
 
 def test_command_reads_its_arguments_and_flags(monkeypatch: pytest.MonkeyPatch) -> None:
     table = Table(monkeypatch, done)
-    main(["site=coastal", "only=a,b", "--keep", "dir"], table=table)
+    main(["site=coastal", "device=a,b", "--keep", "dir"], table=table)
     (arguments,) = table.runs
     assert arguments.word("site") == "coastal"
     assert arguments.optional("bearer") is None
-    assert arguments.many("only") == ("a", "b")
+    assert arguments.many("device") == ("a", "b")
     assert arguments.flag("plan") is False
     assert arguments.value("keep") == "dir"
     for asked in (arguments.optional, arguments.flag):

@@ -19,7 +19,7 @@ ACCEPTED = ('missing date, using "": TH',)
 
 @pytest.fixture
 def page(capsys: pytest.CaptureFixture[str]) -> str:
-    assert main(["man"]) == 0
+    assert main(["help", "man"]) == 0
     return capsys.readouterr().out
 
 

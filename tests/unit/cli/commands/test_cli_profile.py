@@ -8,9 +8,12 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.base.commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode
 
-_WITHOUT = {"adopt", "resume", "retrieve", "rollback", "survey"}
+_REPORTS = {name for name in COMMANDS if name.startswith("report ")} | {
+    f"measure {each}" for each in ("show", "compare", "history")
+}
+_WITHOUT = {"device adopt", "recover resume", "recover rollback", "robot retrieve", "measure coverage", "recover"}
 """Their rehearsals go over the technician's cable, repeat an earlier one, hear another link at every place, or start no
-emulated device: `retrieve` sends over the declared link alone."""
+emulated device: `robot retrieve` sends over the declared link alone."""
 
 
 def test_profile_without_rehearsal_is_refused(
@@ -34,5 +37,7 @@ def test_profile_of_a_missing_run_is_refused(
 def test_commands_that_rehearse_a_site_have_the_profile_flag() -> None:
     commands = {name: load(name, COMMANDS).command for name in COMMANDS}
     rehearse = {name for name, command in commands.items() if command.flag("rehearse") is not None}
-    assert {name for name, command in commands.items() if command.flag("profile") is not None} == rehearse - _WITHOUT
+    with_profile = {name for name, command in commands.items() if command.flag("profile") is not None}
+    assert with_profile - {"report drift", "report as-built"} == rehearse - _WITHOUT - _REPORTS
+    assert with_profile >= {"report drift", "report as-built"}
     assert rehearse > _WITHOUT

@@ -1,4 +1,4 @@
-"""`provision validate`: what it says, where it says it, and how it ends."""
+"""`provision inventory validate`: what it says, where it says it, and how it ends."""
 
 import json
 import re
@@ -21,7 +21,7 @@ inventory: no errors
     6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
     6 partners  inesc, iqua, eca, udg, vtt, spaceapps
 It still holds example values: only rehearsals use it (`provision site=scc --rehearse inventory=inventory`).
-454 values are examples: `provision validate --examples inventory=inventory` lists them.
+454 values are examples: `provision inventory validate --examples inventory=inventory` lists them.
 """
 WRONG = """\
 inventory/host_vars/te4sea-router.yml:8:92: `satelite` is no bearer of `te4sea`
@@ -46,13 +46,13 @@ def invalid(inventory: Path) -> Path:
 
 @pytest.mark.usefixtures("inventory")
 def test_result_lists_what_was_checked(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
+    assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.DONE
     assert capsys.readouterr() == (SAID, "")
 
 
 @pytest.mark.usefixtures("inventory")
 def test_json_output(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.DONE
+    assert main(["inventory", "validate", "inventory=inventory", "--json"]) == ExitCode.DONE
     said = json.loads(capsys.readouterr().out)
     assert said.pop("revision")
     examples = said.pop("examples")
@@ -71,9 +71,9 @@ def test_json_output(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.usefixtures("inventory")
 def test_every_example_value_is_listed_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
+    assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.DONE
     (words,) = advised(capsys.readouterr().out.splitlines()[-1])
-    assert words == ["validate", "--examples", "inventory=inventory"]
+    assert words == ["inventory", "validate", "--examples", "inventory=inventory"]
     assert main(words) == ExitCode.DONE
     said = capsys.readouterr().out.splitlines()
     keys = "`price_per_mb`, `min_session_bytes`"
@@ -83,7 +83,7 @@ def test_every_example_value_is_listed_with_its_place(capsys: pytest.CaptureFixt
 
 
 def test_default_inventory_is_that_of_the_checkout(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate"]) == ExitCode.DONE
+    assert main(["inventory", "validate"]) == ExitCode.DONE
     assert capsys.readouterr().out.splitlines()[0] == f"{SHIPPED}: no errors"
 
 
@@ -91,15 +91,15 @@ def test_warnings_do_not_fail(inventory: Path, capsys: pytest.CaptureFixture[str
     path = inventory / "group_vars" / "coastal.yml"
     budget = "      standing_budget_mb: 1\n      device: coastal-sat\n"
     path.write_text(path.read_text(encoding="utf-8").replace("      device: coastal-sat\n", budget), encoding="utf-8")
-    assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
+    assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out
     assert "1 warning in the inventory; no device was contacted" in said
-    assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.DONE
+    assert main(["inventory", "validate", "inventory=inventory", "--json"]) == ExitCode.DONE
     (warning,) = json.loads(capsys.readouterr().out)["warnings"]
     assert (warning["file"], warning["line"]) == ("inventory/group_vars/coastal.yml", 44)
     assert warning["message"].startswith("by itself ")
     without_budgets(inventory)
-    assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
+    assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out
     for link in ("4g", "satellite"):
         assert said.count(f"no budget is declared for what goes over {link} by itself") == 2
@@ -114,13 +114,13 @@ def without_budgets(inventory: Path) -> None:
 
 @pytest.mark.usefixtures("invalid")
 def test_errors_go_to_stderr(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "inventory=inventory"]) == ExitCode.USAGE
+    assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.USAGE
     assert capsys.readouterr() == ("", WRONG)
 
 
 @pytest.mark.usefixtures("invalid")
 def test_errors_as_json(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.USAGE
+    assert main(["inventory", "validate", "inventory=inventory", "--json"]) == ExitCode.USAGE
     said = json.loads(capsys.readouterr().out)
     assert said["exit"] == ExitCode.USAGE
     assert said["errors"] == [
@@ -136,7 +136,7 @@ def test_errors_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.usefixtures("inventory")
 def test_missing_inventory_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "inventory=inventroy"]) == ExitCode.NOTHING
+    assert main(["inventory", "validate", "inventory=inventroy"]) == ExitCode.NOTHING
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.splitlines() == [
@@ -152,7 +152,8 @@ def test_validation_imports_only_what_it_needs(inventory: Path) -> None:
     silent = re.sub(r"\n    telemetry:.*(\n      - .*)+", "", vehicles.read_text(encoding="utf-8"))
     vehicles.write_text(silent, encoding="utf-8")
     program = (
-        "import sys; from atlantis_netcfg.cli import main; code = main(['validate', 'inventory=inventory']);"
+        "import sys; from atlantis_netcfg.cli import main; code = main(['inventory', 'validate', "
+        "'inventory=inventory']);"
         "print(*sys.modules, file=sys.stderr); sys.exit(code)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -92,7 +92,7 @@ def a_satellite_with_canaries(at: Place) -> str:
     line = text.rindex("\n", 0, place) + 1
     indent = " " * (len(text[line:place]) - len(text[line:place].lstrip(" -")))
     site.write_text(f"{text[:place]}canaries: [192.0.2.53, 192.0.2.54]\n{indent}{text[place:]}")
-    return at.type("validate", f"inventory={at.folder / 'inventory'}", code=3)
+    return at.type("inventory", "validate", f"inventory={at.folder / 'inventory'}", code=3)
 
 
 def stopped_at_the_end(at: Place) -> str:
@@ -111,10 +111,10 @@ def stopped_at_the_end(at: Place) -> str:
 
 SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
     "a word that there is not": (
-        lambda at: at.type("runs", "qqq", code=3),
+        lambda at: at.type("report", "runs", "qqq", code=3),
         "`provision {} --help` lists what it takes",
         0,
-        "provision runs",
+        "provision report runs",
     ),
     "nothing was signed": (
         lambda at: at.type("report", "verify", code=7),
@@ -123,7 +123,7 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
         "coastal",
     ),
     "no checklist": (
-        lambda at: at.type("report", "list", "site=coastal", code=7),
+        lambda at: at.type("report", "checklists", "site=coastal", code=7),
         "; `provision check site={}{}` begins one",
         6,
         "coastal",
@@ -171,9 +171,9 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
     "no such item": (no_such_item, "`provision check site={}` shows every id", 6, "sparus/wifi"),
     "stopped at the end": (
         stopped_at_the_end,
-        "`provision runs` shows what was confirmed, and how a run that is unfinished goes on",
+        "`provision report runs` shows what was confirmed, and how a run that is unfinished goes on",
         0,
-        "UNFINISHED, go on: `provision resume site=coastal run=",
+        "UNFINISHED, go on: `provision recover resume site=coastal run=",
     ),
 }
 
@@ -186,7 +186,7 @@ def test_advised_commands_work_when_typed(name: str, at: Place) -> None:
 
 
 def test_satellite_is_not_probed_automatically(at: Place) -> None:
-    hint = "remove `canaries:`; `provision prove site={}` tries the satellite when a person asks for it"
+    hint = "remove `canaries:`; `provision measure satellite site={}` tries the satellite when a person asks for it"
     (words,) = advised(said(a_satellite_with_canaries(at), hint))
     at.monkeypatch.setattr("atlantis_netcfg.cli.links._prove", _tried(at))
     at.type(*words, code=7)
@@ -215,7 +215,7 @@ class NothingBehindIt(NetcfgError):
 def test_rehearsal_advised_for_example_values_starts(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert main(["validate"]) == 0
+    assert main(["inventory", "validate"]) == 0
     (words,) = advised(said(capsys.readouterr().out, "`provision site={} --rehearse`"))
     seen: list[object] = []
 
@@ -264,7 +264,11 @@ def test_stop_before_anything_was_sent_reports_no_change(at: Place) -> None:
         raise KeyboardInterrupt
 
     at.monkeypatch.setattr("atlantis_netcfg.inventory.load", stop)
-    for typed in (("site=coastal", "--yes"), ("resume", "site=coastal"), ("rollback", "site=coastal", "to=x")):
+    for typed in (
+        ("site=coastal", "--yes"),
+        ("recover", "resume", "site=coastal"),
+        ("recover", "rollback", "site=coastal", "run=x"),
+    ):
         assert "nothing was changed" in at.type(*typed, code=4)
 
 
@@ -277,9 +281,9 @@ def test_hint_keeps_authority_and_rehearsal_options(at: Place) -> None:
 
 
 def test_named_host_that_is_not_handled_is_not_green(at: Place) -> None:
-    line = ("backup", "site=coastal")
-    assert "no role handles" in at.type(*line, "only=coastal-gateway", code=7)
-    assert "does nothing with coastal-gateway" in at.type(*line, "only=coastal-router,coastal-gateway", code=7)
+    line = ("device", "backup", "site=coastal")
+    assert "no role handles" in at.type(*line, "device=coastal-gateway", code=7)
+    assert "does nothing with coastal-gateway" in at.type(*line, "device=coastal-router,coastal-gateway", code=7)
 
 
 @pytest.mark.parametrize(

@@ -22,9 +22,9 @@ def broken(state: Path, command: str, purpose: Purpose) -> Run:
 @pytest.mark.parametrize(
     ("command", "purpose", "what"),
     [
-        ("provision adopt site=quay device=router", Purpose.ADOPT, "a first contact"),
-        ("provision upgrade site=quay device=router packages=x.npk", Purpose.UPGRADE, "an upgrade"),
-        ("provision vpn install host=router", Purpose.INSTALL, "an import of a VPN identity"),
+        ("provision device adopt site=quay device=router", Purpose.ADOPT, "a first contact"),
+        ("provision device upgrade site=quay device=router packages=x.npk", Purpose.UPGRADE, "an upgrade"),
+        ("provision vpn install device=router", Purpose.INSTALL, "an import of a VPN identity"),
     ],
 )
 def test_command_to_repeat_is_shown(tmp_path: Path, command: str, purpose: Purpose, what: str) -> None:
@@ -34,12 +34,14 @@ def test_command_to_repeat_is_shown(tmp_path: Path, command: str, purpose: Purpo
 
 
 def test_hints_of_a_rehearsal_keep_its_flag() -> None:
-    """Only of commands that have the flag: `runs` has none."""
-    hint = "`provision resume site=… run=1`, or `provision backup site=…`; `provision runs` lists all"
+    """Only of commands that have the flag: `device trust` has none."""
+    hint = (
+        "`provision recover resume site=… run=1`, or `provision device backup site=…`; `provision device trust site=…`"
+    )
     rehearsed = as_typed(hint, ["site=quay", "--rehearse"])
-    assert "`provision resume site=quay run=1 --rehearse`" in rehearsed
-    assert "`provision backup site=quay --rehearse`" in rehearsed
-    assert "`provision runs` lists" in rehearsed
+    assert "`provision recover resume site=quay run=1 --rehearse`" in rehearsed
+    assert "`provision device backup site=quay --rehearse`" in rehearsed
+    assert rehearsed.endswith("`provision device trust site=quay`")
     assert "--rehearse" not in as_typed(hint, ["site=quay"])
 
 
@@ -50,7 +52,7 @@ def test_configuration_run_can_be_resumed(tmp_path: Path) -> None:
 
 
 def test_backup_leaves_nothing_to_resume(tmp_path: Path) -> None:
-    assert broken(tmp_path, "provision backup site=quay", Purpose.BACKUP).unsettled_devices == ()
+    assert broken(tmp_path, "provision device backup site=quay", Purpose.BACKUP).unsettled_devices == ()
 
 
 def test_run_with_nothing_open_is_typed_again(tmp_path: Path) -> None:

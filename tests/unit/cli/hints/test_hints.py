@@ -48,7 +48,7 @@ def test_every_command_of_a_hint_can_be_typed(entry: Entry) -> None:
 
 def test_untypeable_hint_is_detected() -> None:
     for text in (
-        "`provision prove … --try-all`",
+        "`provision measure satellite … --try-all`",
         "`provision links`",
         "`provision vpn renew host={}`",
         "`provision a`",
@@ -59,11 +59,11 @@ def test_untypeable_hint_is_detected() -> None:
 def test_hints_are_extracted_from_source() -> None:
     source = '''
 class A:
-    """Type `provision runs`."""
-raise X(f"{a}: `provision resume site={b}`" " run=1")
-Word("site", "as `provision runs` lists it")
-"provision drift"
+    """Type `provision report runs`."""
+raise X(f"{a}: `provision recover resume site={b}`" " run=1")
+Word("site", "as `provision report runs` lists it")
+"provision report drift"
 '''
-    assert list(_texts(ast.parse(source))) == ["{}: `provision resume site={}` run=1"]
-    takes_over = "; if that run has died, take over: provision resume site={} run={}"
+    assert list(_texts(ast.parse(source))) == ["{}: `provision recover resume site={}` run=1"]
+    takes_over = "; if that run has died, take over: provision recover resume site={} run={}"
     assert Hint("routeros/apply/_state.py", takes_over) in hints()

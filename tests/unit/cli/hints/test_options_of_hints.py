@@ -82,10 +82,10 @@ def test_hints_use_only_options_of_the_command(
 
 
 def test_hint_to_save_a_plan_can_be_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["apply", f"file={tmp_path / 'absent'}"]) == ExitCode.USAGE
+    assert main(["plan", "apply", f"file={tmp_path / 'absent'}"]) == ExitCode.USAGE
     (words,) = advised(capsys.readouterr().err)
     name, rest = choose([word.replace("NAME", "coastal") for word in words], COMMANDS)
-    assert (name, parse(load(name, COMMANDS).command, rest).word("site")) == ("run", "coastal")
+    assert (name, parse(load(name, COMMANDS).command, rest).word("site")) == ("plan", "coastal")
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["folder", "keys", "signer"]
 CHRONY = "pool/chrony_3.5_arm64.deb"
-AGAIN = "copy the bundle again, or make it anew: `provision bundle site=coastal`"
+AGAIN = "copy the bundle again, or make it anew: `provision gateway bundle site=coastal`"
 
 
 def refusal(
@@ -95,7 +95,7 @@ def test_everything_missing_is_named(folder: Path, keys: Keys) -> None:
         distribution="ubuntu",
         codename="jammy",
     )
-    hint = "on a computer with internet: `provision bundle site=coastal`"
+    hint = "on a computer with internet: `provision gateway bundle site=coastal`"
     assert refusal(folder, keys, wish) == [
         (f"{HOST}: it is for ubuntu focal, and ubuntu jammy is declared", hint),
         (f"{HOST}: package gpsd: it is not in the bundle", hint),

@@ -37,7 +37,7 @@ class Place:
         return printed.out + printed.err
 
     def checked(self, *more: str, code: int) -> str:
-        return self.type("bundle", "site=coastal", f"check={self.bundle}", *more, code=code)
+        return self.type("gateway", "bundle", "site=coastal", f"check={self.bundle}", *more, code=code)
 
 
 @pytest.fixture
@@ -105,21 +105,24 @@ def another_system(_at: Place) -> str:
 
 
 SITUATIONS: dict[str, tuple[Callable[[Place], str], str]] = {
-    "damaged": (damaged, "copy the bundle again, or make it anew: `provision bundle site={}`"),
-    "lacking": (lacking, "on a computer with internet: `provision bundle site={}`"),
-    "none": (none, "name the folder itself; `provision bundle site=…` makes one, and tells where it has put it"),
+    "damaged": (damaged, "copy the bundle again, or make it anew: `provision gateway bundle site={}`"),
+    "lacking": (lacking, "on a computer with internet: `provision gateway bundle site={}`"),
+    "none": (
+        none,
+        "name the folder itself; `provision gateway bundle site=…` makes one, and tells where it has put it",
+    ),
     "too dear": (
         too_dear,
         (
             "type the same with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true); or bring the packages:"
-            " `provision bundle site=…`, then `--offline`"
+            " `provision gateway bundle site=…`, then `--offline`"
         ),
     ),
     "no name": (
         no_name,
         (
             "look at the link of the site, and at `ip route` on the computer; or bring the packages: "
-            "`provision bundle site=…`, then `--offline`"
+            "`provision gateway bundle site=…`, then `--offline`"
         ),
     ),
 }
@@ -140,20 +143,23 @@ def test_bundle_of_another_computer_opens_with_the_advised_key(
 ) -> None:
     other = KEYS_OF(tmp_path / "other")
     monkeypatch.setattr(Keys, "of", lambda _state: other)
-    hint = "let whoever made it read you the key; if it is this one: `provision bundle site=… check={} key={}`"
+    hint = "let whoever made it read you the key; if it is this one: `provision gateway bundle site=… check={} key={}`"
     (words,) = advised(said(at.checked(code=3), hint))
     assert "signed by" in at.type(*words)
     assert "signed by" in at.checked(code=0)
 
 
 def test_key_without_a_bundle_advises_a_working_command(at: Place, signer: BundleSigner) -> None:
-    hint = "add `check=` and its folder: `provision bundle site={} check=BUNDLE key={}`"
-    printed = at.type("bundle", "site=coastal", f"key={signer.fingerprint}", code=3)
+    hint = "add `check=` and its folder: `provision gateway bundle site={} check=BUNDLE key={}`"
+    printed = at.type("gateway", "bundle", "site=coastal", f"key={signer.fingerprint}", code=3)
     (words,) = advised(said(printed, hint))
     assert "signed by" in at.type(*(word.replace("BUNDLE", str(at.bundle)) for word in words))
 
 
 def test_advised_image_command_works(at: Place) -> None:
-    hint = "make a card with the right system (`provision image --help`), or declare the release that fits this one"
+    hint = (
+        "make a card with the right system (`provision gateway image --help`), or declare the release that fits "
+        "this one"
+    )
     (words,) = advised(said(another_system(at), hint))
     assert "host=coastal-gateway" in at.type(*words) or "the gateway computer" in at.type(*words)

@@ -46,7 +46,7 @@ def test_the_file_of_each_tool(by: str, address_by: str) -> None:
 @EVERY
 @BOTH
 def test_fresh_image_has_the_declared_network(by: str, address_by: str) -> None:
-    """`provision image` has put the same files there: names, modes, and words but for the comment."""
+    """`provision gateway image` has put the same files there: names, modes, and words but for the comment."""
     declaration, host = coast(by, address_by)
     part = computer_network(declaration, host)
     zone = f"/usr/share/zoneinfo/{declaration.pilot.time_zone}"

@@ -243,9 +243,12 @@ def test_foreign_entries_in_interfaces_are_preserved(box: Box) -> None:
 
 
 def test_fresh_image_needs_no_change(box: Box) -> None:
-    content = wish("ifupdown").content.replace("# Written by `provision`.", "# Written by `provision image`.")
+    content = wish("ifupdown").content.replace("# Written by `provision`.", "# Written by `provision gateway image`.")
     box.put(PATHS["ifupdown"], content)
-    box.put("/etc/resolv.conf", "# Written by `provision image`.\nsearch coastal.example.org\nnameserver 10.64.1.1\n")
+    box.put(
+        "/etc/resolv.conf",
+        "# Written by `provision gateway image`.\nsearch coastal.example.org\nnameserver 10.64.1.1\n",
+    )
     box.held["eth0"], box.routes = ["10.64.1.10/24"], [("10.64.1.1", "eth0")]
     change = made(box, "ifupdown")
     assert (change.stage(), change.changes) == (None, [])

@@ -1,4 +1,4 @@
-"""`provision retrieve` as it is typed, with a stand-in for ssh that answers in the place of the gateway."""
+"""`provision robot retrieve` as it is typed, with a stand-in for ssh that answers in the place of the gateway."""
 
 import json
 from dataclasses import replace
@@ -69,7 +69,7 @@ class Desk:
 
     def type(self, *words: str, code: int = 0) -> str:
         source = [] if any(word.startswith("from=") for word in words) else [f"from={GATEWAY}"]
-        ended = main(["retrieve", "site=coastal", *source, *words])
+        ended = main(["robot", "retrieve", "site=coastal", *source, *words])
         printed = self.capsys.readouterr()
         assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
         return printed.out + printed.err
@@ -237,7 +237,7 @@ def test_unavailable_robot_is_refused_with_advice(desk: Desk, seen: dict[str, An
 
 
 def test_missing_source_lists_the_choices(desk: Desk) -> None:
-    assert main(["retrieve", "site=coastal"]) == ExitCode.USAGE
+    assert main(["robot", "retrieve", "site=coastal"]) == ExitCode.USAGE
     assert f"choose one of these: `from={GATEWAY}`, `from=sparus`" in desk.capsys.readouterr().err
 
 
@@ -249,7 +249,7 @@ def test_rehearsal_refuses_missing_tools_and_options(desk: Desk) -> None:
     assert desk.verbs() == []
 
 
-SHOWN = "`provision retrieve site={} from={} status` shows it, `stop` in its place ends it"
+SHOWN = "`provision robot retrieve site={} from={} status` shows it, `stop` in its place ends it"
 
 
 def not_begun(desk: Desk) -> str:
@@ -270,15 +270,15 @@ def stopped(desk: Desk) -> str:
 def not_set_up(desk: Desk) -> str:
     desk.answers(look=None, error="python3: can't open file '/usr/local/lib/atlantis/retrieval.py'")
     printed = desk.type("link=wifi-ptp", code=4)
-    assert f"only={CENTRE}" in printed
+    assert f"device={CENTRE}" in printed
     return printed
 
 
 ADVICE = {
     SHOWN: not_begun,
     "`provision links site={}` shows more; or name it: `link=NAME`": not_known,
-    "`provision retrieve site={} from={}` goes on, and sends nothing twice": stopped,
-    "type `provision site={} only={}`, and `provision site={} only={}`": not_set_up,
+    "`provision robot retrieve site={} from={}` goes on, and sends nothing twice": stopped,
+    "type `provision site={} device={}`, and `provision site={} device={}`": not_set_up,
 }
 
 
@@ -295,7 +295,8 @@ def test_advised_commands_work_when_typed(desk: Desk, hint: str) -> None:
         return ExitCode.DONE
 
     desk.monkeypatch.setattr("atlantis_netcfg.cli.links.run_links", reach)
-    desk.monkeypatch.setattr("atlantis_netcfg.cli.runs.run_site", reach)
+    for name in ("run_site", "run_plan"):
+        desk.monkeypatch.setattr(f"atlantis_netcfg.cli.runs.{name}", reach)
     assert [main(words) for words in commands] == [0] * len(commands)
     assert commands
-    assert len(reached) == sum(words[0] != "retrieve" for words in commands)
+    assert len(reached) == sum(words[1] != "retrieve" for words in commands)

@@ -1,4 +1,4 @@
-"""`provision init`: what is written from answers, what is refused, and that it is all or nothing."""
+"""`provision inventory init`: what is written from answers, what is refused, and that it is all or nothing."""
 
 import json
 import re
@@ -49,9 +49,9 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_unanswered_values_are_omitted_or_marked_as_examples(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
     said = capsys.readouterr().out.splitlines()
-    assert advised(said[2]) == [["validate", "inventory=douro", "--examples"]]
+    assert advised(said[2]) == [["inventory", "validate", "inventory=douro", "--examples"]]
     assert main(advised(said[2])[0]) == ExitCode.DONE
     assert "  group_vars/pier.yml:" in capsys.readouterr().out
     assert said[0] == "douro: written and checked, no errors, 12 hosts at 3 sites"
@@ -67,7 +67,7 @@ def test_unanswered_values_are_omitted_or_marked_as_examples(capsys: pytest.Capt
 
 
 def test_generated_files_match_the_schema(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["init", "folder=douro", "--answers", "answers.yml", "--json"]) == ExitCode.DONE
+    assert main(["inventory", "init", "folder=douro", "--answers", "answers.yml", "--json"]) == ExitCode.DONE
     assert len(json.loads(capsys.readouterr().out)["hosts"]) == 12
     for path in files(Path("douro").absolute()):
         schema = schema_of(path)
@@ -79,7 +79,7 @@ def test_any_organisation_can_be_a_partner_with_a_pool_of_its_own() -> None:
     names = ", ".join(["inesc", "Blue Ocean", *(f"partner {n}" for n in range(13))])
     pilot = f"{{name: Douro, country: belgium, partners: [{names}]}}"
     Path("answers.yml").write_text(f"pilot: {pilot}\nvpn: {{network: 10.80.0.0/20}}\nsites:\n  pier: {{lte: {{}}}}\n")
-    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
     partners = load(Path("douro")).partners
     assert partners["inesc"].full_name == "INESC TEC"
     assert partners["blue-ocean"].full_name == "Blue Ocean"
@@ -88,7 +88,7 @@ def test_any_organisation_can_be_a_partner_with_a_pool_of_its_own() -> None:
 
 
 def test_the_example_is_copied_whole(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["init", "mine", "--from", "example"]) == ExitCode.DONE
+    assert main(["inventory", "init", "mine", "--from", "example"]) == ExitCode.DONE
     assert "13 hosts at 3 sites" in capsys.readouterr().out
     copied = {path.relative_to("mine"): path.read_bytes() for path in Path("mine").rglob("*") if path.is_file()}
     shipped = {path.relative_to(SHIPPED): path.read_bytes() for path in SHIPPED.rglob("*") if path.is_file()}
@@ -100,7 +100,7 @@ def test_the_example_is_copied_whole(capsys: pytest.CaptureFixture[str]) -> None
     [
         (["douro", "--from", "nothing"], "`--from nothing` is not known"),
         (["douro", "--from", "example", "--answers", "answers.yml"], "`--from` and `--answers` exclude each other"),
-        (["douro", "boat", "--answers", "answers.yml"], "cannot place this word"),
+        (["douro", "boat", "--answers", "answers.yml"], "unexpected argument"),
         (["no/such/folder", "--answers", "answers.yml"], "the folder above no/such/folder does not exist"),
         (["answers.yml", "--from", "example"], "answers.yml is no folder"),
         (["douro", "--answers", "nowhere.yml"], "the answers cannot be read: nowhere.yml"),
@@ -108,7 +108,7 @@ def test_the_example_is_copied_whole(capsys: pytest.CaptureFixture[str]) -> None
     ],
 )
 def test_invalid_arguments_are_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["init", *words]) == ExitCode.USAGE
+    assert main(["inventory", "init", *words]) == ExitCode.USAGE
     assert message in capsys.readouterr().err
     assert [path.name for path in Path().iterdir()] == ["answers.yml"]
 
@@ -116,21 +116,21 @@ def test_invalid_arguments_are_refused(words: list[str], message: str, capsys: p
 def test_non_empty_folder_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
     Path("douro").mkdir()
     Path("douro/letter.txt").write_text("mine", encoding="utf-8")
-    assert main(["init", "douro", "--from", "example"]) == ExitCode.USAGE
+    assert main(["inventory", "init", "douro", "--from", "example"]) == ExitCode.USAGE
     assert "douro has something in it" in capsys.readouterr().err
     assert [path.name for path in Path("douro").iterdir()] == ["letter.txt"]
 
 
 def test_empty_folder_is_accepted() -> None:
     Path("douro").mkdir()
-    assert main(["init", "douro", "--from", "example"]) == ExitCode.DONE
+    assert main(["inventory", "init", "douro", "--from", "example"]) == ExitCode.DONE
 
 
 def test_invalid_answers_are_reported_with_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
     Path("answers.yml").write_text(
         "pilot: {name: Douro, country: spain}\nsites:\n  pier:\n    lan: 10.0.0.0/30\n    lte: {}\n", encoding="utf-8"
     )
-    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
+    assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
     said = capsys.readouterr().err.splitlines()
     assert said[0].startswith("answers.yml:1:31: `spain` is no word for `country`")
     assert said[2:4] == ["answers.yml:4:10: 10.0.0.0/30 is too small here", "  -> a network of /26 or larger"]
@@ -140,7 +140,7 @@ def test_invalid_answers_are_reported_with_their_lines(capsys: pytest.CaptureFix
 
 def test_site_cannot_have_the_name_of_the_control_centre(capsys: pytest.CaptureFixture[str]) -> None:
     Path("answers.yml").write_text(LEAST.replace("pier:", "scc:"), encoding="utf-8")
-    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
+    assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
     assert "`scc` is the name of the control centre and of a site" in capsys.readouterr().err
 
 
@@ -148,7 +148,7 @@ def test_contradictory_answers_write_nothing(capsys: pytest.CaptureFixture[str])
     Path("answers.yml").write_text(
         "pilot: {name: Douro, country: portugal}\nsites:\n  pier: {lan: 10.80.0.0/24, lte: {}}\n", encoding="utf-8"
     )
-    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
+    assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
     said = capsys.readouterr().err
     assert "overlaps 10.80.0.0/24 of the LAN of `pier` (douro/group_vars/pier.yml:" in said
     assert "nothing was written" in said
@@ -167,7 +167,7 @@ def test_passwords_are_generated_and_encrypted(tmp_path: Path, monkeypatch: pyte
         return f"$ANSIBLE_VAULT;1.1;AES256\n{len(sealed):04}"
 
     monkeypatch.setattr("atlantis_netcfg.operations.common.vault.Vault.encrypt", encrypt)
-    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
     assert len(set(sealed)) == len(sealed) >= 8
     assert min(map(len, sealed)) >= 20
     written = "".join(path.read_text(encoding="utf-8") for path in files(Path("douro")))
@@ -410,9 +410,9 @@ def test_typed_answers_are_saved_when_the_inventory_is_invalid(
         "atlantis_netcfg.cli.inventory._ask_person", lambda _: (InventoryAnswers.model_validate(typed), typed)
     )
     monkeypatch.setattr("atlantis_netcfg.cli.inventory._encrypt", lambda **_: None)
-    assert main(["init", "douro"]) == ExitCode.USAGE
+    assert main(["inventory", "init", "douro"]) == ExitCode.USAGE
     (words,) = advised(capsys.readouterr().err.splitlines()[-1])
-    assert words == ["init", "douro", "--answers", "douro-answers.yml"]
+    assert words == ["inventory", "init", "douro", "--answers", "douro-answers.yml"]
     here = Path.cwd()
     monkeypatch.undo()
     monkeypatch.chdir(here)

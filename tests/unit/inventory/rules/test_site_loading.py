@@ -242,7 +242,7 @@ class TestChoose:
                 "scc",
                 ("coastal-router",),
                 "`coastal-router` is not at site `scc`",
-                "type site=coastal only=coastal-router",
+                "type site=coastal device=coastal-router",
             ),
         ],
     )

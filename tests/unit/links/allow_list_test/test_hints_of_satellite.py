@@ -30,8 +30,8 @@ from atlantis_netcfg.routeros.console.ssh import PinnedKey
 from atlantis_netcfg.runs import Store
 
 __all__ = ["laptop"]
-PROVE = ("prove", "site=coastal", "--try-all")
-ADOPT = ("adopt", "site=coastal", "device=coastal-router")
+PROVE = ("measure", "satellite", "site=coastal", "--try-all")
+ADOPT = ("device", "adopt", "site=coastal", "device=coastal-router")
 
 
 class NothingBehindIt(NetcfgError):
@@ -160,47 +160,50 @@ def upgraded(_at: Laptop) -> str:
 SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
     "no allow-list": (
         lambda at: evidence(at, allow_list=False),
-        "enter the declared destinations on the terminal's page; `provision prove site=…` lists and tries them",
+        (
+            "enter the declared destinations on the terminal's page; `provision measure satellite site=…` lists and "
+            "tries them"
+        ),
         7,
         ["coastal-router False None"],
     ),
     "a backup that is not here": (
         lambda at: evidence(at, backup_file="x.bin", backup_sha256="00" * 32),
-        "put {} into inventory/evidence/, or name it: `provision prove site=… backup=FILE`",
+        "put {} into inventory/evidence/, or name it: `provision measure satellite site=… backup=FILE`",
         7,
         ["coastal-router False FILE"],
     ),
     "a leak": (
         leak,
-        "`provision site=…` brings the filter back; `provision drift site=…` first tells what has changed",
+        "`provision site=…` brings the filter back; `provision report drift site=…` first tells what has changed",
         0,
         [],
     ),
     "the far end of measurements": (
         lambda _at: prove(Fake()).left_out,
-        "provision qualify site={} link={}",
+        "provision measure link site={} link={}",
         7,
         ["coastal-router satellite"],
     ),
     "the VPN over an idle satellite": (
         idle,
-        "`provision prove site=… --try-all` tries it",
+        "`provision measure satellite site=… --try-all` tries it",
         7,
         ["coastal-router True None"],
     ),
     "another UDP target over an idle satellite": (
         other_udp,
-        "`provision use site=… link={} for=10m --unproved` puts it in use; then type the same again",
+        "`provision links use site=… link={} for=10m --unproved` puts it in use; then type the same again",
         7,
         ["coastal-router 600 True"],
     ),
     "the time over an idle satellite": (
         asked_by_rows,
-        "`provision prove site=… --try-all` tries it",
+        "`provision measure satellite site=… --try-all` tries it",
         7,
         ["coastal-router True None"],
     ),
-    "not tried": (not_tried, "`provision prove site={} --try-all`", 7, ["coastal-router True None"]),
+    "not tried": (not_tried, "`provision measure satellite site={} --try-all`", 7, ["coastal-router True None"]),
     "rows that stay": (
         rows_that_stay,
         "remove the rows that say `{}`; or run the site, which removes them, too: `provision site=…`",
@@ -209,7 +212,7 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
     ),
     "another port": (
         another_port,
-        "is the socket of the satellite's cable declared as its port? `provision drift site=…` compares",
+        "is the socket of the satellite's cable declared as its port? `provision report drift site=…` compares",
         0,
         [],
     ),
@@ -217,15 +220,16 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
     "another box": (
         another_box,
         (
-            "{}; only if they are equal and it was renewed on purpose: `provision trust site=…` asks you to agree to "
-            "it; a device that stands in for another one is met by `provision adopt site=… device=… --replaced`"
+            "{}; only if they are equal and it was renewed on purpose: `provision device trust site=…` asks you to "
+            "agree to "
+            "it; a device that stands in for another one is met by `provision device adopt site=… device=… --replaced`"
         ),
         7,
         ["trust", "coastal-router True"],
     ),
     "upgraded": (
         upgraded,
-        "{} changes to the declared configuration: look at them with `provision site={} only={} --plan`",
+        "{} changes to the declared configuration: look at them with `provision plan site={} device={}`",
         0,
         [],
     ),

@@ -347,7 +347,7 @@ def test_json_matches_the_text() -> None:
     text = proof.as_text()
     assert all(finding.message in text for _, finding in proof.results)
     assert data["left_out"] == (
-        "far end of measurements (203.0.113.2 udp 862): `provision qualify site=coastal link=satellite` tries it"
+        "far end of measurements (203.0.113.2 udp 862): `provision measure link site=coastal link=satellite` tries it"
     )
     assert f"SKIP         {data['left_out']}" in text
     assert "2 of 6 targets proved, 4 could not be tried" in text

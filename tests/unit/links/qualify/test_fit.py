@@ -83,7 +83,7 @@ def test_declared_rate_is_inconclusive(shipped: Inventory, tmp_path: Path) -> No
 
 
 def test_bytes_equal_those_of_the_standing_traffic(shipped: Inventory, tmp_path: Path) -> None:
-    """One arithmetic for both: `provision links` and `provision fit` agree to the byte."""
+    """One arithmetic for both: `provision links` and `provision measure fit` agree to the byte."""
     topics = (POSE, CAMERA, {**SONAR, "reliable": True})
     (traffic,) = (each for each in standing_traffic(publishing(shipped, *topics), "coastal") if each.link.name == "4g")
     (link,) = fit(shipped, tmp_path, *topics, link="4g").links

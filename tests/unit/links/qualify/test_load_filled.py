@@ -49,7 +49,7 @@ def paused(net: SimulatedNetwork, cycle_ms: int, stopped_ms: int) -> SimulatedNe
 
 
 def record_of_load(net: SimulatedNetwork, *, declared_bps: float = RATE, seconds: float = 10) -> QualifyRecord:
-    """Measure as `provision qualify` does: 1.2 of what the link is declared with each way, and round trips beside."""
+    """Measure as `provision measure link` does: 1.2 of the capacity each way, and round trips beside."""
     peer, recording = ReflectorPeer(KEY), Recording()
     pace = 1.2 * declared_bps
     load = MessagePlan(round(pace / 8 / 2), 2.0, seconds, pace_bps=pace, give_up_s=30)

@@ -271,29 +271,29 @@ def two_runs(state: Path) -> None:
 
 def test_show_passes_only_when_every_criterion_does(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     two_runs(state)
-    assert main(["qualify", "show", "site=coastal", f"run={OLD}"]) == 0
+    assert main(["measure", "show", "site=coastal", f"run={OLD}"]) == 0
     assert "PASS: 8 of 8 criteria of `satellite` hold" in capsys.readouterr().out
-    assert main(["qualify", "show", "site=coastal", "--json"]) == 6, "the newest one has lost 5 %"
+    assert main(["measure", "show", "site=coastal", "--json"]) == 6, "the newest one has lost 5 %"
     found = json.loads(capsys.readouterr().out)
     assert found["record"]["run"]["id"] == NEW
     assert (found["exit"], found["record"]["verdict"]) == (6, "FAIL")
-    assert main(["qualify", "show", "site=coastal", f"run={OLD}", "--thresholds", "wifi", "--json"]) == 6
+    assert main(["measure", "show", "site=coastal", f"run={OLD}", "--thresholds", "wifi", "--json"]) == 6
     assert json.loads(capsys.readouterr().out)["record"]["thresholds_name"] == "wifi"
 
 
 def test_compare_and_history(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     two_runs(state)
-    assert main(["qualify", "compare", "site=coastal", f"runs={OLD},{NEW}"]) == 0
+    assert main(["measure", "compare", "site=coastal", f"run={OLD},{NEW}"]) == 0
     out = capsys.readouterr().out
     assert [line for line in out.splitlines() if len(line) > 80] == []
     assert re.search(r"^loss up +0\.00 % +\d\.\d\d % +worse$", out, re.MULTILINE)
-    assert main(["qualify", "compare", "site=coastal", f"runs={OLD},{NEW}", "--json"]) == 0
+    assert main(["measure", "compare", "site=coastal", f"run={OLD},{NEW}", "--json"]) == 0
     assert [item["key"] for item in json.loads(capsys.readouterr().out)["figures"]][:2] == ["rtt_p50", "rtt_p95"]
-    assert main(["qualify", "history", "site=coastal"]) == 0
+    assert main(["measure", "history", "site=coastal"]) == 0
     out = capsys.readouterr().out
     assert [line for line in out.splitlines() if len(line) > 80] == []
     assert [line.split()[0] for line in out.splitlines() if "satellite-" in line] == ["PASS", "FAIL"]
-    assert main(["qualify", "history", "site=coastal", "link=satellite", "--json"]) == 0
+    assert main(["measure", "history", "site=coastal", "link=satellite", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["runs"]
     assert [(item["run"], item["verdict"]) for item in found] == [(OLD, "PASS"), (NEW, "FAIL")]
 
@@ -305,7 +305,7 @@ def test_compare_and_history(state: Path, capsys: pytest.CaptureFixture[str]) ->
         ("history site=coastal", 7, "`coastal` has no real measurement"),
         ("show site=coastal run=EXAMPLE", 7, "coastal has no measurement `EXAMPLE`"),
         ("show site=coastal run=EXAMPLE link=4g", 3, "name a measurement each"),
-        ("compare site=coastal runs=EXAMPLE", 3, "two measurements are compared, and 1 were named"),
+        ("compare site=coastal run=EXAMPLE", 3, "two measurements are compared, and 1 were named"),
         ("show site=../EXAMPLE", 3, "cannot be the name of a site"),
         ("show site=coastal --thresholds EXAMPLE", 3, "no profile of thresholds is named `EXAMPLE`"),
     ],
@@ -313,22 +313,22 @@ def test_compare_and_history(state: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_mistakes_are_reported(
     line: str, code: int, words: str, state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["qualify", *line.split()]) == code
+    assert main(["measure", *line.split()]) == code
     printed = capsys.readouterr()
     assert words in printed.err
     assert printed.out == ""
     assert not state.exists() or not [*state.rglob("run.json")]
 
 
-@pytest.mark.parametrize("more", [(), ("--rehearsed",)])
+@pytest.mark.parametrize("more", [(), ("--rehearse",)])
 @pytest.mark.parametrize(
-    "line", ["show site=coastal run=EXAMPLE", f"show site=coastal run={OLD}X", "compare site=coastal runs=EXAMPLE"]
+    "line", ["show site=coastal run=EXAMPLE", f"show site=coastal run={OLD}X", "compare site=coastal run=EXAMPLE"]
 )
 def test_advised_commands_work(
     line: str, more: tuple[str, ...], state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put_run(state / ("rehearsal" if more else "real") / "coastal" / "qualify", measured_run(id=OLD), "")
-    assert main(["qualify", *line.split(), *more]) != 0
+    assert main(["measure", *line.split(), *more]) != 0
     (words,) = advised(capsys.readouterr().err)
     assert main(words) == 0
     assert OLD in capsys.readouterr().out
@@ -336,9 +336,9 @@ def test_advised_commands_work(
 
 def test_other_kind_of_runs_is_only_mentioned(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put_run(state / "rehearsal" / "coastal" / "qualify", None, "")
-    assert main(["qualify", "show", "site=coastal"]) == 7
-    assert "`--rehearsed` shows those of rehearsals" in capsys.readouterr().err
-    assert main(["qualify", "history", "site=coastal", "link=4g", "--rehearsed"]) == 7
+    assert main(["measure", "show", "site=coastal"]) == 7
+    assert "`--rehearse` shows those of rehearsals" in capsys.readouterr().err
+    assert main(["measure", "history", "site=coastal", "link=4g", "--rehearse"]) == 7
     assert "there are measurements of: satellite" in capsys.readouterr().err
 
 

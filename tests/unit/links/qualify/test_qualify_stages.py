@@ -312,7 +312,7 @@ def test_nothing_is_measured_when_the_far_end_cannot_be_opened(ssh: Path, monkey
     typed: list[tuple[str, str | None]] = []
 
     def run_site(arguments: Arguments) -> ExitCode:
-        typed.append((arguments.word("site"), arguments.optional("only")))
+        typed.append((arguments.word("site"), ",".join(arguments.many("device"))))
         return ExitCode.DONE
 
     monkeypatch.setattr("atlantis_netcfg.cli.runs.run_site", run_site)

@@ -1,4 +1,4 @@
-"""The highest rate that `provision qualify` says, against links of known rate that lose packets at random."""
+"""The highest rate that `provision measure link` says, against links of known rate that lose packets at random."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path

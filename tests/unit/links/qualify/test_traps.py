@@ -2,7 +2,7 @@
 
 Elsewhere: delays one way need two clocks (test_figures), `lost` of irtt is a word (test_qualify_beside), what a run
 costs is known before it (test_messages, test_messages_down), no kernel's netem is needed (test_udp_link), and an image
-is lost with each of its packets (test_messages). The bytes of DDS belong to `provision fit`.
+is lost with each of its packets (test_messages). The bytes of DDS belong to `provision measure fit`.
 """
 
 import io

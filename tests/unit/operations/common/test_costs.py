@@ -239,7 +239,7 @@ def test_every_command_over_a_link_accepts_the_cost_flag() -> None:
     assert len(opening) > 5
     for name in opening:
         assert ACCEPT_COST in load(name, COMMANDS).command.flags, name
-    assert ACCEPT_COST not in load("adopt", COMMANDS).command.flags
+    assert ACCEPT_COST not in load("device adopt", COMMANDS).command.flags
 
 
 # --- beside the run ----------------------------------------------------------------------------------------------

@@ -181,5 +181,5 @@ def test_hosts_of_a_run(declaration: Inventory) -> None:
 
 def test_killed_rehearsal_is_resumed_as_a_rehearsal(laptop: Laptop) -> None:
     emulated, real = laptop.run(rehearsed=True), laptop.run()
-    assert emulated.next_command == f"provision resume site=coastal run={emulated.id} --rehearse"
-    assert real.next_command == f"provision resume site=coastal run={real.id}"
+    assert emulated.next_command == f"provision recover resume site=coastal run={emulated.id} --rehearse"
+    assert real.next_command == f"provision recover resume site=coastal run={real.id}"

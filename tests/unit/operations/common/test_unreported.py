@@ -17,7 +17,7 @@ NAME = "coastal-router"
 READ = DeviceObservation(device=NAME, version="7.18.2", identity="router", state="")
 SENT = LayerSent(device=NAME, layer="policy", actions=(1, 2))
 KEPT = ActionConfirmation(device=NAME, actions=(1, 2))
-RESUMED = RunResume(revision="", tool="", command="provision resume")
+RESUMED = RunResume(revision="", tool="", command="provision recover resume")
 
 
 def ended(status: str, code: int, *, still_open: bool = False) -> Outcome:
@@ -62,7 +62,7 @@ def test_journal_state_is_reported_with_resume_when_useful(  # noqa: PLR0913, PL
     assert (result["status"], result["exit"]) == (status, code)
     assert KILLED in result["message"]
     (run,) = Store(tmp_path).runs("coastal")
-    assert (f"provision resume site=coastal run={run.id}" in result["hint"]) == resumes
+    assert (f"provision recover resume site=coastal run={run.id}" in result["hint"]) == resumes
     assert resumes or result["hint"] == "type the same command again"
     assert (NAME in run.unsettled_devices) or not resumes, "resume has nothing to do"
 
@@ -94,7 +94,7 @@ def test_4g_unit_has_its_own_run(declaration: Inventory, tmp_path: Path) -> None
     asked = [router, unit]
     result = results_from_journal(asked, asked, declaration, request, {"te4sea": runs}, KILLED, "")
     assert (result[unit]["status"], result[unit]["exit"]) == ("unknown", ExitCode.UNKNOWN)
-    assert result[unit]["hint"] == f"provision resume site=te4sea run={runs['4g']}"
+    assert result[unit]["hint"] == f"provision recover resume site=te4sea run={runs['4g']}"
     assert result[router]["status"] == "left-as-found"
 
 
@@ -106,7 +106,7 @@ def test_far_bridge_end_is_resumed_from_the_requested_site(declaration: Inventor
     runs = {site: {"routers": journal.run} for site in ("coastal", "scc")}
     for asked, site in (("coastal-cpe", "coastal"), (far, "scc")):
         result = results_from_journal([far], [asked], declaration, request, runs, KILLED, "")[far]
-        assert result["hint"].endswith(f"provision resume site={site} run={journal.run}")
+        assert result["hint"].endswith(f"provision recover resume site={site} run={journal.run}")
 
 
 def test_both_ends_of_a_bridge_have_a_result(declaration: Inventory, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What `provision use` takes, what it refuses, and what it says of the cost."""
+"""What `provision links use` takes, what it refuses, and what it says of the cost."""
 
 from collections.abc import Callable
 from dataclasses import replace

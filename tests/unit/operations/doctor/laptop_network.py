@@ -1,4 +1,4 @@
-"""A laptop's network as iproute2 prints it, and the place of a router, for the cases of `provision doctor`."""
+"""A laptop's network as iproute2 prints it, with a router, for the cases of `provision inventory doctor`."""
 
 import json
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""`provision doctor`: its screen, its exit codes, and that what it advises can be typed."""
+"""`provision inventory doctor`: its screen, its exit codes, and that what it advises can be typed."""
 
 import json
 import shutil
@@ -31,7 +31,7 @@ def quiet_laptop(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def typed(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
-    ended = main(["doctor", *words])
+    ended = main(["inventory", "doctor", *words])
     printed = capsys.readouterr()
     assert ended == code, printed.out + printed.err
     return printed.out + printed.err
@@ -41,7 +41,7 @@ def shown(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *items: DoctorItem, follows: str = ""
 ) -> str:
     monkeypatch.setattr(doctor, "examine", lambda *_, **__: Diagnosis(items, "coastal", follows))
-    main(["doctor", "site=coastal"])
+    main(["inventory", "doctor", "site=coastal"])
     first, _, rest = capsys.readouterr().out.partition("\n")
     assert first == f"provision {__version__} looks at this laptop and changes nothing"
     return rest
@@ -70,14 +70,14 @@ def test_exit_code_follows_from_the_verdicts(verdicts: tuple[Verdict, ...], code
 def test_passing_diagnosis_suggests_the_next_command(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert shown(capsys, monkeypatch, WELL, item(Verdict.SKIP), follows="provision site=coastal --plan") == (
+    assert shown(capsys, monkeypatch, WELL, item(Verdict.SKIP), follows="provision plan site=coastal") == (
         "Clock\n"
         "  PASS time                right\n"
         "Way to the site\n"
         "  SKIP address             it was measured\n"
         "\n"
         "PASS: 1 PASS, 1 SKIP\n"
-        "type:  provision site=coastal --plan\n"
+        "type:  provision plan site=coastal\n"
     )
 
 
@@ -86,7 +86,7 @@ def test_worst_item_and_its_fix_are_printed_last(
 ) -> None:
     warned = item(Verdict.WARN, "default route", commands=("sudo ip route del default",))
     failed = item(Verdict.FAIL, hint="do this", commands=("sudo ip address add 192.0.2.7/24 dev eth0",))
-    assert shown(capsys, monkeypatch, warned, failed, WELL, follows="provision site=coastal --plan") == (
+    assert shown(capsys, monkeypatch, warned, failed, WELL, follows="provision plan site=coastal") == (
         "Clock\n"
         "  PASS time                right\n"
         "Way to the site\n"
@@ -106,9 +106,9 @@ def test_worst_item_and_its_fix_are_printed_last(
 def test_warning_alone_still_suggests_the_next_command(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    printed = shown(capsys, monkeypatch, item(Verdict.WARN, hint="look"), follows="provision site=coastal --plan")
+    printed = shown(capsys, monkeypatch, item(Verdict.WARN, hint="look"), follows="provision plan site=coastal")
     assert printed.endswith(
-        "\nWARN: 1 WARN\nworst: address: it was measured\nnext:  look\nthen:  provision site=coastal --plan\n"
+        "\nWARN: 1 WARN\nworst: address: it was measured\nnext:  look\nthen:  provision plan site=coastal\n"
     )
 
 
@@ -193,15 +193,15 @@ def last(printed: str) -> list[str]:
 
 def test_next_suggestion_is_doctor_for_a_site(capsys: pytest.CaptureFixture[str]) -> None:
     words = last(typed(capsys))
-    assert words == ["doctor", "site=scc"]
-    typed(capsys, *words[1:])
+    assert words == ["inventory", "doctor", "site=scc"]
+    typed(capsys, *words[2:])
 
 
 def test_inventory_errors_suggest_the_validate_command(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     root = shutil.copytree(checkout() / "inventory", tmp_path / "inventory")
     (root / "host_vars" / "coastal-router.yml").write_text("device: {kind: router}\n")
     words = last(typed(capsys, f"inventory={root}", code=6))
-    assert words == ["validate", f"inventory={root}"]
+    assert words == ["inventory", "validate", f"inventory={root}"]
     assert main(words) == 3
     assert "coastal-router.yml:1" in capsys.readouterr().err
 
@@ -239,7 +239,9 @@ def _no_twins(*_: object) -> Iterator[object]:
 def test_suggested_commands_carry_the_same_inventory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(checkout())
     arguments = parse(laptop.DOCTOR, ["inventory=the inventory"])
-    assert laptop._complete_commands(("provision trust site=coastal", "sudo ip link set eth0 up"), arguments) == [
-        "provision trust site=coastal 'inventory=the inventory'",
+    assert laptop._complete_commands(
+        ("provision device trust site=coastal", "sudo ip link set eth0 up"), arguments
+    ) == [
+        "provision device trust site=coastal 'inventory=the inventory'",
         "sudo ip link set eth0 up",
     ]

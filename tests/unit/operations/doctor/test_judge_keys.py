@@ -122,8 +122,8 @@ def test_known_devices_verdicts(shipped: Inventory, real: Inventory, tmp_path: P
     assert keys.known_devices_item(shipped, hosts, pins, lambda _: True).verdict == "SKIP"
     assert lines(keys.known_devices_item(real, hosts, pins, lambda _: False)) == [
         f"WARN known devices: 4 of 4 not known here, and refused so far: {DEVICES}",
-        "  at the site, on a terminal; a router from its carton is met by `adopt` instead:",
-        "  provision trust site=coastal",
+        "  at the site, on a terminal; a router from its carton is met by `device adopt` instead:",
+        "  provision device trust site=coastal",
     ]
     for name in ("coastal-router", "coastal-cpe", "coastal-4g"):
         pins.change(name, "ab" * 32)
@@ -257,7 +257,7 @@ def test_unfinished_runs_are_a_warning_with_a_resume_command(tmp_path: Path) -> 
     assert lines(folders.unfinished_item(read.unfinished_runs)) == [
         f"WARN open runs: {name} has left coastal-router open",
         "  go on when the link is there:",
-        f"  provision resume site=coastal run={name} inventory=here",
+        f"  provision recover resume site=coastal run={name} inventory=here",
     ]
     assert folders.read_runs(store, "scc").unfinished_runs == ()
 

@@ -30,7 +30,7 @@ def test_invalid_arguments_are_usage_errors(
     typed: str, words: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
-    assert main(["survey", *typed.split()]) == ExitCode.USAGE
+    assert main(["measure", "coverage", *typed.split()]) == ExitCode.USAGE
     assert words in " ".join(capsys.readouterr().err.split())
 
 
@@ -38,9 +38,9 @@ def test_unknown_site_or_survey_is_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
-    assert main(["survey", "site=te4see"]) == ExitCode.NOTHING
+    assert main(["measure", "coverage", "site=te4see"]) == ExitCode.NOTHING
     assert "there is no site `te4see`" in capsys.readouterr().err
-    assert main(["survey", "site=te4sea", "from=20261120T101500Z"]) == ExitCode.NOTHING
+    assert main(["measure", "coverage", "site=te4sea", "from=20261120T101500Z"]) == ExitCode.NOTHING
     assert "no survey `20261120T101500Z` is kept" in capsys.readouterr().err
 
 

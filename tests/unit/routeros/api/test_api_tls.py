@@ -56,7 +56,7 @@ def test_changed_certificate_is_refused_before_login(tmp_path: Path) -> None:
     assert seen in str(error)
     assert error.hint is not None
     assert "/certificate print detail" in error.hint
-    assert "`provision trust site=…`" in error.hint
+    assert "`provision device trust site=…`" in error.hint
 
 
 def test_unpinned_certificate_is_reported_and_no_login_sent(tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_unpinned_certificate_is_reported_and_no_login_sent(tmp_path: Path) -> N
 
     error, seen = asyncio.run(use())
     assert error.fingerprint == seen
-    assert "provision trust" in str(error.hint)
+    assert "provision device trust" in str(error.hint)
     assert seen in str(error)
     assert error.hint is not None
     assert "/certificate print detail" in error.hint

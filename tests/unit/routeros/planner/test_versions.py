@@ -45,7 +45,7 @@ def test_a_menu_that_a_version_lacks_is_refused_with_a_hint(path: str) -> None:
     refused = refusal(path, before(since))
     assert f"is there from RouterOS {since} on" in str(refused)
     assert refused.hint is not None
-    assert f"put RouterOS {since} or later on it: `provision upgrade" in refused.hint
+    assert f"put RouterOS {since} or later on it: `provision device upgrade" in refused.hint
 
 
 @for_each_row(("path", "name"), FIELDS)
@@ -60,7 +60,7 @@ def test_an_argument_that_a_version_lacks_is_refused_with_a_hint(path: str, name
     assert f"has `{name}` from RouterOS {field.since} on" in str(refused)
     assert refused.hint is not None
     highest = max(field.since, MENUS[path].since or field.since)
-    assert f"put RouterOS {highest} or later on it: `provision upgrade site=… device=…" in refused.hint
+    assert f"put RouterOS {highest} or later on it: `provision device upgrade site=… device=…" in refused.hint
     assert refused.hint.endswith("; or take the named lines out of the text")
 
 
@@ -168,4 +168,4 @@ def test_cpe_radio_is_refused_before_7_17() -> None:
     with pytest.raises(CannotPlan, match=r"from RouterOS 7\.17 on, and this device has 7\.16\.2") as refused:
         plan("cpe", read(WIFI, source="the text"), seen)
     assert refused.value.hint is not None
-    assert refused.value.hint.startswith("put RouterOS 7.17 or later on it: `provision upgrade")
+    assert refused.value.hint.startswith("put RouterOS 7.17 or later on it: `provision device upgrade")

@@ -162,7 +162,7 @@ def test_responses_pass_and_invalid_packets_do_not(site: str) -> None:
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
 def test_tunnel_of_a_computer_passes_over_every_link(site: str) -> None:
-    """`provision qualify over=vpn` leads it; through the site's own tunnel a technician reaches nothing."""
+    """`provision measure link over=vpn` leads it; through the site's own tunnel a technician reaches nothing."""
     place, endpoint = DECLARED.sites[site], str(DECLARED.pilot.vpn.endpoint)
     for name, inside in ((str(place.management.technician), "ether8"), (str(place.lan.network[77]), "bridge-lan")):
         for bearer in place.bearers:

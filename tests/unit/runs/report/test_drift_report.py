@@ -84,14 +84,14 @@ def test_worst_device_determines_the_exit_code(codes: list[int], worst: ExitCode
 
 def test_text_report_shows_difference_owner_and_time() -> None:
     found = report(result(ExitCode.CHECKS_FAILED, difference("changed"), difference("hidden", counts=False)), LOST)
-    going_on = {"d0": "provision resume site=coastal run=OPEN"}
+    going_on = {"d0": "provision recover resume site=coastal run=OPEN"}
     beside = replace(found, time_zone="Europe/Lisbon").as_text()
     assert "  last confirmed by run RUN of 2026-05-04 04:02 WEST (03:02 UTC)" in beside.splitlines()
     told = DriftReport(found.site, True, found.devices, found.not_handled, {"d0": "OPEN"}, going_on)
     assert told.as_text().splitlines() == [
         "d0: as read",
         "  last confirmed by run RUN of 2026-05-04 03:02 UTC",
-        "  note: run OPEN left its outcome open: `provision resume site=coastal run=OPEN` goes on",
+        "  note: run OPEN left its outcome open: `provision recover resume site=coastal run=OPEN` goes on",
         "  /ip pool",
         "    changed  p",
         "             ranges: declared 10.0.0.1, found nothing",
@@ -105,7 +105,7 @@ def test_text_report_shows_difference_owner_and_time() -> None:
         "  look at the cable",
         "",
         "sat: not handled yet (lte router)",
-        "rehearsed on emulated devices as they are after `provision adopt`: nothing real was read",
+        "rehearsed on emulated devices as they are after `provision device adopt`: nothing real was read",
     ]
 
 

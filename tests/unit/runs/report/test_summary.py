@@ -154,12 +154,12 @@ def test_every_device_is_counted_once() -> None:
 
 
 def test_the_worst_device_is_named_with_its_reason_and_its_hint() -> None:
-    failed = result(4, "refused", "refused: " + "a long reason " * 20, "provision site=coastal --plan")
+    failed = result(4, "refused", "refused: " + "a long reason " * 20, "provision plan site=coastal")
     lines = last({"r": SAME, "s": failed})
     assert [line[:10].strip() for line in lines[3:]] == ["look at", "", "do"]
     assert lines[3].startswith("look at   s: refused: a long reason")
     assert lines[4].endswith("…")
-    assert lines[5] == "do        provision site=coastal --plan"
+    assert lines[5] == "do        provision plan site=coastal"
     assert all(len(line) <= 80 for line in lines)
 
 

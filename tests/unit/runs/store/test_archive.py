@@ -64,7 +64,7 @@ def ran(store: Store, status: str = "changed", device: str = "router", *, confir
 def test_thousand_runs_cost_as_much_as_ten(store: Store, capsys: pytest.CaptureFixture[str]) -> None:
     def costs() -> dict[str, tuple[int, int]]:
         return {
-            "runs": counted(lambda: main(["runs", "site=coastal", "--json"])),
+            "runs": counted(lambda: main(["report", "runs", "site=coastal", "--json"])),
             "unfinished": counted(lambda: store.unfinished_runs("coastal")),
             "history": counted(lambda: store.history("coastal", "router").has_unfinished_run()),
             "confirmed": counted(lambda: store.last_confirmed("coastal", ("router",))),
@@ -81,10 +81,10 @@ def test_thousand_runs_cost_as_much_as_ten(store: Store, capsys: pytest.CaptureF
     begun = counted(lambda: ran(store))[0]
     assert begun <= 4  # its own journal, the one that is put aside, and the latest ones that stand for it
     capsys.readouterr()
-    assert main(["runs", "site=coastal"]) == 0
+    assert main(["report", "runs", "site=coastal"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == KEPT_RUNS + 1
-    assert lines[-1] == f"{1001 - KEPT_RUNS} older runs are put aside: `provision runs --all` lists them too"
+    assert lines[-1] == f"{1001 - KEPT_RUNS} older runs are put aside: `provision report runs --all` lists them too"
     (command,) = advised(lines[-1])
     assert main([*command, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -102,7 +102,7 @@ def test_explicitly_named_host_is_restored_despite_damage(tmp_path: Path, hosts:
     with pytest.raises(DamagedStateError) as refused:
         hosts_to_restore(run, hosts, is_explicit=False)
     assert refused.value.hint is not None
-    assert f"only={','.join(host.name for host in hosts[:-1])}`" in refused.value.hint
+    assert f"device={','.join(host.name for host in hosts[:-1])}`" in refused.value.hint
     assert hosts_to_restore(run, hosts[:-1], is_explicit=True) == hosts[:-1]
 
 
@@ -129,7 +129,7 @@ def test_possibly_lost_later_state_is_not_skipped(tmp_path: Path, hosts: tuple[H
         DamagedStateError, match=rf"{later.parent.name} is damaged.* a later state of {hosts[0].name}"
     ) as told:
         confirmed_state(tmp_path, hosts[0], LATEST)
-    assert f"`to={first.parent.name}`" in str(told.value.hint)
+    assert f"`run={first.parent.name}`" in str(told.value.hint)
     assert confirmed_state(tmp_path, hosts[0], first.parent.name).run == first.parent.name
 
 

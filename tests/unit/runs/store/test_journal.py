@@ -58,7 +58,7 @@ STARTED = RunStart(
 )
 EVERY: tuple[Record, ...] = (
     STARTED,
-    RunResume(revision="cd" * 32, tool="0.2", command="provision resume"),
+    RunResume(revision="cd" * 32, tool="0.2", command="provision recover resume"),
     DeviceObservation(device="router", version="7.18.2", identity="Küste", state="00"),
     StateBackup(device="router", file="before/router.rsc", sha256="11"),
     PlanRecord(

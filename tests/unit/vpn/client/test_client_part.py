@@ -67,7 +67,7 @@ def test_missing_identity_keeps_the_installed_one_and_is_noted() -> None:
     assert "absent" not in made["configure"]
     (brought,) = made["configure"]["brought"]
     assert brought["path"] == IDENTITY
-    assert "`provision vpn onboard host=coastal-gateway`" in brought["note"]
+    assert "`provision vpn onboard device=coastal-gateway`" in brought["note"]
     assert "`provision vpn accept file=FILE`" in brought["note"]
     assert made["configure"]["files"] == told()["configure"]["files"]
 

@@ -38,8 +38,8 @@ sys.exit(code)
 """
 """Kills itself before its change number `last` of a file below the folder."""
 UNTIL = (datetime.now(UTC).date() + timedelta(days=20)).isoformat()
-ADD = ("guest", "add", "name=lauv", "partner=udg", "kind=auv", "site=coastal", "cells=gps", f"until={UNTIL}")
-END = ("guest", "end", "name=lauv", "--yes")
+ADD = ("robot", "invite", "name=lauv", "partner=udg", "kind=auv", "site=coastal", "cells=gps", f"until={UNTIL}")
+END = ("robot", "dismiss", "name=lauv", "--yes")
 
 
 class Pier:

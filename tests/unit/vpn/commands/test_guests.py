@@ -55,9 +55,9 @@ class Quay:
 
     def type(self, *words: str, code: int = 0, passphrase: str | None = PASSPHRASE) -> str:
         line = [*words, f"inventory={self.inventory}"]
-        if words[0] == "guest":
+        if words[1] in {"invite", "dismiss"}:
             line.append(f"authority={self.folder / 'vpn'}")
-        if passphrase is not None and words[0] == "guest":
+        if passphrase is not None and words[1] in {"invite", "dismiss"}:
             with over_a_pipe(passphrase) as number:
                 ended = main([*line, "--passphrase-fd", number])
         else:
@@ -70,11 +70,11 @@ class Quay:
         words = [*LAUV, *more]
         if not any(word.startswith("until=") for word in more):
             words.append(f"until={UNTIL}")
-        return self.type("guest", "add", *words, "--no-push", code=code, passphrase=passphrase)
+        return self.type("robot", "invite", *words, "--no-push", code=code, passphrase=passphrase)
 
     def end(self, *more: str, code: int = 5) -> str:
         """Exit code 5: nobody asks the server, and whoever is connected stays so."""
-        return self.type("guest", "end", "name=lauv", "--yes", "--no-push", *more, code=code)
+        return self.type("robot", "dismiss", "name=lauv", "--yes", "--no-push", *more, code=code)
 
     def files(self, name: str = "inventory") -> dict[str, bytes]:
         root = self.folder / name
@@ -153,7 +153,7 @@ def test_plan_shows_changes_and_changes_nothing(quay: Quay) -> None:
     quay.add()
     there, authority = quay.files(), quay.files("vpn")
     assert "already so: nothing to do" in quay.add("--plan", passphrase=None)
-    printed = quay.type("guest", "end", "name=lauv", "--plan", code=2, passphrase=None)
+    printed = quay.type("robot", "dismiss", "name=lauv", "--plan", code=2, passphrase=None)
     assert printed.splitlines() == [
         "would put udg-lauv out of the VPN, for good",
         "would take lauv out of group_vars/all/guests.yml",
@@ -172,9 +172,9 @@ def test_different_guest_of_the_same_name_is_refused_with_the_end_command(quay: 
     before = quay.files()
     quay.add()
     words = (*LAUV[:-1], "cells=gps", f"until={UNTIL}", "--no-push")
-    printed = quay.type("guest", "add", *words, code=3)
+    printed = quay.type("robot", "invite", *words, code=3)
     assert "the guest `lauv` is declared already, and otherwise" in printed
-    (typed,) = advised(said(printed, "`provision guest end name={}` takes it away; or correct {}"))
+    (typed,) = advised(said(printed, "`provision robot dismiss name={}` takes it away; or correct {}"))
     ours = [word for word in typed if not word.startswith(("inventory=", "authority="))]
     assert "lauv: ended here" in quay.type(*ours, "--yes", "--no-push", code=5)
     assert quay.files() == before
@@ -195,7 +195,9 @@ def test_interrupted_add_can_be_undone_as_suggested(quay: Quay, monkeypatch: pyt
     with monkeypatch.context() as patch:
         patch.setattr("atlantis_netcfg.cli.vpn.members.close", stop)
         printed = quay.add(code=5)
-    hint = "what was recorded stands: type the same again, or take all of it back with `provision guest end name=NAME`"
+    hint = (
+        "what was recorded stands: type the same again, or take all of it back with `provision robot dismiss name=NAME`"
+    )
     (typed,) = advised(said(printed, hint))
     ours = [word.replace("NAME", "lauv") for word in typed if not word.startswith(("inventory=", "authority="))]
     assert "lauv: ended here" in quay.type(*ours, "--yes", "--no-push", code=5)
@@ -257,9 +259,9 @@ def test_concurrent_add_waits_and_neither_is_lost(quay: Quay, monkeypatch: pytes
     def interrupted(*words: Any) -> Any:  # noqa: ANN401 - as it is called
         with monkeypatch.context() as patch:
             patch.setattr(Onboarding, "issue", issue)
-            seconds.append(quay.type("guest", "add", *other, code=4))
-            seconds.append(quay.type("guest", "end", "name=lauv", "--yes", "--no-push", code=4))
-            assert "would declare old" in quay.type("guest", "add", *other, "--plan", code=2, passphrase=None)
+            seconds.append(quay.type("robot", "invite", *other, code=4))
+            seconds.append(quay.type("robot", "dismiss", "name=lauv", "--yes", "--no-push", code=4))
+            assert "would declare old" in quay.type("robot", "invite", *other, "--plan", code=2, passphrase=None)
         return issue(*words)
 
     before = quay.files()
@@ -268,12 +270,12 @@ def test_concurrent_add_waits_and_neither_is_lost(quay: Quay, monkeypatch: pytes
         quay.add()
     for printed in seconds:
         assert "the file of guests is being worked on by" in printed
-        assert "provision guest add name=lauv" in printed
+        assert "provision robot invite name=lauv" in printed
     assert [key for key, one in load(quay.inventory).vehicles.items() if isinstance(one, Guest)] == ["lauv"]
-    quay.type("guest", "add", *other)
+    quay.type("robot", "invite", *other)
     assert [key for key, one in load(quay.inventory).vehicles.items() if isinstance(one, Guest)] == ["lauv", "old"]
     quay.end()
-    quay.type("guest", "end", "name=old", "--yes", "--no-push", code=5)
+    quay.type("robot", "dismiss", "name=old", "--yes", "--no-push", code=5)
     assert quay.files() == before
 
 
@@ -295,7 +297,7 @@ def test_comments_and_other_guests_stay(quay: Quay) -> None:
     assert [key for key, one in load(quay.inventory).vehicles.items() if isinstance(one, Guest)] == ["old", "lauv"]
     quay.end()
     assert quay.files() == before
-    assert "there is no guest `ald`" in quay.type("guest", "end", "name=ald", "--plan", code=7)
+    assert "there is no guest `ald`" in quay.type("robot", "dismiss", "name=ald", "--plan", code=7)
 
 
 @pytest.mark.parametrize(
@@ -317,7 +319,7 @@ def test_invalid_request_is_reported_and_nothing_is_written(
     before, authority = quay.files(), quay.files("vpn")
     given = {word.partition("=")[0]: word for word in (*LAUV, f"until={UNTIL}")}
     given |= {word.partition("=")[0]: word for word in words}
-    assert says in quay.type("guest", "add", *given.values(), "--no-push", code=code)
+    assert says in quay.type("robot", "invite", *given.values(), "--no-push", code=code)
     assert (quay.files(), quay.files("vpn")) == (before, authority)
 
 

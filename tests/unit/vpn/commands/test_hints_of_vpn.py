@@ -32,8 +32,8 @@ from atlantis_netcfg.vpn.server import ccd, live_files, openvpn_server
 
 SEALED = f"recipient={NOBODY}"
 LAPTOP = ("vpn", "onboard", "partner=iqua", "device=laptop", "kind=laptop", SEALED)
-GATEWAY = ("vpn", "onboard", "host=coastal-gateway", SEALED)
-ROUTER = ("vpn", "onboard", "host=coastal-router", SEALED)
+GATEWAY = ("vpn", "onboard", "device=coastal-gateway", SEALED)
+ROUTER = ("vpn", "onboard", "device=coastal-router", SEALED)
 
 
 @dataclass
@@ -58,7 +58,7 @@ class Laptop:
         ended = main(words)
         printed = self.capsys.readouterr()
         assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
-        named = [word.partition("=")[2] for word in words if word.startswith(("name=", "host="))]
+        named = [word.partition("=")[2] for word in words if word.startswith(("name=", "device="))]
         self.member = named[0] if named else self.member
         return printed.out + printed.err
 
@@ -189,7 +189,7 @@ def without_authority(at: Laptop) -> str:
 
 def without_authority_in_a_run(at: Laptop) -> str:
     shutil.rmtree(at.folder / "vpn")
-    return at.type("site=scc", "only=scc-vpn", "--plan", code=3)
+    return at.type("plan", "site=scc", "device=scc-vpn", code=3)
 
 
 def without_authority_for_the_server(at: Laptop) -> str:
@@ -281,7 +281,7 @@ def an_identity_that_has_ended(at: Laptop) -> str:
             return super().now(tz) + timedelta(days=30)
 
     at.monkeypatch.setattr(router, "datetime", Days30)
-    return at.type("vpn", "install", "host=coastal-router", code=3)
+    return at.type("vpn", "install", "device=coastal-router", code=3)
 
 
 def a_gateway_without_identity(_at: Laptop) -> str:
@@ -425,7 +425,7 @@ SITUATIONS: dict[str, Situation] = {
         0,
         "coastal-router.2",
     ),
-    "an identity for a gateway": (lambda at: at.type(*GATEWAY), "provision site={} only={}", 0, "as declared"),
+    "an identity for a gateway": (lambda at: at.type(*GATEWAY), "provision site={} device={}", 0, "as declared"),
     "an identity that has ended": (
         an_identity_that_has_ended,
         "`provision vpn renew name={}` where the authority is, and here what it hands out",
@@ -433,7 +433,7 @@ SITUATIONS: dict[str, Situation] = {
         "coastal-router.2",
     ),
     "nothing to install on a gateway": (
-        lambda at: at.type("vpn", "install", "host=coastal-gateway", code=7),
+        lambda at: at.type("vpn", "install", "device=coastal-gateway", code=7),
         "gateways get theirs from `provision site={}`",
         0,
         "as declared",
@@ -442,7 +442,8 @@ SITUATIONS: dict[str, Situation] = {
         a_gateway_without_identity,
         (
             "{} has no identity of the VPN, neither there nor on this computer: its tunnel does not come up. Type "
-            "`provision vpn onboard host={}` where the authority is, or `provision vpn accept file=FILE` with what the "
+            "`provision vpn onboard device={}` where the authority is, or `provision vpn accept file=FILE` with "
+            "what the "
             "control centre has handed out, then the same again"
         ),
         0,
@@ -502,5 +503,5 @@ def test_suggested_commands_work(name: str, laptop: Laptop) -> None:
             laptop.authority.crl()
         if words[0].startswith("site="):
             assert laptop.plays
-        if words[-1] == "only=coastal-gateway":
+        if words[0].startswith("site=") and words[-1] == "device=coastal-gateway":
             assert laptop.plays == [(["coastal-gateway"], True)]

@@ -37,5 +37,5 @@ def test_interrupted_command_says_to_repeat_it(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(_common, "load_inventory", stopped)
-    assert main(["vpn", "onboard", "host=coastal-gateway"]) == ExitCode.UNKNOWN
+    assert main(["vpn", "onboard", "device=coastal-gateway"]) == ExitCode.UNKNOWN
     assert "type the same again" in capsys.readouterr().err

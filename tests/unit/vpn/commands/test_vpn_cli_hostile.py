@@ -19,7 +19,7 @@ ASKS = "nobody is here to type it"
 OTHERS = ["onboard", "partner=iqua", "device=auv1", "kind=robot", NO_PUSH]
 TEMPLATES = {
     "device": ["onboard", "partner=iqua", "device={}", "kind=laptop", NO_PUSH],
-    "host": ["onboard", "host={}", NO_PUSH],
+    "host": ["onboard", "device={}", NO_PUSH],
     "partner": ["onboard", "partner={}", "device=laptop1", "kind=laptop", NO_PUSH],
     "name": ["show", "name={}"],
 }

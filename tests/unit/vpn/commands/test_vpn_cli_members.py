@@ -253,7 +253,13 @@ def test_identity_can_be_accepted_on_another_laptop(desk: Desk, tmp_path: Path) 
     key = pyrage.x25519.Identity.generate()
     (tmp_path / "age.key").write_text(f"# mine\n{key}\n")
     (tmp_path / "stick").mkdir()
-    words = ("onboard", "host=coastal-gateway", f"recipient={key.to_public()}", f"to={tmp_path / 'stick'}", "--no-push")
+    words = (
+        "onboard",
+        "device=coastal-gateway",
+        f"recipient={key.to_public()}",
+        f"to={tmp_path / 'stick'}",
+        "--no-push",
+    )
     (row,) = desk.told(*words, passphrase=PASSPHRASE)["members"]
     other = Desk(tmp_path / "other", desk.capsys)
     taking = ("accept", f"file={row['copy']}", f"key={tmp_path / 'age.key'}")

@@ -94,7 +94,7 @@ def test_server_requiring_a_cookie_gives_older_clients_the_shared_key(
     assert wrap(desk, *onboarding("iqua", "laptop1")) == "tls-crypt"
     assert wrap(desk, *onboarding("iqua", "laptop2", "laptop", "openvpn=2.5")) == "tls-crypt"
     assert wrap(desk, *onboarding("iqua", "laptop3", "laptop", "openvpn=2.6")) == "tls-crypt-v2"
-    assert wrap(desk, "onboard", "host=coastal-router", "--no-push") == "tls-crypt"
+    assert wrap(desk, "onboard", "device=coastal-router", "--no-push") == "tls-crypt"
     assert wrap(desk, "renew", "name=iqua-router1", "--no-push") == "tls-crypt"
     asked = (*onboarding("iqua", "laptop4", "laptop", "openvpn=2.5"), "wrap=tls-crypt-v2")
     (error,) = desk.told(*asked, passphrase=PASSPHRASE, code=3)["errors"]

@@ -18,12 +18,12 @@ from atlantis_netcfg.routeros.apply import Status
 
 __all__ = ["laptop"]
 RENEWED = (
-    "`provision vpn renew name={name}` makes another one, and `provision vpn install host={name}` brings it to the "
+    "`provision vpn renew name={name}` makes another one, and `provision vpn install device={name}` brings it to the "
     "router"
 )
 ACCEPTED = (
     "`provision vpn renew name={name}` makes another one, `provision vpn accept file=FILE` takes it on another laptop, "
-    "and `provision site={site} only={name}` brings it"
+    "and `provision site={site} device={name}` brings it"
 )
 
 
@@ -117,13 +117,13 @@ SITUATIONS: dict[str, tuple[Callable[[], World], str, int, list[str]]] = {
     ),
     "factory name": (
         lambda: telling("factory-name"),
-        "`provision adopt site={} device=NAME` gives a new device its name, user and certificate",
+        "`provision device adopt site={} device=NAME` gives a new device its name, user and certificate",
         7,
         ["coastal-router"],
     ),
     "no tunnel": (
         lambda: telling("router-no-tunnel"),
-        "`provision vpn install host={}`, and after it `provision site={}`",
+        "`provision vpn install device={}`, and after it `provision site={}`",
         0,
         ["coastal-router"],
     ),
@@ -142,7 +142,7 @@ SITUATIONS: dict[str, tuple[Callable[[], World], str, int, list[str]]] = {
     "silent": (lambda: telling("server-silent"), "is the VPN server running? `provision vpn status` asks it", 0, []),
     "no identity": (
         lambda: telling("identity-unreadable"),
-        "`provision site={} only={}` brings it there; only root may read it",
+        "`provision site={} device={}` brings it there; only root may read it",
         0,
         [],
     ),
@@ -159,5 +159,5 @@ def test_advised_commands_work_when_typed(name: str, laptop: Laptop, reached: li
     for words in commands:
         laptop.follow([word.replace("NAME", "coastal-router") for word in words], code)
     assert reached == devices
-    if any(words[-1] == "only=coastal-gateway" for words in commands):
+    if any(words[-1] == "device=coastal-gateway" for words in commands):
         assert laptop.plays == [(["coastal-gateway"], True)]

@@ -167,7 +167,7 @@ def test_advised_commands_can_be_typed(
     assert str(place) in capsys.readouterr().err
     never = probe.judge({"record": answer(None)}).findings[0]
     (words,) = advised(never.hint or "")
-    assert words == ["qualify", "site=coastal", "link=satellite"]
+    assert words == ["measure", "link", "site=coastal", "link=satellite"]
     name, rest = choose(words, COMMANDS)
     assert parse(load_command(name, COMMANDS).command, rest).word("site") == "coastal"
 
@@ -253,7 +253,7 @@ def test_rehearsal_passes_no_link() -> None:
             assert result.verdict is Verdict.SKIP
             assert result.findings[0].message == "satellite was not measured: a rehearsed checklist measures no link"
         else:
-            assert result.findings[0].hint == f"`provision qualify site=coastal link={link}` measures it", (
+            assert result.findings[0].hint == f"`provision measure link site=coastal link={link}` measures it", (
                 "none is kept"
             )
 

@@ -270,7 +270,7 @@ add action=lookup-only-in-table comment="atlantis: satellite, from its own addre
 #            last good one, so is the link, and its connections are cut: they would go on under its address by the next.
 #   steady   the declared fail-back: begins anew until every packet of it is answered; then the link is taken back, and what
 #            still goes by links after it is cut, above all the tunnel, which would not move from the satellite by itself.
-# A link in use for a time (`provision use`) has smaller distances: so the rows ask whether a route is left, and not whether it
+# A link in use for a time (`provision links use`) has smaller distances: so the rows ask whether a route is left, and not whether it
 # is where it is declared.
 # Scripts of netwatch run in every device-mode, and may read and write (MikroTik manual, Netwatch). What they change is
 # declared as run-time state, so it is no drift. After a start of the router they find out anew; a link that was left stays

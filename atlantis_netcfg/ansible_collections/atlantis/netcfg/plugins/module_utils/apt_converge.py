@@ -259,7 +259,7 @@ class AptConvergence:
             f"{what}; {format_size(self.desired_packages.limit_bytes or 0)} are agreed{why}. "
             "Nothing was downloaded for it",
             "type the same with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true); or bring the packages:"
-            " `provision bundle site=…`, then `--offline`",
+            " `provision gateway bundle site=…`, then `--offline`",
         )
 
     def _update(self) -> None:

@@ -106,7 +106,7 @@ _SOURCES = (
         r"(?:Could not resolve|Temporary failure resolving|Unable to resolve) '?(?P<host>[^'\s]+)'?",
         "the computer cannot find the name {host}: it has no internet, or no name server",
         "look at the link of the site, and at `ip route` on the computer; or bring the packages: "
-        "`provision bundle site=…`, then `--offline`",
+        "`provision gateway bundle site=…`, then `--offline`",
     ),
     _MessageRow(
         r"repository '" + _SOURCE + r"' (?:does not have a Release file|no longer has a Release file)",
@@ -118,7 +118,7 @@ _SOURCES = (
         r"Network is unreachable|No route to host|Cannot initiate the connection to) ?(?P<host>[^\s:,]*)",
         "the computer does not reach {host}",
         "look at the link of the site, and at `ip route` on the computer; or bring the packages: "
-        "`provision bundle site=…`, then `--offline`",
+        "`provision gateway bundle site=…`, then `--offline`",
     ),
     _MessageRow(
         r"Failed to fetch (?P<url>\S+) .*(?P<code>\b[45]\d\d) ",

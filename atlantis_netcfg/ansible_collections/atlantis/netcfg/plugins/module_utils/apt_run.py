@@ -68,7 +68,8 @@ def refuse_another_system(
     if is_now != desired_system:
         raise ModuleError(
             f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(desired_system)}",
-            "make a card with the right system (`provision image --help`), or declare the release that fits this one",
+            "make a card with the right system (`provision gateway image --help`), or declare the release that fits "
+            "this one",
         )
     if architectures and apt.architecture not in architectures:
         raise ModuleError(

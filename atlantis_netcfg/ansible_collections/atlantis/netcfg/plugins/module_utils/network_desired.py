@@ -173,7 +173,7 @@ def _glob(computer: NetworkComputer, pattern: str) -> list[str]:
 
 
 OURS = "# Written by `provision"
-"""Start of every file that this toolkit writes, including those of `provision image`."""
+"""Start of every file that this toolkit writes, including those of `provision gateway image`."""
 _PROGRAMS = {
     "netplan": ("/usr/sbin/netplan", "netplan.io"),
     "ifupdown": ("/sbin/ifup", "ifupdown"),
