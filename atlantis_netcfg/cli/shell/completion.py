@@ -21,7 +21,7 @@ COMPLETION_BASH = syntax.CommandSpec(
     "completion bash",
     "print a script that completes lines in bash",
     group=syntax.Group.LAPTOP,
-    details="For this window: `source <(./provision completion bash)`. For every window see docs/completion.md.",
+    details="For this window: `source <(./provision completion bash)`. For all windows: docs/engineers/completion.md.",
 )
 
 
