@@ -47,9 +47,9 @@ How to make an inventory, mark its examples and encrypt its secrets: [prepare yo
 | `robots/VEHICLE.yml` | [`robot`](#robot): what the robot of a vehicle tells the control centre ([page](robots.md)) |
 | `evidence/`, `keys/` | files that terminals have exported, and keys of package archives |
 
-- Editors that know `# yaml-language-server: $schema=…` in the first line of a file complete and check the keys. The
-  schemas are in `.schema/` of the inventory. Set `yaml.customTags: ["!vault scalar"]` in the editor. A schema checks one
-  file; only `provision validate` compares files.
+- Editors that know `# yaml-language-server: $schema=…` in the first line of a file complete and check the keys. Schemas
+  are in `.schema/` of the inventory. Set `yaml.customTags: ["!vault scalar"]` in the editor. A schema checks one file;
+  only `provision validate` compares files.
 - The column *example* shows the value of the shipped inventory, if it has the key. No value is a recommendation.
 """
 _UNITS = (
