@@ -443,9 +443,10 @@ ASSUMPTIONS: Final = (
         person("rename an unused port that a bridge port and a queue name, and print both"),
     ),
 )
-"""All assumptions, in the order of the page docs/verify.md."""
+"""All assumptions, in the order of the page docs/engineers/assumptions.md."""
 
 
 def summarize_assumptions() -> str:
     """Return the line of a rehearsal that counts its assumptions."""
-    return f"{len(ASSUMPTIONS)} assumptions about RouterOS that no document or record confirms: docs/verify.md"
+    page = "docs/engineers/assumptions.md"
+    return f"{len(ASSUMPTIONS)} assumptions about RouterOS that no document or record confirms: {page}"

@@ -26,7 +26,7 @@ class Group(Enum):
     FIRST = "Every day"
     """A technician's five: configure the site, see its links, do the checklist, see differences, list runs.
 
-    docs/first-run.md leads to the first of them; a working day on the quay needs the others.
+    docs/running.md leads to the first of them; a working day on the quay needs the others.
     `runs` also says what to type after an interrupted run.
     """
     PLAN = "A saved plan"
