@@ -318,8 +318,8 @@ ASSUMPTIONS: Final = (
         "failover-recursion",
         "With the pilot's routes a canary's blackhole keeps its default route from being resolved over another"
         " link, and no packet leaves with the address of the wrong link after a fail-back.",
-        "Failover between the links of a site; docs/failover.md says how it is tried on a quay.",
-        person("pull each link in turn, and read routes and connections: docs/failover.md"),
+        "Failover between the links of a site; docs/links.md says how it is tried on a quay.",
+        person("pull each link in turn, and read routes and connections: docs/links.md"),
     ),
     Assumption(
         "netwatch-rhythm",

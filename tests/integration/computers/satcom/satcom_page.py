@@ -38,8 +38,9 @@ fragment is lost is lost, so where packets are lost, large images seldom arrive 
 """
 _AGAIN = """\
 `make satcom ARGS='--cell-s 60 --write'` needs root and an hour and a half; without `--write` it prints this page. With
-`--profile FOLDER` the link is a run that `provision qualify` measured, [replayed](../measuring.md). CI sends one size
-at one rate of each table (`tests/integration/computers/satcom`).
+`--profile FOLDER` the link is a run that `provision qualify` measured,
+[replayed](../measuring.md#rehearse-over-a-measured-link). CI sends one size at one rate of each table
+(`tests/integration/computers/satcom`).
 """
 _ASSUMED = """\
 Assumed of a Certus link, not measured on one. Not in it: gaps (real ones last up to 70 s), loss in bursts, a rate that
@@ -104,7 +105,7 @@ def write_page(done: Campaign, docs: Path | None) -> list[str]:
 
 def _assumptions(done: Campaign) -> list[str]:
     if done.link:
-        return [f"The link is run `{done.link}`, replayed ([how](../measuring.md))."]
+        return [f"The link is run `{done.link}`, replayed ([how](../measuring.md#rehearse-over-a-measured-link))."]
     up, down = done.shapes
     return [
         "| Direction | Rate | Delay | Jitter (half-normal) | Loss | Queue |",
