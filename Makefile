@@ -83,10 +83,10 @@ test-arm64: ## boot a gateway's card on the gateways' processor, emulated; once 
 	@tools/arm64
 	python -P -m pytest --tier arm64 --timeout 0 $(ARGS)
 
-bench: ## measure us and our peers on slow links, write docs/benchmarks.md (BENCH_ARGS='--only ours librouteros'; --help)
+bench: ## measure us and our peers on slow links, write docs/engineers/benchmarks.md (BENCH_ARGS='--only ours librouteros'; --help)
 	@tools/develop system
 	@tools/strangers
-	python -m bench --write docs/benchmarks.md $(BENCH_ARGS)
+	python -m bench --write docs/engineers/benchmarks.md $(BENCH_ARGS)
 
 release: ## build the wheel of the newest commit into dist/, install it in an empty environment and use it there
 	@tools/develop

@@ -1,4 +1,4 @@
-"""`python -m bench`: measure us and our peers, print the figures as they come, write `docs/benchmarks.md`."""
+"""`python -m bench`: measure us and our peers, print the figures as they come, write `docs/engineers/benchmarks.md`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writes `docs/benchmarks.md`: tables, ratios, what missed its mark, and the machine."""
+"""Writes `docs/engineers/benchmarks.md`: tables, ratios, what missed its mark, and the machine."""
 
 from __future__ import annotations
 

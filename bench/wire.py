@@ -3,7 +3,7 @@
 A round trip is a flight that the next one depends on: TCP's handshake, and each time that the router answers what we
 have said since it was last heard (TLS takes two of them). Without a limit of the rate their number times the delay is
 the wall time of a run, as far as the router answers at once; the end of a session counts where it is waited for. Bytes
-are TCP's payload in both directions. `docs/benchmarks.md` has the figures, and a test compares.
+are TCP's payload in both directions. `docs/engineers/benchmarks.md` has the figures, and a test compares.
 """
 
 from __future__ import annotations

@@ -31,14 +31,14 @@ PAGE = (760, 1000)
 """Pixels of the checklist's page that are shown: its beginning."""
 COLOURS = 64
 FLOW = {
-    "Load": ("the whole declaration,", "checked"),
+    "Load": ("the whole inventory,", "checked"),
     "Observe": ("one session a device,", "nothing is changed"),
     "Plan": ("what would change,", "at what cost"),
     "Guard": ("would it cut", "your own way?"),
     "Apply": ("under the device's", "own protection"),
     "Read back": ("the second plan", "has to be empty"),
 }
-"""The steps of docs/architecture.md, each in a few words."""
+"""The steps of docs/engineers/architecture.md, each in a few words."""
 SVG = "http://www.w3.org/2000/svg"
 
 
@@ -148,8 +148,9 @@ def checklist(folder: Path) -> None:
 
 
 def flow(folder: Path) -> None:
-    """Draw the steps that docs/architecture.md lists."""
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("\n## ")[2].partition("\n## ")[0]
+    """Draw the steps that docs/engineers/architecture.md lists."""
+    page = (ROOT / "docs" / "engineers" / "architecture.md").read_text(encoding="utf-8")
+    text = page.partition("\n## ")[2].partition("\n## ")[0]
     steps = [step.strip() for step in re.findall(r"^\d\. \*\*([A-Z][a-z ]+)\*\*", text, re.MULTILINE)]
     root = ET.Element("svg", {"xmlns": SVG, "viewBox": f"0 0 {len(steps) * 150 + 10} 110", "role": "img"})
     ET.SubElement(root, "title").text = f"How a run flows: {', '.join(steps)}"

@@ -159,7 +159,7 @@ def _empty_scope_error(site: str, scope: Scope) -> errors.NoMatchError:
             f"`{scope.vehicles[0]}` has no robot's file, and so no integration record", hint=hint
         )
     if scope.alone:
-        hint = "declare them below `checklist: items:` with `phase: recovery` (docs/check.md)"
+        hint = "declare them below `checklist: items:` with `phase: recovery` (docs/checklist.md)"
         return errors.NoMatchError(f"no such item of recovery is declared at {site}", hint=hint)
     hint = f"leave out a word: `provision check site={site}` lists all"
     return errors.NoMatchError("nothing is left of the checklist", hint=hint)

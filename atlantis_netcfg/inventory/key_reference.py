@@ -33,8 +33,7 @@ _INTRODUCTION = """\
 
 Made from the model by `python -m atlantis_netcfg.inventory.key_reference`: change that, not this page.
 
-One folder declares the pilot. `provision inventory validate` reads all of it, contacts nothing, and names every error
-with its file and line.
+How to make an inventory, mark its examples and encrypt its secrets: [prepare your own site](own-site.md).
 
 | file | what it holds |
 |---|---|
@@ -48,17 +47,10 @@ with its file and line.
 | `robots/VEHICLE.yml` | [`robot`](#robot): what the robot of a vehicle tells the control centre ([page](robots.md)) |
 | `evidence/`, `keys/` | files that terminals have exported, and keys of package archives |
 
-- **Example values.** A comment `# EXAMPLE` at the end of a line marks its values as examples; at a key without a
-  value of its own it marks all that is below. Names of RFC 2606, addresses of RFC 5737 and what begins with `EXAMPLE-`
-  are examples without a mark.
-  Only rehearsals use an inventory with `example_values: true`, and with `false` every example is an error.
-  `provision inventory validate --examples` lists them.
-- **Secrets** are written by `ansible-vault encrypt_string`.
-- **Editors** that know `# yaml-language-server: $schema=…` in a file's first line complete and check the keys. The
-  schemas lie in `.schema/` of the inventory. Tell the editor of the tag: `yaml.customTags: ["!vault scalar"]`. A schema
-  sees one file; what must hold between files only `provision inventory validate` sees.
-- *Example* is what the shipped inventory holds where it has the key. It shows the form: no value is a
-  recommendation.
+- Editors that know `# yaml-language-server: $schema=…` in the first line of a file complete and check the keys. Schemas
+  are in `.schema/` of the inventory. Set `yaml.customTags: ["!vault scalar"]` in the editor. A schema checks one file;
+  only `provision inventory validate` compares files.
+- The column *example* shows the value of the shipped inventory, if it has the key. No value is a recommendation.
 """
 _UNITS = (
     ("_bytes_per_s", "bytes/s"),

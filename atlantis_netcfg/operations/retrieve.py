@@ -71,7 +71,7 @@ def source_at(inventory: Inventory, site: str, name: str | None) -> tuple[Source
     if inventory.pilot.retrieval is None:
         raise errors.NoMatchError(
             "no recordings are declared to be retrieved",
-            hint="write `retrieval:` in group_vars/all/pilot.yml: docs/retrieve.md has an example",
+            hint="write `retrieval:` in group_vars/all/pilot.yml: docs/gateways.md has an example",
         )
     if site not in inventory.sites:
         near = errors.nearest(site, inventory.sites)

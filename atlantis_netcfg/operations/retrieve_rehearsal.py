@@ -64,7 +64,7 @@ def with_example(inventory: Inventory, site: str) -> tuple[Inventory, str | None
     if gateway is None or centre is None:
         raise errors.NoMatchError(
             f"{site} has no gateway in the VPN, or the pilot has no control centre there",
-            hint="docs/retrieve.md says what a transfer of recordings needs",
+            hint="docs/gateways.md says what a transfer of recordings needs",
         )
     hosts = dict(inventory.hosts)
     for name in (gateway, centre):

@@ -318,8 +318,8 @@ ASSUMPTIONS: Final = (
         "failover-recursion",
         "With the pilot's routes a canary's blackhole keeps its default route from being resolved over another"
         " link, and no packet leaves with the address of the wrong link after a fail-back.",
-        "Failover between the links of a site; docs/failover.md says how it is tried on a quay.",
-        person("pull each link in turn, and read routes and connections: docs/failover.md"),
+        "Failover between the links of a site; docs/links.md says how it is tried on a quay.",
+        person("pull each link in turn, and read routes and connections: docs/links.md"),
     ),
     Assumption(
         "netwatch-rhythm",
@@ -443,9 +443,10 @@ ASSUMPTIONS: Final = (
         person("rename an unused port that a bridge port and a queue name, and print both"),
     ),
 )
-"""All assumptions, in the order of the page docs/verify.md."""
+"""All assumptions, in the order of the page docs/engineers/assumptions.md."""
 
 
 def summarize_assumptions() -> str:
     """Return the line of a rehearsal that counts its assumptions."""
-    return f"{len(ASSUMPTIONS)} assumptions about RouterOS that no document or record confirms: docs/verify.md"
+    page = "docs/engineers/assumptions.md"
+    return f"{len(ASSUMPTIONS)} assumptions about RouterOS that no document or record confirms: {page}"

@@ -1,7 +1,7 @@
 """Drift: differences between a device and the inventory, with owner and time of origin.
 
 It is computed from a plan, so drift is exactly what a run would change, plus what it would leave alone. Pure: the last
-confirmed state and the device's history are passed as text and rows. docs/drift.md explains the terms of the report.
+confirmed state and the device's history are passed as text and rows. docs/running.md explains the terms of the report.
 
 Assumption: history-names-ids
 Assumption: history-newest-first

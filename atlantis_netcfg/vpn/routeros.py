@@ -2,7 +2,7 @@
 
 Sources: MikroTik manual, OpenVPN; the command trees of 7.9 to 7.24 (facts 10). A tls-crypt key cannot be set: it is
 part of an imported `.ovpn` and is never shown, so an interface configured by hand cannot reach our server. Nothing here
-was tested on a real router (docs/vpn-routers.md).
+was tested on a real router (docs/vpn.md).
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ for SeaTrac beacons only, in the water. A beacon reports no source level, but it
 ping only after a response that shows the beacon below the surface. So a consent that was given too early, or for
 another vehicle, makes no beacon transmit in air.
 
-docs/probes.md describes how it could be deceived, and what prevents that.
+docs/engineers/probes.md describes how it could be deceived, and what prevents that.
 """
 
 from __future__ import annotations

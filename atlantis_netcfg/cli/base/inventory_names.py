@@ -34,7 +34,7 @@ _PLACES = {
     Values.VEHICLE: ("group_vars/all/vehicles.yml", ("vehicles",)),
     Values.PARTNER: ("group_vars/all/partners.yml", ("partners",)),
 }
-"""File and mapping whose keys are these names (docs/architecture.md, `atlantis_netcfg/inventory/loader.py`)."""
+"""File and mapping whose keys are these names (`atlantis_netcfg/inventory/loader.py`)."""
 
 
 def folder_of(command_line: Sequence[str]) -> Path:

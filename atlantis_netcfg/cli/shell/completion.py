@@ -18,7 +18,7 @@ COMPLETION = syntax.CommandSpec(
     details=(
         "For this window, in bash: `source <(./provision help completion bash)`. "
         "In zsh the same after `compinit`; in fish: `./provision help completion fish | source`.\n"
-        "For every window see docs/completion.md."
+        "For every window see docs/engineers/completion.md."
     ),
 )
 

@@ -58,11 +58,11 @@ def _reading(value: object) -> str:
         first = text.partition(" ")[0]
         if first in reading_programs.names():
             raise _base.wrong(
-                f"`{text}` is not a form of `{first}` that the checklist may run", "docs/check.md lists the forms"
+                f"`{text}` is not a form of `{first}` that the checklist may run", "docs/checklist.md lists the forms"
             )
         programs = ", ".join(reading_programs.names())
         raise _base.wrong(
-            f"the checklist may not run `{text}`", f"it runs programs that only read: {programs} (docs/check.md)"
+            f"the checklist may not run `{text}`", f"it runs programs that only read: {programs} (docs/checklist.md)"
         )
     return text
 
@@ -99,7 +99,7 @@ class CheckItem(_base.Model):
     by: tuple[_base.Text, ...] = ()
     """For a person: names, or roles of the pilot, that alone may answer or override it; none: anybody."""
     command: ReadingCommand | None = None
-    """For a command, required: what is run; programs that only read, from a closed list (docs/check.md)."""
+    """For a command, required: what is run; programs that only read, from a closed list (docs/checklist.md)."""
     expect: _base.Text | None = None
     """For a command, required: a whole line that it has to print; `*` stands for any characters."""
     seen_from: SeenFrom = SeenFrom.GATEWAY

@@ -212,7 +212,7 @@ def bridge_is_package_or_image(draft: _draft.Draft) -> Iterator[Finding]:
             yield draft.finding_at(part, ("ros1_bridge",), message, "write both; beside foxy neither")
         elif bridge.archive is None and draft.pilot is not None and not _has_foxy(draft, device):
             message = f"the bridge of `{host}` is no package there, for `{host}` does not get ROS 2 foxy"
-            hint = "write `archive:` and `sha256:` of an image that holds it: docs/control-centre.md says how"
+            hint = "write `archive:` and `sha256:` of an image that holds it: docs/robots.md says how"
             yield draft.finding_at(part, ("ros1_bridge",), message, hint)
 
 

@@ -1,7 +1,8 @@
 """The record of a run: figures from its samples and `run.json`, and verdicts against named thresholds.
 
 Nothing is measured here, and `record.json` contains nothing that cannot be computed again: it is the same for the same
-samples and thresholds. Its format is the JSON Schema of `QualifyRecord`; docs/qualify.md explains the fields.
+samples and thresholds. Its format is the JSON Schema of `QualifyRecord`; docs/engineers/qualify-method.md explains
+the fields.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 The rate is doubled from the first one until a window fails; then the step between the last good and the first bad rate
 is halved four times, by their ratio. A window fails if more packets are lost than without load, if the 95th percentile
 of the delay is out of bounds, or if the queue grows over the window. All criteria use packets, and messages that
-arrived in part: on a lossy link a message of many packets is seldom complete. The numbers are those of docs/qualify.md.
+arrived in part: on a lossy link a message of many packets is seldom complete. The numbers are those of
+docs/engineers/qualify-method.md.
 """
 
 from __future__ import annotations

@@ -218,7 +218,7 @@ def factory_spec(inventory: Inventory, host: Host, *, serial: bool = False) -> r
     if port is None:
         raise UsageError(
             f"{host.name} has one port, by which the laptop would cut itself off: its adoption cannot be rehearsed",
-            hint="adopt it over its serial line, or give it user, certificate and address by hand (docs/adopt.md)",
+            hint="adopt it over its serial line, or give it user, certificate and address by hand (docs/routers.md)",
         )
     laptop = routeros.ManagementSpec(address=f"{FACTORY_ADDRESS}/24", port=port, technician="192.168.88.10")
     changes = {

@@ -350,7 +350,7 @@ def _telemetry(inventory: inventory.Inventory, site: str, vehicle: str) -> tuple
     if not topics:
         raise errors.NoMatchError(
             f"`{vehicle}` has no `telemetry:`: nothing is known of what it publishes",
-            hint="declare its topics in group_vars/all/vehicles.yml; docs/cost.md shows how",
+            hint="declare its topics in group_vars/all/vehicles.yml; docs/measuring.md shows how",
         )
     return topics
 

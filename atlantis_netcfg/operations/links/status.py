@@ -132,7 +132,7 @@ def _excuse_far_end(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
 def _end_status(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> BoxesStatus:
     if look.reading is None:
         message = f"{host.name}: its menus show no radio"
-        hint = "RouterOS 7.13 and later need the package `wireless` or `wifi-qcom` for it: see docs/wifi-link.md"
+        hint = "RouterOS 7.13 and later need the package `wireless` or `wifi-qcom` for it: see docs/wifi.md"
         return BoxesStatus(LinkState.DOWN, {}, (LinkFinding(Verdict.FAIL, "no-radio", message, hint),))
     if not others:
         return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading))

@@ -70,7 +70,7 @@ ASSUMPTIONS: Final = (
         assumptions.person("store a wrong PIN for a spare SIM, type `reload_config`, and read the tries that are left"),
     ),
 )
-"""In the order of the page docs/verify.md."""
+"""In the order of the page docs/engineers/assumptions.md."""
 
 
 def judge(look: rutos_read.RutosLook) -> verify.SeenAnswers:

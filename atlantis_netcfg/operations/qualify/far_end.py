@@ -86,7 +86,7 @@ def far_end_of(inventory: Inventory, *, over_vpn: bool, other: str | None = None
         return _parse_far_end(inventory, other, over_vpn=over_vpn)
     qualify, target = inventory.pilot.qualify, satellite_allow_list.far_end(inventory.pilot)
     if qualify is None or target is None:
-        hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/qualify.md)"
+        hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/measuring.md)"
         raise NothingToQualify("the pilot declares no far end that could answer test packets", hint=hint)
     address = target.address
     if over_vpn:

@@ -1,7 +1,6 @@
 """The stages of a run, their order and duration: a pure function of the link and the selection.
 
-The seconds are those of docs/qualify.md for the speed of the link. Sizes and rates beyond the link's rate in the
-inventory are left out: sending them for long costs money and shows nothing new.
+Sizes and rates beyond the rate in the inventory are left out: sending them for long costs money and shows nothing new.
 """
 
 from __future__ import annotations

@@ -143,7 +143,7 @@ def _observation(host: Host, access: Mapping[str, Any], result: ProcessResult) -
 def _trouble(host: Host, trouble: str, words: str) -> ListenError:
     if trouble == "missing":
         hint = (
-            "a run of its site brings ROS 2 where that is declared (docs/gateway.md); else, on x86_64, on it: "
+            "a run of its site brings ROS 2 where that is declared (docs/gateways.md); else, on x86_64, on it: "
             f"`python3 -m venv {VENV} && {VENV}/bin/pip install cyclonedds`"
         )
         return ListenError(f"{host.name} can hear no robots: it has neither cyclonedds nor ROS 2", hint=hint)

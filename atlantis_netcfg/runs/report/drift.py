@@ -56,7 +56,7 @@ class DriftReport:
         return worst(ExitCode(result["exit"]) for result in self.devices.values())
 
     def as_json(self) -> dict[str, Any]:
-        """The object that `--json` prints; docs/drift.md describes it."""
+        """The object that `--json` prints; docs/running.md describes the terms."""
         return {
             "site": self.site,
             "rehearsed": self.is_rehearsal,

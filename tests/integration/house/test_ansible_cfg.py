@@ -97,7 +97,7 @@ def test_plain_ansible_fails_if_there_is_a_finding(findings: list[str], code: in
 
 
 def test_the_playbook_of_docs_roles_runs_from_another_folder(tmp_path: Path) -> None:
-    page = (ROOT / "docs" / "roles.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "engineers" / "roles.md").read_text(encoding="utf-8")
     playbook = tmp_path / "mine.yml"
     playbook.write_text(page.partition("```yaml\n")[2].partition("```")[0], encoding="utf-8")
     words = [str(Path(sys.executable).parent / "ansible-playbook"), "-i", str(ROOT / "inventory"), str(playbook)]

@@ -20,7 +20,7 @@ from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 ELSEWHERE = {"quick-start.md", "inicio-rapido.md"}
 """test_quick_start.py types them: in a clone of its own, at a terminal."""
-PROGRAM_ITSELF = "first-run.md"
+PROGRAM_ITSELF = "running.md"
 """The page of which every line starts the program itself; those of the others are typed into a prepared process."""
 EXECUTED = [page for page in PAGES if page.name not in ELSEWHERE and shown(page)]
 

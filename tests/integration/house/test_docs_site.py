@@ -69,12 +69,12 @@ def test_nothing_is_loaded_from_other_sites(site: Path) -> None:
 
 
 @pytest.mark.slow
-def test_search_finds_the_rollback_page(site: Path) -> None:
+def test_search_finds_how_rollback_works(site: Path) -> None:
     index = json.loads((site / "searchindex.js").read_text().removeprefix("Search.setIndex(").removesuffix(")"))
     found = index["titleterms"]["rollback"]
     numbers = [found] if isinstance(found, int) else found
-    assert "rollback" in {index["docnames"][number] for number in numbers}
-    assert "What rollback does" in index["alltitles"]
+    assert "running" in {index["docnames"][number] for number in numbers}
+    assert "How rollback works" in index["alltitles"]
     assert {"safe", "mode"} <= index["terms"].keys(), "words of the text as well"
 
 
@@ -99,7 +99,7 @@ def test_quick_start_prints_on_one_page(site: Path, tmp_path: Path) -> None:
     ("name", "text", "warning"),
     [
         ("stray.md", "# A page that index.md does not list\n", "isn't included in any toctree"),
-        ("rollback.md", "# A page\n\n[nowhere](no-such-page.md)\n", "no-such-page"),
+        ("running.md", "# A page\n\n[nowhere](no-such-page.md)\n", "no-such-page"),
     ],
 )
 def test_faulty_page_fails_the_build(name: str, text: str, warning: str, tmp_path: Path) -> None:
@@ -107,8 +107,8 @@ def test_faulty_page_fails_the_build(name: str, text: str, warning: str, tmp_pat
     source.mkdir()
     shutil.copy2(DOCS / "conf.py", source)
     shutil.copytree(DOCS / "_static", source / "_static")
-    (source / "index.md").write_text("# Pages\n\n## Some\n\n- [Rollback](rollback.md): a page\n")
-    (source / "rollback.md").write_text("# A page\n")
+    (source / "index.md").write_text("# Pages\n\n## Some\n\n- [Running](running.md): a page\n")
+    (source / "running.md").write_text("# A page\n")
     (source / name).write_text(text)
     process = build(source, tmp_path)
     assert process.returncode != 0

@@ -54,7 +54,7 @@ def test_pictures_are_small_used_and_self_contained() -> None:
     found = {path.name: path for path in PICTURES.iterdir()}
     assert found.keys() == {"run.svg", "checklist.png", "site.svg", "flow.svg", *SATCOM}
     assert [name for name, path in found.items() if path.stat().st_size > LARGEST] == []
-    pages = "".join(path.read_text() for path in (ROOT / "README.md", *ROOT.glob("docs/*.md")))
+    pages = "".join(path.read_text() for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md")))
     assert [name for name in found if f"pictures/{name})" not in pages] == []
     for name in ("run.svg", "site.svg", "flow.svg", *SATCOM):
         text = found[name].read_text()

@@ -1,6 +1,6 @@
 """How much a newcomer has to touch for a menu, a kind of bearer, a command, a probe, a site check: shown with toys.
 
-docs/architecture.md says the same; each test adds its toy to a copy of the product and sees it work.
+docs/engineers/architecture.md says the same; each test adds its toy to a copy of the product and sees it work.
 """
 
 import json

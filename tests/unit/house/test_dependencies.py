@@ -1,4 +1,4 @@
-"""Every dependency is pinned, is used, and has its row in docs/dependencies.md."""
+"""Every dependency is pinned, is used, and has its row in docs/engineers/dependencies.md."""
 
 import ast
 import json
@@ -12,11 +12,8 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())
-TABLE = re.findall(
-    r"^\| ([^|]+) \| (run|build|dev|refused) \| ([^|]+) \| ([^|]+) \|$",
-    (ROOT / "docs" / "dependencies.md").read_text(),
-    re.MULTILINE,
-)
+PAGE = (ROOT / "docs" / "engineers" / "dependencies.md").read_text(encoding="utf-8")
+TABLE = re.findall(r"^\| ([^|]+) \| (run|build|dev|refused) \| ([^|]+) \| ([^|]+) \|$", PAGE, re.MULTILINE)
 WITNESSES = ROOT / "tests" / "conformance"
 LOCKS = {name: (ROOT / "requirements" / f"{name}.txt").read_text() for name in ("run", "dev", "awx")}
 LOCKS["witnesses"] = (WITNESSES / "requirements.txt").read_text()
@@ -81,7 +78,7 @@ def test_nothing_refused_is_declared() -> None:
 
 
 def test_every_row_gives_licence_and_reason() -> None:
-    rows = [line for line in (ROOT / "docs" / "dependencies.md").read_text().splitlines() if line.startswith("| ")]
+    rows = [line for line in PAGE.splitlines() if line.startswith("| ")]
     assert len(TABLE) == len(rows) - 1
     assert all(licence.strip() and why.strip() for _, _, licence, why in TABLE)
 
@@ -108,8 +105,8 @@ def test_each_runtime_dependency_is_imported() -> None:
 
 
 def test_third_party_clients_are_pinned_and_separate_from_the_product() -> None:
-    """Clients of others live in an environment of their own; docs/dependencies.md names them."""
-    told = (ROOT / "docs" / "dependencies.md").read_text().partition("## Clients of others")[2].partition("\n## ")[0]
+    """Clients of others live in an environment of their own; docs/engineers/dependencies.md names them."""
+    told = PAGE.partition("## Clients of others")[2].partition("\n## ")[0]
     pinned = locked("witnesses")
     node = json.loads((WITNESSES / "package.json").read_text())["dependencies"]
     for name in ("ansible", "librouteros", "RouterOS-api", "napalm-ros", "netmiko", "scapy"):

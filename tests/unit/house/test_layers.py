@@ -1,4 +1,4 @@
-"""Imports go down the layers of docs/architecture.md."""
+"""Imports go down the layers of docs/engineers/architecture.md."""
 
 import ast
 import re
@@ -10,7 +10,7 @@ PACKAGE = ROOT / "atlantis_netcfg"
 
 
 def layers() -> dict[str, int]:
-    block = re.search(r"```layers\n(.*?)```", (ROOT / "docs" / "architecture.md").read_text(), re.DOTALL)
+    block = re.search(r"```layers\n(.*?)```", (ROOT / "docs" / "engineers" / "architecture.md").read_text(), re.DOTALL)
     assert block is not None
     return {name: depth for depth, line in enumerate(block[1].splitlines()) for name in line.split(", ")}
 

@@ -96,7 +96,7 @@ def test_cost_table_names_existing_files_within_the_budget(rules: Any) -> None: 
 
 def test_the_page_about_testing_names_files_that_are_there() -> None:
     page = (ROOT / "docs" / "engineers" / "testing.md").read_text()
-    rows = page.partition("## What holds each guarantee")[2]
+    rows = page.partition("## What proves each guarantee")[2]
     named = re.findall(r"`(tests/[\w/]+\.py)`", rows)
     assert len(named) > 20
     assert [path for path in named if not (ROOT / path).is_file()] == []

@@ -11,7 +11,7 @@ but it can stop: it reads the state, then the modem's address, then the source l
 responses that allow it, so that nobody else's modem transmits. Those responses must come alone (plain-text
 notifications aside): nothing inside a received message is accepted as one, and in doubt nothing is sent.
 
-docs/probes.md describes how it could be deceived, and what prevents that.
+docs/engineers/probes.md describes how it could be deceived, and what prevents that.
 """
 
 from __future__ import annotations

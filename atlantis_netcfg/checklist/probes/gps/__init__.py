@@ -10,7 +10,7 @@ RouterOS: `/system/gps/monitor once` returns the latest position; there is none 
 letter with degrees, minutes and seconds; `none` is no position. The manual does not give the time zone of
 `date-and-time`: UTC and that of the device's clock are accepted.
 
-docs/probes.md describes how it could be deceived, and what prevents that.
+docs/engineers/probes.md describes how it could be deceived, and what prevents that.
 """
 
 from __future__ import annotations

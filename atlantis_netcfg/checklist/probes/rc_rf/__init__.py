@@ -4,7 +4,7 @@ If the autopilot uses MAVLink, the probes listen to its stream and never send: t
 channels that arrive and, when the pilot is asked to move the sticks, change; an armed vehicle ends the probe at once.
 What no stream shows (failsafe works, range is sufficient) a person tests, for every vehicle.
 
-docs/probes.md describes how it could be deceived, and what prevents that.
+docs/engineers/probes.md describes how it could be deceived, and what prevents that.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ None of them is a cell of Table 3; each is an item `<site>/site/<name>`, run by 
 rows from the router and program output from the gateway computer. They send only DHCP discoveries, IPv6 router
 solicitations, some ARP requests, the announcement of a DDS participant to the gateway computer itself, five pings
 inside the site's own networks and the VPN, and a few messages through the VPN to the control centre. A check whose
-subject is not in the inventory is skipped, with the reason; VPN, messages and DDS are never skipped. docs/probes.md
-describes how each could be deceived, and what prevents that.
+subject is not in the inventory is skipped, with the reason; VPN, messages and DDS are never skipped.
+docs/engineers/probes.md describes how each could be deceived, and what prevents that.
 """
 
 from __future__ import annotations
@@ -64,4 +64,4 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     return (*(make(site) for make in _CHECKS.values()), *access_point_check(site), *link_qualified_checks(site))
 
 
-_HOLDS = "What docs/check.md says of `{}` holds."
+_HOLDS = "What docs/checklist.md says of `{}` holds."

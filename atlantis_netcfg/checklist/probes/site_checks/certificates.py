@@ -24,7 +24,7 @@ SOON = timedelta(days=30)
 _MENU = ("name", "common-name", "invalid-before", "invalid-after", "expired", "revoked", "private-key", "authority")
 _SUBJECT = re.compile(r"^ {8}Subject:.*?CN ?= ?([^,\n]+)", re.MULTILINE)
 _DATES = re.compile(r"Not Before *: (.+?)\n\s*Not After *: (.+?)\n")
-_API = "make another one on the router under the same name (docs/adopt.md), and confirm it at the next contact"
+_API = "make another one on the router under the same name (docs/routers.md), and confirm it at the next contact"
 _ROUTER = (
     "`provision vpn renew name={name}` makes another one, and `provision vpn install device={name}` brings it to the "
     "router"

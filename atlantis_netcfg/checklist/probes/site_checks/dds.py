@@ -8,8 +8,8 @@ profile it does not listen at the ports for multicast, 7400 + 250 d and one abov
 the first of them, and is found only by those with the profile; Cyclone DDS listens at both, at no port that peers know,
 and is found by nobody (observed with 2.9.1 and 11.0.1, between two networks).
 
-docs/probes.md describes what prevents a false response. The check does not see whether the route from a robot to that
-address is open: `pytest checks/` tests the gateway's firewall, the item `vpn` the tunnel.
+docs/engineers/probes.md describes what prevents a false response. The check does not see whether the route from a robot
+to that address is open: `pytest checks/` tests the gateway's firewall, the item `vpn` the tunnel.
 """
 
 from __future__ import annotations

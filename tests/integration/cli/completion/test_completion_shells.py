@@ -29,7 +29,7 @@ START = {
     "zsh": (("zsh", "-f", "-i"), "autoload -Uz compinit; compinit -u -D; source <(provision help completion zsh)"),
     "fish": (("fish", "--no-config", "-i"), "provision help completion fish | source"),
 }
-"""How each shell is started without a person's own settings, and what docs/completion.md says to type."""
+"""How each shell is started without a person's own settings, and what docs/engineers/completion.md says to type."""
 
 
 @dataclass

@@ -6,7 +6,7 @@ A gateway is a member of the pilot's VPN, each file as the product writes it, in
 to the server pass the emulated link. Every cell of the grids is sent twice from the gateway to the control centre,
 through the tunnel: as test packets of `provision measure link`, and as best-effort samples of Cyclone DDS with the
 profile of `provision robot dds`. `--profile`: the link is not Certus as assumed here, but a measured run, replayed.
-`--write` makes docs/satcom.md and its pictures of what was measured.
+`--write` makes docs/engineers/satcom.md and its pictures of what was measured.
 """
 
 import argparse
@@ -234,7 +234,7 @@ def main() -> None:
     words.add_argument("--cell-s", type=float, default=60.0, help="how long each cell is sent (60)")
     words.add_argument("--idle-s", type=float, default=60.0, help="how long the link is measured without load (60)")
     words.add_argument("--profile", help="a measured run (its folder or profile.json) in place of the assumed link")
-    words.add_argument("--write", action="store_true", help="write docs/satcom.md and its pictures")
+    words.add_argument("--write", action="store_true", help="write docs/engineers/satcom.md and its pictures")
     chosen = words.parse_args()
     shapes, link = CERTUS, ""
     if chosen.profile is not None:

@@ -1,4 +1,4 @@
-"""docs/satcom.md and its pictures, made of what a campaign has measured and of nothing else."""
+"""docs/engineers/satcom.md and its pictures, made of what a campaign has measured and of nothing else."""
 
 from __future__ import annotations
 
@@ -38,8 +38,9 @@ fragment is lost is lost, so where packets are lost, large images seldom arrive 
 """
 _AGAIN = """\
 `make satcom ARGS='--cell-s 60 --write'` needs root and an hour and a half; without `--write` it prints this page. With
-`--profile FOLDER` the link is a run that `provision measure link` measured, [replayed](qualify.md#replay). CI sends one
-size at one rate of each table (`tests/integration/computers/satcom`).
+`--profile FOLDER` the link is a run that `provision measure link` measured,
+[replayed](../measuring.md#rehearse-over-a-measured-link). CI sends one size at one rate of each table
+(`tests/integration/computers/satcom`).
 """
 _ASSUMED = """\
 Assumed of a Certus link, not measured on one. Not in it: gaps (real ones last up to 70 s), loss in bursts, a rate that
@@ -58,7 +59,7 @@ def page(done: Campaign) -> list[str]:
         "",
         *_idle(done),
         "",
-        f"![Share of round trips up to a length, through the emulated link](pictures/{ROUND_TRIPS})",
+        f"![Share of round trips up to a length, through the emulated link](../pictures/{ROUND_TRIPS})",
         "",
         "## Small telemetry (Table 33)",
         "",
@@ -78,7 +79,7 @@ def page(done: Campaign) -> list[str]:
         "",
         *_samples(done, "image"),
         "",
-        f"![Share of messages received, by the rate offered, through the emulated link](pictures/{RECEIVED})",
+        f"![Share of messages received, by the rate offered, through the emulated link](../pictures/{RECEIVED})",
         "",
         "## How to make it again",
         "",
@@ -90,7 +91,7 @@ def write_page(done: Campaign, docs: Path | None) -> list[str]:
     """Write the page and its pictures below `docs`; None: only give the page."""
     lines = page(done)
     if docs is not None:
-        (docs / "satcom.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (docs / "engineers" / "satcom.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
         ordered = sorted(done.round_trips_s)
         ecdf = [(value * 1000, 100 * (n + 1) / len(ordered)) for n, value in enumerate(ordered)]
         pictures = docs / "pictures"
@@ -104,7 +105,7 @@ def write_page(done: Campaign, docs: Path | None) -> list[str]:
 
 def _assumptions(done: Campaign) -> list[str]:
     if done.link:
-        return [f"The link is run `{done.link}`, replayed ([how](qualify.md#replay))."]
+        return [f"The link is run `{done.link}`, replayed ([how](../measuring.md#rehearse-over-a-measured-link))."]
     up, down = done.shapes
     return [
         "| Direction | Rate | Delay | Jitter (half-normal) | Loss | Queue |",

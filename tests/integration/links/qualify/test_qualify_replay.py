@@ -28,7 +28,7 @@ from atlantis_netcfg.operations.common.link_shapes import build_shapes, open_rep
 
 _PLAN = TrainPlan(172, 0.02, 4, timeout_s=1.5)
 _SHARE = 0.05
-"""`replay_share` of docs/qualify.md."""
+"""`replay_share` of docs/engineers/qualify-method.md."""
 
 
 def _measure(port: int, shapes: tuple[LinkShape, LinkShape], path: Path, seed: int) -> TrainFigures:

@@ -28,7 +28,7 @@ from bench.proxy import Count, Proxy, Shape
 
 RTT_S = 0.7
 PLAIN = Shape(RTT_S / 2)
-PAGE = Path(__file__).parents[4] / "docs" / "benchmarks.md"
+PAGE = Path(__file__).parents[4] / "docs" / "engineers" / "benchmarks.md"
 GOALS = {
     Scenario.FIRST: (22, 169_000),
     Scenario.NOTHING: (5, 65_500),

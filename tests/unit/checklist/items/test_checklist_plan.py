@@ -20,7 +20,7 @@ from atlantis_netcfg.inventory.model import Column, Endpoints
 
 ROOT = Path(__file__).parents[4]
 ANSWERS = ROOT / "tests" / "data" / "answers" / "coastal.yml"
-PROBES = ROOT / "docs" / "probes.md"
+PROBES = ROOT / "docs" / "engineers" / "probes.md"
 COPY = Path(__file__).with_name("table3.md")
 ORIGINAL = ROOT.parent / "shared" / "facts" / "pilot.md"
 """Where the facts lie beside the checkout, the copy is compared with them."""
@@ -139,7 +139,7 @@ def test_lan_without_robots_needs_no_isolation_note(declaration: Inventory) -> N
 
 
 def test_every_probe_has_its_documented_weakness(declaration: Inventory) -> None:
-    """The rows of docs/probes.md and the probes that the pilot's lists hold are the same; no row is without words."""
+    """docs/engineers/probes.md has a row for each probe of the pilot's lists and for no other; no cell is empty."""
     entries = [
         one for site in declaration.sites for one in plan(declaration, site).entries if one.step.probe is not None
     ]

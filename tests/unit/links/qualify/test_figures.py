@@ -1,4 +1,4 @@
-"""Each figure against a link whose truth is known, within the tolerances of docs/qualify.md."""
+"""Each figure against a link whose truth is known, within the tolerances of docs/engineers/qualify-method.md."""
 
 from itertools import count, pairwise
 

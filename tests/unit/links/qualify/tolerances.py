@@ -1,10 +1,10 @@
-"""The tolerances of docs/qualify.md: written there once, and read from there."""
+"""The tolerances of docs/engineers/qualify-method.md: written there once, and read from there."""
 
 import re
 from functools import cache
 from pathlib import Path
 
-PAGE = Path(__file__).parents[4] / "docs" / "qualify.md"
+PAGE = Path(__file__).parents[4] / "docs" / "engineers" / "qualify-method.md"
 
 
 @cache

@@ -106,7 +106,7 @@ def test_foreign_tunnel_crosses_every_link(shipped: Inventory) -> None:
 
 
 def test_probe_targets_are_pinged_over_every_link_that_has_them(pilot: Inventory) -> None:
-    """docs/failover.md has the same figures: 8.7 MB a day, and 0.97."""
+    """docs/links.md has the same figures: 8.7 MB a day, and 0.97."""
     found = {one.link.name: one.idle_day_bytes for one in standing_traffic(pilot, "coastal")}
     assert found == {"wifi-ptp": 8_709_120, "4g": 967_680, "satellite": 0}
 

@@ -21,6 +21,8 @@ FACTS = CHECKOUT.parent / "shared" / "facts" / "routeros.md"
 IDS = [each.id for each in ASSUMPTIONS]
 NAMED = re.compile(r"Assumption: ([a-z0-9-]+)")
 MARK = re.compile(r" ?\[[IU]\]")
+PAGE = CHECKOUT / "docs" / "engineers" / "assumptions.md"
+COLUMNS = "| Assumption | Expected behaviour | What depends on it | How to test it |\n|---|---|---|---|\n"
 QUESTIONS = "16"
 """The section of the facts whose every sentence is unconfirmed."""
 
@@ -81,10 +83,20 @@ def test_every_verifiable_assumption_has_a_check() -> None:
 
 
 def test_docs_page_contains_the_table() -> None:
-    page = (CHECKOUT / "docs" / "verify.md").read_text(encoding="utf-8")
-    rows = [line for line in page.splitlines() if line.startswith("| `")]
+    text = PAGE.read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("| `")]
     table = (*ASSUMPTIONS, *rutos.ASSUMPTIONS)
     assert rows == [f"| `{each.id}` | {each.sentence} | {each.rests} | {each.proof} |" for each in table]
+    assert text == page(), "generate it: .venv/bin/python -P tests/unit/routeros/planner/test_assumptions.py"
+
+
+def page() -> str:
+    """Return the page with the tables as the code has them; the text above the first table is written by hand."""
+    parts = [PAGE.read_text(encoding="utf-8").partition("## ")[0]]
+    for title, table in (("## RouterOS", ASSUMPTIONS), ("\n## RutOS", rutos.ASSUMPTIONS)):
+        rows = (f"| `{each.id}` | {each.sentence} | {each.rests} | {each.proof} |\n" for each in table)
+        parts.append(f"{title}\n\n{COLUMNS}{''.join(rows)}")
+    return "".join(parts)
 
 
 def test_fact_map_references_assumptions_or_a_reason() -> None:
@@ -159,3 +171,7 @@ def _blocks(text: str) -> Iterator[tuple[str, str]]:
         is_code ^= fence
         if line and section and not fence and not is_code:
             lines.append(line.strip())
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -106,7 +106,7 @@ class TestSealing:
     def test_age_and_tar_open_the_package_with_private_files(
         self, declaration: Inventory, key: pyrage.x25519.Identity, tmp_path: Path
     ) -> None:
-        """As docs/vpn-partner.md says it, for a key of age and for one of SSH."""
+        """As docs/partners.md says it, for a key of age and for one of SSH."""
         ssh = tmp_path / "id_ed25519"
         subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(ssh)], check=True)
         own = tmp_path / "key.txt"
