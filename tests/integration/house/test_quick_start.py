@@ -21,7 +21,7 @@ STEPS = (
     "git clone",
     "provision help version",
     "provision inventory validate",
-    "--plan --rehearse",
+    "provision plan",
     "--rehearse",
     "provision check",
 )
