@@ -215,7 +215,7 @@ def _keep(error: InventoryInvalid, folder: Path, raw_answers: Mapping[str, Any] 
     import yaml
 
     from atlantis_netcfg.core.atomic_files import write_atomically
-    from atlantis_netcfg.core.language import translate
+    from atlantis_netcfg.core.language import as_typed, translate
 
     code = _refuse(error, "in what the answers give; nothing was written", as_json=as_json)
     if raw_answers is not None:
@@ -225,14 +225,14 @@ def _keep(error: InventoryInvalid, folder: Path, raw_answers: Mapping[str, Any] 
             path = folder.with_name(f"{folder.name}-answers-{number}.yml")
         write_atomically(path, yaml.safe_dump(raw_answers, sort_keys=False, allow_unicode=True).encode(), mode=None)
         words = translate(f"Your answers are kept in {path}: correct them, then type")
-        print(f"{words}\n  provision inventory init {folder} --answers {path}", file=sys.stderr)
+        print(as_typed(f"{words}\n  provision inventory init {folder} --answers {path}"), file=sys.stderr)
     return code
 
 
 def _print_created(folder: Path, inventory: Inventory, *, is_encrypted: bool | None, as_json: bool) -> ExitCode:
     import dataclasses
 
-    from atlantis_netcfg.core.language import translate
+    from atlantis_netcfg.core.language import as_typed, translate
 
     sites = list(inventory.sites)
     if as_json:
@@ -245,7 +245,7 @@ def _print_created(folder: Path, inventory: Inventory, *, is_encrypted: bool | N
         print(translate("Passwords were made new, and are encrypted with the password of your vault."))
     if inventory.examples:
         print(translate(f"{len(inventory.examples)} values are examples: only rehearsals use this inventory."))
-        print(f"  provision inventory validate inventory={folder} --examples")
+        print(as_typed(f"  provision inventory validate inventory={folder} --examples"))
     print(translate(f"Next: read {folder / 'README.md'}, and rehearse a site:"))
-    print(f"  provision site={[*sites[1:], *sites][0]} --rehearse inventory={folder}")
+    print(as_typed(f"  provision site={[*sites[1:], *sites][0]} --rehearse inventory={folder}"))
     return ExitCode.DONE

@@ -135,6 +135,7 @@ def run_prove(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.allow_list_test.site import satellite_of
+    from atlantis_netcfg.runs.report.summary import count_limits
 
     def choose_hosts(inventory: Inventory) -> tuple[Host, ...]:
         choose(inventory, arguments.word("site"), ())
@@ -160,7 +161,7 @@ def run_prove(arguments: syntax.Arguments) -> ExitCode:
     else:
         would = "would have " if site_session.is_rehearsal else ""
         costs = [f"  {would}cost over {name}: {bill.words}" for name, bill in bills_by_link.items()]
-        print(translate("\n".join([proof.as_text(), *costs, *(f"  not rehearsed: {entry}" for entry in beyond)])))
+        print(translate("\n".join([proof.as_text(), *costs, *([f"  {count_limits(len(beyond))}"] if beyond else [])])))
     return proof.exit
 
 

@@ -82,6 +82,7 @@ def run_qualify(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.qualify.run import links_of_site, router_of
+    from atlantis_netcfg.runs.report.summary import count_limits
 
     limits = _limits(arguments)
 
@@ -110,7 +111,8 @@ def run_qualify(arguments: syntax.Arguments) -> ExitCode:
         print(json_text(document))
     else:
         missing = (each.line() for each in results.not_measured)
-        for line in (*(line for each in results.results for line in each.lines()), *missing, *not_rehearsed):
+        limit_lines = [f"  {count_limits(len(not_rehearsed))}"] if not_rehearsed else []
+        for line in (*(line for each in results.results for line in each.lines()), *missing, *limit_lines):
             print(translate(line))
     return code
 
@@ -138,7 +140,7 @@ def _not_rehearsed(session: CommandSession) -> tuple[str, ...]:
     from atlantis_netcfg.operations.qualify.emulation import not_rehearsed
 
     over_vpn = _is_over_vpn(session.arguments)
-    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(session.rehearsal, over_vpn=over_vpn))
+    return not_rehearsed(session.rehearsal, over_vpn=over_vpn)
 
 
 def _is_over_vpn(arguments: syntax.Arguments) -> bool:

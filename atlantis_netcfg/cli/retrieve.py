@@ -111,6 +111,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
         rehearsed_transfer,
         with_example,
     )
+    from atlantis_netcfg.runs.report.summary import count_limits
 
     if more := _given_words(arguments, "files", "via", "order"):
         raise UsageError(
@@ -143,9 +144,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
             untold = [*NOT_REHEARSED, *([ROBOT_NOT_REHEARSED] if transfer_plan.robot is not None else [])]
             document = {**status.as_dict(), "rehearsed": True, "same": same, "not_rehearsed": untold}
             code = status.exit if same else max(status.exit, ExitCode.CHECKS_FAILED)
-            return _print_answer(
-                site_session, program, [*lines, *(f"  not rehearsed: {each}" for each in untold)], document, code
-            )
+            return _print_answer(site_session, program, [*lines, f"  {count_limits(len(untold))}"], document, code)
 
 
 def _refuse_mixed(arguments: syntax.Arguments, order: str | None) -> None:

@@ -51,7 +51,7 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     else:
         print("\n".join(_line(row) for row in rows))
         if archived_count and not everything:
-            print(f"{archived_count} older runs are put aside: `provision report runs --all` lists them too")
+            print(translate(f"{archived_count} older runs are put aside: `provision report runs --all` lists them too"))
     return errors.ExitCode.DONE
 
 

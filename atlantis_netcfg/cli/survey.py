@@ -280,6 +280,7 @@ def _report(arguments: syntax.Arguments, folder: Path, coast: Coast | None, is_r
     from atlantis_netcfg.records.survey.archive import EXPORTS, evaluate_survey, export
     from atlantis_netcfg.records.survey.page import count_unplaced, summary
     from atlantis_netcfg.records.survey.rehearsal import NOT_REHEARSED
+    from atlantis_netcfg.runs.report.summary import count_limits
 
     folder_name = arguments.optional("to")
     survey = export(folder, coast, None if folder_name is None else Path(folder_name))
@@ -306,7 +307,7 @@ def _report(arguments: syntax.Arguments, folder: Path, coast: Coast | None, is_r
         f"Survey of {survey.header.link} of {survey.header.site}, {survey.header.id}",
         *(["emulated devices, nothing real was asked"] if is_rehearsal else []),
         *(f"  {line}" for line in summary(survey)),
-        *(f"  not rehearsed: {entry}" for entry in beyond),
+        *([f"  {count_limits(len(beyond))}"] if beyond else []),
         f"kept: {folder}",
         result.words,
     ]

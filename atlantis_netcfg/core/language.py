@@ -9,6 +9,7 @@ texts yet; docs/pt/glossario.md has their terms.
 from __future__ import annotations
 
 import os
+import re
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
@@ -54,6 +55,9 @@ _CONTRACTIONS = {
 """Contractions of a preposition and an article, where the article is the first word of a value."""
 
 _current_language = Language.ENGLISH
+_PROGRAM = os.environ.get("ATLANTIS_PROGRAM", "provision")
+"""How this program was called; the launcher of a checkout sets it."""
+_COMMAND = re.compile(r"(`|: +|^ *)provision (?=[a-zA-Z-])(?!itself|has|is|the )", re.MULTILINE)
 
 
 def use(language: Language) -> None:
@@ -98,6 +102,12 @@ def _catalogue(language: Language) -> Catalogue:
 def translate(text: str) -> str:
     """Translate a message; parts missing in the catalogue stay in English.
 
-    The text may be several messages, one a line, or joined by `; ` or `: `. Values in them stay unchanged.
+    The text may be several messages, one a line, or joined by `; ` or `: `. Values in them stay unchanged, and commands
+    are shown as they are typed here.
     """
-    return text if _current_language is Language.ENGLISH else _catalogue(_current_language).translate(text)
+    return as_typed(text if _current_language is Language.ENGLISH else _catalogue(_current_language).translate(text))
+
+
+def as_typed(text: str) -> str:
+    """Return a text whose commands begin as the user has called this program: `./provision` in a checkout."""
+    return text if _PROGRAM == "provision" else _COMMAND.sub(rf"\1{_PROGRAM} ", text)

@@ -14,6 +14,7 @@ from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.runs.report.summary import count_limits
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -383,7 +384,8 @@ def _note_lines(document: Document) -> Iterator[str]:
             yield from _wrap_words("", change_line(change, translate), indent=2)
         if not green.changes:
             yield translate("  nothing has changed")
-    yield from _wrap_all(f"not rehearsed: {item}" for item in (document.not_rehearsed if document.rehearsed else ()))
+    if document.rehearsed and document.not_rehearsed:
+        yield translate(count_limits(len(document.not_rehearsed)))
 
 
 def change_line(change: ItemChange, say: Say) -> str:

@@ -193,6 +193,8 @@ def page(rows: Sequence[printable.Row]) -> None:
 _MARGIN = 4
 """Indent of continuation lines, if a line of a plan is longer than the terminal is wide."""
 _PAGER = "less"
+_PAGER_PROMPT = "space\\: next page, q\\: leave"
+"""Last line of the screen in `less`, whose prompts need a backslash before a colon."""
 
 
 def _page_lines(lines: Sequence[printable.Row]) -> bool:
@@ -204,7 +206,12 @@ def _page_lines(lines: Sequence[printable.Row]) -> bool:
     sys.stdout.flush()
     try:
         process = subprocess.run(  # noqa: S603 - the program that the person has chosen for this
-            pager_command, input=text, text=True, env={"LESS": "FRX", **os.environ}, check=False, errors="replace"
+            pager_command,
+            input=text,
+            text=True,
+            env={"LESS": f"FRXPs{translate(_PAGER_PROMPT)}$", **os.environ},
+            check=False,
+            errors="replace",
         )
     except OSError:
         return False

@@ -364,6 +364,10 @@ class CommandSession:
             return self._typed_without(*PLAN_ONLY)
         if report.exit is errors.ExitCode.DONE and not report.stopped_by:
             words = output.carried_words(self.arguments)
+            vehicles = self.inventory.vehicles
+            if self.is_rehearsal and vehicles:  # a small step first: the vehicle with the fewest items
+                number = {name: len(vehicle.endpoints.model_fields_set) for name, vehicle in vehicles.items()}
+                words = [f"vehicle={min(number, key=number.__getitem__)}", *words]
             rehearse_flag = ["--rehearse"] if self.is_rehearsal and "--rehearse" not in words else []
             return shlex.join(["provision", "check", f"site={site}", *words, *rehearse_flag])
         return ""

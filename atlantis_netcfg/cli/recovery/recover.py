@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.language import as_typed, translate
 
 if TYPE_CHECKING:
     from atlantis_netcfg.runs import Run, Store
@@ -50,7 +50,7 @@ def run_recover(arguments: syntax.Arguments) -> ExitCode:
         _print_nothing(store, sites)
         return ExitCode.DONE
     for number, command in enumerate(choices, 1):
-        print(f"  {number}  {command}")
+        print(as_typed(f"  {number}: {command}"))
     return _choose(choices)
 
 
@@ -68,7 +68,7 @@ def _print_nothing(store: Store, sites: tuple[str, ...]) -> None:
     for site in sites:
         if any(run.before(device) is not None for run in store.runs(site) for device in run.outcomes):
             more = " --rehearse" if store.is_rehearsal else ""
-            print(f"  to undo the newest run: `provision recover rollback site={site} run=latest{more}`")
+            print(translate(f"  to undo the newest run: `provision recover rollback site={site} run=latest{more}`"))
 
 
 def _choose(choices: list[str]) -> ExitCode:

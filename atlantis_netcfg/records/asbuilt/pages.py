@@ -23,6 +23,7 @@ from atlantis_netcfg.records.asbuilt.record import (
     title_of,
 )
 from atlantis_netcfg.runs.report.page import page, page_environment
+from atlantis_netcfg.runs.report.summary import count_limits
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -164,7 +165,8 @@ def _rows(record: AsBuiltRecord) -> Iterator[printable.Row]:
     )
     yield from (translate(f"note: {note}") for note in record.notes)
     yield from (translate(f"this look has cost, over {name}: {words}") for name, words in record.costs.items())
-    yield from (translate(f"not rehearsed: {entry}") for entry in record.not_rehearsed)
+    if record.not_rehearsed:
+        yield translate(count_limits(len(record.not_rehearsed)))
     yield ""
 
 

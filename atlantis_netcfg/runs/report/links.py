@@ -12,6 +12,7 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.runs.report.summary import count_limits
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -88,7 +89,8 @@ class LinksReport:
         cost_of = "a real look comes to, over" if self.is_rehearsal else "this look has cost, over"
         yield from (f"{cost_of} {name}: {link['words']}" for name, link in self.costs.items())
         yield from (f"note: {' '.join(note.split())}" for note in self.notes)
-        yield from (f"not rehearsed: {item}" for item in self.not_rehearsed)
+        if self.not_rehearsed:
+            yield count_limits(len(self.not_rehearsed))
         yield self._closing()
 
     def _closing(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.runs.report.summary import DeviceEnd, Summary, ending, rows_of_plan
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 
 def consent_question(cost: Mapping[str, Any]) -> str:
@@ -231,13 +232,46 @@ def _without_plan(result: Mapping[str, Any]) -> bool:
 def _plan(result: Mapping[str, Any]) -> Iterable[printable.Row]:
     diff = result["diff"].rstrip().expandtabs()
     if diff and result["status"] != "declared":
-        yield from map(_difference, diff.split("\n"))
+        yield from map(_difference, _join_changes(diff.split("\n")))
     yield from _plan_cost(result)
 
 
+_SET_HEAD = re.compile(r"set (?:\[[^\]]*\] |[^ =!]+ )?")
+_SET_VALUE = re.compile(r'(!?)([\w.-]+)(?:=("(?:\\.|[^"\\])*"|\S*))?(?: |$)')
+
+
+def _join_changes(lines: Sequence[str]) -> Iterator[str]:
+    """Replace the pair of a removed and an added `set` of the same values by one line: `~ set name: old → new`."""
+    rest = list(lines)
+    while rest:
+        line = rest.pop(0)
+        change = _change(line, rest[0]) if rest else None
+        if change is not None:
+            rest.pop(0)
+        yield change or line
+
+
+def _change(removal: str, addition: str) -> str | None:
+    """Return one line for two that set the same values of the same row; None for any others."""
+    heads = [
+        _SET_HEAD.match(line[2:]) if line[:2] == sign else None for line, sign in ((removal, "- "), (addition, "+ "))
+    ]
+    if heads[0] is None or heads[1] is None or heads[0][0] != heads[1][0]:
+        return None
+    old, new = (_values(line[2 + heads[0].end() :]) for line in (removal, addition))
+    if not old or old.keys() != new.keys():
+        return None
+    return f"~ {heads[0][0].removeprefix('set ')}{', '.join(f'{key}: {old[key]} → {new[key]}' for key in old)}"
+
+
+def _values(text: str) -> dict[str, str]:
+    return {match[2]: "unset" if match[1] else str(match[3]) for match in _SET_VALUE.finditer(text)}
+
+
 def _difference(line: str) -> printable.Row:
-    """Return a line of a plan, green for additions and red for removals; `+` and `-` show the same."""
-    style = {"+": printable.Style.ADDITION, "-": printable.Style.REMOVAL}.get(line[:1])
+    """Return a line of a plan, coloured by its sign: `+` adds, `-` removes, `~` changes."""
+    signs = {"+": printable.Style.ADDITION, "-": printable.Style.REMOVAL, "~": printable.Style.WARNING}
+    style = signs.get(line[:1])
     return printable.StyledText(line, style) if style is not None else line
 
 

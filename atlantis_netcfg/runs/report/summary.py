@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
-from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.language import as_typed, translate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -25,9 +25,6 @@ _AGAIN = "remove the cause, then type the same command again"
 """Hint for failures without a better one."""
 _STOP_HINT = "type the same command again to go on"
 _LABEL = 10
-_REASON_LINES = 2
-_LINES = 8
-"""Number of closing lines that a user sees on returning to the terminal."""
 
 
 class DeviceEnd(StrEnum):
@@ -147,12 +144,7 @@ class Summary:
         return [name for name, result in self.results.items() if _is_fine(result) and warnings(result)]
 
     def rows_for_screen(self, width: int = printable.NARROW) -> list[printable.Row]:
-        """Return the summary, wrapped at `width` where words allow; at 80 columns at most eight lines."""
-        lines = self._rows(width, _REASON_LINES)
-        return lines if len(lines) <= _LINES + 1 else self._rows(width, 1)
-
-    def _rows(self, width: int, most: int) -> list[printable.Row]:
-        """Return the summary; `most`: maximum lines of the reason, and of the advice."""
+        """Return the summary, wrapped at `width` where words allow; nothing is cut."""
         style, mark = self._style()
         verdict = _wrap(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
         lines: list[printable.Row] = ["", *(printable.StyledText(line, style) for line in verdict)]
@@ -161,9 +153,9 @@ class Summary:
             add_count, change_count, remove_count = self.rows
             plan = translate(f"{add_count} rows to add, {change_count} to change, {remove_count} to remove")
             lines += _label_lines("plan", plan, width)
-        lines += self._look_at(width, most)
+        lines += self._look_at(width)
         if self.limits:
-            lines += _label_lines("limits", translate(_limits(self.limits)), width)
+            lines += _label_lines("limits", translate(count_limits(self.limits, "--verbose")), width)
         if self.next_command:
             lines.append(_command(self.next_command))
         if self.record:
@@ -267,25 +259,25 @@ class Summary:
                     return name
         return ""
 
-    def _look_at(self, width: int, most: int) -> Iterator[printable.Row]:
+    def _look_at(self, width: int) -> Iterator[printable.Row]:
         """Yield the most urgent device with reason and advice; else the first warning, else the devices left out."""
         name = self._worst()
         if name:
             result = self.results[name]
-            yield from _label_lines("look at", f"{name}: {translate(result['message'])}", width, most)
+            yield from _label_lines("look at", f"{name}: {translate(result['message'])}", width)
             hint = result["hint"] or (_STOP_HINT if self.stopped_by else _AGAIN)
-            yield from _advice(translate(hint), width, most)
+            yield from _advice(translate(hint), width)
         elif self.stopped_by:
-            yield from _advice(translate(_STOP_HINT), width, most)
+            yield from _advice(translate(_STOP_HINT), width)
         elif self.warned_devices:
             first = self.warned_devices[0]
             words = translate(warnings(self.results[first])[0])
             words = words if first in words else f"{first}: {words}"
-            yield from _label_lines("look at", words, width, most)
+            yield from _label_lines("look at", words, width)
         else:
             for device, (how, why) in self.unseen.items():
                 words = f"{translate(how.value)}: {translate(why)}" if why else translate(how.value)
-                yield from _label_lines("look at", f"{device}: {words}", width, most)
+                yield from _label_lines("look at", f"{device}: {words}", width)
                 return
 
 
@@ -301,10 +293,11 @@ def _links(number: int) -> str:
     return "1 link" if number == 1 else f"{number} links"
 
 
-def _limits(number: int) -> str:
+def count_limits(number: int, option: str = "--json") -> str:
+    """Return how many limits a rehearsal has, and the option that lists them."""
     if number == 1:
-        return "1 thing is not rehearsed: `--verbose` and the record list it"
-    return f"{number} things are not rehearsed: `--verbose` and the record list them"
+        return f"1 limit of this rehearsal (`{option}` lists it)"
+    return f"{number} limits of this rehearsal (`{option}` lists them)"
 
 
 def _wrap(text: str, width: int, indent: int) -> list[str]:
@@ -314,19 +307,17 @@ def _wrap(text: str, width: int, indent: int) -> list[str]:
     ) or [""]
 
 
-def _label_lines(label: str, text: str, width: int, most: int = 0) -> Iterator[printable.Row]:
-    """Yield lines after a label; of a reason only the first ones, as the full text is printed above."""
+def _label_lines(label: str, text: str, width: int) -> Iterator[printable.Row]:
+    """Yield lines after a label."""
     room = max(width - _LABEL, 20)
     lines = _wrap(re.sub(r"\s+", " ", text).strip(), room, 0)
-    if most and len(lines) > most:
-        lines = [*lines[: most - 1], _shorten_line(lines[most - 1], room)]
     for place, line in enumerate(lines):
         yield _label("" if place else label), line
 
 
 def _command(command: str) -> printable.Row:
     """Return the next command on one line, however long: with a line break it could not be copied."""
-    return _label("next"), command
+    return _label("next"), as_typed(command)
 
 
 def _label(label: str) -> printable.StyledText:
@@ -336,22 +327,19 @@ def _label(label: str) -> printable.StyledText:
 _COMMAND = re.compile(r"(?:`|:\s+)(provision [a-z][^`\n]*?)(?=`|$)")
 
 
-def _advice(hint: str, width: int, most: int) -> Iterator[printable.Row]:
-    """Yield the advice; a command that would be cut off gets its own line."""
+def _advice(hint: str, width: int) -> Iterator[printable.Row]:
+    """Yield the advice; a command that would be broken over two lines gets its own line."""
     text = re.sub(r"\s+", " ", hint).strip()
     command = _COMMAND.search(text)
-    whole = sum(1 for _ in _label_lines("do", text, width)) <= most
-    if whole or command is None:
-        yield from _label_lines("do", text, width, most)
+    if command is None or len(text) <= width - _LABEL:
+        yield from _label_lines("do", text, width)
         return
     before = text[: command.start()].rstrip(" ,;:`")
     if before:
-        yield from _label_lines("do", f"{before}:", width, most)
+        yield from _label_lines("do", f"{before}:", width)
     yield _command(command[1])
-
-
-def _shorten_line(line: str, room: int) -> str:
-    return f"{line[: room - 2].rstrip()} …"
+    if after := text[command.end() :].strip(" ,;:`"):
+        yield from _label_lines("", after, width)
 
 
 def rows_of_plan(results: Iterable[Mapping[str, Any]]) -> tuple[int, int, int]:

@@ -205,3 +205,18 @@ def test_translation_of_a_line_with_many_separators_is_bounded() -> None:
     assert found.translate(line).count("link") == 300
     assert found._tried <= _MOST_TRIED + 1000
     assert found.translate("robot1 answers") == "robot1 responde"
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("type `provision links site=coastal`", "type `./provision links site=coastal`"),
+        ("go on:  provision recover resume site=coastal", "go on:  ./provision recover resume site=coastal"),
+        ("  provision inventory init douro", "  ./provision inventory init douro"),
+        ("provision itself failed: provision the site first", "provision itself failed: provision the site first"),
+    ],
+)
+def test_commands_are_shown_as_they_are_typed_here(text: str, shown: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert language.translate(text) == text
+    monkeypatch.setattr(language, "_PROGRAM", "./provision")
+    assert language.translate(text) == shown

@@ -36,7 +36,7 @@ def test_rehearsed_retrieval_survives_an_outage(capsys: pytest.CaptureFixture[st
         "3 files: the same SHA-256 at both ends",
         "and the connection was lost",
         "both folders were read by this computer: they are the same",
-        "not rehearsed: SSH, its keys and accounts, and the VPN",
+        "limit of this rehearsal (`--json` lists",
     ):
         assert words in printed
 

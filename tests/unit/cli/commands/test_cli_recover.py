@@ -38,8 +38,8 @@ def test_unfinished_run_can_be_resumed_or_rolled_back(state: Path, capsys: pytes
     assert main(["recover"]) == ExitCode.DONE
     assert capsys.readouterr().out == (
         f"coastal: the run {run} is unfinished on {ROUTER}\n"
-        f"  1  provision recover resume site=coastal run={run}\n"
-        f"  2  provision recover rollback site=coastal run={run}\n"
+        f"  1: provision recover resume site=coastal run={run}\n"
+        f"  2: provision recover rollback site=coastal run={run}\n"
     )
 
 
@@ -56,7 +56,7 @@ def test_rehearsals_are_listed_apart(state: Path, capsys: pytest.CaptureFixture[
     assert main(["recover"]) == ExitCode.DONE
     assert capsys.readouterr().out == "nothing is unfinished\n"
     assert main(["recover", "--rehearse"]) == ExitCode.DONE
-    assert f"  2  provision recover rollback site=coastal run={run} --rehearse\n" in capsys.readouterr().out
+    assert f"  2: provision recover rollback site=coastal run={run} --rehearse\n" in capsys.readouterr().out
 
 
 def test_advised_rollback_can_be_typed(state: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import plain
-from atlantis_netcfg.runs.report.run import Pass, RunReport
+from atlantis_netcfg.runs.report.run import Pass, RunReport, _join_changes
 
 
 def result(code: ExitCode, message: str = "done", planned: int = 0) -> dict[str, Any]:
@@ -67,6 +67,36 @@ def test_rehearsal_passes_only_if_the_second_pass_does(again: dict[str, Any], wo
     assert told["not_rehearsed"] == ["tides"]
 
 
+@pytest.mark.parametrize(
+    ("removal", "addition", "line"),
+    [
+        ("- set name=MikroTik", "+ set name=r", "~ name: MikroTik → r"),
+        ('- set note="" show=no', '+ set note="a b" show=yes', '~ note: "" → "a b", show: no → yes'),
+        (
+            "- set [ find name=e1 ] a=1 !b",
+            "+ set [ find name=e1 ] a=2 b=3",
+            "~ [ find name=e1 ] a: 1 → 2, b: unset → 3",
+        ),
+        ("- set api disabled=no", "+ set api disabled=yes", "~ api disabled: no → yes"),
+    ],
+)
+def test_changed_values_are_one_line(removal: str, addition: str, line: str) -> None:
+    assert list(_join_changes([removal, addition])) == [line]
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("- add address=10.0.0.1/24", "+ add address=10.0.0.2/24"),
+        ("- set a=1", "+ set b=1"),
+        ("- set [ find name=e1 ] a=1", "+ set [ find name=e2 ] a=2"),
+        ("- set a=1", "- set a=2"),
+    ],
+)
+def test_other_lines_of_a_plan_stay_apart(first: str, second: str) -> None:
+    assert list(_join_changes([first, second])) == [first, second]
+
+
 def test_text_report_shows_cost_passes_and_limits() -> None:
     passes = (Pass("r", "lan", result(ExitCode.DONE, planned=2)),)
     whole = RunReport(
@@ -92,7 +122,7 @@ def test_text_report_shows_cost_passes_and_limits() -> None:
     assert whole.as_text().splitlines() == lines
     assert [plain(row) for row in whole.rows(40)][:2] == ["  r 9 actions kept (3 round trips, 3.0", "    kB, 1.2 s)"]
     brief = replace(whole, verbose=False).as_text().splitlines()
-    assert brief == [*lines[:3], *lines[4:], "limits    1 thing is not rehearsed: `--verbose` and the record list it"]
+    assert brief == [*lines[:3], *lines[4:], "limits    1 limit of this rehearsal (`--verbose` lists it)"]
 
 
 def test_text_report_shows_why_a_device_was_not_rehearsed() -> None:
