@@ -146,7 +146,7 @@ def save(session: CommandSession, report: RunReport, file: Path) -> str:
             f"{file} cannot be written: {error.strerror}", hint="name another file with `--save`"
         ) from error
     words = [word for word in carried_words(session.arguments) if word != "--rehearse"]
-    return shlex.join(["provision", "apply", str(file), *words])
+    return shlex.join(["provision", "plan", "apply", str(file), *words])
 
 
 def _read(file: Path) -> Mapping[str, Any]:

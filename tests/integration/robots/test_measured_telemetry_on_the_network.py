@@ -35,7 +35,7 @@ def test_measured_sizes_and_rates_match_the_mock(tmp_path: Path) -> None:
     own = inventory(tmp_path / "inventory")
     script = (
         '"$1" robot mock for=60s vehicle=zarco,sparus inventory="$2" >/dev/null 2>&1 & mock=$!; '
-        '"$1" fit site=coastal vehicle=zarco observed=12s address=127.0.0.1 inventory="$2" --write --json; '
+        '"$1" measure fit site=coastal vehicle=zarco observed=12s address=127.0.0.1 inventory="$2" --write --json; '
         "code=$?; kill $mock; wait $mock; exit $code"
     )
     done = alone(script, str(PROVISION), str(own))
@@ -77,7 +77,7 @@ def test_robot_that_deviates_from_its_file_is_not_written(
         (others / "robots" / "sparus.yml").unlink()
     script = (
         '"$1" robot mock for=60s vehicle=zarco inventory="$3" >/dev/null 2>&1 & mock=$!; '
-        '"$1" fit site=coastal "vehicle=$4" observed=9s address=127.0.0.1 inventory="$2" --write; '
+        '"$1" measure fit site=coastal "vehicle=$4" observed=9s address=127.0.0.1 inventory="$2" --write; '
         "code=$?; kill $mock; wait $mock; exit $code"
     )
     done = alone(script, str(PROVISION), str(own), str(others), vehicle)

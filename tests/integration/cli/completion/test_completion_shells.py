@@ -110,10 +110,11 @@ def test_a_line_is_completed_word_by_word(shell: str, tmp_path: Path) -> None:
     name = run(tmp_path)
     with terminal(shell, tmp_path) as opened:
         for typed, completed in (
-            ("provision rollb\t", "provision recover rollback "),
+            ("provision rec\t", "provision recover "),
+            ("rollb\t", "provision recover rollback "),
             ("si\t", "provision recover rollback site="),
             ("coa\t", "provision recover rollback site=coastal "),
-            ("to=2\t", f"provision recover rollback site=coastal run={name} "),
+            ("run=2\t", f"provision recover rollback site=coastal run={name} "),
             ("device=coastal-r\t", f"provision recover rollback site=coastal run={name} device=coastal-router "),
             ("--y\t", f"provision recover rollback site=coastal run={name} device=coastal-router --yes "),
         ):

@@ -142,7 +142,7 @@ def test_factory_router_reaches_the_desired_state_in_two_commands(at: Bench, ser
 
     after = at.export()
     assert at.json(*RUN, "--yes", code=0)["devices"][ROUTER]["status"] == "unchanged"
-    assert at.json(*RUN, "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert at.json("plan", *RUN, code=0)["devices"][ROUTER]["planned"] == 0
     at.provision("report", "drift", *RUN, code=0)
     assert at.json(*ADOPT, *at.via(serial), code=0)["status"] == "unchanged"
     assert at.export() == after

@@ -28,8 +28,8 @@ def records(at: Quay) -> list[CostRecord]:
 
 
 def test_yes_does_not_consent_to_cost(at: Quay) -> None:
-    for typed in (("--yes",), ("--plan",), ("--yes", "--json")):
-        done = at.provision(*DEAR, *typed, code=4)
+    for typed in ((*DEAR, "--yes"), ("plan", *DEAR), (*DEAR, "--yes", "--json")):
+        done = at.provision(*typed, code=4)
         told = done.stderr + done.stdout
         assert "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal" in told
         assert "--accept-cost" in told
@@ -94,7 +94,7 @@ def test_run_over_a_metered_fallback_link_is_reported_and_needs_consent(at: Quay
     assert "wifi-ptp is down" in refused["notes"][-1]
     assert "nobody has agreed to pay for it: over 4g of coastal" in refused["message"]
     assert "set name=changed" in at.export()
-    planned = at.provision(*over, "--plan", code=2).stdout
+    planned = at.provision("plan", *over, code=2).stdout
     assert "its traffic goes over 4g now, which is paid by the byte: wifi-ptp is down; over 4g" in planned
     done = at.json(*over, "--yes", "--accept-cost", code=0)["devices"][ROUTER]
     assert (done["cost"]["bearer"], done["cost"]["declared"]) == ("4g", "wifi-ptp")

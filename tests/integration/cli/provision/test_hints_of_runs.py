@@ -105,7 +105,7 @@ def test_link_lost_before_the_first_change_leads_to_resume(at: Quay) -> None:
     (command,) = advised(told["hint"])
     assert command == ["recover", "resume", "site=coastal", f"run={row['run']}", f"inventory={at.inventory}"]
     follow(at, command)
-    assert at.json(*RUN[:2], "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert at.json("plan", *RUN[:2], code=0)["devices"][ROUTER]["planned"] == 0
     assert [each["unfinished"] for each in at.runs()] == [False]
 
 
@@ -147,4 +147,4 @@ def test_resume_waits_for_safe_mode_held_by_someone_else(at: Quay) -> None:
         at.do("console", words=["/safe-mode/release"])
         running.stderr.read()
         assert running.wait() == 0
-    assert at.json(*RUN[:2], "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert at.json("plan", *RUN[:2], code=0)["devices"][ROUTER]["planned"] == 0

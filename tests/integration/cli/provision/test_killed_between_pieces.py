@@ -62,7 +62,7 @@ def laptop(at: Quay, name: str, *typed: str) -> tuple[int, dict[str, Any]]:
 def whole(at: Quay) -> None:
     """The router is as declared, nothing is left on it, and no run is open."""
     assert not _signs(at)
-    assert at.json(*RUN[:2], "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert at.json("plan", *RUN[:2], code=0)["devices"][ROUTER]["planned"] == 0
     assert not any(row["unfinished"] for row in at.runs())
 
 

@@ -96,31 +96,30 @@ def test_unit_is_pinned_configured_and_then_unchanged(at: tuple[Path, RunningRut
     before = running.unit.export()
 
     def typed(*words: str, code: int) -> dict[str, Any]:
-        told: dict[str, Any] = json.loads(
-            provision(inventory, state, *ONLY, *words, "--accept-cost", "--json", code=code)
-        )
+        line = [*ONLY, *words] if words != ("plan",) else ["plan", *ONLY]
+        told: dict[str, Any] = json.loads(provision(inventory, state, *line, "--accept-cost", "--json", code=code))
         return dict(told["devices"][NAME])
 
     # It stands behind a router that is reached over the satellite.
     assert "nobody has agreed to pay" in provision(inventory, state, *ONLY, "--yes", "--json", code=4)
     pins = Store(state).pins
-    for flag in ("--plan", "--yes"):
+    for flag in ("plan", "--yes"):
         assert "its certificate is not known here, so it was told no password" in typed(flag, code=4)["message"]
     assert (pins.get(NAME), running.unit.export()) == (None, before)
     pins.change(NAME, running.ready["pin"])  # as `provision device trust` does
-    for flag in ("--plan", "--yes"):
+    for flag in ("plan", "--yes"):
         refused = typed(flag, code=4)
         assert "its SSH host key is not known here, so it was told no password" in refused["message"]
         assert refused["hint"].startswith("`provision device trust site=te4sea ")
     assert (pins.host_key(NAME), running.unit.export()) == (None, before)
     pins.change_host_key(NAME, running.ready["host_key"])
-    assert typed("--plan", code=2)["planned"] == 3
+    assert typed("plan", code=2)["planned"] == 3
     assert running.unit.export() == before
     assert typed("--yes", code=0)["status"] == "changed"
     after = running.unit.export()
     assert running.unit.modem.settings["apn"] == "internet"
     assert typed("--yes", code=0)["status"] == "unchanged"
-    assert typed("--plan", code=0)["planned"] == 0
+    assert typed("plan", code=0)["planned"] == 0
     assert running.unit.export() == after
     runs = Store(state).runs("te4sea")
     assert [run.exit for run in runs] == [4, 4, 0, 0]

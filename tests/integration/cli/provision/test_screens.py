@@ -68,7 +68,7 @@ SITUATIONS = {
     "refused": Situation(4, (*SITE, "--yes"), protect_nothing),
     "rolled-back": Situation(4, (*SITE, "--yes"), drop_in_the_middle),
     "not-reached": Situation(4, (*SITE, "--yes"), unplug),
-    "plan": Situation(2, (*SITE, "--plan", "--summary")),
+    "plan": Situation(2, ("plan", *SITE, "--summary")),
     "rehearsal": Situation(0, ("site=coastal", f"device={ROUTER}", "--rehearse")),
 }
 

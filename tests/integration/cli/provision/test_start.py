@@ -38,13 +38,13 @@ UNUSED = {
 }
 
 
-@pytest.mark.parametrize("how", ["--yes", "--plan"])
-def test_unchanged_run_imports_no_unused_modules(how: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", [("--yes",), ("plan",)], ids=" ".join)
+def test_unchanged_run_imports_no_unused_modules(how: tuple[str, ...], tmp_path: Path) -> None:
     with quay(tmp_path) as at:
         at.adopt()
         at.configure()
         done = subprocess.run(
-            [sys.executable, "-c", PROGRAM, "site=coastal", f"device={ROUTER}", how, f"inventory={at.inventory}"],
+            [sys.executable, "-c", PROGRAM, *how, "site=coastal", f"device={ROUTER}", f"inventory={at.inventory}"],
             env=at.environment(),
             stdin=subprocess.DEVNULL,
             capture_output=True,

@@ -43,7 +43,8 @@ class Typed(Voyage):
 
     def provision(self, ground: Lab, *words: str) -> dict[str, Any]:  # noqa: F811 - not the fixture
         """Type it where the laptop stands: in the network of the quay."""
-        typed = ["site=coastal", f"device={NAME}", f"inventory={self.inventory}", "--json", *words]
+        command, words = (words[:1], words[1:]) if words[0] == "plan" else ((), words)
+        typed = [*command, "site=coastal", f"device={NAME}", f"inventory={self.inventory}", "--json", *words]
         options = f"-F none -i {self.key.file} -o IdentitiesOnly=yes -o UserKnownHostsFile={self.known}"
         more = {
             "ATLANTIS_STATE": str(self.folder / "state"),
@@ -101,14 +102,14 @@ def test_plan_run_and_repeated_run_are_consistent(typed: Typed, ground: Lab) -> 
     bundle = str(typed.folder / "bundle")
     known = typed.known.read_text()
     typed.known.write_text("")
-    for flag in ("--plan", "--yes"):
+    for flag in ("plan", "--yes"):
         refused = typed.provision(ground, flag, "--offline", bundle)
         assert (refused["exit"], refused["devices"][NAME]["status"]) == (4, "left-as-found"), refused["errors"]
         assert "its SSH host key is not the declared one, or is not known here" in refused["devices"][NAME]["message"]
         assert "provision device trust site=coastal" in refused["devices"][NAME]["hint"]
         assert typed.known.read_text() == "", "it was not taken over"
     typed.known.write_text(known)
-    planned = typed.provision(ground, "--plan", "--offline", bundle)
+    planned = typed.provision(ground, "plan", "--offline", bundle)
     assert (planned["exit"], planned["devices"][NAME]["status"]) == (2, "planned"), planned["errors"]
     done = typed.provision(ground, "--yes", "--offline", bundle)
     assert (done["exit"], done["devices"][NAME]["status"]) == (0, "changed"), done["errors"]

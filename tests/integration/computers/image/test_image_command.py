@@ -74,7 +74,7 @@ def desk(
         shown = Tree(tmp_path / "tree")
         shown.disk(card.number, size=SIZE).serial(SERIAL)
         monkeypatch.setattr("atlantis_netcfg.computers.image.blocks.BlockTree", lambda: shown.blocks)
-        words = ["inventory=real", "site=coastal", "host=coastal-gateway", f"from={vendors}"]
+        words = ["inventory=real", "site=coastal", "device=coastal-gateway", f"from={vendors}"]
         yield Desk(card, shown, tmp_path / "state", words, capsys)
 
 
@@ -222,7 +222,7 @@ def test_interrupt_before_writing_leaves_the_card_untouched(desk: Desk, monkeypa
 
 
 def test_card_for_an_unsupported_host_is_refused(desk: Desk) -> None:
-    desk.words[2] = "host=coastal-router"
+    desk.words[2] = "device=coastal-router"
     code, _, err = desk.type("--image-only", "x")
     assert code == 3
     assert "`coastal-router` is a router: cards are made for gateways, control centres and operator stations" in err

@@ -16,8 +16,10 @@ from atlantis_netcfg.runs import Store
 STRANGER = "203.0.113.3"
 
 
-def provision(state: Path, *typed: str, code: int, command: str = "prove") -> subprocess.CompletedProcess[str]:
-    done = preforked.run([command, *typed], env={**os.environ, "ATLANTIS_STATE": str(state)})
+def provision(
+    state: Path, *typed: str, code: int, command: str = "measure satellite"
+) -> subprocess.CompletedProcess[str]:
+    done = preforked.run([*command.split(), *typed], env={**os.environ, "ATLANTIS_STATE": str(state)})
     assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done
 
@@ -26,7 +28,7 @@ def provision(state: Path, *typed: str, code: int, command: str = "prove") -> su
 @pytest.mark.slow
 def test_emulated_router_refuses_undeclared_targets(tmp_path: Path) -> None:
     told: dict[str, Any] = json.loads(
-        provision(tmp_path, "site=coastal", "bearer=satellite", "--rehearse", "--json", code=6).stdout
+        provision(tmp_path, "site=coastal", "link=satellite", "--rehearse", "--json", code=6).stdout
     )
     found = {row["target"]: (row["outcome"], row["verdict"]) for row in told["targets"]}
     assert (told["exit"], told["rehearsed"], told["active"]) == (6, True, False)
@@ -92,14 +94,14 @@ def test_announced_cost_covers_the_billed_bytes(tmp_path: Path) -> None:
 def test_proved_satellite_can_be_used(tmp_path: Path) -> None:
     """What `use` advises where nobody asks over a link is typed, and then it takes the link. A real OpenVPN answers."""
     use = ("site=coastal", "link=satellite", "for=10m", "--rehearse")
-    refused = provision(tmp_path, *use, code=4, command="use").stderr
+    refused = provision(tmp_path, *use, code=4, command="links use").stderr
     assert "whether satellite works is not proved" in refused
     hint = (
         "`provision measure satellite site={} link={} --try-all` tries the VPN over it, which counts for an hour; or {}"
     )
     (words,) = advised(said(refused, hint))
     assert "VPN server (203.0.113.2 udp 1194) was reached" in provision(tmp_path, *words[1:], code=6).stdout
-    assert "satellite carries the traffic" in provision(tmp_path, *use, code=0, command="use").stdout
+    assert "satellite carries the traffic" in provision(tmp_path, *use, code=0, command="links use").stdout
 
 
 @pytest.mark.slow
@@ -107,7 +109,7 @@ def test_proof_applies_only_to_its_link_and_mode(tmp_path: Path) -> None:
     Store(tmp_path).keep_proof("coastal", "satellite")
     Store(tmp_path, is_rehearsal=True).keep_proof("coastal", "4g")
     use = ("site=coastal", "link=satellite", "for=10m", "--rehearse")
-    assert "whether satellite works is not proved" in provision(tmp_path, *use, code=4, command="use").stderr
+    assert "whether satellite works is not proved" in provision(tmp_path, *use, code=4, command="links use").stderr
 
 
 @pytest.mark.slow
@@ -119,7 +121,7 @@ def test_hint_of_a_rehearsal_rehearses(tmp_path: Path) -> None:
 
 def test_impossible_proof_is_refused_before_contacting_a_device(tmp_path: Path) -> None:
     assert "`scc` has no satellite link" in provision(tmp_path, "site=scc", code=7).stderr
-    assert "no satellite link `4g`" in provision(tmp_path, "site=coastal", "bearer=4g", code=7).stderr
+    assert "no satellite link `4g`" in provision(tmp_path, "site=coastal", "link=4g", code=7).stderr
     assert "example values" in provision(tmp_path, "site=coastal", code=3).stderr
     missing = provision(tmp_path, "site=coastal", "--rehearse", "backup=missing.bin", code=3)
     assert "the backup missing.bin cannot be read" in missing.stderr

@@ -76,7 +76,7 @@ def test_only_resume_takes_over_an_existing_job(tmp_path: Path, mode: JobMode, s
     assert ("atlantis-pair" in far) == (status is Status.LEFT_AS_FOUND)
 
 
-TYPED = {"resume": JobMode.RESUME}
+TYPED = {"recover resume": JobMode.RESUME}
 """What a command of a hint is for the engine, which knows no command line."""
 
 
@@ -91,7 +91,7 @@ def test_advice_about_the_job_of_a_dead_run_leads_on(tmp_path: Path) -> None:
         await bench.router("far").console(["/system/scheduler/add", *job])
         refused = await bench.converge(NEW)
         commands = [words for each in refused for words in advised(said(str(each.hint), hint))]
-        return refused, commands, await bench.converge(NEW, TYPED[commands[0][0]])
+        return refused, commands, await bench.converge(NEW, TYPED[" ".join(commands[0][:2])])
 
     refused, commands, followed = on(PairBench(tmp_path), act)
     assert [each.status for each in refused] == [Status.LEFT_AS_FOUND] * 2
@@ -114,7 +114,7 @@ def test_advice_for_an_unknown_outcome_settles_it(tmp_path: Path) -> None:
         bench.link.change(Air())
         told = [str(each.hint) for each in unknown if each.status is Status.UNKNOWN]
         commands = [words for each in told for words in advised(said(each, hint))]
-        return commands, await bench.converge(NEW, TYPED[commands[0][0]]), await bench.converge(NEW)
+        return commands, await bench.converge(NEW, TYPED[" ".join(commands[0][:2])]), await bench.converge(NEW)
 
     commands, followed, again = on(PairBench(tmp_path), act)
     assert commands[0] == ["recover", "resume", "site=quay"]
